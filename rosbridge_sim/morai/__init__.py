@@ -1,0 +1,1 @@
+"""What MORAI calls things."""

@@ -1,0 +1,1 @@
+"""Definition text to compiled types."""

@@ -1,0 +1,1 @@
+"""The driving world: SI units, numpy, no ROS."""
