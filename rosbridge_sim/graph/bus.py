@@ -1,0 +1,548 @@
+"""Who talks to whom in this process: topics, services and parameters, in one synchronous table.
+
+Everything that talks is an `Owner`: a WebSocket client's `Peer`, the simulator's node, rosapi, later a
+recorder or a far bridge. The bus calls listeners and providers directly and in a fixed order, so one
+incoming frame is carried to its end before the next: that is our transaction. It has never heard of
+frames, sockets or JSON text; message bodies reach it as `Message` values of the store.
+
+What belongs to an owner hangs on that owner, and `leave` takes all of it away: publishers, subscriptions,
+services (whose waiting callers get an answer at once) and calls (whose answers nobody waits for any more).
+Only a topic's *type* outlives its last publisher, by `TYPE_MEMORY` seconds, so that a program that is
+restarted finds its topic as it left it (rosbridge_suite keeps the publisher itself for as long).
+
+Time comes as an argument: `now` is monotonic seconds. `stamp_ns` is the time that messages are stamped with;
+the node sets it each frame.
+"""
+
+from __future__ import annotations
+
+import heapq
+import logging
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import count
+from typing import Protocol
+
+import msgspec
+import orjson
+
+from rosbridge_sim.errors import GraphError, PeerError, UnknownPackageError
+from rosbridge_sim.schema.compile import MessageType, OpaqueType, ServiceType
+from rosbridge_sim.schema.store import Message, Store
+
+__all__ = [
+    "TYPE_MEMORY",
+    "Answer",
+    "Body",
+    "Bus",
+    "Call",
+    "Deliver",
+    "Handle",
+    "OnAnswer",
+    "Owner",
+    "Service",
+    "Subscription",
+    "Topic",
+    "decode_body",
+    "resolve",
+]
+
+TYPE_MEMORY = 10.0
+"""How long a topic's type is remembered without publishers and subscribers [s] (`unregister_timeout`)."""
+
+MAX_CALLS = 1_000
+"""Calls that one caller may have in flight: ten times what the busiest known client has."""
+
+_log = logging.getLogger("rosbridge_sim.graph")
+
+_NAME = re.compile(r"[^\s\x00-\x1f\x7f]{1,256}")
+
+Body = msgspec.Raw | bytes | dict[str, object] | list[object] | None
+"""A message body as the wire layer hands it on: JSON text that was not read yet, or the values read from it."""
+
+
+class Owner(Protocol):
+    """Somebody who holds topics and services. Compared by identity.
+
+    Attributes:
+        name: the ROS node name that rosapi shows, e.g. `/morai_sim`.
+    """
+
+    @property
+    def name(self) -> str: ...
+
+    def tell(self, level: str, text: str) -> None:
+        """Say something that answers no request: `info`, `warning` or `error`, a line of text."""
+
+
+Deliver = Callable[["Topic", Message, Owner, float], None]
+"""`(topic, message, sender, now)`; a PeerError that it raises goes back to the sender."""
+
+Handle = Callable[["Call", float], None]
+"""`(call, now)`: answers the call, now or later; a PeerError that it raises refuses it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """How a call ended.
+
+    Attributes:
+        is_ok: `result` on the wire.
+        values: the response when `is_ok`; else why not: a text, or whatever JSON value the provider sent.
+    """
+
+    is_ok: bool
+    values: object
+
+
+OnAnswer = Callable[[Answer], None]
+
+
+def resolve(name: str) -> str:
+    """The absolute graph name: `chatter` and `/chatter` are one topic.
+
+    Raises:
+        GraphError: the name is empty, longer than 256 characters or holds white space.
+    """
+    if not _NAME.fullmatch(name):
+        shown = name if len(name) <= 80 else name[:77] + "..."  # noqa: PLR2004 - a line of a terminal
+        raise GraphError(f"{shown!r} is not a valid graph name")
+    return name if name[0] == "/" else "/" + name
+
+
+@dataclass(eq=False, slots=True)
+class Subscription:
+    """One listener on one topic; the bus compares it by identity."""
+
+    topic: Topic
+    owner: Owner
+    deliver: Deliver
+
+
+@dataclass(eq=False, slots=True)
+class Topic:
+    """A named channel of one type.
+
+    Attributes:
+        publishers: owner -> the keys under which it advertised, and whether each asked for latching.
+        subscriptions: in order of arrival; a tuple, so that a delivery may change it safely.
+        latched: the last message, if any advertiser asked for latching.
+        owner: the one owner that may publish, for the simulator's outputs; None where all may.
+        orphaned_at: when the last publisher left [s]; None while there is one.
+    """
+
+    name: str
+    type: MessageType | OpaqueType
+    publishers: dict[Owner, dict[object, bool]] = field(default_factory=dict)
+    subscriptions: tuple[Subscription, ...] = ()
+    latched: Message | None = None
+    owner: Owner | None = None
+    orphaned_at: float | None = None
+    is_latching: bool = False
+
+    @property
+    def has_listener(self) -> bool:
+        """Whether a message would reach anybody now."""
+        return bool(self.subscriptions)
+
+    @property
+    def is_worth_publishing(self) -> bool:
+        """Whether a message would reach anybody now or, latched, later."""
+        return self.is_latching or bool(self.subscriptions)
+
+
+@dataclass(eq=False, slots=True)
+class Service:
+    """A named service and who provides it."""
+
+    name: str
+    type: ServiceType
+    owner: Owner
+    handle: Handle
+    is_exclusive: bool = False
+    calls: dict[Call, None] = field(default_factory=dict)
+
+
+@dataclass(eq=False, slots=True)
+class Call:
+    """One call, from its request to its one answer.
+
+    Attributes:
+        request: a struct of the service's request type.
+        deadline: when it is given up [s], or None.
+        is_done: answered, refused or given up; whatever comes after that is ignored.
+    """
+
+    service: Service
+    caller: Owner
+    request: object
+    on_answer: OnAnswer
+    bus: Bus
+    deadline: float | None = None
+    is_done: bool = False
+
+    def answer(self, values: object) -> None:
+        """End the call with a struct of the service's response type."""
+        self._end(Answer(is_ok=True, values=Message(self.service.type.response, values)))
+
+    def refuse(self, why: object) -> None:
+        """End the call with `result: false` and a text (or what the provider sent in its place)."""
+        self._end(Answer(is_ok=False, values=why))
+
+    def abandon(self) -> None:
+        """End the call without an answer: its caller is gone."""
+        self._end(None)
+
+    def _end(self, answer: Answer | None) -> None:
+        if self.is_done:
+            return
+        self.is_done = True
+        self.service.calls.pop(self, None)
+        self.bus.forget_call(self)
+        if answer is not None:
+            self.on_answer(answer)
+
+
+@dataclass(slots=True)
+class _Holdings:
+    """What one owner has on the bus; dicts for their order, the values mean nothing."""
+
+    published: dict[Topic, None] = field(default_factory=dict)
+    subscriptions: dict[Subscription, None] = field(default_factory=dict)
+    services: dict[Service, None] = field(default_factory=dict)
+    calls: dict[Call, None] = field(default_factory=dict)
+
+
+class Bus:
+    """Topics, services and parameters of one process.
+
+    Attributes:
+        store: the types.
+        stamp_ns: the time for stamps that a message leaves open [ns]; simulation time where there is a world.
+        parameters: the parameter server, by absolute name; JSON values.
+        watchers: called with `(owner, now)` after an owner has left.
+        is_strict: refuse types of packages that nobody knows, in place of relaying them unchecked.
+        num_published, num_calls: counters since the start.
+    """
+
+    def __init__(self, store: Store, *, is_strict: bool = False, service_timeout: float | None = None) -> None:
+        self.store = store
+        self.stamp_ns = 0
+        self.parameters: dict[str, object] = {}
+        self.watchers: list[Callable[[Owner, float], None]] = []
+        self.is_strict = is_strict
+        self.service_timeout = service_timeout
+        self.num_published = 0
+        self.num_calls = 0
+        self.topics: dict[str, Topic] = {}
+        self.services: dict[str, Service] = {}
+        self._holdings: dict[Owner, _Holdings] = {}
+        self._deadlines: list[tuple[float, int, Call]] = []
+        self._ticket = count()
+        self._orphans: dict[Topic, None] = {}
+        self._opaque_types: dict[str, OpaqueType] = {}
+
+    # Topics
+
+    def advertise(
+        self,
+        owner: Owner,
+        name: str,
+        type_name: str,
+        *,
+        latch: bool = False,
+        key: object = None,
+        is_exclusive: bool = False,
+    ) -> Topic:
+        """The topic, with `owner` as one of its publishers.
+
+        Args:
+            owner: who will publish.
+            name: may be relative.
+            type_name: in any accepted spelling.
+            latch: keep the last message for those who come later. The topic latches if any publisher asked.
+            key: tells several advertisements of one owner apart; the same key again replaces the old one.
+            is_exclusive: nobody else may publish here.
+
+        Raises:
+            GraphError: type conflict, or the topic is somebody else's alone.
+            TypeNameError: the type cannot be had.
+        """
+        topic = self._topic(name, type_name)
+        if is_exclusive:
+            topic.owner = owner
+        elif topic.owner is not None and topic.owner is not owner:
+            raise GraphError(f"Topic {topic.name} is published by {topic.owner.name} alone; others may only subscribe")
+        topic.publishers.setdefault(owner, {})[key] = latch
+        topic.orphaned_at = None
+        self._orphans.pop(topic, None)
+        self._settle_latching(topic)
+        self._held(owner).published[topic] = None
+        return topic
+
+    def unadvertise(self, owner: Owner, name: str, now: float, key: object = None) -> None:
+        """Take one advertisement of `owner` back, or all of them where `key` is None; none there is no error."""
+        topic = self.topics.get(resolve(name))
+        if topic is None or owner not in topic.publishers:
+            return
+        keys = topic.publishers[owner]
+        if key is None:
+            keys.clear()
+        else:
+            keys.pop(key, None)
+        if not keys:
+            self._drop_publisher(owner, topic, now)
+        self._settle_latching(topic)
+
+    def publish(self, sender: Owner, topic: Topic, message: Message, now: float) -> None:
+        """Hand a message to every listener of a topic that `sender` advertised.
+
+        Raises:
+            PeerError: what a listener found wrong with the message; all others have it all the same.
+        """
+        self.num_published += 1
+        if topic.is_latching:
+            topic.latched = message
+        problem: PeerError | None = None
+        for subscription in topic.subscriptions:
+            try:
+                subscription.deliver(topic, message, sender, now)
+            except PeerError as error:
+                problem = problem or error
+        if problem is not None:
+            raise problem
+
+    def subscribe(self, owner: Owner, name: str, deliver: Deliver, *, type_name: str | None = None) -> Subscription:
+        """Listen to a topic. What is latched there is the caller's to fetch: `subscription.topic.latched`.
+
+        Raises:
+            GraphError: type conflict, or no type given for a topic that nobody has advertised.
+            TypeNameError: the type cannot be had.
+        """
+        topic = self._topic(name, type_name)
+        subscription = Subscription(topic, owner, deliver)
+        topic.subscriptions += (subscription,)
+        self._held(owner).subscriptions[subscription] = None
+        return subscription
+
+    def unsubscribe(self, subscription: Subscription, now: float) -> None:
+        """Stop listening; twice is no error."""
+        topic = subscription.topic
+        topic.subscriptions = tuple(s for s in topic.subscriptions if s is not subscription)
+        self._held(subscription.owner).subscriptions.pop(subscription, None)
+        self._orphan(topic, now)
+
+    def find_topic(self, name: str) -> Topic | None:
+        """The topic of that name, relative or absolute, if anybody has spoken of it."""
+        return self.topics.get(resolve(name))
+
+    # Services
+
+    def provide(
+        self, owner: Owner, name: str, type_name: str, handle: Handle, *, is_exclusive: bool = False
+    ) -> Service:
+        """Offer a service. The last to offer a name has it; whoever waits for the one before is told at once.
+
+        Raises:
+            GraphError: the service belongs to the simulator.
+            TypeNameError: the type cannot be had.
+        """
+        name = resolve(name)
+        service_type = self.store.service(type_name)
+        old = self.services.get(name)
+        if old is not None:
+            if old.is_exclusive and old.owner is not owner:
+                raise GraphError(f"Service {name} is provided by {old.owner.name} alone")
+            if old.owner is not owner:
+                owner.tell("warning", f"Duplicate service advertised. Overwriting {name}.")
+            self._drop_service(old, f"Service {name} was unadvertised")
+        service = Service(name, service_type, owner, handle, is_exclusive)
+        self.services[name] = service
+        self._held(owner).services[service] = None
+        return service
+
+    def withdraw(self, owner: Owner, name: str) -> None:
+        """Stop offering a service.
+
+        Raises:
+            GraphError: `owner` does not offer it.
+        """
+        service = self.services.get(resolve(name))
+        if service is None or service.owner is not owner:
+            raise GraphError(f"Service {name} has not been advertised via rosbridge, can't unadvertise.")
+        self._drop_service(service, f"Service {service.name} was unadvertised")
+
+    def call(
+        self, caller: Owner, name: str, args: Body, on_answer: OnAnswer, now: float, timeout: float | None = None
+    ) -> None:
+        """Call a service. `on_answer` is called exactly once, perhaps before this returns, unless the caller leaves.
+
+        Args:
+            caller: whose call it is; it ends when the caller leaves.
+            name: of the service; may be relative.
+            args: by name (an object), by position (a list), or none.
+            on_answer: gets the answer. Whatever goes wrong is an answer too.
+            now: monotonic time [s].
+            timeout: give up after so long [s]; None takes the bus's default, 0 or less waits for ever.
+        """
+        self.num_calls += 1
+        try:
+            service = self.services.get(resolve(name))
+            if service is None:
+                raise GraphError(f"Service {name} does not exist")  # noqa: TRY301 - one way to answer all refusals
+            request = decode_body(service.type.request, args, self.stamp_ns)
+            held = self._held(caller).calls
+            if len(held) >= MAX_CALLS:
+                raise GraphError(f"Too many calls in flight: at most {MAX_CALLS}")  # noqa: TRY301 - as above
+        except PeerError as error:
+            on_answer(Answer(is_ok=False, values=str(error)))
+            return
+        call = Call(service, caller, request, on_answer, self)
+        service.calls[call] = None
+        held[call] = None
+        if timeout is None:
+            timeout = self.service_timeout
+        try:
+            service.handle(call, now)
+        except PeerError as error:
+            call.refuse(str(error))
+        except Exception:
+            call.refuse("The provider failed; its log says why")
+            raise
+        if timeout is not None and timeout > 0 and not call.is_done:
+            call.deadline = now + timeout
+            heapq.heappush(self._deadlines, (call.deadline, next(self._ticket), call))
+
+    def forget_call(self, call: Call) -> None:
+        """Strike a finished call from its caller's list (for `Call` alone)."""
+        held = self._holdings.get(call.caller)
+        if held is not None:
+            held.calls.pop(call, None)
+
+    # Time and departure
+
+    def next_deadline(self) -> float | None:
+        """When `expire` has something to do next [s]; None if never."""
+        while self._deadlines and self._deadlines[0][2].is_done:
+            heapq.heappop(self._deadlines)
+        first = self._deadlines[0][0] if self._deadlines else None
+        for topic in self._orphans:  # in order of orphaning, so the first is the earliest
+            if topic.orphaned_at is not None:
+                due = topic.orphaned_at + TYPE_MEMORY
+                return due if first is None else min(due, first)
+        return first
+
+    def expire(self, now: float) -> None:
+        """Give up the calls whose time is over and forget the topics that nobody has held for a while."""
+        while self._deadlines and (self._deadlines[0][0] <= now or self._deadlines[0][2].is_done):
+            heapq.heappop(self._deadlines)[2].refuse("Timeout exceeded while waiting for service response")
+        for topic in list(self._orphans):
+            if topic.orphaned_at is None or topic.orphaned_at + TYPE_MEMORY > now:
+                break
+            del self._orphans[topic]
+            topic.latched = None
+            if not topic.subscriptions and self.topics.get(topic.name) is topic:
+                del self.topics[topic.name]
+
+    def leave(self, owner: Owner, now: float) -> None:
+        """Take away all that `owner` holds, answer those who wait for it, tell the watchers. Twice is no error."""
+        held = self._holdings.get(owner)
+        if held is not None:
+            for call in list(held.calls):
+                call.abandon()
+            for subscription in list(held.subscriptions):
+                self.unsubscribe(subscription, now)
+            for topic in list(held.published):
+                self._drop_publisher(owner, topic, now)
+                self._settle_latching(topic)
+            for service in list(held.services):
+                self._drop_service(service, f"Service {service.name} was unadvertised: its provider disconnected")
+            self._holdings.pop(owner, None)
+        for watch in self.watchers:
+            watch(owner, now)
+
+    def owners(self) -> list[Owner]:
+        """Everybody who holds anything, in order of arrival."""
+        return list(self._holdings)
+
+    # How it is kept
+
+    def _held(self, owner: Owner) -> _Holdings:
+        held = self._holdings.get(owner)
+        if held is None:
+            held = self._holdings[owner] = _Holdings()
+        return held
+
+    def _topic(self, name: str, type_name: str | None) -> Topic:
+        """The topic, made if need be; `type_name` must agree with what is established."""
+        absolute = resolve(name)
+        topic = self.topics.get(absolute)
+        if topic is None:
+            if type_name is None:
+                raise GraphError(f"Cannot infer topic type for topic {name} as it is not yet advertised")
+            topic = self.topics[absolute] = Topic(absolute, self._message_type(type_name))
+        elif type_name is not None and self.store.canonical(type_name) != topic.type.name:
+            raise GraphError(
+                f"Tried to register topic {topic.name} with type {type_name}"
+                f" but it is already established with type {topic.type.name}"
+            )
+        return topic
+
+    def _message_type(self, name: str) -> MessageType | OpaqueType:
+        """The type of that name; one that is only relayed where its whole package is unknown."""
+        try:
+            return self.store.message(name)
+        except UnknownPackageError:
+            if self.is_strict:
+                raise
+        canonical = self.store.canonical(name)
+        opaque = self._opaque_types.get(canonical)
+        if opaque is None:
+            opaque = self._opaque_types[canonical] = OpaqueType(canonical)
+            _log.warning("%s: its package is unknown; messages of this type are relayed unchecked", canonical)
+        return opaque
+
+    def _settle_latching(self, topic: Topic) -> None:
+        topic.is_latching = any(latch for keys in topic.publishers.values() for latch in keys.values())
+        if not topic.is_latching and topic.publishers:
+            topic.latched = None
+
+    def _drop_publisher(self, owner: Owner, topic: Topic, now: float) -> None:
+        topic.publishers.pop(owner, None)
+        if topic.owner is owner:
+            topic.owner = None
+        self._held(owner).published.pop(topic, None)
+        self._orphan(topic, now)
+
+    def _orphan(self, topic: Topic, now: float) -> None:
+        """Start the clock of a topic without publishers."""
+        if not topic.publishers:
+            topic.orphaned_at = now
+            self._orphans.pop(topic, None)
+            self._orphans[topic] = None
+
+    def _drop_service(self, service: Service, why: str) -> None:
+        if self.services.get(service.name) is service:
+            del self.services[service.name]
+        self._held(service.owner).services.pop(service, None)
+        for call in list(service.calls):
+            call.refuse(why)
+
+
+def decode_body(message_type: MessageType | OpaqueType, body: Body, stamp_ns: int) -> object:
+    """The checked and filled value of a body, given by name, by position or not at all.
+
+    Raises:
+        FieldError: it does not fit the type.
+    """
+    if isinstance(body, (bytes, msgspec.Raw)):
+        if bytes(memoryview(body)[:1]) == b"[":
+            return decode_body(message_type, orjson.loads(body), stamp_ns)
+        return message_type.decode_json(body, stamp_ns)
+    if isinstance(body, list):
+        names = [f.name for f in message_type.definition.fields] if isinstance(message_type, MessageType) else []
+        if len(body) > len(names):
+            raise GraphError(f"{message_type.name} takes {len(names)} arguments, but got {len(body)}")
+        return message_type.check(dict(zip(names, body, strict=False)), stamp_ns)
+    return message_type.check({} if body is None else body, stamp_ns)
