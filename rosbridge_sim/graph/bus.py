@@ -27,11 +27,12 @@ from typing import Protocol
 import msgspec
 import orjson
 
-from rosbridge_sim.errors import GraphError, PeerError, UnknownPackageError
+from rosbridge_sim.errors import FieldError, GraphError, PeerError, UnknownPackageError
 from rosbridge_sim.schema.compile import MessageType, OpaqueType, ServiceType
 from rosbridge_sim.schema.store import Message, Store
 
 __all__ = [
+    "MAX_CALLS",
     "TYPE_MEMORY",
     "Answer",
     "Body",
@@ -70,7 +71,8 @@ class Owner(Protocol):
     """
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """The ROS node name that rosapi shows."""
 
     def tell(self, level: str, text: str) -> None:
         """Say something that answers no request: `info`, `warning` or `error`, a line of text."""
@@ -333,6 +335,15 @@ class Bus:
         self._held(subscription.owner).subscriptions.pop(subscription, None)
         self._orphan(topic, now)
 
+    def check_type(self, name: str, type_name: str) -> None:
+        """Agree to a type for a topic that exists.
+
+        Raises:
+            GraphError: the topic has another one.
+            TypeNameError: the name is malformed.
+        """
+        self._topic(name, type_name)
+
     def find_topic(self, name: str) -> Topic | None:
         """The topic of that name, relative or absolute, if anybody has spoken of it."""
         return self.topics.get(resolve(name))
@@ -374,7 +385,7 @@ class Bus:
         self._drop_service(service, f"Service {service.name} was unadvertised")
 
     def call(
-        self, caller: Owner, name: str, args: Body, on_answer: OnAnswer, now: float, timeout: float | None = None
+        self, caller: Owner, name: str, args: Body, on_answer: OnAnswer, *, now: float, timeout: float | None = None
     ) -> None:
         """Call a service. `on_answer` is called exactly once, perhaps before this returns, unless the caller leaves.
 
@@ -390,11 +401,11 @@ class Bus:
         try:
             service = self.services.get(resolve(name))
             if service is None:
-                raise GraphError(f"Service {name} does not exist")  # noqa: TRY301 - one way to answer all refusals
+                raise GraphError(f"Service {name} does not exist")
             request = decode_body(service.type.request, args, self.stamp_ns)
             held = self._held(caller).calls
             if len(held) >= MAX_CALLS:
-                raise GraphError(f"Too many calls in flight: at most {MAX_CALLS}")  # noqa: TRY301 - as above
+                raise GraphError(f"Too many calls in flight: at most {MAX_CALLS}")
         except PeerError as error:
             on_answer(Answer(is_ok=False, values=str(error)))
             return
@@ -537,8 +548,14 @@ def decode_body(message_type: MessageType | OpaqueType, body: Body, stamp_ns: in
         FieldError: it does not fit the type.
     """
     if isinstance(body, (bytes, msgspec.Raw)):
-        if bytes(memoryview(body)[:1]) == b"[":
-            return decode_body(message_type, orjson.loads(body), stamp_ns)
+        start = bytes(memoryview(body)[:4])
+        if start in {b"", b"null"}:
+            return message_type.check({}, stamp_ns)
+        if start[:1] == b"[":
+            try:
+                return decode_body(message_type, orjson.loads(body), stamp_ns)
+            except orjson.JSONDecodeError as error:
+                raise FieldError(f"{message_type.name}: {error}") from None
         return message_type.decode_json(body, stamp_ns)
     if isinstance(body, list):
         names = [f.name for f in message_type.definition.fields] if isinstance(message_type, MessageType) else []

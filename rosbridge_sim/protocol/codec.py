@@ -1,0 +1,215 @@
+"""Frames to ops and back: JSON text, in text and binary frames alike.
+
+Reading has a fast path (one typed decode of the whole frame, bodies left unread: half a microsecond) and a
+slow one that takes over whenever the fast one objects. The slow path is the full meaning: it finds glued
+objects, accepts the bare `NaN` that Python clients write, takes null for absent and names what is wrong in
+rosbridge_suite's own words. `tests/protocol/test_codec.py` holds the two against each other.
+
+One JSON object split over several frames is not joined (rosbridge_suite keeps the halves in a buffer that
+grows without bound): each half is a frame that holds no JSON, and is answered as such.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from typing import Any, Protocol
+
+import msgspec
+import orjson
+
+from rosbridge_sim.errors import FrameError
+from rosbridge_sim.protocol.ops import ABSENT, OPS, Id, Op
+
+__all__ = ["Encoded", "call_frame", "decode_frame", "is_absent", "publish_head", "response_frame", "status_frame"]
+
+_SHOWN = 200
+"""Characters of a stranger's text that an answer quotes: enough to recognise it, too few to be an amplifier."""
+
+_decoder = msgspec.json.Decoder(Op)
+_scanner = json.JSONDecoder()
+
+_CLASSES: dict[str, tuple[type, ...]] = {
+    "topic": (str,),
+    "type": (str,),
+    "service": (str,),
+    "level": (str,),
+    "msg": (str,),
+    "compression": (str,),
+    "latch": (bool,),
+    "result": (bool,),
+    "throttle_rate": (int, float),
+    "queue_length": (int, float),
+    "fragment_size": (int, float),
+    "timeout": (int, float),
+    "id": (str, int, float, bool),
+}
+"""What a field may be, in any op; bodies are judged by `schema/`."""
+
+
+class Encoded(Protocol):
+    """A message whose encodings are made once and shared by all who listen."""
+
+    @property
+    def json(self) -> bytes:
+        """The body as JSON text."""
+
+    def framed(self, head: bytes) -> bytes:
+        """`head`, the body as JSON text, and a closing brace; the last such frame is kept for the next listener."""
+
+
+def decode_frame(frame: bytes) -> Iterator[Op | FrameError]:
+    """The ops in a frame, in order; what is no op comes as the error to be told to its sender. Never raises."""
+    try:
+        yield _decoder.decode(frame)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        yield from _decode_slowly(frame)
+
+
+def _decode_slowly(frame: bytes) -> Iterator[Op | FrameError]:
+    try:
+        text = frame.decode()
+    except UnicodeDecodeError as error:
+        yield FrameError(f"Received a frame that is neither JSON text nor UTF-8: {error}")
+        return
+    position = _skip_space(text, 0)
+    if position == len(text):
+        yield FrameError("Received an empty frame")
+    while position < len(text):
+        try:
+            value, position = _scanner.raw_decode(text, position)
+        except RecursionError:
+            yield FrameError("Received a message that is nested too deeply")
+            return
+        except ValueError as error:  # JSONDecodeError, and integers of thousands of digits
+            yield FrameError(f"Received a frame that is not valid JSON: {error}. The frame: {_shorten(text)}")
+            return
+        try:
+            yield _to_op(value)
+        except FrameError as error:
+            yield error
+        position = _skip_space(text, position)
+
+
+def _skip_space(text: str, position: int) -> int:
+    while position < len(text) and text[position] in " \t\r\n":
+        position += 1
+    return position
+
+
+def _to_op(value: Any) -> Op:  # noqa: ANN401 - any JSON value
+    """The op that a JSON value spells, or a FrameError in rosbridge_suite's words."""
+    if not isinstance(value, dict):
+        raise FrameError(f"Expected a JSON object with an op, but got {type(value).__name__}: {_shorten(str(value))}")
+    op_id = value.get("id") if _is_id(value.get("id")) else None
+    name = value.get("op")
+    if name is None:
+        if "receiver" in value:
+            raise FrameError(
+                "Received a rosbridge v1.0 message.  Please refer to rosbridge.org for the correct format of rosbridge"
+                f" v2.0 messages.  Original message was: {_shorten(str(value))}",
+                op_id,
+            )
+        raise FrameError(
+            "Received a message without an op.  All messages require 'op' field with value one of:"
+            f" {list(OPS)}.  Original message was: {_shorten(str(value))}",
+            op_id,
+        )
+    op = OPS.get(name) if isinstance(name, str) else None
+    if op is None:
+        raise FrameError(f"Unknown operation: {_shorten(str(name))}.  Allowed operations: {list(OPS)}", op_id)
+    fields: dict[str, Any] = {}
+    for field in msgspec.structs.fields(op):
+        given = value.get(field.name)
+        if given is None:
+            if field.required:
+                raise FrameError(f"{name}: Expected a {field.name} field but none was found.", op_id)
+        elif field.name in op.bodies:
+            fields[field.name] = _raw(given, f"{name}: {field.name}", op_id)
+        else:
+            fields[field.name] = _checked(given, name, field.name, op_id)
+    made: Op = op(**fields)
+    return made
+
+
+def _checked(given: Any, op: str, field: str, op_id: object) -> Any:  # noqa: ANN401 - any JSON value
+    classes = _CLASSES[field]
+    # Python would let True pass for 1; rosbridge_suite does, we do not
+    if not isinstance(given, classes) or (isinstance(given, bool) and bool not in classes):
+        raise FrameError(
+            f"{op}: Expected field {field} to be one of {classes}. Invalid value: {_shorten(str(given))}", op_id
+        )
+    if not _is_id(given):
+        raise FrameError(f"{op}: field {field} is no text or number that JSON knows", op_id)
+    return given
+
+
+def _is_unicode(text: str) -> bool:
+    """Whether text has no half of a surrogate pair, which no encoder could send on."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _is_id(value: object) -> bool:
+    """Whether a value can be echoed as an id: a JSON scalar that JSON can say."""
+    if isinstance(value, str):
+        return _is_unicode(value)
+    return isinstance(value, (bool, int)) or (isinstance(value, float) and math.isfinite(value))
+
+
+def _raw(value: Any, where: str, op_id: object) -> msgspec.Raw:  # noqa: ANN401 - any JSON value
+    """A body back as text, bare NaN and Infinity included: `schema/` knows what they mean."""
+    try:
+        return msgspec.Raw(json.dumps(value).encode())
+    except (RecursionError, ValueError) as error:
+        raise FrameError(f"{where} is nested too deeply", op_id) from error
+
+
+def _shorten(text: str) -> str:
+    short = text if len(text) <= _SHOWN else text[:_SHOWN] + "..."
+    return short.encode("utf-8", "replace").decode()
+
+
+def is_absent(body: msgspec.Raw) -> bool:
+    """Whether a body was left out, or null, which means the same."""
+    return body is ABSENT or bytes(body) in {b"", b"null"}
+
+
+def publish_head(topic: str) -> bytes:
+    """Everything of a data message that stands before its body; `topic` in the listener's own spelling."""
+    return b'{"op":"publish","topic":' + orjson.dumps(topic) + b',"msg":'
+
+
+def response_frame(service: str, values: bytes, *, is_ok: bool, op_id: Id) -> bytes:
+    """The answer to a call. `id` is there if and only if the call had one."""
+    tail = b"}" if op_id is None else b',"id":' + _encode_id(op_id) + b"}"
+    result = b',"result":true' if is_ok else b',"result":false'
+    return b'{"op":"service_response","service":' + orjson.dumps(service) + b',"values":' + values + result + tail
+
+
+def call_frame(service: str, call_id: str, args: bytes) -> bytes:
+    """A call to a client that provides the service: op, service, id and args, and nothing else."""
+    return (
+        b'{"op":"call_service","service":'
+        + orjson.dumps(service)
+        + b',"id":'
+        + orjson.dumps(call_id)
+        + b',"args":'
+        + args
+        + b"}"
+    )
+
+
+def status_frame(level: str, text: str, op_id: object) -> bytes:
+    """A remark of ours; `op_id` names the frame that it is about."""
+    tail = b"}" if op_id is None else b',"id":' + _encode_id(op_id) + b"}"
+    return b'{"op":"status","level":' + orjson.dumps(level) + b',"msg":' + orjson.dumps(text) + tail
+
+
+def _encode_id(op_id: object) -> bytes:
+    """An id as it came; the standard library writes integers of any size."""
+    return orjson.dumps(op_id) if isinstance(op_id, str) else json.dumps(op_id).encode()

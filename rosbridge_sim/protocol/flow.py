@@ -1,0 +1,145 @@
+"""What a peer gets when: its outbox, with a bound.
+
+Topic messages, answers and remarks leave in one order, so that a tick's topics are always ahead of the
+tick's answer. While the socket takes what it is given, nothing is lost, however long the burst. When it does
+not, the outbox grows to a limit and then forgets the oldest messages of each topic: the newest `burst` of
+every topic stay as long as the byte limit lets them (rosbridge_suite's own smoke test sends ten at once to a
+subscriber with default settings and wants ten). Answers and remarks are never forgotten; if they alone pass
+the hard limit, the peer is beyond help and its connection is to be closed.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+__all__ = ["Outbox", "OutboxLimits"]
+
+
+@dataclass(frozen=True, slots=True)
+class OutboxLimits:
+    """How much a peer may leave unread.
+
+    Attributes:
+        burst: newest messages of each topic that are kept for a peer that does not read.
+        topic_bytes: topic messages are forgotten beyond this [bytes]; at least one of each topic stays.
+        hard_bytes: the connection is closed beyond this [bytes].
+    """
+
+    burst: int = 100
+    topic_bytes: int = 4 * 2**20
+    hard_bytes: int = 64 * 2**20
+
+
+class Outbox:
+    """The frames that wait for one socket, oldest first.
+
+    Attributes:
+        num_bytes: what waits now [bytes].
+        dropped: topic -> messages forgotten.
+        is_overfull: the hard limit is passed; the owner of the socket should close it.
+    """
+
+    __slots__ = (
+        "_carry",
+        "_frames",
+        "_limits",
+        "_relieve_at",
+        "_trim_at",
+        "_wake",
+        "dropped",
+        "is_overfull",
+        "num_bytes",
+    )
+
+    def __init__(self, limits: OutboxLimits, wake: Callable[[], None], carry: Callable[[], None]) -> None:
+        """An empty outbox.
+
+        Args:
+            limits: the bounds.
+            wake: called when a frame arrives in an empty outbox: somebody should soon `take`.
+            carry: called before anything is forgotten: take now, as much as the socket takes.
+        """
+        self._limits = limits
+        self._wake = wake
+        self._carry = carry
+        self._frames: deque[tuple[str | None, bytes]] = deque()
+        self._trim_at = limits.burst
+        self._relieve_at = limits.topic_bytes
+        self.num_bytes = 0
+        self.dropped: Counter[str] = Counter()
+        self.is_overfull = False
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def send(self, frame: bytes) -> None:
+        """Add an answer or a remark, which is never forgotten."""
+        if not self._frames:
+            self._wake()
+        self._frames.append((None, frame))
+        self.num_bytes += len(frame)
+        if self.num_bytes > self._relieve_at:
+            self._relieve()
+
+    def offer(self, topic: str, frame: bytes) -> None:
+        """Add a message of a topic, which may be forgotten if the peer does not read."""
+        frames = self._frames
+        if not frames:
+            self._wake()
+        frames.append((topic, frame))
+        self.num_bytes += len(frame)
+        if len(frames) > self._trim_at or self.num_bytes > self._relieve_at:
+            self._relieve()
+
+    def take(self, max_bytes: int) -> list[bytes]:
+        """The oldest frames, in order: at least one if there is any, and about `max_bytes` in all."""
+        frames = self._frames
+        if self.num_bytes <= max_bytes:
+            taken = [frame for _, frame in frames]
+            frames.clear()
+            self.num_bytes = 0
+            return taken
+        taken = []
+        size = 0
+        while frames and size < max_bytes:
+            frame = frames.popleft()[1]
+            size += len(frame)
+            taken.append(frame)
+        self.num_bytes -= size
+        return taken
+
+    def close(self) -> None:
+        """Forget everything: nobody will take it any more."""
+        self._frames.clear()
+        self.num_bytes = 0
+
+    def _relieve(self) -> None:
+        """Carry what the socket takes; forget topic messages if that was not enough."""
+        self._carry()
+        if len(self._frames) > self._trim_at or self.num_bytes > self._limits.topic_bytes:
+            self._trim()
+        # not again before as much has come as is left: trimming then costs each frame a constant amount of work
+        self._trim_at = max(self._limits.burst, 2 * len(self._frames))
+        self._relieve_at = max(self._limits.topic_bytes, self.num_bytes + self._limits.topic_bytes // 2)
+        self.is_overfull = self.num_bytes > self._limits.hard_bytes
+
+    def _trim(self) -> None:
+        """Keep the newest of each topic, up to the burst and to half the byte limit, and all that is no topic."""
+        kept: deque[tuple[str | None, bytes]] = deque()
+        counts: Counter[str] = Counter()
+        topic_bytes = 0
+        num_bytes = 0
+        for topic, frame in reversed(self._frames):
+            if topic is not None:
+                is_over = topic_bytes + len(frame) > self._limits.topic_bytes // 2
+                if counts[topic] and (is_over or counts[topic] >= self._limits.burst):
+                    self.dropped[topic] += 1
+                    continue
+                counts[topic] += 1
+                topic_bytes += len(frame)
+            kept.appendleft((topic, frame))
+            num_bytes += len(frame)
+        self._frames = kept
+        self.num_bytes = num_bytes

@@ -1,0 +1,171 @@
+"""What a peer can say: each rosbridge op as a small frozen type with its fields.
+
+The fields are the ones that mean something to us; a frame may carry any others. `None` is *absent*: a JSON
+null in an optional field means the same as leaving it out, because ROS# writes nulls for what is unset
+(rosbridge_suite refuses those). Message bodies (`msg`, `args`, `values`) stay JSON text that nobody
+has read yet; `schema/`
+decodes them.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, TypeAlias
+
+import msgspec
+
+__all__ = [
+    "ABSENT",
+    "OPS",
+    "Advertise",
+    "AdvertiseService",
+    "Auth",
+    "CallService",
+    "Id",
+    "Op",
+    "Publish",
+    "ServiceResponse",
+    "SetLevel",
+    "Status",
+    "Subscribe",
+    "Unadvertise",
+    "UnadvertiseService",
+    "Unsubscribe",
+]
+
+Id: TypeAlias = str | int | float | bool | None
+"""An `id` as a client gave it: any JSON scalar, echoed unchanged."""
+
+ABSENT = msgspec.Raw(b"")
+"""A body that the frame did not hold."""
+
+
+class _Op(msgspec.Struct, frozen=True, tag_field="op"):
+    """What all ops share."""
+
+    id: Id = None
+
+    bodies: ClassVar[tuple[str, ...]] = ()
+    """The fields that hold message bodies."""
+
+
+class Advertise(_Op, frozen=True, tag="advertise", kw_only=True):
+    """I shall publish here. `id` is the key of this advertisement within the client and topic."""
+
+    topic: str
+    type: str
+    latch: bool | None = None
+
+
+class Unadvertise(_Op, frozen=True, tag="unadvertise", kw_only=True):
+    """I publish here no more; without an `id`, under none of my advertisements."""
+
+    topic: str
+
+
+class Publish(_Op, frozen=True, tag="publish", kw_only=True):
+    """A message. `type` lets it stand without an advertise (rosbridge_suite 2.2 and later)."""
+
+    topic: str
+    msg: msgspec.Raw = ABSENT
+    latch: bool | None = None
+    type: str | None = None
+
+    bodies: ClassVar[tuple[str, ...]] = ("msg",)
+
+
+class Subscribe(_Op, frozen=True, tag="subscribe", kw_only=True):
+    """Send me what is published here. The same `id` again replaces its settings."""
+
+    topic: str
+    type: str | None = None
+    throttle_rate: float | None = None
+    queue_length: float | None = None
+    fragment_size: float | None = None
+    compression: str | None = None
+
+
+class Unsubscribe(_Op, frozen=True, tag="unsubscribe", kw_only=True):
+    """Send me no more of this; without an `id`, under none of my subscriptions."""
+
+    topic: str
+
+
+class CallService(_Op, frozen=True, tag="call_service", kw_only=True):
+    """Call a service. `timeout` in seconds, 0 or less waits for ever."""
+
+    service: str
+    args: msgspec.Raw = ABSENT
+    timeout: float | None = None
+
+    bodies: ClassVar[tuple[str, ...]] = ("args",)
+
+
+class AdvertiseService(_Op, frozen=True, tag="advertise_service", kw_only=True):
+    """I provide this service."""
+
+    service: str
+    type: str
+
+
+class UnadvertiseService(_Op, frozen=True, tag="unadvertise_service", kw_only=True):
+    """I provide this service no more."""
+
+    service: str
+
+
+class ServiceResponse(_Op, frozen=True, tag="service_response", kw_only=True):
+    """My answer to a call. roslib 2 leaves `values` out when its handler failed."""
+
+    service: str
+    result: bool
+    values: msgspec.Raw = ABSENT
+
+    bodies: ClassVar[tuple[str, ...]] = ("values",)
+
+
+class SetLevel(_Op, frozen=True, tag="set_level", kw_only=True):
+    """Send me status frames of this level and graver ones."""
+
+    level: str
+
+
+class Status(_Op, frozen=True, tag="status", kw_only=True):
+    """A client's own remark; it goes to our log."""
+
+    level: str | None = None
+    msg: str | None = None
+
+
+class Auth(_Op, frozen=True, tag="auth", kw_only=True):
+    """rosauth's first message, which roslibpy can send; nothing is checked where no token is wanted."""
+
+
+Op: TypeAlias = (
+    Advertise
+    | Unadvertise
+    | Publish
+    | Subscribe
+    | Unsubscribe
+    | CallService
+    | AdvertiseService
+    | UnadvertiseService
+    | ServiceResponse
+    | SetLevel
+    | Status
+    | Auth
+)
+
+OPS: dict[str, type[Op]] = {
+    "advertise": Advertise,
+    "unadvertise": Unadvertise,
+    "publish": Publish,
+    "subscribe": Subscribe,
+    "unsubscribe": Unsubscribe,
+    "call_service": CallService,
+    "advertise_service": AdvertiseService,
+    "unadvertise_service": UnadvertiseService,
+    "service_response": ServiceResponse,
+    "set_level": SetLevel,
+    "status": Status,
+    "auth": Auth,
+}

@@ -1,0 +1,219 @@
+"""WebSocket clients and plain HTTP on one port.
+
+For each connection one task reads: it takes a frame, lets the client's `Peer` carry it to its end, and takes
+the next. Writing needs no task: frames wait in the outbox until the loop's next turn, then go to the socket
+together, in one write, for as long as the socket takes them; when it is full, the transport tells us once
+there is room again. What does not fit meanwhile is the outbox's business (`protocol/flow.py`).
+
+The `websockets` library does the handshake, pings, limits and the closing. The frames of a turn are written
+through its sans-I/O protocol and not by `send`, which would cost a task switch and a system call for each.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from typing import Any
+
+from websockets.asyncio.server import Server as WebSocketServer
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.exceptions import ConnectionClosed
+from websockets.frames import CloseCode
+from websockets.http11 import Request, Response
+from websockets.protocol import State
+
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.peer import Peer
+from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
+from rosbridge_sim.protocol.session import Session
+
+__all__ = ["Server", "ServerLimits"]
+
+_log = logging.getLogger("rosbridge_sim.server")
+
+WRITE_SIZE = 64 * 1024
+"""Bytes handed to the transport at once; about what a loopback socket's buffer takes."""
+
+FRAMES_PER_TURN = 64
+"""Frames that one client's reader handles before others have their turn; some 1 ms of work."""
+
+
+@dataclass(frozen=True, slots=True)
+class ServerLimits:
+    """What one connection may do.
+
+    Attributes:
+        max_frame_size: a longer frame closes the connection with code 1009 [bytes].
+        ping_interval, ping_timeout: the watchdog against half-open connections [s]; None is off.
+        is_compressing: accept permessage-deflate from clients that offer it.
+        is_talkative: send status frames.
+        outbox: what a client may leave unread.
+    """
+
+    max_frame_size: int = 16 * 2**20
+    ping_interval: float | None = 20.0
+    ping_timeout: float | None = 20.0
+    is_compressing: bool = False
+    is_talkative: bool = True
+    outbox: OutboxLimits = field(default_factory=OutboxLimits)
+
+
+class _Socket(ServerConnection):
+    """A connection that says when its transport takes bytes again."""
+
+    on_room: Callable[[], None] | None = None
+
+    def resume_writing(self) -> None:
+        super().resume_writing()
+        if self.on_room is not None:
+            self.on_room()
+
+
+class _Client:
+    """One connected client: its socket, its outbox, its peer on the bus."""
+
+    def __init__(self, socket: _Socket, bus: Bus, limits: ServerLimits) -> None:
+        self.socket = socket
+        self.outbox = Outbox(limits.outbox, self._wake, self.carry)
+        address = socket.remote_address
+        self.peer = Peer(
+            bus, Session(self.outbox, is_talkative=limits.is_talkative), f"{address[0]}:{address[1]}" if address else ""
+        )
+        self._is_woken = False
+        self._closing: asyncio.Task[None] | None = None
+        socket.on_room = self.carry
+
+    def _wake(self) -> None:
+        if not self._is_woken:
+            self._is_woken = True
+            self.socket.loop.call_soon(self.carry)
+
+    def carry(self) -> None:
+        """Hand what waits to the transport, for as long as it takes it."""
+        self._is_woken = False
+        socket, outbox = self.socket, self.outbox
+        protocol = socket.protocol
+        if protocol.state is not State.OPEN:
+            outbox.close()
+            return
+        while len(outbox) and not socket.paused:
+            for frame in outbox.take(WRITE_SIZE):
+                protocol.send_text(frame)
+            socket.transport.write(b"".join(protocol.data_to_send()))
+        if outbox.is_overfull and self._closing is None:
+            _log.warning("%s reads too slowly: %d bytes wait; closing", self.peer.address, outbox.num_bytes)
+            outbox.close()
+            self._closing = socket.loop.create_task(
+                socket.close(CloseCode.POLICY_VIOLATION, "answers were left unread for too long")
+            )
+
+
+class Server:
+    """Listens, and makes each connection a peer of the bus.
+
+    Attributes:
+        clients: who is connected now, in order of arrival.
+        num_bugs: frames whose handling failed by a fault of ours; each is in the log with its traceback.
+        port: the real port, once started.
+    """
+
+    def __init__(self, bus: Bus, limits: ServerLimits, on_change: Callable[[], None]) -> None:
+        """A server that does not listen yet.
+
+        Args:
+            bus: where clients meet.
+            limits: for each connection.
+            on_change: called after each frame and each departure: the world may be due earlier than planned.
+        """
+        self.clients: dict[_Client, None] = {}
+        self.num_bugs = 0
+        self.port = 0
+        self._bus = bus
+        self._limits = limits
+        self._on_change = on_change
+        self._server: WebSocketServer | None = None
+
+    async def start(self, host: str, port: int) -> None:
+        """Listen; port 0 takes a free one.
+
+        Raises:
+            OSError: the address cannot be had.
+        """
+        limits = self._limits
+        self._server = await serve(
+            self._serve,
+            host,
+            port,
+            create_connection=_Socket,
+            process_request=self._process_request,
+            compression="deflate" if limits.is_compressing else None,
+            max_size=limits.max_frame_size,
+            ping_interval=limits.ping_interval,
+            ping_timeout=limits.ping_timeout,
+            close_timeout=1,
+            server_header=None,
+            logger=_quiet,
+        )
+        self.port = next(iter(self._server.sockets)).getsockname()[1]
+
+    async def stop(self) -> None:
+        """Close every connection with code 1001 and stop listening; takes a second and a half at most."""
+        if self._server is not None:
+            self._server.close()
+            await self._server.wait_closed()
+
+    async def _serve(self, socket: ServerConnection) -> None:
+        assert isinstance(socket, _Socket)
+        client = _Client(socket, self._bus, self._limits)
+        peer = client.peer
+        clock = socket.loop.time
+        self.clients[client] = None
+        _log.info("%s connected; %d connected now", peer.address, len(self.clients))
+        num_frames = 0
+        try:
+            while True:
+                frame = await socket.recv(decode=False)
+                try:
+                    peer.receive(frame, clock())
+                except Exception:
+                    # our own bug: this frame is lost, the connection and everybody else go on
+                    self.num_bugs += 1
+                    _log.exception("a frame of %s could not be handled", peer.address)
+                    peer.tell("error", "The server failed on a message; its log says why")
+                self._on_change()
+                num_frames += 1
+                if num_frames % FRAMES_PER_TURN == 0:
+                    await asyncio.sleep(0)
+        except ConnectionClosed as closed:
+            _log.debug("%s: %s", peer.address, closed)
+        finally:
+            del self.clients[client]
+            client.outbox.close()
+            peer.leave(clock())
+            self._on_change()
+            _log.info("%s left; %d connected now", peer.address, len(self.clients))
+
+    def _process_request(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Plain HTTP: None lets the WebSocket handshake go on."""
+        path = request.path.partition("?")[0]
+        if path == "/healthz":
+            return connection.respond(HTTPStatus.OK, "ok\n")
+        if path not in {"", "/"}:
+            return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; rosbridge is at /\n")
+        return None
+
+
+class _Quiet(logging.LoggerAdapter[Any]):
+    """The library logs a traceback for each handshake that a port scanner breaks off; a line at debug is enough."""
+
+    def log(self, level: int, msg: object, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - logging's own signature
+        if level >= logging.INFO:
+            level = logging.DEBUG
+            kwargs.pop("exc_info", None)
+        super().log(level, msg, *args, **kwargs)
+
+
+_quiet = _Quiet(logging.getLogger("rosbridge_sim.websockets"), {})
