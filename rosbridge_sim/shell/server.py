@@ -178,8 +178,7 @@ class Server:
                 frame = await socket.recv(decode=False)
                 try:
                     peer.receive(frame, clock())
-                except Exception:
-                    # our own bug: this frame is lost, the connection and everybody else go on
+                except Exception:  # noqa: BLE001 - our own bug: this frame is lost, everybody goes on
                     self.num_bugs += 1
                     _log.exception("a frame of %s could not be handled", peer.address)
                     peer.tell("error", "The server failed on a message; its log says why")

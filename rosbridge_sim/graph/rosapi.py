@@ -1,0 +1,215 @@
+"""`/rosapi/*`: what there is on the bus, as ordinary services that read the bus and the store.
+
+Each service is a row of one table: its name, its type, and a method from request to response fields. Clients
+of both ROS generations find the names they know; lists are in order of name, and parallel where rosapi says so.
+
+Parameters live in memory for as long as the process, by absolute name; values are JSON texts on the wire.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any, TypeAlias
+
+import orjson
+
+from rosbridge_sim.errors import GraphError
+from rosbridge_sim.graph.bus import Bus, Call, Owner, Service, Topic, resolve
+
+__all__ = ["NODE_NAME", "Rosapi"]
+
+NODE_NAME = "/rosapi"
+
+_BAD_VALUE = (
+    "Due to the type flexibility of the ROS parameter server, the value argument to set_param must be a"
+    " JSON-formatted string."
+)
+
+MAX_PARAMETERS = 100_000
+"""Parameters kept; a client that sets names in a loop is told, and memory stays bounded."""
+
+_Request: TypeAlias = Any
+"""A struct that is made from a definition at run time: no checker can know its fields."""
+
+_Fields: TypeAlias = dict[str, Any]
+"""The fields of a response, each of its own type."""
+
+
+class Rosapi:
+    """The owner of the rosapi services."""
+
+    name = NODE_NAME
+
+    def __init__(self, bus: Bus) -> None:
+        """Offer all services on `bus`."""
+        self._bus = bus
+        table: dict[str, tuple[str, Callable[[_Request], _Fields]]] = {
+            "topics": ("Topics", self._topics),
+            "topics_for_type": ("TopicsForType", self._topics_for_type),
+            "topic_type": ("TopicType", self._topic_type),
+            "publishers": ("Publishers", self._publishers),
+            "subscribers": ("Subscribers", self._subscribers),
+            "services": ("Services", self._services),
+            "services_for_type": ("ServicesForType", self._services_for_type),
+            "service_type": ("ServiceType", self._service_type),
+            "service_providers": ("ServiceProviders", self._service_providers),
+            "service_node": ("ServiceNode", self._service_node),
+            "nodes": ("Nodes", self._nodes),
+            "node_details": ("NodeDetails", self._node_details),
+            "get_time": ("GetTime", self._get_time),
+            "set_param": ("SetParam", self._set_param),
+            "get_param": ("GetParam", self._get_param),
+            "has_param": ("HasParam", self._has_param),
+            "delete_param": ("DeleteParam", self._delete_param),
+            "search_param": ("SearchParam", self._search_param),
+            "get_param_names": ("GetParamNames", self._get_param_names),
+        }
+        for name, (type_name, respond) in table.items():
+            bus.provide(self, f"/rosapi/{name}", f"rosapi/{type_name}", _handler(respond), is_exclusive=True)
+
+    def tell(self, level: str, text: str) -> None:
+        """Nobody reads what rosapi is told; it asks for nothing."""
+
+    # Topics
+
+    def _sorted_topics(self) -> list[Topic]:
+        return [topic for _, topic in sorted(self._bus.topics.items()) if topic.publishers or topic.subscriptions]
+
+    def _topics(self, _request: _Request) -> _Fields:
+        topics = self._sorted_topics()
+        return {"topics": [t.name for t in topics], "types": [t.type.name for t in topics]}
+
+    def _topics_for_type(self, request: _Request) -> _Fields:
+        wanted = self._bus.store.canonical(request.type)
+        return {"topics": [t.name for t in self._sorted_topics() if t.type.name == wanted]}
+
+    def _topic_type(self, request: _Request) -> _Fields:
+        topic = self._bus.find_topic(request.topic)
+        return {"type": topic.type.name if topic else ""}
+
+    def _publishers(self, request: _Request) -> _Fields:
+        topic = self._bus.find_topic(request.topic)
+        return {"publishers": _node_names(topic.publishers if topic else ())}
+
+    def _subscribers(self, request: _Request) -> _Fields:
+        topic = self._bus.find_topic(request.topic)
+        return {"subscribers": _node_names(s.owner for s in (topic.subscriptions if topic else ()))}
+
+    # Services
+
+    def _find_service(self, name: str) -> Service | None:
+        return self._bus.services.get(resolve(name))
+
+    def _services(self, _request: _Request) -> _Fields:
+        return {"services": sorted(self._bus.services)}
+
+    def _services_for_type(self, request: _Request) -> _Fields:
+        wanted = self._bus.store.canonical(request.type)
+        return {"services": [name for name, s in sorted(self._bus.services.items()) if s.type.name == wanted]}
+
+    def _service_type(self, request: _Request) -> _Fields:
+        service = self._find_service(request.service)
+        return {"type": service.type.name if service else ""}
+
+    def _service_providers(self, request: _Request) -> _Fields:
+        """The providers of a *type*, though the field is called `service`; a service's own name is understood too."""
+        services = self._bus.services.values()
+        named = self._find_service(request.service)
+        if named is not None:
+            return {"providers": [named.owner.name]}
+        wanted = self._bus.store.canonical(request.service)
+        return {"providers": _node_names(s.owner for s in services if s.type.name == wanted)}
+
+    def _service_node(self, request: _Request) -> _Fields:
+        service = self._find_service(request.service)
+        return {"node": service.owner.name if service else ""}
+
+    # Nodes
+
+    def _nodes(self, _request: _Request) -> _Fields:
+        return {"nodes": _node_names(self._bus.owners())}
+
+    def _node_details(self, request: _Request) -> _Fields:
+        node = resolve(request.node)
+        topics = self._sorted_topics()
+        return {
+            "subscribing": [t.name for t in topics if any(s.owner.name == node for s in t.subscriptions)],
+            "publishing": [t.name for t in topics if any(o.name == node for o in t.publishers)],
+            "services": [name for name, s in sorted(self._bus.services.items()) if s.owner.name == node],
+        }
+
+    # Time and parameters
+
+    def _get_time(self, _request: _Request) -> _Fields:
+        return {"time": self._bus.store.time_value(self._bus.stamp_ns)}
+
+    def _set_param(self, request: _Request) -> _Fields:
+        parameters = self._bus.parameters
+        name = resolve(request.name)
+        try:
+            value = orjson.loads(request.value)
+        except orjson.JSONDecodeError:
+            raise GraphError(_BAD_VALUE) from None
+        if name not in parameters and len(parameters) >= MAX_PARAMETERS:
+            raise GraphError(f"At most {MAX_PARAMETERS} parameters can be kept")
+        parameters[name] = value
+        return {}
+
+    def _get_param(self, request: _Request) -> _Fields:
+        parameters = self._bus.parameters
+        name = resolve(request.name)
+        if name in parameters:
+            return {"value": orjson.dumps(parameters[name]).decode()}
+        below = _tree(parameters, name)
+        return {"value": orjson.dumps(below).decode() if below else request.default}
+
+    def _has_param(self, request: _Request) -> _Fields:
+        name = resolve(request.name)
+        return {"exists": name in self._bus.parameters or bool(_tree(self._bus.parameters, name))}
+
+    def _delete_param(self, request: _Request) -> _Fields:
+        parameters = self._bus.parameters
+        name = resolve(request.name)
+        gone = [key for key in parameters if key == name or key.startswith(name + "/")]
+        if not gone:
+            raise GraphError(f"Parameter {name} is not set")
+        for key in gone:
+            del parameters[key]
+        return {}
+
+    def _search_param(self, request: _Request) -> _Fields:
+        """The parameter that a node would find from its namespace; clients have none, so the root's."""
+        name = resolve(request.name)
+        is_there = name in self._bus.parameters or bool(_tree(self._bus.parameters, name))
+        return {"global_name": name if is_there else ""}
+
+    def _get_param_names(self, _request: _Request) -> _Fields:
+        return {"names": sorted(self._bus.parameters)}
+
+
+def _handler(respond: Callable[[_Request], _Fields]) -> Callable[[Call, float], None]:
+    def handle(call: Call, _now: float) -> None:
+        call.answer(call.service.type.response.struct(**respond(call.request)))
+
+    return handle
+
+
+def _node_names(owners: Iterable[Owner]) -> list[str]:
+    """Each node once, in order of name: all clients are one node."""
+    return sorted({owner.name for owner in owners})
+
+
+def _tree(parameters: dict[str, object], name: str) -> dict[str, object]:
+    """What lies below a namespace, nested as in ROS 1: `/a` of `/a/b` = 1 is {"b": 1}."""
+    prefix = name.rstrip("/") + "/"
+    root: dict[str, Any] = {}
+    for key, value in parameters.items():
+        if key.startswith(prefix):
+            *path, last = key[len(prefix) :].split("/")
+            node = root
+            for part in path:
+                if not isinstance(node.get(part), dict):
+                    node[part] = {}
+                node = node[part]
+            node[last] = value
+    return root
