@@ -1,0 +1,313 @@
+"""The table row by row, the rules that hold after any order of events, and the sentences of the design one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import hypothesis.strategies as st
+import pytest
+from hypothesis import HealthCheck, settings
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+
+from rosbridge_sim.morai.sync import (
+    FRAME_MS,
+    MAX_AHEAD,
+    MAX_ID,
+    MAX_STEP_MS,
+    MAX_WAITING,
+    NO_MASTER,
+    OF_A_MASTER,
+    TABLE,
+    Effect,
+    Event,
+    Outcome,
+    State,
+    Sync,
+)
+
+ME, YOU = "me", "you"  # peers; any hashable will do
+FRAME = 100  # the world's, wherever it does not matter
+
+
+def a_sync(state: State, *, on_loss: str = "run", is_strict: bool = False) -> Sync[str]:
+    """A Sync brought into `state` by what peers can do; its master, if any, is `boss`, held by ME."""
+    is_on = state in (State.OPEN, State.OPEN_PAUSED)
+    sync: Sync[str] = Sync(is_on=is_on, on_loss=on_loss, lease=5.0, is_strict=is_strict)  # type: ignore[arg-type]
+    if state in (State.LED, State.LED_PAUSED):
+        sync.start("boss", 40, ME, 0.0)
+    if state in (State.FREE_PAUSED, State.OPEN_PAUSED, State.LED_PAUSED):
+        sync.pause()
+    assert sync.state is state
+    return sync
+
+
+def crowded(sync: Sync[str]) -> Sync[str]:
+    for _ in range(MAX_WAITING):
+        sync.submit("x", FRAME + 1, FRAME, YOU, 0.0)
+    return sync
+
+
+ACTS: dict[Event, Callable[[Sync[str]], Outcome | None]] = {
+    Event.START_BY_MASTER: lambda s: s.start("boss", 60, ME, 1.0),
+    Event.START_BY_OTHER: lambda s: s.start("rival", 20, YOU, 1.0),
+    Event.START_MISFIT: lambda s: s.start("boss", 30, ME, 1.0),
+    Event.STOP_BY_MASTER: lambda s: s.stop("boss"),
+    Event.STOP_BY_OTHER: lambda s: s.stop("rival"),
+    Event.TICK_BY_MASTER: lambda s: s.tick("boss", FRAME + s.num_frames, FRAME, ME, 1.0),
+    Event.TICK_BY_OTHER: lambda s: s.tick("rival", FRAME + 1, FRAME, YOU, 1.0),
+    Event.TICK_MISFIT: lambda s: s.tick("boss", FRAME, FRAME, ME, 1.0),
+    Event.COMMAND: lambda s: s.submit("go", FRAME + 1, FRAME, YOU, 1.0),
+    Event.COMMAND_TOO_FAR: lambda s: s.submit("go", FRAME + MAX_AHEAD + 1, FRAME, YOU, 1.0),
+    Event.COMMAND_TOO_MANY: lambda s: crowded(s).submit("go", FRAME + 1, FRAME, YOU, 1.0),
+    Event.PAUSE: lambda s: s.pause(),
+    Event.RESUME: lambda s: s.resume(),
+    Event.LOSS_TO_RUN: lambda s: s.leave(ME),
+    Event.LOSS_TO_PAUSE: lambda s: s.leave(ME),
+    Event.LOSS_TO_WAIT: lambda s: s.leave(ME),
+}
+ON_LOSS = {Event.LOSS_TO_RUN: "run", Event.LOSS_TO_PAUSE: "pause", Event.LOSS_TO_WAIT: "wait"}
+
+
+@pytest.mark.parametrize("state", State)
+@pytest.mark.parametrize("event", Event)
+def test_every_state_meets_every_event_as_the_table_says(state: State, event: Event) -> None:
+    if event in OF_A_MASTER and state in NO_MASTER:
+        assert event not in TABLE[state]  # it takes a master
+        return
+    sync = a_sync(state, on_loss=ON_LOSS.get(event, "run"), is_strict=event is Event.TICK_MISFIT)
+    before = (sync.master_id, sync.step_ms)
+    outcome = ACTS[event](sync)
+    assert outcome == TABLE[state][event]
+    assert sync.state is outcome.state
+    assert bool(outcome.why) is not outcome.is_accepted
+    if not outcome.is_accepted:
+        assert sync.state is state
+        assert not outcome.effects
+        assert (sync.master_id, sync.step_ms) == before
+    check_invariants(sync)
+
+
+def test_the_table_has_no_row_that_cannot_happen() -> None:
+    assert {(s, e) for s, rows in TABLE.items() for e in rows} == {
+        (s, e) for s in State for e in Event if not (s in NO_MASTER and e in OF_A_MASTER)
+    }
+
+
+@pytest.mark.parametrize("state", State)
+def test_only_an_accepted_tick_of_the_master_moves_the_world(state: State) -> None:
+    movers = {event for event, outcome in TABLE[state].items() if Effect.MOVE in outcome.effects}
+    assert movers == ({Event.TICK_BY_MASTER} if state is State.LED else set())
+
+
+@pytest.mark.parametrize("state", State)
+def test_real_time_flows_exactly_when_the_world_becomes_free(state: State) -> None:
+    for outcome in TABLE[state].values():
+        assert (Effect.FLOW in outcome.effects) == (outcome.state is State.FREE is not state)
+
+
+def check_invariants(sync: Sync[str]) -> None:
+    has_master = sync.state not in NO_MASTER
+    assert bool(sync.master_id) is has_master
+    assert (sync.num_holders > 0) is has_master
+    assert sync.is_on or sync.num_waiting == 0
+    assert sync.num_waiting <= MAX_WAITING
+    assert sync.step_ms % FRAME_MS == 0
+    assert 0 < sync.step_ms <= MAX_STEP_MS
+    assert sync.num_frames == sync.step_ms // FRAME_MS
+    assert (sync.lease_due is not None) is has_master
+    assert sync.can_send_tick is (has_master and not sync.is_paused)
+    assert sync.is_free is not (sync.is_on or sync.is_paused)
+
+
+IDS = st.sampled_from(["", "a", "b", "sync-1", "sync-2", "x" * (MAX_ID + 1)])
+PEERS = st.sampled_from(["p", "q", "r"])
+STEPS = st.sampled_from([0, 20, 30, 40, 1000, 1020, 2**32 - 1])
+OFFSETS = st.sampled_from([-5, 0, 1, 2, 3, 7, MAX_AHEAD, MAX_AHEAD + 1])
+
+
+class AnyOrder(RuleBasedStateMachine):
+    """A slow, literal reading of the rules beside the real one."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.sync: Sync[str] = Sync(on_loss="wait", lease=10.0)
+        self.now = 0.0
+        self.frame = 50
+        self.waiting: list[tuple[int, str]] = []
+        self.num_sent = 0
+
+    @rule(user_id=IDS, step=STEPS, peer=PEERS)
+    def start(self, user_id: str, step: int, peer: str) -> None:
+        master, before = self.sync.master_id, self.sync.step_ms
+        outcome = self.sync.start(user_id, step, peer, self.now)
+        fits = (step or 20) % 20 == 0 and step <= MAX_STEP_MS and len(user_id) <= MAX_ID
+        assert outcome.is_accepted == (fits and (not master or user_id == master))
+        assert self.sync.step_ms == ((step or 20) if outcome.is_accepted else before)
+        assert self.sync.master_id == ((user_id or self.sync.master_id) if outcome.is_accepted else master)
+
+    @rule(user_id=IDS)
+    def stop(self, user_id: str) -> None:
+        master = self.sync.master_id
+        outcome = self.sync.stop(user_id)
+        assert outcome.is_accepted == (not master or user_id == master)
+        if outcome.is_accepted:
+            self.waiting.clear()
+            assert not self.sync.is_on
+
+    @rule(user_id=IDS, offset=OFFSETS, peer=PEERS)
+    def tick(self, user_id: str, offset: int, peer: str) -> None:
+        may = bool(user_id) and user_id == self.sync.master_id and not self.sync.is_paused
+        outcome = self.sync.tick(user_id, max(0, self.frame + offset), self.frame, peer, self.now)
+        assert outcome.is_accepted == may
+        if Effect.MOVE in outcome.effects:
+            for _ in range(self.sync.num_frames):
+                self.frame += 1
+                assert self.sync.due(self.frame) == [c for f, c in self.waiting if f == self.frame]
+                self.waiting = [(f, c) for f, c in self.waiting if f > self.frame]
+
+    @rule(offset=OFFSETS, peer=PEERS)
+    def submit(self, offset: int, peer: str) -> None:
+        self.num_sent += 1
+        command = f"command {self.num_sent}"
+        outcome = self.sync.submit(command, self.frame + offset, self.frame, peer, self.now)
+        assert outcome.is_accepted == (self.sync.is_on and offset <= MAX_AHEAD)
+        if outcome.is_accepted:
+            self.waiting.append((max(self.frame + offset, self.frame + 1), command))
+
+    @rule()
+    def pause(self) -> None:
+        is_on = self.sync.is_on
+        self.sync.pause()
+        assert self.sync.is_paused
+        assert self.sync.is_on == is_on
+
+    @rule()
+    def resume(self) -> None:
+        is_on = self.sync.is_on
+        self.sync.resume()
+        assert not self.sync.is_paused
+        assert self.sync.is_on == is_on
+
+    @rule(peer=PEERS)
+    def leave(self, peer: str) -> None:
+        self.after_loss(self.sync.leave(peer))
+
+    @rule(seconds=st.sampled_from([0.0, 1.0, 9.0, 10.0]))
+    def wait(self, seconds: float) -> None:
+        self.now += seconds
+        self.after_loss(self.sync.expire(self.now))
+
+    def after_loss(self, outcome: Outcome | None) -> None:
+        if outcome is not None:
+            self.waiting.clear()
+            assert self.sync.is_on
+            assert self.sync.master_id == ""
+
+    @invariant()
+    def rules_hold(self) -> None:
+        check_invariants(self.sync)
+        assert self.sync.num_waiting == len(self.waiting)
+
+
+AnyOrder.TestCase.settings = settings(
+    max_examples=15, stateful_step_count=30, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
+TestAnyOrder = AnyOrder.TestCase
+
+
+def test_generated_ids_are_the_same_on_every_run() -> None:
+    def run() -> list[str]:
+        sync: Sync[str] = Sync()
+        ids = []
+        for _ in range(3):
+            sync.start("", 20, ME, 0.0)
+            ids.append(sync.master_id)
+            sync.stop(sync.master_id)
+        return ids
+
+    assert run() == run() == ["sync-1", "sync-2", "sync-3"]
+
+
+def test_a_time_step_of_zero_is_one_frame() -> None:
+    sync: Sync[str] = Sync()
+    assert sync.start("a", 0, ME, 0.0).is_accepted
+    assert (sync.step_ms, sync.num_frames) == (20, 1)
+
+
+def test_the_master_may_change_its_time_step_and_keeps_what_waits() -> None:
+    sync: Sync[str] = Sync()
+    sync.start("a", 20, ME, 0.0)
+    sync.submit("go", 5, 0, ME, 0.0)
+    assert sync.start("a", 100, YOU, 0.0).is_accepted
+    assert (sync.num_frames, sync.num_waiting, sync.num_holders) == (5, 1, 2)
+
+
+def test_commands_keep_their_order_of_arrival_within_their_frame() -> None:
+    sync: Sync[str] = Sync()
+    sync.start("a", 20, ME, 0.0)
+    for command, named in [("late", 12), ("past", 3), ("next", 11), ("now", 10), ("later", 12)]:
+        assert sync.submit(command, named, 10, ME, 0.0).is_accepted
+    assert sync.due(11) == ["past", "next", "now"]
+    assert sync.due(12) == ["late", "later"]
+    assert sync.due(13) == []
+
+
+def test_strict_frames_take_only_the_frame_that_the_tick_ends_on() -> None:
+    sync: Sync[str] = Sync(is_strict=True)
+    sync.start("a", 40, ME, 0.0)
+    assert [named for named in range(8, 16) if sync.tick("a", named, 10, ME, 0.0).is_accepted] == [12]
+
+
+def test_anyone_may_stop_where_that_is_allowed() -> None:
+    sync: Sync[str] = Sync(may_anyone_stop=True)
+    sync.start("a", 20, ME, 0.0)
+    assert sync.stop("somebody").is_accepted
+    assert sync.is_free
+
+
+def test_an_empty_id_never_ticks_and_never_takes_over() -> None:
+    sync: Sync[str] = Sync(is_on=True)
+    assert not sync.tick("", 1, 0, ME, 0.0).is_accepted
+    sync.start("a", 20, ME, 0.0)
+    assert not sync.tick("", 1, 0, ME, 0.0).is_accepted
+    assert not sync.start("", 20, YOU, 0.0).is_accepted
+    assert sync.master_id == "a"
+
+
+def test_the_lease_ends_with_the_last_holder_of_the_id() -> None:
+    sync: Sync[str] = Sync()
+    sync.start("a", 20, ME, 0.0)
+    sync.tick("a", 1, 0, YOU, 0.0)
+    sync.tick("b", 1, 0, "stranger", 0.0)  # did not use the master's id with success
+    assert sync.leave("stranger") is None
+    assert sync.leave(ME) is None
+    assert sync.leave(ME) is None
+    assert sync.leave(YOU) is not None
+    assert sync.is_free
+
+
+def test_silence_ends_the_lease_and_any_word_of_a_holder_renews_it() -> None:
+    sync: Sync[str] = Sync(lease=5.0, on_loss="pause")
+    assert sync.lease_due is None
+    sync.start("a", 20, ME, 10.0)
+    assert sync.lease_due == 15.0
+    sync.tick("a", 1, 0, ME, 12.0)
+    sync.submit("go", 2, 1, ME, 14.0)
+    sync.submit("go", 2, 1, YOU, 16.0)  # no holder
+    assert sync.expire(18.9) is None
+    assert sync.expire(19.0) is not None
+    assert sync.state is State.FREE_PAUSED
+    assert sync.expire(100.0) is None
+
+
+def test_a_pause_outlives_its_master() -> None:
+    sync: Sync[str] = Sync()
+    sync.start("a", 20, ME, 0.0)
+    sync.pause()
+    assert not sync.tick("a", 1, 0, ME, 0.0).is_accepted
+    sync.leave(ME)
+    assert sync.state is State.FREE_PAUSED
+    sync.start("b", 20, YOU, 0.0)
+    assert not sync.can_send_tick
+    sync.resume()
+    assert sync.can_send_tick
