@@ -1,0 +1,54 @@
+"""Fixtures of all tests: servers to talk to, and clients that are gone when the test is over."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from contextlib import AsyncExitStack
+from pathlib import Path
+
+import pytest
+import pytest_asyncio
+
+from tests.support import Client, ServerProcess, require_tool
+
+__all__ = ["Connect", "Serve", "require_tool"]
+
+Serve = Callable[..., ServerProcess]
+"""`serve("--start", "sync")`: a server of the test's own."""
+
+Connect = Callable[..., Awaitable[Client]]
+"""`await connect(url)`: a bare client that is closed at the end of the test."""
+
+
+@pytest.fixture(scope="session")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
+    """One server for all tests that leave it as they found it."""
+    process = ServerProcess(tmp_path_factory.mktemp("server") / "log.txt")
+    yield process
+    process.stop_cleanly()
+
+
+@pytest.fixture
+def serve(tmp_path: Path) -> Iterator[Serve]:
+    """Starts servers with flags of the test's own; each must end cleanly."""
+    processes: list[ServerProcess] = []
+
+    def start(*flags: str, env: dict[str, str] | None = None) -> ServerProcess:
+        process = ServerProcess(tmp_path / f"log-{len(processes)}.txt", flags, env)
+        processes.append(process)
+        return process
+
+    yield start
+    for process in processes:
+        process.stop_cleanly()
+
+
+@pytest_asyncio.fixture
+async def connect() -> AsyncIterator[Connect]:
+    """Connects bare clients."""
+    async with AsyncExitStack() as stack:
+
+        async def open_client(url: str, *, is_recording: bool = False) -> Client:
+            return await stack.enter_async_context(await Client.open(url, is_recording=is_recording))
+
+        yield open_client

@@ -1,0 +1,291 @@
+"""What tests of a live server share: the server as a process, a client that is nothing but a socket, and tools.
+
+Nothing here sleeps: each wait is for an event and has a deadline, so that a server that says nothing fails a
+test and does not hang it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import select
+import shutil
+import signal
+import subprocess
+import sys
+from collections import deque
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NoReturn, Self
+
+import pytest
+from websockets.asyncio.client import ClientConnection, connect
+
+__all__ = ["PATIENCE", "ROOT", "Client", "ServerProcess", "miss", "require_node_modules", "require_tool"]
+
+ROOT = Path(__file__).parent.parent
+
+PATIENCE = 20.0
+"""How long an event is waited for [s]: never reached by a server that works, on however busy a machine."""
+
+_READY = "rosbridge-sim listening on "
+
+Frame = dict[str, Any]
+"""A frame as the JSON object that it holds: its values are whatever the server says."""
+
+
+# Tools
+
+
+def miss(reason: str) -> NoReturn:
+    """Skip this test for want of something, or fail it where everything must be there."""
+    if os.environ.get("CI") == "true":
+        pytest.fail(f"{reason} (a skip would hide it, since CI=true)")
+    pytest.skip(reason)
+
+
+def require_tool(name: str) -> str:
+    """The path of a program that a test needs."""
+    path = shutil.which(name)
+    if path is None:
+        miss(f"needs the program {name!r} on the PATH")
+    return path
+
+
+def require_node_modules() -> Path:
+    """The folder of the JavaScript clients."""
+    folder = ROOT / "tests" / "end_to_end" / "node_modules"
+    for package in ("roslib", "roslib1"):
+        if not (folder / package / "package.json").is_file():
+            miss(f"needs {package!r}: npm ci --prefix tests/end_to_end (./scripts/test does it)")
+    return folder
+
+
+# The server
+
+
+class ServerProcess:
+    """A running `rosbridge-sim serve`, known by its first line.
+
+    Attributes:
+        url: where it listens.
+        port: the same, the number alone.
+        pid: of the process.
+    """
+
+    def __init__(self, log: Path, flags: Sequence[str] = (), env: dict[str, str] | None = None) -> None:
+        """Start it on a free port and wait until it listens.
+
+        Args:
+            log: where its stderr goes.
+            flags: after `serve --port 0`.
+            env: beside the test's own environment.
+        """
+        self._log = log
+        command = [sys.executable, "-m", "rosbridge_sim", "serve", "--port", "0", *flags]
+        with log.open("wb") as stderr:
+            self._process = subprocess.Popen(
+                command, cwd=ROOT, env={**os.environ, **(env or {})}, stdout=subprocess.PIPE, stderr=stderr, text=True
+            )
+        self.pid = self._process.pid
+        line = self._first_line()
+        if not line.startswith(_READY):
+            self.kill()
+            raise AssertionError(f"{' '.join(command)} said {line!r} and not where it listens. Its log:\n{self.log}")
+        self.url = line[len(_READY) :].strip()
+        self.port = int(self.url.rpartition(":")[2].strip("/"))
+
+    def _first_line(self) -> str:
+        stdout = self._process.stdout
+        assert stdout is not None
+        is_ready, _, _ = select.select([stdout], [], [], PATIENCE)
+        return stdout.readline() if is_ready else ""
+
+    @property
+    def log(self) -> str:
+        """What it has written to stderr so far."""
+        return self._log.read_text(errors="replace")
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether it still runs."""
+        return self._process.poll() is None
+
+    @property
+    def memory(self) -> int:
+        """Resident memory [bytes]."""
+        for line in Path(f"/proc/{self.pid}/status").read_text().splitlines():
+            if line.startswith("VmRSS:"):
+                return int(line.split()[1]) * 1024
+        raise AssertionError("no VmRSS in /proc")
+
+    def stop(self, signal_number: int = signal.SIGTERM) -> int:
+        """Ask it to stop and wait for it; its exit code."""
+        self._process.send_signal(signal_number)
+        try:
+            return self._process.wait(PATIENCE)
+        finally:
+            self.kill()
+
+    def kill(self) -> None:
+        """End it if it still runs, and let go of its pipe."""
+        if self._process.poll() is None:
+            self._process.kill()
+            self._process.wait()
+        if self._process.stdout is not None:
+            self._process.stdout.close()
+
+    def stop_cleanly(self) -> None:
+        """Stop it and insist on a clean end: it was alive, exits with 0, and has logged no traceback."""
+        was_alive = self.is_alive
+        code = self.stop() if was_alive else self._process.returncode
+        self.kill()
+        log = self.log
+        assert was_alive, f"the server had ended with {code}. Its log:\n{log}"
+        assert code == 0, f"the server ended with {code}. Its log:\n{log}"
+        assert "Traceback" not in log, f"the server logged a traceback:\n{log}"
+
+
+# The client
+
+
+class Client:
+    """A bare rosbridge client: JSON objects into a socket and out of it.
+
+    Frames that a `take` did not look for wait in the inbox for a later one.
+
+    Attributes:
+        socket: the WebSocket.
+        inbox: frames that came and were not taken yet, oldest first.
+        raw: the same frames as text, all that ever came, if `is_recording`.
+    """
+
+    def __init__(self, socket: ClientConnection, *, is_recording: bool = False) -> None:
+        self.socket = socket
+        self.inbox: deque[Frame] = deque()
+        self.raw: list[str] = []
+        self._is_recording = is_recording
+        self._num_calls = 0
+
+    @classmethod
+    async def open(cls, url: str, *, is_recording: bool = False) -> Client:
+        """A client that is connected to `url`."""
+        socket = await connect(url, compression=None, max_size=None, max_queue=None, ping_interval=None, proxy=None)
+        return cls(socket, is_recording=is_recording)
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.close()
+
+    async def close(self) -> None:
+        """Leave in order."""
+        await self.socket.close()
+
+    def cut(self) -> None:
+        """Be gone at once, without a word: what a crash or a pulled cable looks like."""
+        self.socket.transport.abort()
+
+    async def send_raw(self, frame: str | bytes) -> None:
+        """Send a frame as it is: text, or bytes for a binary frame."""
+        await self.socket.send(frame)
+
+    async def send(self, op: str, **fields: object) -> None:
+        """Send one op."""
+        await self.send_raw(json.dumps({"op": op, **fields}))
+
+    async def read(self) -> Frame:
+        """The next frame off the socket."""
+        async with asyncio.timeout(PATIENCE):
+            text = await self.socket.recv()
+        assert isinstance(text, str), "a binary frame for a client that asked for none"
+        if self._is_recording:
+            self.raw.append(text)
+        frame: Frame = json.loads(text, parse_constant=_refuse_constant)
+        return frame
+
+    async def take_where(self, matches: Callable[[Frame], bool], what: str) -> Frame:
+        """The first frame that matches, out of the inbox or else off the socket."""
+        for i, frame in enumerate(self.inbox):
+            if matches(frame):
+                del self.inbox[i]
+                return frame
+        try:
+            async with asyncio.timeout(PATIENCE):
+                while True:
+                    frame = await self.read()
+                    if matches(frame):
+                        return frame
+                    self.inbox.append(frame)
+        except TimeoutError:
+            last = list(self.inbox)[-3:]
+            raise AssertionError(f"waited in vain for {what}; the last of what came: {last}") from None
+
+    async def take(self, op: str, **fields: object) -> Frame:
+        """The first frame with this op and these fields."""
+        wanted = {"op": op, **fields}
+        return await self.take_where(lambda frame: wanted.items() <= _shallow(frame).items(), str(wanted))
+
+    async def message(self, topic: str) -> Frame:
+        """The next message of a topic: its `msg`."""
+        msg: Frame = (await self.take("publish", topic=topic))["msg"]
+        return msg
+
+    async def message_where(self, topic: str, matches: Callable[[Frame], bool]) -> Frame:
+        """The next message of a topic that matches; the ones before it are thrown away."""
+        async with asyncio.timeout(PATIENCE):
+            while True:
+                msg = await self.message(topic)
+                if matches(msg):
+                    return msg
+
+    async def subscribe(self, topic: str, **fields: object) -> None:
+        """Subscribe, and come back once the server has done it."""
+        await self.send("subscribe", topic=topic, **fields)
+        await self.settle()
+
+    async def settle(self) -> list[Frame]:
+        """Come back once the server has handled all that was sent; what it has said until then, the inbox first.
+
+        Frames are handled in order, so the answer to a harmless call comes after all that went before it.
+        """
+        self._num_calls += 1
+        mark = f"settle-{self._num_calls}"
+        await self.send("call_service", service="/rosapi/get_time", id=mark)
+        await self.take("service_response", id=mark)
+        frames = list(self.inbox)
+        self.inbox.clear()
+        return frames
+
+    async def call(self, service: str, args: object = None, **fields: object) -> Frame:
+        """The whole answer to a call."""
+        self._num_calls += 1
+        mark = f"call-{self._num_calls}"
+        await self.send("call_service", service=service, id=mark, args={} if args is None else args, **fields)
+        return await self.take("service_response", id=mark)
+
+    async def values(self, service: str, args: object = None) -> Frame:
+        """The values of an answer that must be a success."""
+        answer = await self.call(service, args)
+        assert answer["result"] is True, f"{service} was refused: {answer['values']}"
+        values: Frame = answer["values"]
+        return values
+
+    async def ask(self, service: str, **request: object) -> Frame:
+        """A call of a simulator's service: `request` within the arguments, `response` within the values."""
+        response: Frame = (await self.values(service, {"request": request}))["response"]
+        return response
+
+
+def _shallow(frame: Frame) -> Frame:
+    """The fields of a frame that can be compared at a glance."""
+    return {key: value for key, value in frame.items() if isinstance(value, (str, int, float, bool))}
+
+
+def _refuse_constant(name: str) -> NoReturn:
+    raise AssertionError(f"the server sent a bare {name}, which is not JSON")
