@@ -1,0 +1,64 @@
+"""A bus with real types and clients without sockets, for the tests of this room."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.peer import Peer
+from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
+from rosbridge_sim.protocol.session import Session
+from rosbridge_sim.schema.store import Store
+
+__all__ = ["MemoryClients", "make_bus", "make_peer", "make_store"]
+
+SCHEMAS = Path(__file__).parents[2] / "schemas"
+
+
+@cache
+def make_store() -> Store:
+    """All types of `schemas/`, one release of morai_msgs; made once, for nothing changes it."""
+    texts = {}
+    for path in sorted(SCHEMAS.glob("*/**/*.*")):
+        package, *release, kind, _ = path.relative_to(SCHEMAS).parts
+        if path.suffix in {".msg", ".srv"} and release in ([], ["22.R2"]):
+            texts[package, kind, path.stem] = path.read_text()
+    return Store(texts)
+
+
+def make_bus() -> Bus:
+    """A bus of its own."""
+    return Bus(make_store())
+
+
+def make_peer(bus: Bus) -> tuple[Peer, Outbox]:
+    """A client whose socket never takes anything: all frames stay in its outbox."""
+    outbox = Outbox(OutboxLimits(), lambda: None, lambda: None)
+    return Peer(bus, Session(outbox)), outbox
+
+
+class MemoryClients:
+    """Named clients on one bus, for the vectors."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._bus = bus
+        self._clients: dict[str, tuple[Peer, Outbox]] = {}
+
+    def _client(self, name: str) -> tuple[Peer, Outbox]:
+        if name not in self._clients:
+            self._clients[name] = make_peer(self._bus)
+        return self._clients[name]
+
+    async def send(self, name: str, frame: str) -> None:
+        self._client(name)[0].receive(frame.encode(), 0.0)
+
+    async def received(self, name: str) -> list[str]:
+        return [frame.decode() for frame in self._client(name)[1].take(2**40)]
+
+    async def close(self, name: str) -> None:
+        self._client(name)[0].leave(0.0)
+
+    def leave_all(self) -> None:
+        for peer, _ in self._clients.values():
+            peer.leave(0.0)

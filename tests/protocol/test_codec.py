@@ -1,0 +1,143 @@
+"""Frames to ops: the fast path against the slow one, and any bytes at all."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rosbridge_sim.errors import FrameError
+from rosbridge_sim.protocol import codec
+from rosbridge_sim.protocol.codec import call_frame, decode_frame, is_absent, publish_head, response_frame, status_frame
+from rosbridge_sim.protocol.ops import OPS, CallService, Op, Publish, Subscribe
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3),
+    max_leaves=8,
+)
+field_names = sorted({field.name for op in OPS.values() for field in msgspec.structs.fields(op)})
+frames_of_ops = st.fixed_dictionaries(
+    {"op": st.sampled_from(sorted(OPS))},
+    optional={
+        name: st.text() | json_values
+        if name in {"id", "msg", "args", "values"}
+        else st.text() | st.booleans() | json_values
+        for name in field_names
+    },
+)
+
+
+def only_op(frame: bytes) -> Op | FrameError:
+    (op,) = decode_frame(frame)
+    return op
+
+
+def slowly(frame: bytes) -> Op | FrameError:
+    (op,) = codec._decode_slowly(frame)
+    return op
+
+
+def plain(op: Op | FrameError) -> object:
+    """What an op says, its bodies as values; what an error says."""
+    if isinstance(op, FrameError):
+        return str(op), op.op_id
+    fields = {f.name: getattr(op, f.name) for f in msgspec.structs.fields(op)}
+    for body in op.bodies:
+        fields[body] = None if is_absent(fields[body]) else json.loads(bytes(fields[body]))
+    return type(op), fields
+
+
+@given(frames_of_ops)
+def test_the_fast_path_says_what_the_slow_one_says(frame: dict[str, Any]) -> None:
+    text = json.dumps(frame).encode()
+    assert plain(only_op(text)) == plain(slowly(text))
+
+
+@given(st.binary() | st.text().map(str.encode) | json_values.map(lambda v: json.dumps(v).encode()))
+def test_any_bytes_give_ops_or_errors(frame: bytes) -> None:
+    for op in decode_frame(frame):
+        assert isinstance(op, (FrameError, *OPS.values()))
+
+
+@given(frames_of_ops, st.data())
+def test_any_mutation_of_a_frame_gives_ops_or_errors(frame: dict[str, Any], data: st.DataObject) -> None:
+    text = bytearray(json.dumps(frame).encode())
+    for _ in range(data.draw(st.integers(1, 4))):
+        at = data.draw(st.integers(0, len(text) - 1))
+        text[at : at + data.draw(st.integers(0, 2))] = data.draw(st.binary(max_size=2))
+        text = text or bytearray(b"{")
+    for op in decode_frame(bytes(text)):
+        assert isinstance(op, (FrameError, *OPS.values()))
+
+
+def test_a_clean_frame_takes_the_fast_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(_frame: bytes) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(codec, "_decode_slowly", never)
+    op = only_op(b'{"op":"publish","id":"publish:/ctrl_cmd:1","topic":"/ctrl_cmd","msg":{"accel":1},"latch":false}')
+    assert isinstance(op, Publish)
+    assert bytes(op.msg) == b'{"accel":1}'
+    # roslib 1.4 and ROS#
+    op = only_op(
+        b'{"op":"subscribe","id":"s:1","type":"std_msgs/String","topic":"/t","compression":"none","throttle_rate":0,'
+        b'"queue_length":0}'
+    )
+    assert isinstance(op, Subscribe)
+    nulls = b'{"op":"call_service","service":"/s","args":null,"id":null,"fragment_size":2147483647,"compression":null}'
+    op = only_op(nulls)
+    assert isinstance(op, CallService)
+    assert is_absent(op.args)
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        b"\xff\xfe",
+        b"{" * 200_000,
+        b'{"op":"publish","topic":"/t","msg":' + b"[" * 200_000,
+        b'{"op":"publish","topic":"/t","id":' + b"9" * 10_000 + b"}",
+        b'{"op":"publish","topic":"\\ud800","msg":{}}',
+        b'{"op":"publish","topic":"/t","id":"\\ud800","msg":5,"latch":3}',
+        b"\xef\xbb\xbf{}",
+    ],
+    ids=["no-utf-8", "deep", "deep-body", "long-id", "surrogate", "surrogate-id", "byte-order-mark"],
+)
+def test_rubbish_gets_one_readable_error(frame: bytes) -> None:
+    error = only_op(frame)
+    assert isinstance(error, FrameError)
+    assert len(str(error)) < 800
+    assert msgspec.json.decode(status_frame("error", str(error), error.op_id))["op"] == "status"
+
+
+def test_a_long_text_of_a_stranger_is_not_sent_back_whole() -> None:
+    error = only_op(b'{"op":"' + b"x" * 100_000 + b'"}')
+    assert len(str(error)) < 800
+
+
+def test_frames_out() -> None:
+    assert publish_head('/a"b') == b'{"op":"publish","topic":"/a\\"b","msg":'
+    assert json.loads(call_frame("/s", "service_request:/s:1", b"{}")) == {
+        "op": "call_service",
+        "service": "/s",
+        "id": "service_request:/s:1",
+        "args": {},
+    }
+    assert json.loads(response_frame("/s", b'{"a":1}', is_ok=True, op_id=None)) == {
+        "op": "service_response",
+        "service": "/s",
+        "values": {"a": 1},
+        "result": True,
+    }
+
+
+@given(st.text() | st.integers() | st.booleans() | st.floats(allow_nan=False, allow_infinity=False))
+def test_ids_are_echoed_unchanged(op_id: object) -> None:
+    echoed = json.loads(response_frame("/s", b'""', is_ok=False, op_id=op_id))["id"]
+    assert echoed == op_id
+    assert type(echoed) is type(op_id)

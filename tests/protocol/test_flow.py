@@ -1,0 +1,127 @@
+"""The outbox: order, bounds, and what is forgotten."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
+
+ALL = 2**40
+
+
+class Socket:
+    """Takes everything while it is open, as a transport with room does."""
+
+    def __init__(self, limits: OutboxLimits, *, is_open: bool) -> None:
+        self.is_open = is_open
+        self.taken: list[bytes] = []
+        self.num_wakes = 0
+        self.outbox = Outbox(limits, self.wake, self.carry)
+
+    def wake(self) -> None:
+        self.num_wakes += 1
+
+    def carry(self) -> None:
+        if self.is_open:
+            while len(self.outbox):
+                self.taken += self.outbox.take(100)
+
+
+def test_frames_leave_in_the_order_in_which_they_came() -> None:
+    outbox = Socket(OutboxLimits(), is_open=False).outbox
+    outbox.offer("/a", b"1")
+    outbox.send(b"2")
+    outbox.offer("/b", b"3")
+    assert outbox.take(ALL) == [b"1", b"2", b"3"]
+    assert len(outbox) == 0
+    assert outbox.num_bytes == 0
+
+
+def test_wakes_once_for_what_waits() -> None:
+    socket = Socket(OutboxLimits(), is_open=False)
+    socket.outbox.offer("/a", b"1")
+    socket.outbox.send(b"2")
+    assert socket.num_wakes == 1
+    socket.outbox.take(ALL)
+    socket.outbox.send(b"3")
+    assert socket.num_wakes == 2
+
+
+def test_take_gives_about_what_is_asked_for_and_at_least_one() -> None:
+    outbox = Socket(OutboxLimits(), is_open=False).outbox
+    for i in range(5):
+        outbox.send(bytes([i]) * 10)
+    assert outbox.take(1) == [b"\0" * 10]
+    assert len(outbox.take(15)) == 2
+    assert outbox.num_bytes == 20
+    assert len(outbox.take(ALL)) == 2
+
+
+def test_a_long_burst_is_whole_while_the_socket_takes_it() -> None:
+    socket = Socket(OutboxLimits(burst=10), is_open=True)
+    frames = [str(i).encode() for i in range(10_000)]
+    for frame in frames:
+        socket.outbox.offer("/t", frame)
+    socket.carry()
+    assert socket.taken == frames
+    assert not socket.outbox.dropped
+
+
+def test_a_peer_that_does_not_read_keeps_the_newest_of_each_topic_and_every_answer() -> None:
+    outbox = Socket(OutboxLimits(burst=10), is_open=False).outbox
+    outbox.offer("/rare", b"once")
+    for i in range(1_000):
+        outbox.offer("/t", str(i).encode())
+        if i % 100 == 0:
+            outbox.send(b"answer %d" % i)
+    assert len(outbox) <= 2 * (10 + 10 + 1) + 10
+    left = outbox.take(ALL)
+    assert left[0] == b"once"
+    assert left[-10:] == [str(i).encode() for i in range(990, 1_000)]
+    assert [f for f in left if f.startswith(b"answer")] == [b"answer %d" % i for i in range(0, 1_000, 100)]
+    assert outbox.dropped["/t"] == 1_000 - sum(f.isdigit() for f in left)
+    assert outbox.dropped["/rare"] == 0
+
+
+def test_bytes_are_bounded_and_the_newest_of_each_topic_stays() -> None:
+    outbox = Socket(OutboxLimits(topic_bytes=1_000), is_open=False).outbox
+    outbox.offer("/big", b"x" * 5_000)
+    for i in range(200):
+        outbox.offer("/t", b"%03d" % i * 40)
+        assert outbox.num_bytes <= 5_000 + 2 * 1_000
+    left = outbox.take(ALL)
+    assert left[0] == b"x" * 5_000
+    assert left[-1] == b"199" * 40
+    assert not outbox.is_overfull
+
+
+def test_answers_beyond_the_hard_limit_are_the_end() -> None:
+    outbox = Socket(OutboxLimits(topic_bytes=1_000, hard_bytes=5_000), is_open=False).outbox
+    for _ in range(49):
+        outbox.send(b"x" * 100)
+    assert not outbox.is_overfull
+    for _ in range(100):
+        outbox.send(b"x" * 100)
+    assert outbox.is_overfull
+    assert not outbox.dropped
+
+
+@given(st.lists(st.tuples(st.sampled_from(["/a", "/b", None]), st.integers(1, 300))), st.integers(1, 20))
+def test_order_is_kept_and_nothing_but_topics_is_lost(frames: list[tuple[str | None, int]], burst: int) -> None:
+    outbox = Socket(OutboxLimits(burst=burst, topic_bytes=2_000, hard_bytes=10**9), is_open=False).outbox
+    for i, (topic, size) in enumerate(frames):
+        frame = b"%d:" % i + b"." * size
+        if topic is None:
+            outbox.send(frame)
+        else:
+            outbox.offer(topic, frame)
+    left = [int(frame.split(b":")[0]) for frame in outbox.take(ALL)]
+    assert left == sorted(left)
+    answers = [i for i, (topic, _) in enumerate(frames) if topic is None]
+    assert [i for i in left if frames[i][0] is None] == answers
+    for name in ("/a", "/b"):
+        sent = [i for i, (topic, _) in enumerate(frames) if topic == name]
+        kept = [i for i in left if frames[i][0] == name]
+        assert len(sent) - len(kept) == outbox.dropped[name]
+        assert kept[-1:] == sent[-1:]  # the newest is there, whatever went

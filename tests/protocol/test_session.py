@@ -1,0 +1,81 @@
+"""One peer's wire: what is received, and what is said at which level."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
+from rosbridge_sim.protocol.ops import Advertise, Subscribe
+from rosbridge_sim.protocol.session import Session
+
+
+def make_session(*, is_talkative: bool = True) -> Session:
+    return Session(Outbox(OutboxLimits(), lambda: None, lambda: None), is_talkative=is_talkative)
+
+
+def said(session: Session) -> list[Any]:
+    return [json.loads(frame) for frame in session.outbox.take(2**30)]
+
+
+class Body:
+    json = b'{"data":"hi"}'
+
+    def framed(self, head: bytes) -> bytes:
+        return head + self.json + b"}"
+
+
+def test_ops_come_in_order_and_the_rest_is_told() -> None:
+    session = make_session()
+    ops = session.receive(
+        b'{"op":"advertise","topic":"/t","type":"std_msgs/String"}{"op":"fly","id":1}{"op":"subscribe","topic":"/t"}'
+    )
+    assert [type(op) for op in ops] == [Advertise, Subscribe]
+    (status,) = said(session)
+    assert (status["op"], status["level"], status["id"]) == ("status", "error", 1)
+    assert (session.num_received, session.num_refused) == (1, 1)
+
+
+def test_levels() -> None:
+    session = make_session()
+    heard = {}
+    for level in ("none", "error", "warning", "warn", "info"):
+        session.set_level(level)
+        for remark in ("error", "warning", "info"):
+            session.remark(remark, "x")
+        heard[level] = [status["level"] for status in said(session)]
+    assert heard == {
+        "none": [],
+        "error": ["error"],
+        "warning": ["error", "warning"],
+        "warn": ["error", "warning"],
+        "info": ["error", "warning", "info"],
+    }
+
+
+def test_a_word_that_is_no_level_changes_nothing() -> None:
+    session = make_session()
+    session.set_level("loud")
+    session.remark("error", "x")
+    session.remark("warning", "y")
+    assert len(said(session)) == 1
+
+
+def test_a_silent_session_makes_no_remarks_and_still_answers() -> None:
+    session = make_session(is_talkative=False)
+    assert session.receive(b"rubbish") == []
+    session.answer("/s", "1", "no", is_ok=False)
+    (answer,) = said(session)
+    assert answer == {"op": "service_response", "service": "/s", "values": "no", "result": False, "id": "1"}
+
+
+def test_messages_answers_and_calls() -> None:
+    session = make_session()
+    session.message("/t", b'{"op":"publish","topic":"/t","msg":', Body())
+    session.answer("/s", None, Body(), is_ok=True)
+    session.call("/s", "service_request:/s:1", Body())
+    assert said(session) == [
+        {"op": "publish", "topic": "/t", "msg": {"data": "hi"}},
+        {"op": "service_response", "service": "/s", "values": {"data": "hi"}, "result": True},
+        {"op": "call_service", "service": "/s", "id": "service_request:/s:1", "args": {"data": "hi"}},
+    ]
