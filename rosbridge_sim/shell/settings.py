@@ -1,0 +1,339 @@
+"""All that can be set, and how each value is checked.
+
+`Settings` is the only list. Each field carries its flag's group, check and help, and from that one place come
+the command line, the names of environment variables, the keys of the file and what `--print-config` writes
+(`sources.py` reads and writes those).
+
+The checks are a few functions of our own. pydantic-settings was measured and turned down: it adds 0.2 s to a
+start that may take 1 s (pydantic alone 0.13 s), reads `--no-world` backwards, wants lists in JSON and answers a
+slip in the file with a traceback.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import Field, dataclass, field, fields
+from pathlib import Path
+from typing import Any, Literal, TypeVar, cast
+
+__all__ = ["FIELDS", "FOLDERS", "RATES", "SWITCH", "Flag", "Kind", "Settings", "flag_of", "show_size"]
+
+T = TypeVar("T")
+
+
+# How a value is checked
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """What values a setting takes.
+
+    Attributes:
+        expects: what a person should write, to stand after "expected".
+        read: text, or a value of a TOML file or of Python -> the value; raises ValueError or TypeError.
+        sign: how the value is called in `--help`.
+    """
+
+    expects: str
+    read: Callable[[object], object]
+    sign: str
+
+
+def _text(expects: str, sign: str) -> Kind:
+    def read(value: object) -> str:
+        if isinstance(value, Path):
+            value = str(value)
+        if not isinstance(value, str) or not value or "\0" in value:
+            raise ValueError
+        return value
+
+    return Kind(expects, read, sign)
+
+
+def _choice(*words: str) -> Kind:
+    def read(value: object) -> str:
+        if value not in words:
+            raise ValueError
+        return str(value)
+
+    return Kind(" or ".join(words), read, "|".join(words))
+
+
+_SWITCH_WORDS = {
+    "true": True,
+    "yes": True,
+    "on": True,
+    "1": True,
+    "false": False,
+    "no": False,
+    "off": False,
+    "0": False,
+}
+
+
+def _read_switch(value: object) -> bool:
+    if isinstance(value, bool):
+        return value
+    return _SWITCH_WORDS[cast("str", value).strip().lower()]  # anything but text raises, as it should
+
+
+SWITCH = Kind("true or false", _read_switch, "")
+
+
+def _number_of(value: object, as_type: type[int | float]) -> float:
+    """A number from text or from a number; a bool, a fraction where a whole number belongs, and NaN are none."""
+    if isinstance(value, bool) or not isinstance(value, (str, int, float)):
+        raise TypeError
+    number = as_type(value)
+    if number != number or (not isinstance(value, str) and number != value):  # noqa: PLR0124 - only NaN differs from itself
+        raise ValueError
+    return number
+
+
+def _whole(low: int, high: int, sign: str = "N") -> Kind:
+    def read(value: object) -> int:
+        number = int(_number_of(value, int))
+        if not low <= number <= high:
+            raise ValueError
+        return number
+
+    return Kind(f"a whole number from {low:,} to {high:,}", read, sign)
+
+
+def _seconds(high: float) -> Kind:
+    """A duration; 0 and the word none mean that there is none."""
+
+    def read(value: object) -> float | None:
+        if value is None or _is_word(value, "none", "off"):
+            return None
+        number = float(_number_of(value, float))
+        if not 0 <= number <= high:
+            raise ValueError
+        return number or None
+
+    return Kind(f"seconds up to {high:,g}, or none", read, "SECONDS")
+
+
+def _or_none(kind: Kind, word: str) -> Kind:
+    """The same, or a word that means None."""
+
+    def read(value: object) -> object:
+        return None if value is None or _is_word(value, word) else kind.read(value)
+
+    return Kind(f"{kind.expects}, or {word}", read, f"{kind.sign}|{word}")
+
+
+def _is_word(value: object, *words: str) -> bool:
+    return isinstance(value, str) and value.strip().lower() in words
+
+
+_SIZE = re.compile(r"(\d+(?:\.\d+)?)\s*(?:([kmg])(i)?)?b?", re.IGNORECASE)
+
+
+def _size(low: int, high: int) -> Kind:
+    def read(value: object) -> int:
+        size = _size_of(value) if isinstance(value, str) else int(_number_of(value, int))
+        if not low <= size <= high:
+            raise ValueError
+        return size
+
+    return Kind(f"a size from {show_size(low)} to {show_size(high)}, such as 16MiB", read, "SIZE")
+
+
+def _size_of(text: str) -> int:
+    match = _SIZE.fullmatch(text.strip())
+    if match is None:
+        raise ValueError
+    number, prefix, is_binary = match.groups()
+    power = "kmg".index(prefix.lower()) + 1 if prefix else 0
+    return int(float(number) * (1024 if is_binary else 1000) ** power)
+
+
+def show_size(size: int) -> str:
+    """The size as a person writes it, and as the check reads it back."""
+    for prefix, factor in (("GiB", 2**30), ("MiB", 2**20), ("KiB", 2**10)):
+        if size and size % factor == 0:
+            return f"{size // factor}{prefix}"
+    return str(size)
+
+
+def _read_folders(value: object) -> tuple[str, ...]:
+    if isinstance(value, (str, Path)):
+        value = [value]
+    folders = tuple(os.fspath(folder) for folder in cast("Sequence[str]", value))
+    if not all(isinstance(folder, str) and folder and "\0" not in folder for folder in folders):
+        raise ValueError
+    return folders
+
+
+FOLDERS = Kind("folders", _read_folders, "DIR")
+
+
+def _read_rates(value: object) -> dict[str, float]:
+    if not isinstance(value, Mapping):
+        texts = [value] if isinstance(value, str) else cast("Sequence[str]", value)
+        value = dict(text.split("=") for text in texts)
+    rates = {}
+    for name, text in value.items():
+        rate = float(_number_of(text, float))
+        if not isinstance(name, str) or not name.strip() or not 0 < rate <= _MAX_RATE:
+            raise ValueError
+        rates["/" + name.strip().removeprefix("/")] = rate
+    return rates
+
+
+_MAX_RATE = 120
+"""What MORAI's own panel allows [Hz]."""
+
+RATES = Kind(f"TOPIC=HZ with at most {_MAX_RATE} Hz, such as /Ego_topic=10", _read_rates, "TOPIC=HZ")
+
+
+# The settings
+
+
+@dataclass(frozen=True, slots=True)
+class Flag:
+    """How a field shows itself to a person."""
+
+    group: str
+    kind: Kind
+    text: str
+
+
+def _flag(default: T, group: str, kind: Kind, text: str) -> T:
+    """A field of `Settings`. Says T, as `dataclasses.field` does, for the checker's sake."""
+    metadata = {"flag": Flag(group, kind, text)}
+    if isinstance(default, dict):
+        return field(default_factory=lambda: dict(default), metadata=metadata)  # type: ignore[return-value]
+    return field(default=default, metadata=metadata)
+
+
+_LISTEN = "where it listens"
+_WORLD = "the world"
+_FACE = "what MORAI calls things"
+_SYNC = "synchronous mode"
+_TYPES = "message types"
+_WIRE = "the wire"
+_LOG = "the rest"
+
+_GIB = 2**30
+_DAY = 86_400.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """All that can be set, checked. Durations in seconds, sizes in bytes, None where something is off.
+
+    The field `sync_lease` is the flag `--sync-lease`, the variable `ROSBRIDGE_SIM_SYNC_LEASE` and the key `sync-lease`.
+    """
+
+    host: str = _flag("127.0.0.1", _LISTEN, _text("a host name or address", "HOST"), "address; 0.0.0.0 is every one")
+    port: int = _flag(9090, _LISTEN, _whole(0, 65_535), "TCP port; 0 takes a free one")
+
+    world: bool = _flag(
+        default=True, group=_WORLD, kind=SWITCH, text="have the driving world inside; without it this is a bare gateway"
+    )
+    scenario: str = _flag(
+        "demo", _WORLD, _text("a scenario's name or file", "NAME|FILE"), "what stands and drives in the world"
+    )
+    map: str | None = _flag(
+        None,
+        _WORLD,
+        _or_none(_text("a map's name or folder", "NAME|DIR"), "none"),
+        "in place of the scenario's own map",
+    )
+    scenario_path: tuple[str, ...] = _flag(
+        (), _WORLD, FOLDERS, "folder in which clients' scenarios are found; may be repeated"
+    )
+    start: Literal["run", "sync"] = _flag(
+        "run", _WORLD, _choice("run", "sync"), "run in real time, or stand at frame 0 until a first master comes"
+    )
+    seed: int = _flag(0, _WORLD, _whole(0, 2**32 - 1), "of all chance in the world")
+    rate: Mapping[str, float] = _flag(
+        cast("Mapping[str, float]", {}), _WORLD, RATES, "publish a topic of the simulator's so often; may be repeated"
+    )
+
+    release: Literal["22.R2"] = _flag(
+        "22.R2", _FACE, _choice("22.R2"), "MORAI SIM release whose message fields are used"
+    )
+    profile: Literal["manual", "field"] = _flag(
+        "manual", _FACE, _choice("manual", "field"), "where both differ: as the manual says, or as clients read"
+    )
+    wheel_angle_unit: Literal["rad", "deg"] | None = _flag(
+        None, _FACE, _or_none(_choice("rad", "deg"), "profile"), "unit of the ego's wheel_angle"
+    )
+    object_size_order: Literal["width-length-height", "length-width-height"] | None = _flag(
+        None,
+        _FACE,
+        _or_none(_choice("width-length-height", "length-width-height"), "profile"),
+        "what x, y, z of an object's size are",
+    )
+    object_limit: int | None = _flag(
+        None,
+        _FACE,
+        _or_none(_whole(0, 1_000_000), "profile"),
+        "how many objects are published, the nearest; 0 is all",
+    )
+    object_velocity_unit: Literal["km/h", "m/s"] | None = _flag(
+        None, _FACE, _or_none(_choice("km/h", "m/s"), "profile"), "unit of objects' velocity"
+    )
+    start_mode: Literal["external", "keyboard"] = _flag(
+        "external", _FACE, _choice("external", "keyboard"), "whether /ctrl_cmd moves the ego from the start"
+    )
+
+    sync_frames: Literal["lenient", "strict"] = _flag(
+        "lenient", _SYNC, _choice("lenient", "strict"), "whether a tick may name any frame, or the next one alone"
+    )
+    sync_lease: float | None = _flag(
+        None, _SYNC, _seconds(_DAY), "silence after which the master has lost the mode; closing always loses it"
+    )
+    sync_on_loss: Literal["run", "pause", "wait"] = _flag(
+        "run", _SYNC, _choice("run", "pause", "wait"), "what the world does when the master is lost"
+    )
+    anyone_may_stop: bool = _flag(
+        default=False, group=_SYNC, kind=SWITCH, text="let others than the master stop the mode"
+    )
+
+    schema_path: tuple[str, ...] = _flag(
+        (), _TYPES, FOLDERS, "folder with ROS packages whose messages are to be known; may be repeated"
+    )
+    strict_types: bool = _flag(
+        default=False, group=_TYPES, kind=SWITCH, text="refuse types of unknown packages in place of relaying them"
+    )
+
+    service_timeout: float | None = _flag(
+        None, _WIRE, _seconds(_DAY), "how long a call waits for a client's service if it does not say"
+    )
+    max_frame_size: int = _flag(16 * 2**20, _WIRE, _size(1024, _GIB), "a longer frame closes the connection (1009)")
+    outbox_burst: int = _flag(
+        100, _WIRE, _whole(1, 1_000_000), "newest messages of each topic kept for a client that does not read"
+    )
+    outbox_size: int = _flag(4 * 2**20, _WIRE, _size(1024, 4 * _GIB), "oldest topic messages are dropped beyond this")
+    outbox_limit: int = _flag(
+        64 * 2**20, _WIRE, _size(1024, 16 * _GIB), "a client that leaves more unread is closed (1008)"
+    )
+    ping_interval: float | None = _flag(20.0, _WIRE, _seconds(_DAY), "between pings")
+    ping_timeout: float | None = _flag(20.0, _WIRE, _seconds(_DAY), "a ping unanswered for so long closes")
+    compression: bool = _flag(
+        default=False, group=_WIRE, kind=SWITCH, text="permessage-deflate for clients that offer it"
+    )
+    status: bool = _flag(default=True, group=_WIRE, kind=SWITCH, text="send status frames at all")
+
+    log_level: Literal["debug", "info", "warning", "error"] = _flag(
+        "info", _LOG, _choice("debug", "info", "warning", "error"), "least level of the log on stderr"
+    )
+    config: str | None = _flag(
+        None, _LOG, _text("a TOML file", "FILE.toml"), "settings by their flags' names; paths are from its folder"
+    )
+
+
+FIELDS: dict[str, Field[Any]] = {one.name.replace("_", "-"): one for one in fields(Settings)}
+"""Key, which is the flag without its dashes, -> field."""
+
+
+def flag_of(key: str) -> Flag:
+    """How the setting of that key shows itself."""
+    flag: Flag = FIELDS[key].metadata["flag"]
+    return flag
