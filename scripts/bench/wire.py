@@ -1,0 +1,373 @@
+"""What the server costs on the wire, beside the least that a Python relay could cost (`relay.py`).
+
+Server and floor run at the same time, pinned to the same core, and are loaded in turn (A B A B ...), so that
+a slow minute of the machine hits both. Each figure is the median of the rounds, with the lowest and the
+highest; the ratio to the floor is the median of the rounds' own ratios, and above 1 the server is the better
+one. Of all figures the CPU time of a delivered message is the one that noise touches least.
+
+    ./.venv/bin/python scripts/bench/wire.py [--rounds N] [--quick] [--only NAME]... [--json FILE]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from statistics import median, quantiles
+
+import orjson
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from scripts.bench import bodies
+from scripts.bench.load import Result, Socket, calls, connect_many, flood, masked, pulse, round_trips
+from scripts.bench.program import FLOOR, SERVER, Program, machine, running
+
+__all__ = ["ROWS", "Row"]
+
+TOPIC = "/bench"
+SERVICE = "/bench_service"
+SETTLE = 0.05
+"""A subscription on one socket is in force before a publish on another one [s]; rosbridge has no word for it."""
+
+WINDOW_BYTES = 128 * 2**10
+"""On the way at once; what two loopback socket buffers hold without either side standing still."""
+
+Figures = dict[str, float]
+
+RATE, CPU, P50, P99, LOAD, MEMORY, TIME = "per second", "CPU us each", "p50 ms", "p99 ms", "CPU %", "memory", "ms"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One kind of work.
+
+    Attributes:
+        name: what it is.
+        server, floor: do it, for about so many seconds, and say what it cost.
+        wanted: figure -> the ratio to the floor that is wanted at least.
+        is_world: the server runs with its world; without it, it is a bare gateway.
+        is_fresh: a new process for each round.
+    """
+
+    name: str
+    server: Callable[[Program, float], Figures]
+    floor: Callable[[Program, float], Figures]
+    wanted: dict[str, float] = field(default_factory=dict)
+    is_world: bool = False
+    is_fresh: bool = False
+
+
+def _connect(program: Program, num: int) -> list[Socket]:
+    return connect_many(program.port, num)
+
+
+def _percentiles(result: Result) -> Figures:
+    cuts = quantiles(result.latencies, n=100, method="inclusive")
+    return {P50: cuts[49] * 1e3, P99: cuts[98] * 1e3}
+
+
+class _Topic:
+    """One publisher, some listeners, one message; the first copy is looked at, and its length taken."""
+
+    def __init__(self, program: Program, type_name: str, body: bodies.Json, num_listeners: int) -> None:
+        self.publisher, *self.listeners = self.sockets = _connect(program, 1 + num_listeners)
+        for listener in self.listeners:
+            listener.tell(op="subscribe", topic=TOPIC, type=type_name)
+        self.publisher.tell(op="advertise", topic=TOPIC, type=type_name)
+        time.sleep(SETTLE)
+        self.frame = masked(orjson.dumps({"op": "publish", "topic": TOPIC, "msg": body}))
+        self.publisher.raw.sendall(self.frame)
+        first, *others = [listener.payload() for listener in self.listeners]
+        op = orjson.loads(first)
+        assert op == {"op": "publish", "topic": TOPIC, "msg": body}, f"not what was published: {first[:500]!r}"
+        assert all(other == first for other in others)
+        self.out_size = len(first)
+
+    def close(self) -> None:
+        for one in self.sockets:
+            one.close()
+
+
+def _flood(type_name: str, body: bodies.Json, num_listeners: int) -> Callable[[Program, float], Figures]:
+    """As many messages as go through."""
+
+    def run(program: Program, seconds: float) -> Figures:
+        topic = _Topic(program, type_name, body, num_listeners)
+        window = max(4, min(256, WINDOW_BYTES // len(topic.frame)))
+        args = (topic.publisher, topic.listeners, topic.frame, topic.out_size)
+        flood(*args, seconds=seconds / 4, window=window)
+        cpu = program.cpu()
+        result = flood(*args, seconds=seconds, window=window)
+        cpu = program.cpu() - cpu
+        topic.close()
+        num = result.num * num_listeners
+        return {RATE: num / result.seconds, CPU: cpu / num * 1e6}
+
+    return run
+
+
+def _ping_pong(type_name: str, body: bodies.Json) -> Callable[[Program, float], Figures]:
+    """One message in flight."""
+
+    def run(program: Program, seconds: float) -> Figures:
+        topic = _Topic(program, type_name, body, 1)
+        args = (topic.publisher, topic.listeners[0], topic.frame, lambda _: True)
+        round_trips(*args, seconds / 4)
+        cpu = program.cpu()
+        result = round_trips(*args, seconds)
+        cpu = program.cpu() - cpu
+        topic.close()
+        return _percentiles(result) | {CPU: cpu / result.num * 1e6}
+
+    return run
+
+
+def _calls(num_callers: int) -> Callable[[Program, float], Figures]:
+    """A client provides a service, others call it."""
+
+    def run(program: Program, seconds: float) -> Figures:
+        sockets = _connect(program, 1 + num_callers)
+        provider, *callers = sockets
+        provider.tell(op="advertise_service", service=SERVICE, type="std_srvs/SetBool")
+        time.sleep(SETTLE)
+        callers[0].tell(op="call_service", service=SERVICE, id="call", args={"data": True})
+        asked = orjson.loads(provider.payload())
+        assert asked["args"] == {"data": True}
+        values = {"success": True, "message": "done"}
+        provider.tell(op="service_response", service=SERVICE, id=asked["id"], values=values, result=True)
+        first = callers[0].payload()
+        answer = {"op": "service_response", "service": SERVICE, "id": "call", "values": values, "result": True}
+        assert orjson.loads(first) == answer, f"not what was answered: {first!r}"
+        frame = masked(orjson.dumps({"op": "call_service", "service": SERVICE, "id": "call", "args": {"data": True}}))
+        args = (callers, provider, frame, len(first))
+        calls(*args, service=SERVICE, values=orjson.dumps(values), seconds=seconds / 4)
+        cpu = program.cpu()
+        result = calls(*args, service=SERVICE, values=orjson.dumps(values), seconds=seconds)
+        cpu = program.cpu() - cpu
+        for one in sockets:
+            one.close()
+        return {RATE: result.num / result.seconds, CPU: cpu / result.num * 1e6} | _percentiles(result)
+
+    return run
+
+
+def _pulse(num_listeners: int, rate: float) -> Callable[[Program, float], Figures]:
+    """Many listeners at a steady rate [Hz]."""
+
+    def run(program: Program, seconds: float) -> Figures:
+        topic = _Topic(program, "nav_msgs/Odometry", bodies.odometry(), num_listeners)
+        args = (topic.publisher, topic.listeners, topic.frame, topic.out_size)
+        pulse(*args, seconds=seconds / 2, rate=rate)
+        cpu = program.cpu()
+        result = pulse(*args, seconds=2 * seconds, rate=rate)
+        cpu = program.cpu() - cpu
+        topic.close()
+        return _percentiles(result) | {LOAD: cpu / result.seconds * 100}
+
+    return run
+
+
+def _connections(num: int) -> Callable[[Program, float], Figures]:
+    """Many clients connect at once and stay."""
+
+    def run(program: Program, _seconds: float) -> Figures:
+        for one in _connect(program, 10):  # what the first connection loads is not a connection's cost
+            one.close()
+        time.sleep(0.2)
+        memory = program.memory()
+        start = time.perf_counter()
+        sockets = _connect(program, num)
+        elapsed = time.perf_counter() - start
+        time.sleep(0.2)
+        memory = program.memory() - memory
+        for one in sockets:
+            one.close()
+        return {TIME: elapsed * 1e3, MEMORY + " kB each": memory * 1024 / num}
+
+    return run
+
+
+def _idle(num_clients: int) -> Callable[[Program, float], Figures]:
+    """From the start of a new process to its listening line, and what it keeps when some clients are there."""
+
+    def run(program: Program, _seconds: float) -> Figures:
+        time.sleep(0.5)
+        figures = {TIME: program.start * 1e3, MEMORY + " MB": program.memory()}
+        sockets = _connect(program, num_clients)
+        time.sleep(0.5)
+        figures[f"{MEMORY} MB, {num_clients} clients"] = program.memory()
+        for one in sockets:
+            one.close()
+        return figures
+
+    return run
+
+
+class _Tick:
+    """One step of the world for each call, while one client listens to the ego; all on one socket, as clients do."""
+
+    def __init__(self) -> None:
+        self._call = {
+            "op": "call_service",
+            "service": "/SyncModeWaitForTick",
+            "id": "tick",
+            "args": {"request": {"user_id": "bench", "frame": 1}},
+        }
+        self._answer_size = 0
+
+    def on_server(self, program: Program, seconds: float) -> Figures:
+        """The tick."""
+        (client,) = _connect(program, 1)
+        start = {"user_id": "bench", "start_sync_mode": True, "time_step": 20}
+        client.tell(op="call_service", service="/SyncModeCmd", id="start", args={"request": start})
+        started = orjson.loads(client.payload())
+        assert started["values"]["response"]["result"], f"no synchronous mode: {started}"
+        client.tell(op="subscribe", topic="/Ego_topic", type="morai_msgs/EgoVehicleStatus")
+        client.tell(**self._call)
+        answer = client.payload()
+        while b'"service_response"' not in answer:
+            answer = client.payload()
+        assert orjson.loads(answer)["values"]["response"]["tick_status"], f"no tick: {answer!r}"
+        self._answer_size = len(answer)
+        frame = masked(orjson.dumps(self._call))
+        return self._measure(program, client, frame, b'"service_response"', seconds)
+
+    def on_floor(self, program: Program, seconds: float) -> Figures:
+        """The bare echo."""
+        (client,) = _connect(program, 1)
+        frame = masked(orjson.dumps(self._call | {"op": "echo", "size": self._answer_size}))
+        return self._measure(program, client, frame, b"    ", seconds)
+
+    @staticmethod
+    def _measure(program: Program, client: Socket, frame: bytes, mark: bytes, seconds: float) -> Figures:
+        def is_answer(payload: bytes) -> bool:
+            return mark in payload
+
+        round_trips(client, client, frame, is_answer, seconds / 4)
+        cpu = program.cpu()
+        result = round_trips(client, client, frame, is_answer, seconds)
+        cpu = program.cpu() - cpu
+        client.close()
+        return {RATE: result.num / result.seconds, CPU: cpu / result.num * 1e6} | _percentiles(result)
+
+
+def _row(name: str, run: Callable[[Program, float], Figures], *wanted: str, is_fresh: bool = False) -> Row:
+    return Row(name, run, run, dict.fromkeys(wanted, 0.7), is_fresh=is_fresh)
+
+
+_tick = _Tick()
+
+ROWS = (
+    _row("publish 94 B", _flood("std_msgs/String", bodies.text(), 1), RATE, CPU),
+    _row("publish 0.7 kB Odometry", _flood("nav_msgs/Odometry", bodies.odometry(), 1), RATE, CPU),
+    _row("publish 0.9 kB ObjectStatusList", _flood("morai_msgs/ObjectStatusList", bodies.objects(2), 1), RATE, CPU),
+    _row("publish 100 kB CompressedImage", _flood("sensor_msgs/CompressedImage", bodies.image(), 1), RATE, CPU),
+    _row("publish 0.7 kB to 10 listeners", _flood("nav_msgs/Odometry", bodies.odometry(), 10), RATE, CPU),
+    _row("one message in flight, 94 B", _ping_pong("std_msgs/String", bodies.text()), P50, CPU),
+    _row("one message in flight, 0.7 kB", _ping_pong("nav_msgs/Odometry", bodies.odometry()), P50, CPU),
+    _row("calls to a client's service, 1 caller", _calls(1), RATE, CPU),
+    _row("calls to a client's service, 8 callers", _calls(8), RATE, CPU),
+    _row("100 listeners at 50 Hz, 0.7 kB", _pulse(100, 50.0), P50, LOAD),
+    _row("200 connections", _connections(200), is_fresh=True),
+    Row("tick, beside an echo as long", _tick.on_server, _tick.on_floor, {P50: 1 / 1.6}, is_world=True),
+    Row("start and idle memory", _idle(10), _idle(10), is_world=True, is_fresh=True),
+)
+
+
+def _measure(rows: Sequence[Row], rounds: int, seconds: float) -> dict[str, list[tuple[Figures, Figures]]]:
+    """Row -> (server's figures, floor's figures) of each round."""
+    worldless = (*SERVER, "--no-world")
+    measured: dict[str, list[tuple[Figures, Figures]]] = {}
+    with running(worldless):  # so that no measured start is the first one
+        pass
+    for row in rows:
+        command = SERVER if row.is_world else worldless
+        measured[row.name] = []
+        with ExitStack() as stack:
+            if not row.is_fresh:
+                server, floor = stack.enter_context(running(command)), stack.enter_context(running(FLOOR))
+            for _ in range(rounds):
+                if row.is_fresh:
+                    with running(command) as server:
+                        ours = row.server(server, seconds)
+                    with running(FLOOR) as floor:
+                        theirs = row.floor(floor, seconds)
+                else:
+                    ours, theirs = row.server(server, seconds), row.floor(floor, seconds)
+                measured[row.name].append((ours, theirs))
+                print(".", end="", file=sys.stderr, flush=True)
+    print(file=sys.stderr)
+    return measured
+
+
+def _summary(rows: Sequence[Row], measured: dict[str, list[tuple[Figures, Figures]]]) -> list[dict[str, object]]:
+    """One entry for each figure of each row."""
+    entries: list[dict[str, object]] = []
+    for row in rows:
+        for name in measured[row.name][0][0]:
+            ours = [server[name] for server, _ in measured[row.name]]
+            theirs = [floor[name] for _, floor in measured[row.name]]
+            ratios = [a / b if name == RATE else b / a for a, b in zip(ours, theirs, strict=True) if a > 0 and b > 0]
+            entries.append(
+                {
+                    "row": row.name,
+                    "figure": name,
+                    "server": median(ours),
+                    "server_range": (min(ours), max(ours)),
+                    "floor": median(theirs),
+                    "floor_range": (min(theirs), max(theirs)),
+                    "of_floor": median(ratios) if ratios else None,
+                    "wanted": row.wanted.get(name),
+                }
+            )
+    return entries
+
+
+def _shown(value: float) -> str:
+    return f"{value:,.0f}" if value >= 1000 else f"{value:.3g}"
+
+
+def _print_table(entries: Sequence[dict[str, object]]) -> None:
+    def span(entry: dict[str, object], who: str) -> str:
+        low, high = entry[who + "_range"]  # type: ignore[misc] # built by _summary
+        return f"{_shown(entry[who]):>8} ({_shown(low)}..{_shown(high)})"  # type: ignore[arg-type, has-type] # the same
+
+    print(f"{'':24} {'server':28} {'floor':28} {'of floor':>8}  wanted")
+    row = None
+    for entry in entries:
+        if entry["row"] != row:
+            row = entry["row"]
+            print(row)
+        ratio = f"{entry['of_floor']:.2f}" if entry["of_floor"] is not None else "-"
+        wanted = f"{entry['wanted']:.2f}" if entry["wanted"] is not None else ""
+        print(f"  {entry['figure']:22} {span(entry, 'server'):28} {span(entry, 'floor'):28} {ratio:>8}  {wanted:>6}")
+
+
+def main() -> None:
+    """Measure, print a table, write JSON if asked."""
+    parser = argparse.ArgumentParser(description="The server on the wire beside the relay floor")
+    parser.add_argument("--rounds", type=int, default=9, help="times each row is measured, server and floor in turn")
+    parser.add_argument("--quick", action="store_true", help="3 short rounds")
+    parser.add_argument("--only", action="append", metavar="NAME", help="only rows whose name holds this")
+    parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures here too")
+    args = parser.parse_args()
+    rows = [row for row in ROWS if not args.only or any(part in row.name for part in args.only)]
+    if not rows:
+        parser.error("no such row; there are: " + "; ".join(row.name for row in ROWS))
+    rounds, seconds = (3, 0.2) if args.quick else (args.rounds, 0.4)
+    entries = _summary(rows, _measure(rows, rounds, seconds))
+    print(machine())
+    print(f"median (lowest..highest) of {rounds} rounds")
+    _print_table(entries)
+    if args.json:
+        args.json.write_text(json.dumps({"machine": machine(), "rounds": rounds, "figures": entries}, indent=1))
+
+
+if __name__ == "__main__":
+    main()
