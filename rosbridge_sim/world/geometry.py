@@ -1,0 +1,133 @@
+"""Plane geometry that the rooms of the world share: angles, frames, polylines.
+
+Everything is in the map frame (ENU metres, yaw counter-clockwise from east in radians) unless a name says *body*
+(x forward, y left). Pure functions; arguments are never written to, results are fresh arrays.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = [
+    "FloatArray",
+    "IntArray",
+    "Nearest",
+    "arc_lengths",
+    "nearest_on_polyline",
+    "point_at",
+    "to_body",
+    "to_map",
+    "wrap_angle",
+]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+TURN = 2.0 * math.pi
+# (queries x segments) cells looked at in one go: eight temporaries of 2 MB each stay inside the cache and bound the
+# memory of a query of any size.
+CELLS = 1 << 18
+
+
+class Nearest(NamedTuple):
+    """Where points stand beside a polyline; one entry for each query, all (q,).
+
+    Attributes:
+        segment: index of the nearest segment, the first of equals, int64.
+        arc: arc length of the foot point from the first vertex [m].
+        lateral: distance to the polyline, positive when the point lies left of the segment's direction [m].
+            Beyond the ends and outside a corner the foot is the vertex, so this is the distance to it.
+        x, y: the foot point [m].
+    """
+
+    segment: IntArray
+    arc: FloatArray
+    lateral: FloatArray
+    x: FloatArray
+    y: FloatArray
+
+
+def wrap_angle(angle: npt.ArrayLike) -> FloatArray:
+    """Return the same direction within (-pi, pi], of the argument's shape; angles already inside keep their bits."""
+    value = np.asarray(angle, dtype=np.float64)
+    wrapped = value - TURN * np.ceil((value - math.pi) / TURN)
+    # A value next to the border may round to the far side of it by one last place: both mean pi.
+    return np.asarray(np.where(np.abs(wrapped) >= math.pi, math.pi, wrapped))
+
+
+def to_map(x: npt.ArrayLike, y: npt.ArrayLike, yaw: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Turn vectors of body frames with heading `yaw` into the map frame; shapes broadcast."""
+    u, v, cos, sin = np.asarray(x), np.asarray(y), np.cos(yaw), np.sin(yaw)
+    return np.asarray(u * cos - v * sin), np.asarray(u * sin + v * cos)
+
+
+def to_body(x: npt.ArrayLike, y: npt.ArrayLike, yaw: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Turn vectors of the map frame into body frames with heading `yaw`; the inverse of `to_map`."""
+    u, v, cos, sin = np.asarray(x), np.asarray(y), np.cos(yaw), np.sin(yaw)
+    return np.asarray(u * cos + v * sin), np.asarray(v * cos - u * sin)
+
+
+def arc_lengths(points: FloatArray) -> FloatArray:
+    """Return the arc length at each vertex, (m,), starting with 0.
+
+    Args:
+        points: (m, 2) or (m, 3) vertices of a polyline [m]; with three columns the length is measured in space.
+    """
+    arcs = np.zeros(len(points))
+    np.cumsum(np.sqrt(np.square(np.diff(points, axis=0)).sum(axis=1)), out=arcs[1:])
+    return arcs
+
+
+def point_at(points: FloatArray, arcs: FloatArray, arc: npt.ArrayLike) -> FloatArray:
+    """Return the points of a polyline at the given arc lengths, (q, d); beyond an end it is that end.
+
+    Args:
+        points: (m, d) vertices [m].
+        arcs: (m,) what `arc_lengths` says of them [m].
+        arc: (q,) arc lengths asked for [m].
+    """
+    at = np.atleast_1d(np.asarray(arc, dtype=np.float64))
+    return np.column_stack([np.interp(at, arcs, column) for column in points.T])
+
+
+def nearest_on_polyline(points: FloatArray, x: npt.ArrayLike, y: npt.ArrayLike) -> Nearest:
+    """Return the nearest point of a polyline for each query point, seen from above.
+
+    Every query looks at every segment: right for paths of some thousand vertices, while a whole map wants an index
+    in front of it. Memory is bounded whatever the number of queries.
+
+    Args:
+        points: (m, 2) or (m, 3) vertices, m >= 2; only x and y count here, for `arc` too [m].
+        x: (q,) query points, east [m].
+        y: (q,) the same, north [m].
+    """
+    px, py = np.atleast_1d(np.asarray(x, dtype=np.float64)), np.atleast_1d(np.asarray(y, dtype=np.float64))
+    chunk = max(1, CELLS // max(1, len(points) - 1))
+    parts = [_nearest(points, px[i : i + chunk], py[i : i + chunk]) for i in range(0, max(1, len(px)), chunk)]
+    return parts[0] if len(parts) == 1 else Nearest(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def _nearest(points: FloatArray, px: FloatArray, py: FloatArray) -> Nearest:
+    x0, y0 = points[:-1, 0], points[:-1, 1]
+    dx, dy = np.diff(points[:, 0]), np.diff(points[:, 1])
+    squared = dx * dx + dy * dy
+    # A segment without length has its foot at its vertex, whatever the quotient's divisor.
+    along = ((px[:, None] - x0) * dx + (py[:, None] - y0) * dy) / np.where(squared > 0.0, squared, 1.0)
+    np.clip(along, 0.0, 1.0, out=along)
+    apart = np.square(px[:, None] - (x0 + along * dx)) + np.square(py[:, None] - (y0 + along * dy))
+    segment = apart.argmin(axis=1)
+    row = np.arange(len(px))
+    part = along[row, segment]
+    side = dx[segment] * (py - y0[segment]) - dy[segment] * (px - x0[segment])
+    arc = arc_lengths(points[:, :2])[segment] + part * np.sqrt(squared[segment])
+    return Nearest(
+        segment.astype(np.int64),
+        arc,
+        np.copysign(np.sqrt(apart[row, segment]), side),
+        x0[segment] + part * dx[segment],
+        y0[segment] + part * dy[segment],
+    )
