@@ -1,0 +1,163 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rosbridge_sim.world.geometry import FloatArray
+from rosbridge_sim.world.roads import TURN_COST, Roads
+
+
+def straight(*corners: tuple[float, float], z: float = 0.0) -> FloatArray:
+    return np.array([(x, y, z) for x, y in corners], dtype=np.float64)
+
+
+def make(*lines: FloatArray, successors: list[list[int]] | None = None) -> Roads:
+    n = len(lines)
+    ids = [f"L{i}" for i in range(n)]
+    return Roads(ids, lines, successors or [[] for _ in lines], [3.5] * n, [10.0] * n)
+
+
+def slow_nearest(roads: Roads, x: float, y: float, yaw: float | None) -> tuple[int, float, float, float]:
+    """Lane, s, distance and score by plain loops: the judge of the fast one."""
+    best = (-1, 0.0, math.inf, math.inf)
+    for lane in range(len(roads)):
+        line = roads.points[roads.first[lane] : roads.first[lane + 1]]
+        s = 0.0
+        for (x0, y0, _), (x1, y1, _) in zip(line[:-1].tolist(), line[1:].tolist(), strict=True):
+            length = math.hypot(x1 - x0, y1 - y0)
+            ux, uy = (x1 - x0) / length, (y1 - y0) / length
+            along = min(max((x - x0) * ux + (y - y0) * uy, 0.0), length)
+            distance = math.hypot(x - x0 - along * ux, y - y0 - along * uy)
+            turn = 0.0 if yaw is None else TURN_COST * (1.0 - (math.cos(yaw) * ux + math.sin(yaw) * uy))
+            if distance + turn < best[3] - 1e-9:
+                best = (lane, s + along, distance, distance + turn)
+            s += length
+    return best
+
+
+def test_lateral_offset_is_positive_to_the_left() -> None:
+    roads = make(straight((0, 0), (50, 0), (100, 0)))
+    places = roads.nearest([30.0, 60.0], [1.5, -2.0])
+    assert places.lane.tolist() == [0, 0]
+    assert places.s.tolist() == [30.0, 60.0]
+    assert places.lateral.tolist() == [1.5, -2.0]
+    assert places.distance.tolist() == [1.5, 2.0]
+    assert places.yaw.tolist() == [0.0, 0.0]
+
+
+def test_beyond_the_end_the_foot_point_is_the_end() -> None:
+    places = make(straight((0, 0), (100, 0))).nearest(103.0, 4.0)
+    assert (places.s[0], places.lateral[0], places.distance[0]) == (100.0, 4.0, 5.0)
+
+
+def test_heading_chooses_between_two_directions() -> None:
+    roads = make(straight((0, 0), (100, 0)), straight((100, 3.5), (0, 3.5)))
+    assert roads.nearest(50.0, 1.8).lane[0] == 1
+    assert roads.nearest(50.0, 1.8, 0.1).lane[0] == 0
+    assert roads.nearest(50.0, 1.8, math.pi).lane[0] == 1
+    assert roads.nearest([50.0, 50.0], [1.8, 1.8], [0.0, math.pi]).lane.tolist() == [0, 1]
+
+
+def test_far_from_every_road_the_nearest_is_still_found() -> None:
+    roads = make(straight((0, 0), (100, 0)), straight((0, 500), (100, 500)))
+    places = roads.nearest([50.0, 50.0, 1e7], [200.0, 300.0, 500.0])
+    assert places.lane.tolist() == [0, 1, 1]
+    assert places.distance.tolist() == [200.0, 200.0, 1e7 - 100.0]
+
+
+def test_without_roads_nothing_is_near() -> None:
+    roads = Roads()
+    places = roads.nearest([1.0, 2.0], [3.0, 4.0])
+    assert len(roads) == 0
+    assert places.lane.tolist() == [-1, -1]
+    assert np.isinf(places.distance).all()
+    assert len(make(straight((0, 0), (1, 0))).nearest([], []).lane) == 0
+
+
+def test_a_point_on_a_lane_is_found_again() -> None:
+    roads = make(straight((0, 0), (30, 0), (30, 40), z=2.0), straight((200, 0), (200, 10)))
+    points, yaw = roads.at([0, 0, 1, 0, 0, 1], [10.0, 50.0, 4.0, -5.0, 999.0, 999.0])
+    expected = [[10, 0, 2], [30, 20, 2], [200, 4, 0], [0, 0, 2], [30, 40, 2], [200, 10, 0]]
+    np.testing.assert_allclose(points, expected, atol=1e-9)
+    np.testing.assert_allclose(yaw, [0, math.pi / 2, math.pi / 2, 0, math.pi / 2, math.pi / 2], atol=1e-12)
+    assert roads.length.tolist() == [70.0, 10.0]
+
+
+def test_lanes_keep_their_names_and_successors() -> None:
+    roads = make(
+        straight((0, 0), (1, 0)), straight((1, 0), (2, 0)), straight((1, 0), (2, 1)), successors=[[1, 2], [], []]
+    )
+    assert roads.row("L2") == 2
+    assert roads.successors(0).tolist() == [1, 2]
+    assert roads.successors(1).tolist() == []
+    with pytest.raises(KeyError):
+        roads.row("L9")
+
+
+def test_repeated_points_do_no_harm() -> None:
+    roads = make(straight((0, 0), (0, 0), (5, 0), (5, 0), (10, 0)))
+    assert roads.points[:, 0].tolist() == [0.0, 5.0, 10.0]
+    assert roads.s.tolist() == [0.0, 5.0, 10.0]
+
+
+@pytest.mark.parametrize(
+    ("ids", "lines"),
+    [
+        (["a"], [straight((1, 1), (1, 1))]),
+        (["a"], [straight()]),
+        (["a", "a"], [straight((0, 0), (1, 0))] * 2),
+        (["a"], []),
+    ],
+)
+def test_lanes_that_cannot_be_are_refused(ids: list[str], lines: list[FloatArray]) -> None:
+    with pytest.raises(ValueError, match="lane"):
+        Roads(ids, [line.reshape(-1, 3) for line in lines], [[]] * len(lines), [3.5] * len(lines), [0.0] * len(lines))
+
+
+def test_huge_links_do_not_cost_a_huge_grid() -> None:
+    roads = make(*[straight((0, i), (1e7, 1e7 + i)) for i in range(20)])
+    assert len(roads._cell_segment) <= 1 << 22
+    assert roads.nearest(5e6, 5e6 + 3.1).lane[0] == 3
+
+
+coordinate = st.floats(-150, 150).map(lambda v: round(v, 2))
+line = st.lists(st.tuples(coordinate, coordinate), min_size=2, max_size=6, unique=True)
+
+
+@settings(max_examples=40)
+@given(
+    lines=st.lists(line, min_size=1, max_size=6),
+    places=st.lists(st.tuples(coordinate, coordinate, st.none() | st.floats(-4, 4)), min_size=1, max_size=6),
+)
+def test_fast_and_slow_agree(
+    lines: list[list[tuple[float, float]]], places: list[tuple[float, float, float | None]]
+) -> None:
+    roads = make(*[straight(*corners) for corners in lines])
+    for x, y, yaw in places:
+        found = roads.nearest(x, y, yaw)
+        lane, _, distance, score = slow_nearest(roads, x, y, yaw)
+        turn = 0.0 if yaw is None else TURN_COST * (1.0 - math.cos(yaw - found.yaw[0]))
+        assert found.distance[0] + turn == pytest.approx(score, abs=1e-6)
+        if yaw is None:
+            assert found.distance[0] == pytest.approx(distance, abs=1e-6)
+        points, _ = roads.at(found.lane, found.s)
+        assert math.hypot(points[0, 0] - x, points[0, 1] - y) == pytest.approx(found.distance[0], abs=1e-6)
+        assert lane >= 0
+
+
+@settings(max_examples=20)
+@given(lines=st.lists(line, min_size=1, max_size=4), places=st.lists(st.tuples(coordinate, coordinate), max_size=20))
+def test_many_at_once_are_as_one_by_one(
+    lines: list[list[tuple[float, float]]], places: list[tuple[float, float]]
+) -> None:
+    roads = make(*[straight(*corners) for corners in lines])
+    together = roads.nearest([x for x, _ in places], [y for _, y in places])
+    for i, (x, y) in enumerate(places):
+        alone = roads.nearest(x, y)
+        assert alone.lane[0] == together.lane[i]
+        assert alone.s[0] == together.s[i]
+        assert alone.lateral[0] == together.lateral[i]
