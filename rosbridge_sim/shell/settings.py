@@ -4,9 +4,9 @@
 the command line, the names of environment variables, the keys of the file and what `--print-config` writes
 (`sources.py` reads and writes those).
 
-The checks are a few functions of our own. pydantic-settings was measured and turned down: it adds 0.2 s to a
-start that may take 1 s (pydantic alone 0.13 s), reads `--no-world` backwards, wants lists in JSON and answers a
-slip in the file with a traceback.
+The checks are a few functions of our own. pydantic-settings was measured and turned down: it adds a tenth of a
+second to a start that may take one, reads `--no-world` backwards, wants lists in JSON and answers a slip in the
+file with a traceback.
 """
 
 from __future__ import annotations

@@ -1,0 +1,319 @@
+"""Flags, environment, file, defaults: who wins, and what a mistake looks like."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from rosbridge_sim.shell.settings import FIELDS, SWITCH, Settings, flag_of
+from rosbridge_sim.shell.sources import (
+    PREFIX,
+    SettingError,
+    check_options,
+    format_config,
+    looks_like_path,
+    read_settings,
+    strange_variables,
+)
+
+OTHER: dict[str, object] = {
+    "host": "::1",
+    "port": 8000,
+    "world": False,
+    "scenario": "loop",
+    "map": "track",
+    "scenario_path": ("a", "b c"),
+    "start": "sync",
+    "seed": 3,
+    "rate": {"/Ego_topic": 10.0, "/a b": 0.5},
+    "profile": "field",
+    "wheel_angle_unit": "deg",
+    "object_size_order": "length-width-height",
+    "object_limit": 20,
+    "object_velocity_unit": "m/s",
+    "start_mode": "keyboard",
+    "sync_frames": "strict",
+    "sync_lease": 2.5,
+    "sync_on_loss": "wait",
+    "anyone_may_stop": True,
+    "schema_path": ("x", "y"),
+    "strict_types": True,
+    "service_timeout": 3.0,
+    "max_frame_size": 2**20,
+    "outbox_burst": 7,
+    "outbox_size": 2**20,
+    "outbox_limit": 2**21,
+    "ping_interval": None,
+    "ping_timeout": 1.0,
+    "compression": True,
+    "status": False,
+    "log_level": "debug",
+}
+"""A value other than the default for every setting that has one."""
+
+
+def as_words(key: str, value: object) -> list[str]:
+    """The words of a command line that set it."""
+    if isinstance(value, bool):
+        return [f"--{key}" if value else f"--no-{key}"]
+    if isinstance(value, tuple):
+        return [word for one in value for word in (f"--{key}", one)]
+    if isinstance(value, dict):
+        return [word for name, rate in value.items() for word in (f"--{key}", f"{name}={rate}")]
+    return [f"--{key}", "none" if value is None else str(value)]
+
+
+def as_variable(value: object) -> str:
+    if isinstance(value, tuple):
+        return os.pathsep.join(value)
+    if isinstance(value, dict):
+        return ",".join(f"{name}={rate}" for name, rate in value.items())
+    return "none" if value is None else str(value)
+
+
+def mistake(argv: list[str], environ: dict[str, str] | None = None) -> str:
+    with pytest.raises(SettingError) as caught:
+        read_settings(argv, environ or {})
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+def mistake_in(tmp_path: Path, text: str | bytes) -> str:
+    """What is said of a file, with its folder left out."""
+    path = tmp_path / "s.toml"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return mistake(["--config", str(path)]).replace(str(tmp_path) + os.sep, "")
+
+
+def test_other_values_cover_every_setting() -> None:
+    only_one_value = {"release", "config"}
+    assert OTHER.keys() | only_one_value == {field.name for field in FIELDS.values()}
+    defaults = Settings()
+    assert all(getattr(defaults, name) != value for name, value in OTHER.items())
+
+
+# Places
+
+
+@pytest.mark.parametrize("name", OTHER)
+def test_every_setting_is_a_flag_a_variable_a_key_and_an_option(name: str, tmp_path: Path) -> None:
+    key = name.replace("_", "-")
+    value = OTHER[name]
+    quiet = {"outbox_size": 1024} if name == "outbox_limit" else {}  # which must not be larger
+    wanted = check_options({name: value, **quiet})
+    assert getattr(wanted, name) == value
+
+    words = as_words(key, value) + (["--outbox-size", "1KiB"] if quiet else [])
+    assert read_settings(words, {}) == wanted
+
+    variables = {PREFIX + name.upper(): as_variable(value)} | ({PREFIX + "OUTBOX_SIZE": "1024"} if quiet else {})
+    assert read_settings([], variables) == wanted
+
+    file = tmp_path / "s.toml"
+    file.write_text(format_config(wanted))
+    from_file = read_settings(["--config", str(file)], {})
+    if isinstance(value, tuple):  # paths are taken from the file's folder
+        value = tuple(str(tmp_path / one) for one in value)
+    assert getattr(from_file, name) == value
+
+
+def test_flag_beats_environment_beats_file_beats_default(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    file.write_text('port = 1\nseed = 1\nstart = "sync"\n')
+    variables = {"ROSBRIDGE_SIM_PORT": "2", "ROSBRIDGE_SIM_SEED": "2", "ROSBRIDGE_SIM_CONFIG": str(file)}
+    settings = read_settings(["--port", "3"], variables)
+    assert (settings.port, settings.seed, settings.start, settings.host) == (3, 2, "sync", "127.0.0.1")
+
+
+def test_flag_names_another_file_than_the_environment(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    file.write_text("port = 1\n")
+    assert read_settings(["--config", str(file)], {"ROSBRIDGE_SIM_CONFIG": "/nowhere"}).port == 1
+
+
+def test_list_is_taken_whole_from_the_strongest_place() -> None:
+    assert read_settings(["--schema-path", "a"], {"ROSBRIDGE_SIM_SCHEMA_PATH": "b"}).schema_path == ("a",)
+
+
+@pytest.mark.parametrize("key", [key for key in FIELDS if flag_of(key).kind is SWITCH])
+def test_switch_is_turned_off_by_its_no_form_everywhere(key: str, tmp_path: Path) -> None:
+    name = FIELDS[key].name
+    file = tmp_path / "s.toml"
+    file.write_text(f"no-{key} = true\n")
+    for settings in (
+        read_settings([f"--no-{key}"], {}),
+        read_settings([], {f"ROSBRIDGE_SIM_NO_{name.upper()}": "1"}),
+        read_settings(["--config", str(file)], {}),
+    ):
+        assert getattr(settings, name) is False
+    assert getattr(read_settings([f"--{key}"], {f"ROSBRIDGE_SIM_NO_{name.upper()}": "1"}), name) is True
+
+
+def test_empty_variable_counts_as_absent() -> None:
+    assert read_settings([], {"ROSBRIDGE_SIM_PORT": "", "ROSBRIDGE_SIM_SCHEMA_PATH": " "}) == Settings()
+
+
+def test_port_variable_of_kubernetes_is_not_ours() -> None:
+    assert read_settings([], {"ROSBRIDGE_SIM_PORT": "tcp://10.0.0.1:9090"}).port == 9090
+
+
+def test_keys_of_a_file_may_have_underscores_and_the_file_a_byte_order_mark(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    file.write_bytes(b"\xef\xbb\xbfsync_lease = 3\r\n[rate]\r\nclock = 10\r\n")
+    settings = read_settings(["--config", str(file)], {})
+    assert settings.sync_lease == 3.0
+    assert settings.rate == {"/clock": 10.0}
+
+
+def test_paths_in_a_file_are_taken_from_its_folder(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    file.write_text('schema-path = ["msgs", "/abs"]\nscenario = "mine.json"\nmap = "./city"\n')
+    settings = read_settings(["--config", str(file)], {})
+    assert settings.schema_path == (str(tmp_path / "msgs"), "/abs")
+    assert settings.scenario == str(tmp_path / "mine.json")
+    assert settings.map == str(tmp_path / "city")
+
+
+def test_names_in_a_file_stay_names(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    file.write_text('scenario = "demo"\nmap = "track"\n')
+    settings = read_settings(["--config", str(file)], {})
+    assert (settings.scenario, settings.map) == ("demo", "track")
+
+
+def test_printed_config_gives_the_settings_back(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    settings = check_options({**OTHER, "scenario_path": ("/a",), "schema_path": ('/x"\\\n',)})
+    file.write_text(format_config(settings))
+    assert read_settings(["--config", str(file)], {}) == check_options(
+        {**OTHER, "scenario_path": ("/a",), "schema_path": ('/x"\\\n',), "config": str(file)}
+    )
+
+
+def test_help_names_every_flag_its_unit_and_where_else_it_can_be_set(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        read_settings(["--help"], {})
+    assert not caught.value.code
+    text = capsys.readouterr().out
+    for key in FIELDS:
+        assert f"--{key}" in text
+        assert flag_of(key).group in text
+    assert "SECONDS" in text
+    assert "ROSBRIDGE_SIM_SYNC_LEASE" in text
+    assert "SUPPRESS" not in text
+
+
+# Mistakes
+
+
+@pytest.mark.parametrize(
+    ("argv", "text"),
+    [
+        (["--prot", "1"], "no such flag: --prot (did you mean --port?); --help lists them all"),
+        (["--prot=1"], "no such flag: --prot (did you mean --port?); --help lists them all"),
+        (["--zzz"], "no such flag: --zzz; --help lists them all"),
+        (["-p", "1"], "no such flag: -p; --help lists them all"),
+        (["--sync"], "no such flag: --sync; --help lists them all"),
+        (["--no-port"], "no such flag: --no-port (did you mean --port?); --help lists them all"),
+        (["demo"], "expected flags; got 'demo'"),
+        (["--port"], "--port: expected one argument"),
+        (["--port", "abc"], "--port: expected a whole number from 0 to 65,535; got 'abc'"),
+        (["--port", "-1"], "--port: expected a whole number from 0 to 65,535; got '-1'"),
+        (["--start", "later"], "--start: expected run or sync; got 'later'"),
+        (["--release", "21.R1"], "--release: expected 22.R2; got '21.R1'"),
+        (["--sync-lease", "soon"], "--sync-lease: expected seconds up to 86,400, or none; got 'soon'"),
+        (["--rate", "x"], "--rate: expected TOPIC=HZ with at most 120 Hz, such as /Ego_topic=10; got ['x']"),
+        (["--outbox-limit", "2KiB"], "outbox-limit: expected at least outbox-size, 4MiB; got 2KiB"),
+    ],
+)
+def test_mistake_on_the_command_line_is_one_line(argv: list[str], text: str) -> None:
+    assert mistake(argv) == text
+
+
+def test_mistake_in_the_environment_names_the_variable() -> None:
+    text = mistake([], {"ROSBRIDGE_SIM_SYNC_LEASE": "abc"})
+    assert text == "ROSBRIDGE_SIM_SYNC_LEASE: expected seconds up to 86,400, or none; got 'abc'"
+
+
+def test_switch_and_its_no_form_in_one_place_must_agree() -> None:
+    text = mistake([], {"ROSBRIDGE_SIM_WORLD": "1", "ROSBRIDGE_SIM_NO_WORLD": "1"})
+    assert text == "ROSBRIDGE_SIM_NO_WORLD: world and no-world contradict each other"
+    assert not read_settings([], {"ROSBRIDGE_SIM_WORLD": "0", "ROSBRIDGE_SIM_NO_WORLD": "1"}).world
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("port = 1\nhost\n", "s.toml:2:5: not valid TOML: Expected '=' after a key in a key/value pair"),
+        ('host = "a', "s.toml: not valid TOML: Unterminated string at its end"),
+        ("\n\nprot = 1\n", "s.toml:3: prot: no such setting (did you mean port?)"),
+        ("no-port = 1\n", "s.toml:1: no-port: no such setting (did you mean port?)"),
+        ("[server]\nport = 1\n", "s.toml:1: server: no such setting"),
+        ('# x\n"port" = "y"\n', "s.toml:2: port: expected a whole number from 0 to 65,535; got 'y'"),
+        ("port = 1979-05-27\n", None),
+        ("world = 3\n", "s.toml:1: world: expected true or false; got 3"),
+        ("[rate]\nclock = 500\n", None),
+        ("[host]\nx = 1\n", "s.toml:1: host: expected a host name or address; got {'x': 1}"),
+        ('config = "b.toml"\n', "s.toml:1: config: a settings file cannot name another one"),
+        ("world = true\nno-world = true\n", "s.toml:2: no-world: world and no-world contradict each other"),
+        (b"# \xe9\nport = 1\n# \xff", "s.toml:1: expected UTF-8 text"),
+        (b"#" * (2**20 + 1), "s.toml: expected a settings file; it is longer than 1MiB"),
+    ],
+)
+def test_mistake_in_a_file_is_one_line_with_its_place(tmp_path: Path, text: str | bytes, said: str | None) -> None:
+    line = mistake_in(tmp_path, text)
+    assert line.startswith("s.toml")
+    if said is not None:
+        assert line == said
+
+
+def test_missing_file_is_named() -> None:
+    assert mistake(["--config", "/nowhere/s.toml"]) == "/nowhere/s.toml: cannot be read: No such file or directory"
+    assert "directory" in mistake(["--config", "/"])
+
+
+def test_long_value_is_shortened() -> None:
+    assert len(mistake(["--port", "9" * 10_000])) < 200
+
+
+# Options of a Simulator
+
+
+def test_option_that_does_not_exist_is_named() -> None:
+    with pytest.raises(SettingError, match=r"no such option: prot \(did you mean port\?\)"):
+        check_options({"prot": 0})
+
+
+def test_option_with_a_bad_value_is_named() -> None:
+    with pytest.raises(SettingError, match="port: expected a whole number"):
+        check_options({"port": "x"})
+
+
+def test_options_know_nothing_of_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROSBRIDGE_SIM_PORT", "1")
+    assert check_options({}).port == 9090
+
+
+def test_none_is_an_option_only_where_it_means_something() -> None:
+    assert check_options({"map": None, "sync_lease": None, "object_limit": None, "ping_interval": None}).map is None
+    with pytest.raises(SettingError):
+        check_options({"port": None})
+
+
+# Beside the settings
+
+
+def test_misspelt_variable_is_pointed_out_and_a_strange_one_is_not() -> None:
+    lines = strange_variables({"ROSBRIDGE_SIM_SYNC_LAESE": "1", "ROSBRIDGE_SIM_SERVICE_HOST": "x", "PATH": "/bin"})
+    assert lines == [
+        "the environment variable ROSBRIDGE_SIM_SYNC_LAESE means nothing here (did you mean ROSBRIDGE_SIM_SYNC_LEASE?)"
+    ]
+
+
+def test_what_looks_like_a_path() -> None:
+    assert [looks_like_path(name) for name in ("demo", "demo.json", "./demo", "a/b", ".")] == [
+        False, True, True, True, True,
+    ]  # fmt: skip
