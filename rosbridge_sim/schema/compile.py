@@ -1,0 +1,405 @@
+"""Definitions to functions that are made once: decode a JSON body, check it, fill it, encode it.
+
+Each message type gets a struct class of its own whose fields bear the wire's names, and a decoder that reads JSON
+straight into it and refuses what is plainly wrong. That alone does for nearly every body that real clients send (0.5 us
+for a CtrlCmd). What the decoder cannot see is done by a small function that is generated for those types alone that
+need it: headers without a stamp, float32 rounding, the upper bound of uint64. Whatever is refused on the way gets its
+second chance, and its error text, from `check`.
+
+The structs take any trick of `msgspec` but one: nothing is renamed on the wire. Field names that Python cannot have
+(`from`, `class`, `__init__`) get another attribute name, never another wire name.
+"""
+
+from __future__ import annotations
+
+import json
+import keyword
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from types import GenericAlias
+from typing import Annotated, Any, Final
+
+import msgspec
+import numpy as np
+import orjson
+
+from rosbridge_sim.errors import DefinitionError, FieldError
+from rosbridge_sim.schema.check import Dialect, Leniency, Shape, Slot, check, round32, round32_list
+from rosbridge_sim.schema.parse import Definition, Field
+
+__all__ = ["MessageType", "OpaqueType", "ServiceType", "compile_message"]
+
+_After = Callable[[Any, int], None]
+"""`(value, stamp_ns)`: finishes a decoded value in place."""
+
+_MAX_UINT64: Final = 2**64 - 1
+
+_REFUSALS = (msgspec.DecodeError, ValueError, OverflowError, RecursionError)
+"""What the fast way may raise; bad UTF-8 is a ValueError."""
+
+
+class MessageType:
+    """A message type: checks, fills and encodes its values. Made by `compile_message`, once for each type.
+
+    Attributes:
+        name: `pkg/Type`.
+        definition: what it was made from.
+        struct: the class of its values; takes the fields by keyword and fills in the defaults.
+        shape: the same as the slow rules see it.
+    """
+
+    __slots__ = ("_after", "_decode", "definition", "name", "shape", "struct")
+
+    def __init__(self, shape: Shape, after: _After | None) -> None:
+        self.name = shape.name
+        self.definition = shape.definition
+        self.struct = shape.struct
+        self.shape = shape
+        self._after = after
+        self._decode = msgspec.json.Decoder(shape.struct).decode
+
+    def __repr__(self) -> str:
+        return f"MessageType({self.name})"
+
+    @property
+    def after(self) -> _After | None:
+        """What is left to do on a decoded value, `(value, stamp_ns)`; None where nothing is."""
+        return self._after
+
+    def decode_json(self, body: bytes | msgspec.Raw, stamp_ns: int) -> Any:  # noqa: ANN401 - a generated struct
+        """The checked and filled value of a JSON body.
+
+        Args:
+            body: the text of one JSON object.
+            stamp_ns: the time that headers without a stamp get [ns].
+
+        Raises:
+            FieldError: it is no JSON, or does not fit the type.
+        """
+        try:
+            value = self._decode(body)
+            if self._after is not None:
+                self._after(value, stamp_ns)
+        except _REFUSALS:
+            return self.check(_parse_json(self.name, body), stamp_ns)
+        return value
+
+    def check(self, value: object, stamp_ns: int, root: str | None = None) -> Any:  # noqa: ANN401 - a generated struct
+        """The checked and filled value of a body that is there as Python objects; see `check.check`.
+
+        Raises:
+            FieldError: it does not fit the type.
+        """
+        return check(self.shape, value, stamp_ns, root)
+
+    def encode_json(self, value: Any) -> bytes:  # noqa: ANN401 - a generated struct
+        """The JSON text of a value; NaN and infinity are `null`, bytes are base64, numpy arrays are lists."""
+        return _encode(value)
+
+    def default(self) -> Any:  # noqa: ANN401 - a generated struct
+        """A value whose fields all have their defaults."""
+        return self.struct()
+
+    def to_builtins(self, value: Any) -> dict[str, Any]:  # noqa: ANN401 - a generated struct
+        """What `encode_json` gives, as Python objects."""
+        builtins: dict[str, Any] = msgspec.json.decode(_encode(value))
+        return builtins
+
+
+@dataclass(frozen=True, slots=True)
+class ServiceType:
+    """A service type: two message types, `<name>Request` and `<name>Response`."""
+
+    name: str
+    request: MessageType
+    response: MessageType
+
+
+class OpaqueType:
+    """A type of a package that nobody knows: any JSON object passes, nothing is checked or filled.
+
+    Attributes:
+        name: `pkg/Type`.
+    """
+
+    __slots__ = ("name",)
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __repr__(self) -> str:
+        return f"OpaqueType({self.name})"
+
+    def decode_json(self, body: bytes | msgspec.Raw, stamp_ns: int) -> dict[str, Any]:
+        """The object that the text holds.
+
+        Raises:
+            FieldError: it is no JSON object, or nested too deeply to be sent on.
+        """
+        view = memoryview(body)
+        try:
+            value = orjson.loads(view)
+        except orjson.JSONDecodeError:
+            value = _parse_json(self.name, body)
+        else:
+            if isinstance(value, dict) and _is_shallow(bytes(view)):
+                return value
+        return self.check(value, stamp_ns)
+
+    def check(self, value: object, stamp_ns: int, root: str | None = None) -> dict[str, Any]:  # noqa: ARG002 - as MessageType
+        """The object itself.
+
+        Raises:
+            FieldError: it is no object, or JSON cannot hold it.
+        """
+        if not isinstance(value, dict):
+            raise FieldError(f"Expected a JSON object for type {root or self.name} but received a {type(value)}")
+        try:
+            orjson.dumps(value)
+        except orjson.JSONEncodeError as error:
+            raise FieldError(f"{root or self.name}: {error}") from None
+        return value
+
+    def encode_json(self, value: Mapping[str, Any]) -> bytes:
+        """The JSON text of an object that was accepted."""
+        return orjson.dumps(value)
+
+    def default(self) -> dict[str, Any]:
+        """The empty object: nothing is known of any field."""
+        return {}
+
+    def to_builtins(self, value: Mapping[str, Any]) -> dict[str, Any]:
+        """What `encode_json` gives, as Python objects."""
+        builtins: dict[str, Any] = orjson.loads(orjson.dumps(value))
+        return builtins
+
+
+_MAX_ORJSON_DEPTH = 250
+"""orjson writes 254 levels, but reads 1,024."""
+
+
+def _is_shallow(body: bytes) -> bool:
+    """Whether a text cannot be nested more deeply than orjson writes: brackets in strings are counted too."""
+    return body.count(b"{") + body.count(b"[") <= _MAX_ORJSON_DEPTH
+
+
+def _parse_json(name: str, body: bytes | msgspec.Raw) -> object:
+    """The Python objects of a JSON text, the words NaN and Infinity included.
+
+    Raises:
+        FieldError: it is no JSON.
+    """
+    try:
+        # `json` would guess UTF-16 and 32 from bytes: decoded by us, it is UTF-8 or nothing.
+        return json.loads(bytes(body).decode(), parse_float=_parse_float)
+    except (ValueError, OverflowError) as error:
+        raise FieldError(f"{name}: the body is no JSON: {error}") from None
+    except RecursionError:
+        raise FieldError(f"{name}: the body is nested too deeply") from None
+
+
+def _parse_float(text: str) -> float:
+    value = float(text)
+    if math.isinf(value):
+        # Only the word Infinity means infinity; 1e400 is a mistake.
+        raise OverflowError(f"the number {text[:40]} is out of range")
+    return value
+
+
+def _encode_numpy(value: object) -> object:
+    """What `msgspec` does not know: numpy's arrays and scalars, which the world's own code may put into a value."""
+    if isinstance(value, np.ndarray) and value.dtype == np.uint8:
+        return value.tobytes()
+    if isinstance(value, (np.ndarray, np.generic)):
+        return msgspec.Raw(
+            orjson.dumps(np.ascontiguousarray(value) if value.ndim else value, option=orjson.OPT_SERIALIZE_NUMPY)
+        )
+    raise TypeError(f"{type(value)} is no value of a field")
+
+
+_encode = msgspec.json.Encoder(enc_hook=_encode_numpy).encode
+
+
+# Definition to type
+
+
+def compile_message(
+    definition: Definition, nested: Callable[[Field], MessageType], dialect: Dialect, leniency: Leniency
+) -> MessageType:
+    """The compiled type of a definition.
+
+    Args:
+        definition: what it is made from.
+        nested: gives the compiled type of a field's nested message; raises DefinitionError when there is none.
+        dialect: the personality.
+        leniency: other names and shapes that it accepts.
+
+    Raises:
+        DefinitionError: a nested type is unknown or contains itself.
+    """
+    name = definition.name
+    slots: dict[str, Slot] = {}
+    columns: list[tuple[str, Any, Any]] = []
+    afters: dict[str, _After] = {}
+    is_header = name == "std_msgs/Header" and any(
+        f.name == "stamp" and f.full_type == "time" for f in definition.fields
+    )
+    for f in definition.fields:
+        inner = nested(f) if "/" in f.type else None
+        if inner is not None and inner.after is not None:
+            afters[f.name] = inner.after
+        attribute = _attribute(f.name, definition)
+        default = _default(f, inner, definition, dialect)
+        slots[f.name] = Slot(
+            field=f,
+            attribute=attribute,
+            make=default if callable(default) else partial(_same, default),
+            zero=None if inner is not None else _zero(f.type, dialect),
+            shape=None if inner is None else inner.shape,
+            is_single=f.array is not None and f.name in leniency.scalars.get(name, ()),
+            is_numeral=f.name in leniency.numerals.get(name, ()),
+        )
+        annotation = _annotation(f, inner, dialect)
+        if is_header and f.name == "stamp":
+            # `null` passes the fast way, as roslibpy's empty header has it; `after` finds it, and the default.
+            annotation, default = annotation | None, dialect.no_stamp
+        columns.append(
+            (attribute, annotation, msgspec.field(default_factory=default) if callable(default) else default)
+        )
+    struct = msgspec.defstruct(
+        name.rpartition("/")[2],
+        columns,
+        rename={slot.attribute: wire for wire, slot in slots.items() if slot.attribute != wire},
+        forbid_unknown_fields=True,
+        gc=False,  # a message is a tree: it never holds itself
+        module=__name__,
+    )
+    aliases = {
+        alias: wire for alias, wire in leniency.fields.get(name, {}).items() if wire in slots and alias not in slots
+    }
+    shape = Shape(name, definition, dialect, struct, slots, aliases, is_header)
+    return MessageType(shape, _make_after(shape, afters))
+
+
+def _same(value: object) -> object:
+    return value
+
+
+def _attribute(name: str, definition: Definition) -> str:
+    """The name of a field in Python: its own, unless Python needs that name."""
+    if not keyword.iskeyword(name) and not name.startswith("__"):
+        return name
+    taken = {f.name for f in definition.fields}
+    attribute = "f" + name if name.startswith("__") else name + "_"
+    while attribute in taken:
+        attribute += "_"
+    return attribute
+
+
+def _default(
+    f: Field, inner: MessageType | None, definition: Definition, dialect: Dialect
+) -> object | Callable[[], object]:
+    """A field's default: the value itself when it may be shared, else what makes a new one."""
+    count = 0 if f.array is None or f.is_bounded else f.array
+    if inner is not None:
+        struct = inner.struct
+        if f.array is None:
+            return struct
+        return (lambda: [struct() for _ in range(count)]) if count else list
+    if f.default is None:
+        zero = _zero(f.type, dialect)
+        if f.is_bytes:
+            return bytes(count)
+        return zero if f.array is None else ([zero] * count).copy
+    values: list[Any] = list(f.default) if isinstance(f.default, tuple) else [f.default]
+    if f.type == "float32":
+        values = [round32(value) for value in values]
+    elif f.type in dialect.ints:
+        low, high = dialect.ints[f.type]
+        if not low <= min(values, default=0) <= max(values, default=0) <= high:
+            raise DefinitionError(
+                definition.source, f.line, 1, f"the default of {f.name} is out of the range of {f.type}"
+            )
+    if f.is_bytes:
+        return bytes(values)
+    return values.copy if isinstance(f.default, tuple) else values[0]
+
+
+def _zero(kind: str, dialect: Dialect) -> object:
+    if kind in dialect.times:
+        return dialect.times[kind]()
+    return {"string": "", "wstring": "", "bool": False, "float32": 0.0, "float64": 0.0}.get(kind, 0)
+
+
+def _annotation(f: Field, inner: MessageType | None, dialect: Dialect) -> Any:  # noqa: ANN401 - a type form
+    """The type that `msgspec` shall hold a field to."""
+    element: Any
+    if inner is not None:
+        element = inner.struct
+    elif f.type in dialect.ints:
+        low, high = dialect.ints[f.type]
+        # Bounds beyond int64 are not supported by msgspec 0.22; `after` closes the gap.
+        element = _annotate[int, msgspec.Meta(ge=low, le=high) if high < 2**63 else msgspec.Meta(ge=low)]
+    elif f.type in dialect.times:
+        element = dialect.times[f.type]
+    elif f.type in {"string", "wstring"}:
+        element = str if f.max_chars is None else _annotate[str, msgspec.Meta(max_length=f.max_chars)]
+    else:
+        element = bool if f.type == "bool" else float
+    if f.array is None:
+        return element
+    form = bytes if f.is_bytes else GenericAlias(list, (element,))
+    if f.array == 0:
+        return form
+    return _annotate[form, msgspec.Meta(min_length=None if f.is_bounded else f.array, max_length=f.array)]
+
+
+_annotate: Any = Annotated
+"""`Annotated`, with types that are known at run time only."""
+
+
+# What is left to do after the decoder
+
+
+def _make_after(shape: Shape, afters: Mapping[str, _After]) -> _After | None:
+    """The function that does to a decoded value what `msgspec` cannot; None where there is nothing to do.
+
+    It is generated, one line for each field that needs it: a loop over descriptions of the fields would cost more than
+    the decoder does. It raises ValueError or OverflowError for what does not fit; `check` then finds the words.
+    """
+    names: dict[str, object] = {
+        "no_stamp": shape.dialect.no_stamp,
+        "now": shape.dialect.time,
+        "round32": round32,
+        "round32_list": round32_list,
+        "check_uint64": _check_uint64,
+    }
+    lines = []
+    for i, (wire, slot) in enumerate(shape.slots.items()):
+        item = f"value.{slot.attribute}"
+        is_array = slot.field.array is not None
+        if wire in afters:
+            names[f"after_{i}"] = afters[wire]
+            lines.append(
+                f"for item in {item}: after_{i}(item, stamp_ns)" if is_array else f"after_{i}({item}, stamp_ns)"
+            )
+        elif shape.is_header and wire == "stamp":
+            lines.append(f"if {item} is no_stamp or {item} is None: {item} = now(stamp_ns)")
+        elif slot.field.type == "float32":
+            lines.append(f"if {item}: {item} = round32{'_list' if is_array else ''}({item})")
+        elif slot.field.type == "uint64":
+            lines.append(f"check_uint64({item})" if is_array else f"if {item} > {_MAX_UINT64}: raise OverflowError")
+    if not lines:
+        return None
+    source = "def after(value, stamp_ns):\n" + "".join(f"    {line}\n" for line in lines)
+    # Nothing of a definition gets into the source but names that the parser has matched against [A-Za-z_][A-Za-z0-9_]*.
+    exec(compile(source, f"<after {shape.name}>", "exec"), names)  # noqa: S102
+    after: _After = names["after"]  # type: ignore[assignment] # made by the line above
+    return after
+
+
+def _check_uint64(values: list[int]) -> None:
+    if values and max(values) > _MAX_UINT64:
+        raise OverflowError

@@ -1,0 +1,360 @@
+"""Definition text to fields and constants: the grammar of .msg and .srv files.
+
+It reads the ROS 1 grammar, and of the ROS 2 one whatever ROS 1 text cannot mean otherwise: bounded arrays and
+strings, default values, three-part type names. Every type name comes out as `pkg/Type`; the old short names
+`Header`, `time` and `duration` are understood here and nowhere else. What is wrong with a text is said with its
+line and column.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import re
+from dataclasses import dataclass, field, replace
+from typing import NoReturn
+
+from rosbridge_sim.errors import DefinitionError
+
+__all__ = [
+    "BASE_TYPES",
+    "INT_RANGES",
+    "MAX_FLOAT32",
+    "Constant",
+    "Definition",
+    "Field",
+    "parse_message",
+    "parse_service",
+    "qualified_text",
+]
+
+INT_RANGES = {f"int{n}": (-(2 ** (n - 1)), 2 ** (n - 1) - 1) for n in (8, 16, 32, 64)} | {
+    f"uint{n}": (0, 2**n - 1) for n in (8, 16, 32, 64)
+}
+"""Least and greatest value of each integer type."""
+
+_WORD_RANGES = {"byte": (-128, 255), "char": (-128, 255)}
+"""`byte` and `char` change their sign between ROS 1 and 2: in a constant either reading passes."""
+
+BASE_TYPES = frozenset(
+    {*INT_RANGES, "bool", "float32", "float64", "string", "wstring", "byte", "char", "time", "duration"}
+)
+
+MAX_FLOAT32 = 3.4028235677973366e38
+"""The first number that float32 rounds to infinity: half a step above its greatest one."""
+
+MAX_LENGTH = 1 << 24
+"""The longest fixed array: its default value alone would take 128 MB."""
+
+_TYPE = re.compile(
+    r"(?P<base>[A-Za-z]\w*(?:/\w+)*)(?:<=(?P<chars>\d+))?(?P<array>\[(?P<bound><=)?(?P<count>\d*)\])?(?=\s)", re.ASCII
+)
+_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+_SPACE = re.compile(r"\s*")
+_QUALIFIED = re.compile(r"(?P<package>[A-Za-z]\w*)/(?:msg/)?(?P<type>[A-Za-z]\w*)", re.ASCII)
+_OLD_NAMES = {
+    "Header": "std_msgs/Header",
+    "builtin_interfaces/Time": "time",
+    "builtin_interfaces/Duration": "duration",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One field of a message.
+
+    Attributes:
+        type: the base type, e.g. `float64`, `time`, or `pkg/Type`; never with an array suffix.
+        name: as on the wire.
+        array: None for a scalar, 0 for any length, N for exactly N (or at most N, see `is_bounded`).
+        default: what the text gives (already converted, a tuple for arrays), or None.
+        is_bounded: `array` is the greatest length and not the exact one.
+        max_chars: the longest text of a bounded string, or None.
+        line: where it stands, counted from 1.
+    """
+
+    type: str
+    name: str
+    array: int | None = None
+    default: object | None = None
+    is_bounded: bool = False
+    max_chars: int | None = None
+    line: int = field(default=0, compare=False)
+
+    @property
+    def is_bytes(self) -> bool:
+        """Whether it is an array of bytes: base64 on the wire, `bytes` here."""
+        return self.array is not None and self.type in {"uint8", "char"}
+
+    @property
+    def full_type(self) -> str:
+        """The type as the text writes it: `float64[36]`, `string<=8[<=4]`."""
+        chars = "" if self.max_chars is None else f"<={self.max_chars}"
+        if self.array is None:
+            return self.type + chars
+        return f"{self.type}{chars}[{'<=' if self.is_bounded else ''}{self.array or ''}]"
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """A named value of a message.
+
+    Attributes:
+        type: a base type.
+        value: converted; `text` is how the definition writes it.
+    """
+
+    type: str
+    name: str
+    value: object
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Definition:
+    """A parsed message, or one half of a service.
+
+    Attributes:
+        name: `pkg/Type`.
+        text: what was parsed.
+        source: where the text came from, and `first_line` its first line there: for error messages.
+    """
+
+    name: str
+    fields: tuple[Field, ...]
+    constants: tuple[Constant, ...]
+    text: str
+    source: str = field(default="", compare=False)
+    first_line: int = field(default=1, compare=False)
+
+    @property
+    def package(self) -> str:
+        """The part of the name before the slash."""
+        return self.name.partition("/")[0]
+
+
+def parse_message(name: str, text: str, source: str | None = None) -> Definition:
+    """The definition that a .msg text holds.
+
+    Args:
+        name: `pkg/Type`; unqualified names in the text belong to its package.
+        text: the whole file.
+        source: what error messages call the text; the name when None.
+
+    Raises:
+        DefinitionError: the text breaks the grammar; with line and column.
+    """
+    return _parse(name, text, source or name, 1)
+
+
+def parse_service(name: str, text: str, source: str | None = None) -> tuple[Definition, Definition]:
+    """The request `<name>Request` and the response `<name>Response` that a .srv text holds.
+
+    Raises:
+        DefinitionError: the text breaks the grammar, or has not exactly one `---` line.
+    """
+    lines = text.split("\n")
+    borders = [i for i, line in enumerate(lines) if line.strip() == "---"]
+    if len(borders) != 1:
+        line = borders[1] + 1 if borders else len(lines)
+        raise DefinitionError(source or name, line, 1, f"a service needs exactly one line '---', found {len(borders)}")
+    request, response = "\n".join(lines[: borders[0]]), "\n".join(lines[borders[0] + 1 :])
+    return (
+        _parse(f"{name}Request", request, source or name, 1),
+        _parse(f"{name}Response", response, source or name, borders[0] + 2),
+    )
+
+
+def qualified_text(definition: Definition) -> str:
+    """The definition's text with every nested type by its full name, as readers of typedefs need it."""
+    nested = {f.line: f.full_type for f in definition.fields if "/" in f.type}
+    lines = definition.text.split("\n")
+    for number, full_type in nested.items():
+        line = lines[number - definition.first_line]
+        match = _TYPE.match(line, _skip_space(line, 0))
+        if match is None:
+            raise AssertionError(f"{definition.name}: line {number} was parsed before")
+        lines[number - definition.first_line] = line[: match.start()] + full_type + line[match.end() :]
+    return "\n".join(lines)
+
+
+def _skip_space(line: str, at: int) -> int:
+    match = _SPACE.match(line, at)
+    return match.end() if match else at
+
+
+def _parse(name: str, text: str, source: str, first_line: int) -> Definition:
+    fields: list[Field] = []
+    constants: list[Constant] = []
+    names: set[str] = set()
+    text = text.removeprefix("\ufeff").replace("\r\n", "\n")
+    for number, line in enumerate(text.split("\n"), first_line):
+        item = _Line(source, number, line, name.partition("/")[0]).parse()
+        if item is None:
+            continue
+        if item.name in names:
+            raise DefinitionError(source, number, line.find(item.name) + 1, f"{item.name} is defined twice")
+        names.add(item.name)
+        if isinstance(item, Field):
+            fields.append(item)
+        else:
+            constants.append(item)
+    return Definition(name, tuple(fields), tuple(constants), text, source, first_line)
+
+
+@dataclass(frozen=True, slots=True)
+class _Line:
+    """One line of a definition, and where to say that it is wrong."""
+
+    source: str
+    number: int
+    line: str
+    package: str
+
+    def fail(self, at: int, text: str) -> NoReturn:
+        raise DefinitionError(self.source, self.number, at + 1, text)
+
+    def parse(self) -> Field | Constant | None:
+        """What the line defines: `type name`, `type name = value` or `type name default`, then a comment."""
+        line = self.line
+        start = _skip_space(line, 0)
+        if line[start : start + 1] in {"", "#"}:
+            return None
+        type_match = _TYPE.match(line, start)
+        if type_match is None:
+            self.fail(start, f"expected a type and a name, found {line[start:].strip()!r}")
+        at = _skip_space(line, type_match.end())
+        name_match = _NAME.match(line, at)
+        if name_match is None:
+            self.fail(at, f"expected the name of a field, found {line[at:].strip() or 'the end of the line'!r}")
+        at = _skip_space(line, name_match.end())
+        rest = line[at:]
+        if rest.startswith("="):
+            return self.constant(type_match, name_match[0], _skip_space(line, at + 1))
+        plain = self.field(type_match, name_match[0])
+        if rest[:1] in {"", "#"}:
+            return plain
+        if at == name_match.end():
+            self.fail(at, f"{line[name_match.start() :].split()[0]!r} is no name of a field")
+        return replace(plain, default=self.default(plain, at))
+
+    def field(self, match: re.Match[str], name: str) -> Field:
+        base = self.resolve(match)
+        chars = match["chars"]
+        if chars is not None and base not in {"string", "wstring"}:
+            self.fail(match.start("chars"), f"only a string can be bounded, not {base}")
+        array = None
+        if match["array"]:
+            array = int(match["count"] or 0)
+            if (match["count"] and not 0 < array <= MAX_LENGTH) or (match["bound"] and not match["count"]):
+                self.fail(match.start("array"), f"an array's length is from 1 to {MAX_LENGTH}, found {match['array']}")
+        return Field(
+            base,
+            name,
+            array,
+            is_bounded=bool(match["bound"]),
+            max_chars=None if chars is None else int(chars),
+            line=self.number,
+        )
+
+    def resolve(self, match: re.Match[str]) -> str:
+        """The base type, or the full name of a nested one."""
+        base = match["base"]
+        if base in BASE_TYPES:
+            return base
+        if "/" not in base:
+            return _OLD_NAMES.get(base) or f"{self.package}/{base}"
+        qualified = _QUALIFIED.fullmatch(base)
+        if qualified is None:
+            self.fail(match.start(), f"{base} is not a valid type string")
+        full = f"{qualified['package']}/{qualified['type']}"
+        return _OLD_NAMES.get(full, full)
+
+    def constant(self, match: re.Match[str], name: str, at: int) -> Constant:
+        base = match["base"]
+        if base not in BASE_TYPES - {"time", "duration"} or match["array"] or match["chars"]:
+            self.fail(match.start(), f"a constant cannot be of type {match[0]}")
+        if base in {"string", "wstring"}:
+            # Everything behind the sign belongs to the text, `#` too; quotes are part of it, as in ROS 1.
+            text = self.line[at:].strip()
+            return Constant(base, name, text, text)
+        text = self.line[at:].partition("#")[0].strip()
+        return Constant(base, name, self.convert(base, text, at), text)
+
+    def default(self, plain: Field, at: int) -> object:
+        """The value behind a field's name, as ROS 2 text may have it."""
+        base = plain.type
+        if base not in BASE_TYPES - {"time", "duration"}:
+            self.fail(at, f"a field of type {plain.full_type} cannot have a default value")
+        if plain.array is None:
+            value = self.convert(base, self.literal(base, at), at)
+            self.check_chars(plain, value, at)
+            return value
+        text = self.line[at:].strip()
+        match = re.match(r"\[(.*)\]\s*(?:#.*)?$", text)
+        if match is None:
+            self.fail(at, f"expected a list of values for {plain.full_type}, found {text!r}")
+        if base in {"string", "wstring"}:
+            parts = self.texts(match[1], at)
+        else:
+            parts = [part.strip() for part in match[1].split(",")] if match[1].strip() else []
+        values = tuple(self.convert(base, part, at) for part in parts)
+        if plain.array and (len(values) > plain.array or (len(values) < plain.array and not plain.is_bounded)):
+            self.fail(at, f"{len(values)} values do not fit {plain.full_type}")
+        for value in values:
+            self.check_chars(plain, value, at)
+        return values
+
+    def literal(self, base: str, at: int) -> str:
+        """The text of a single default value, without its quotes and the comment behind it."""
+        text = self.line[at:].strip()
+        if base not in {"string", "wstring"}:
+            return text.partition("#")[0].strip()
+        if text[0] not in "'\"":
+            return text.partition("#")[0].strip()
+        values = self.texts(text, at)
+        if len(values) != 1:
+            self.fail(at, f"expected one text, found {text!r}")
+        return values[0]
+
+    def texts(self, text: str, at: int) -> list[str]:
+        """Quoted texts, separated by commas; Python's own rules for quotes and escapes, and for comments."""
+        try:
+            values = ast.literal_eval(f"[{text}\n]")
+        except (ValueError, SyntaxError, MemoryError, RecursionError):
+            values = [None]
+        if not all(isinstance(value, str) for value in values):
+            self.fail(at, f"expected text in quotes, found {text!r}")
+        return list(values)
+
+    def check_chars(self, plain: Field, value: object, at: int) -> None:
+        if plain.max_chars is not None and isinstance(value, str) and len(value) > plain.max_chars:
+            self.fail(at, f"{value!r} is longer than {plain.full_type} allows")
+
+    def convert(self, base: str, text: str, at: int) -> object:
+        """The value that a literal stands for, checked against the range of its type."""
+        if base in {"string", "wstring"}:
+            return text
+        if base == "bool":
+            if text.lower() not in {"true", "false", "1", "0"}:
+                self.fail(at, f"expected true or false, found {text!r}")
+            return text.lower() in {"true", "1"}
+        if base in {"float32", "float64"}:
+            return self.convert_float(base, text, at)
+        try:
+            value = int(text, 10 if text.lstrip("+-")[:2].isdigit() else 0)
+        except ValueError:
+            self.fail(at, f"expected a {base} value, found {text!r}")
+        low, high = INT_RANGES.get(base) or _WORD_RANGES[base]
+        if not low <= value <= high:
+            self.fail(at, f"{value} is out of the range of {base}, {low} to {high}")
+        return value
+
+    def convert_float(self, base: str, text: str, at: int) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            self.fail(at, f"expected a {base} value, found {text!r}")
+        if base == "float32" and MAX_FLOAT32 <= abs(value) < math.inf:
+            self.fail(at, f"{text} is out of the range of float32")
+        return value
