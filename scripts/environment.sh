@@ -1,0 +1,78 @@
+# Sourced by the other scripts: the project's own Python environment in .venv, made when it is missing or out of date.
+# shellcheck shell=bash
+
+root=$(cd -P -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)
+
+say() { printf '%s: %s\n' "${0##*/}" "$1" >&2; }
+
+# find_python: the first Python that is new enough and can make an environment, in $python.
+find_python() {
+    local candidate old="" bare=""
+    for candidate in ${PYTHON:-python3.13 python3.12 python3.11 python3 python}; do
+        command -v "$candidate" >/dev/null || continue
+        if ! "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+            old=$candidate
+        elif ! "$candidate" -c 'import ensurepip, venv' 2>/dev/null; then
+            bare=$candidate
+        else
+            python=$candidate
+            return
+        fi
+    done
+    if [[ $bare ]]; then
+        say "$bare lacks the venv module; install it (Debian, Ubuntu: apt-get install python3-venv)"
+    else
+        say "needs Python 3.11 or newer${old:+; $old is older}; install it, or name it: PYTHON=/path/to/python3"
+    fi
+    exit 1
+}
+
+# is_current STAMP: whether what pyproject.toml asked for at the last installation is what it asks for now, and here.
+is_current() {
+    [[ -x $root/.venv/bin/python && -f $1 && $(<"$1") == "$root"$'\n'"$(<"$root/pyproject.toml")" ]]
+}
+
+# ensure_environment [EXTRAS]: .venv holds the package, editable, with what it needs; EXTRAS as in pyproject.toml.
+ensure_environment() {
+    local extras=${1:-} stamp=$root/.venv/installed${1:+-$1}
+    if is_current "$stamp"; then return; fi
+    if ! mkdir -p "$root/.venv" 2>/dev/null || [[ ! -w $root/.venv ]]; then
+        say "cannot write to $root/.venv, where the environment belongs"
+        exit 1
+    fi
+    if command -v flock >/dev/null; then # two first starts at once: one installs, the other waits
+        exec 9>"$root/.venv/lock"
+        flock 9
+    fi
+    if ! is_current "$stamp"; then
+        if ! "$root/.venv/bin/python" -m pip --version >/dev/null 2>&1; then
+            find_python
+            say "making .venv with $("$python" --version 2>&1)"
+            "$python" -m venv "$root/.venv" >&2 || exit 1
+        fi
+        say "installing into .venv (once; later starts skip this)"
+        if ! "$root/.venv/bin/python" -m pip install --quiet --disable-pip-version-check \
+            --editable "$root${extras:+[$extras]}" >&2; then
+            say "the installation failed; pip says why above"
+            exit 1
+        fi
+        printf '%s\n%s' "$root" "$(<"$root/pyproject.toml")" | tee "$root/.venv/installed" >"$stamp"
+    fi
+    exec 9>&-
+}
+
+# ensure_node_packages: the JavaScript clients of the tests, where Node is there.
+ensure_node_packages() {
+    local at=$root/tests/end_to_end
+    if ! command -v node >/dev/null || ! command -v npm >/dev/null; then
+        say "node or npm is missing: tests with JavaScript clients cannot run"
+        return
+    fi
+    if [[ -f $at/node_modules/installed && $(<"$at/node_modules/installed") == "$(<"$at/package-lock.json")" ]]; then return; fi
+    say "installing the JavaScript clients of the tests (once)"
+    if ! npm ci --prefix "$at" --no-audit --no-fund --loglevel=error >&2; then
+        say "npm could not install them; it says why above"
+        return
+    fi
+    printf '%s' "$(<"$at/package-lock.json")" >"$at/node_modules/installed"
+}
