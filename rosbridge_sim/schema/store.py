@@ -47,12 +47,14 @@ class Message:
         value: a struct of it, or the bare object of an unknown type; not changed any more.
     """
 
-    __slots__ = ("_json", "type", "value")
+    __slots__ = ("_framed", "_head", "_json", "type", "value")
 
     def __init__(self, message_type: MessageType | OpaqueType, value: Any) -> None:  # noqa: ANN401 - a generated struct
         self.type = message_type
         self.value = value
         self._json: bytes | None = None
+        self._head = b""
+        self._framed = b""
 
     @property
     def json(self) -> bytes:
@@ -60,6 +62,13 @@ class Message:
         if self._json is None:
             self._json = self.type.encode_json(self.value)
         return self._json
+
+    def framed(self, head: bytes) -> bytes:
+        """`head`, the JSON text, and a closing brace; kept for the next listener, who mostly wants the same."""
+        if head != self._head:
+            self._framed = head + self.json + b"}"
+            self._head = head
+        return self._framed
 
 
 class Store:
