@@ -23,7 +23,7 @@ from typing import Any, NoReturn, Self
 import pytest
 from websockets.asyncio.client import ClientConnection, connect
 
-__all__ = ["PATIENCE", "ROOT", "Client", "ServerProcess", "miss", "require_node_modules", "require_tool"]
+__all__ = ["PATIENCE", "ROOT", "Client", "ServerProcess", "miss", "read_line", "require_node_modules", "require_tool"]
 
 ROOT = Path(__file__).parent.parent
 
@@ -63,7 +63,14 @@ def require_node_modules() -> Path:
     return folder
 
 
-# The server
+# Processes
+
+
+def read_line(process: subprocess.Popen[str]) -> str:
+    """The first line of a process's stdout; empty if it says nothing for too long, or ends."""
+    assert process.stdout is not None
+    is_ready, _, _ = select.select([process.stdout], [], [], PATIENCE)
+    return process.stdout.readline() if is_ready else ""
 
 
 class ServerProcess:
@@ -84,24 +91,19 @@ class ServerProcess:
             env: beside the test's own environment.
         """
         self._log = log
+        self._is_told_to_stop = False
         command = [sys.executable, "-m", "rosbridge_sim", "serve", "--port", "0", *flags]
         with log.open("wb") as stderr:
             self._process = subprocess.Popen(
                 command, cwd=ROOT, env={**os.environ, **(env or {})}, stdout=subprocess.PIPE, stderr=stderr, text=True
             )
         self.pid = self._process.pid
-        line = self._first_line()
+        line = read_line(self._process)
         if not line.startswith(_READY):
             self.kill()
             raise AssertionError(f"{' '.join(command)} said {line!r} and not where it listens. Its log:\n{self.log}")
         self.url = line[len(_READY) :].strip()
         self.port = int(self.url.rpartition(":")[2].strip("/"))
-
-    def _first_line(self) -> str:
-        stdout = self._process.stdout
-        assert stdout is not None
-        is_ready, _, _ = select.select([stdout], [], [], PATIENCE)
-        return stdout.readline() if is_ready else ""
 
     @property
     def log(self) -> str:
@@ -123,8 +125,9 @@ class ServerProcess:
 
     def stop(self, signal_number: int = signal.SIGTERM) -> int:
         """Ask it to stop and wait for it; its exit code."""
-        self._process.send_signal(signal_number)
+        self._is_told_to_stop = True
         try:
+            self._process.send_signal(signal_number)
             return self._process.wait(PATIENCE)
         finally:
             self.kill()
@@ -138,14 +141,14 @@ class ServerProcess:
             self._process.stdout.close()
 
     def stop_cleanly(self) -> None:
-        """Stop it and insist on a clean end: it was alive, exits with 0, and has logged no traceback."""
-        was_alive = self.is_alive
-        code = self.stop() if was_alive else self._process.returncode
+        """Stop it if that was not done yet, and insist on a clean end: exit code 0, and no traceback in its log."""
+        if self.is_alive:
+            self.stop()
         self.kill()
-        log = self.log
-        assert was_alive, f"the server had ended with {code}. Its log:\n{log}"
-        assert code == 0, f"the server ended with {code}. Its log:\n{log}"
-        assert "Traceback" not in log, f"the server logged a traceback:\n{log}"
+        code = self._process.returncode
+        assert self._is_told_to_stop, f"the server ended by itself, with {code}. Its log:\n{self.log}"
+        assert code == 0, f"the server ended with {code}. Its log:\n{self.log}"
+        assert "Traceback" not in self.log, f"the server logged a traceback:\n{self.log}"
 
 
 # The client

@@ -1,0 +1,147 @@
+"""`scripts/examples/drive_sync.py`, as a person runs it: it follows a path, and ends well however it ends."""
+
+from __future__ import annotations
+
+import math
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import Connect, Serve
+from tests.support import PATIENCE, ROOT, ServerProcess, read_line
+
+pytestmark = [pytest.mark.client, pytest.mark.slow]
+
+EXAMPLE = ROOT / "scripts" / "examples" / "drive_sync.py"
+
+Figure = tuple[tuple[float, float], ...]
+"""(length [m], radius [m]) one after another; a radius is positive to the left, and 0 is straight."""
+
+QUARTER = math.pi / 2
+COURSE: Figure = (
+    (80.0, 0.0),
+    (QUARTER * 20.0, 20.0),
+    (40.0, 0.0),
+    (QUARTER * 20.0, -20.0),
+    (50.0, 0.0),
+    (QUARTER * 30.0, -30.0),  # the S
+    (QUARTER * 30.0, 30.0),
+    (30.0, 0.0),
+    (2 * QUARTER * 20.0, 20.0),  # a hairpin
+    (50.0, 0.0),
+    (QUARTER * 20.0, -20.0),
+    (100.0, 0.0),
+)
+
+
+def draw(figure: Figure, x: float, y: float, yaw: float, spacing: float = 0.5) -> list[tuple[float, float]]:
+    """Points along a figure that starts at a pose."""
+    points = [(x, y)]
+    for length, radius in figure:
+        num_pieces = math.ceil(length / spacing)
+        for _ in range(num_pieces):
+            piece = length / num_pieces
+            turn = piece / radius if radius else 0.0
+            chord = 2.0 * radius * math.sin(turn / 2.0) if radius else piece
+            x, y = x + chord * math.cos(yaw + turn / 2.0), y + chord * math.sin(yaw + turn / 2.0)
+            yaw += turn
+            points.append((x, y))
+    return points
+
+
+def write(points: list[tuple[float, float]], file: Path) -> Path:
+    file.write_text("".join(f"{x:.4f}\t{y:.4f}\t0.0\n" for x, y in points))
+    return file
+
+
+def start(process: ServerProcess, *flags: str) -> subprocess.Popen[str]:
+    command = [sys.executable, str(EXAMPLE), "--port", str(process.port), *flags]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def run(process: ServerProcess, *flags: str) -> tuple[int, str, str]:
+    """Exit code, stdout and stderr."""
+    with start(process, *flags) as example:
+        out, err = example.communicate(timeout=6 * PATIENCE)
+    return example.returncode, out, err
+
+
+def figure_of(pattern: str, text: str) -> float:
+    match = re.search(pattern, text)
+    assert match is not None, text
+    return float(match[1])
+
+
+async def test_it_follows_a_path_in_map_coordinates(serve: Serve, connect: Connect, tmp_path: Path) -> None:
+    process = serve("--start", "sync")
+    client = await connect(process.url)
+    await client.ask("/SyncModeCmd", user_id="look", start_sync_mode=True, time_step=20)
+    car = (await client.ask("/SyncModeWaitForTick", user_id="look", frame=1))["vehicle_status"]
+    await client.ask("/SyncModeCmd", user_id="look", start_sync_mode=False, time_step=20)
+    points = draw(COURSE, car["position"]["x"], car["position"]["y"], math.radians(car["heading"]))
+    code, out, err = run(process, "--path", str(write(points, tmp_path / "path.txt")))
+    assert (code, err) == (0, "")
+    assert figure_of(r"drove ([\d.]+) m", out) >= 600.0
+    assert figure_of(r"slowest after the run-up: ([\d.]+) km/h", out) >= 30.0
+    assert figure_of(r"largest lateral error: ([\d.]+) m", out) < 0.3
+
+
+async def test_interrupted_it_gives_the_world_back(serve: Serve, connect: Connect, tmp_path: Path) -> None:
+    process = serve()
+    client = await connect(process.url)
+    await client.subscribe("/SyncModeInfo", type="morai_msgs/SyncModeInfo")
+    path = write([(0.0, 0.0), (100_000.0, 0.0)], tmp_path / "path.txt")
+    with start(process, "--path", str(path), "--from-car") as example:
+        assert read_line(example).startswith("path of 100000.0 m")
+        await client.message_where("/SyncModeInfo", lambda info: info["master_id"] == "drive_sync")
+        example.send_signal(signal.SIGINT)
+        _, err = example.communicate(timeout=PATIENCE)
+    assert (example.returncode, err) == (130, "drive_sync: interrupted; synchronous mode is off\n")
+    info = await client.message_where("/SyncModeInfo", lambda info: not info["master_id"])
+    assert info["status"] is False
+
+
+async def test_it_says_who_is_the_master_already(serve: Serve, connect: Connect, tmp_path: Path) -> None:
+    process = serve()
+    client = await connect(process.url)
+    await client.ask("/SyncModeCmd", user_id="the_other", start_sync_mode=True, time_step=20)
+    code, _, err = run(process, "--path", str(write([(0.0, 0.0), (9.0, 0.0)], tmp_path / "path.txt")))
+    assert (code, err) == (1, "drive_sync: synchronous mode was refused: 'the_other' is its master\n")
+
+
+def test_it_says_that_the_server_is_gone(serve: Serve, tmp_path: Path) -> None:
+    process = serve()
+    path = write([(0.0, 0.0), (100_000.0, 0.0)], tmp_path / "path.txt")
+    with start(process, "--path", str(path), "--from-car") as example:
+        read_line(example)
+        assert process.stop() == 0
+        _, err = example.communicate(timeout=2 * PATIENCE)
+    assert example.returncode == 1
+    assert re.fullmatch(
+        r"drive_sync: (no answer from 127.0.0.1:\d+; is the server running\?|the server is gone)\n", err
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("1.0 2.0 0.0\n1.0 north 0.0\n", "path.txt:2: expected `x y z`, got '1.0 north 0.0'"),
+        ("# nothing\n", "path.txt: expected a path of two points at least, got 0"),
+    ],
+)
+def test_a_path_that_is_none_is_one_readable_line(server: ServerProcess, tmp_path: Path, text: str, told: str) -> None:
+    path = tmp_path / "path.txt"
+    path.write_text(text)
+    code, out, err = run(server, "--path", str(path))
+    assert (code, out) == (2, "")
+    assert err == f"drive_sync: {path.parent}/{told}\n"
+
+
+def test_a_path_far_away_is_refused(server: ServerProcess, tmp_path: Path) -> None:
+    code, _, err = run(server, "--path", str(write([(5e5, 5e5), (6e5, 6e5)], tmp_path / "path.txt")))
+    assert code == 1
+    assert re.fullmatch(r"drive_sync: the path starts \d+ m away from the car; --from-car would lay it there\n", err)

@@ -1,0 +1,116 @@
+"""What the README shows is what there is: its scripts run, its tables and its diagram are the truth."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rosbridge_sim.morai.sync import TABLE
+from tests.conftest import Connect
+from tests.support import PATIENCE, ROOT, ServerProcess, require_node_modules, require_tool
+
+README = (ROOT / "README.md").read_text()
+
+PLACE = re.compile(r"at \((-?[\d.]+), (-?[\d.]+)\), (-?[\d.]+) km/h\n")
+
+
+def example(mark: str) -> str:
+    """The one script under `<!-- run: mark -->`."""
+    (script,) = re.findall(rf"<!-- run: {mark} -->\n```\w+\n(.*?)```\n", README, re.DOTALL)
+    assert isinstance(script, str)
+    return script
+
+
+def at_port(script: str, port: int) -> str:
+    """The script, talking to another port than the one it shows."""
+    assert script.count("9090") == 1
+    return script.replace("9090", str(port))
+
+
+def run(command: list[str], cwd: Path) -> str:
+    env = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, timeout=3 * PATIENCE, check=False)
+    assert (done.returncode, done.stderr) == (0, ""), done.stderr
+    return done.stdout
+
+
+@pytest.mark.client
+@pytest.mark.slow
+def test_the_python_script_drives(server: ServerProcess, tmp_path: Path) -> None:
+    script = tmp_path / "drive.py"
+    script.write_text(at_port(example("python"), server.port))
+    match = PLACE.fullmatch(run([sys.executable, str(script)], tmp_path))
+    assert match is not None
+    assert float(match[3]) > 10.0
+
+
+@pytest.mark.client
+@pytest.mark.slow
+def test_the_javascript_drives(server: ServerProcess, tmp_path: Path) -> None:
+    script = tmp_path / "drive.mjs"
+    script.write_text(at_port(example("node"), server.port))
+    (tmp_path / "node_modules").symlink_to(require_node_modules())
+    match = PLACE.fullmatch(run([require_tool("node"), "--preserve-symlinks", str(script)], tmp_path))
+    assert match is not None
+    assert float(match[3]) > 10.0
+
+
+@pytest.mark.slow
+def test_the_simulator_in_process_runs(tmp_path: Path) -> None:
+    script = tmp_path / "simulator.py"
+    script.write_text(example("simulator"))
+    out = run([sys.executable, str(script)], tmp_path)
+    assert re.fullmatch(r"ws://127\.0\.0\.1:\d+/? has \d+ topics\n", out)
+
+
+def rows(header: str) -> list[list[str]]:
+    """The cells of the table with that header, without its first two lines."""
+    lines = README[README.index(header) :].splitlines()[2:]
+    table = lines[: next(i for i, line in enumerate([*lines, ""]) if not line.startswith("|"))]
+    return [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in table]
+
+
+def names_in(cell: str) -> list[str]:
+    return re.findall(r"`(/\w+)`", cell)
+
+
+async def test_the_tables_of_topics_and_services_are_complete(server: ServerProcess, connect: Connect) -> None:
+    client = await connect(server.url)
+    node = await client.values("/rosapi/node_details", {"node": "/morai_sim"})
+    out: set[str] = set()
+    into: set[str] = set()
+    types: dict[str, str] = {}
+    for names, type_name, direction, _ in rows("| topic | type |"):
+        for name in names_in(names):
+            types[name] = type_name.strip("`")
+            {"in": into, "out": out}[direction].add(name)
+    assert out == set(node["subscribing"])
+    assert into == set(node["publishing"])
+    for name, type_name in types.items():
+        assert await client.values("/rosapi/topic_type", {"topic": name}) == {"type": type_name}
+    services = {names_in(name)[0]: type_name.strip("`") for name, type_name, _ in rows("| service | type |")}
+    assert set(services) == set(node["services"])
+    for name, type_name in services.items():
+        assert await client.values("/rosapi/service_type", {"service": name}) == {"type": type_name}
+
+
+def test_every_flag_that_it_names_exists() -> None:
+    flags = set(re.findall(r"`(--[a-z-]+)", README))
+    assert len(flags) > 15
+    helped = run([sys.executable, "-m", "rosbridge_sim", "serve", "--help"], ROOT)
+    assert sorted(flag for flag in flags if not re.search(rf"(?<!\w){flag}\b", helped)) == []
+
+
+def test_the_diagram_of_synchronous_mode_is_its_table() -> None:
+    drawn = set(re.findall(r"^ +(\w+) --> (\w+):", README, re.MULTILINE))
+    assert drawn == {
+        (state.name, outcome.state.name)
+        for state, outcomes in TABLE.items()
+        for outcome in outcomes.values()
+        if outcome.state is not state
+    }
