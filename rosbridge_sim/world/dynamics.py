@@ -31,16 +31,19 @@ real car goes wide); no pitch, no slope, no load transfer, no engine that needs 
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
-from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
-from rosbridge_sim.world.state import MAX_SPEED, Gear, Kind, Mode, World, check_pose
+from rosbridge_sim.world.block import Block
+from rosbridge_sim.world.geometry import FloatArray, wrap_angle
+from rosbridge_sim.world.state import MAX_SPEED, BoolArray, Gear, Kind, Mode, World, check_pose
 
 __all__ = ["command", "drive", "shift", "teleport"]
 
 MAX_COMMAND_ACCEL = 100.0  # beyond any brake; keeps the controller's sums finite [m/s^2]
 STANDSTILL = 0.1  # a gear change takes hold below this speed [m/s]
+ULP_PI = math.ulp(math.pi)  # from pi to the next number
 TINY = 1e-150  # sin(h) / h with h = 0 becomes TINY / TINY = 1; added to any other h it changes no bit
 
 
@@ -114,6 +117,7 @@ def shift(world: World, row: int, gear: Gear) -> bool:
         return False
     world.gear[row] = gear
     world.aim(row)
+    world.touch()
     return True
 
 
@@ -154,155 +158,137 @@ def drive(world: World, dt: float) -> None:
     """Move all driven rows by `dt`, in place; see the head of this file for the equations."""
     driven = world.derived(_Driven)
     if driven.num:
-        driven.gather()
         driven.advance(dt)
-        driven.scatter()
 
 
 class _Driven:
-    """The driven rows as (k,) arrays: views when they are neighbours in the world's arrays, else copies.
+    """The driven rows and the calls that move them.
 
-    Lives until somebody comes, goes or changes mode. All methods write in place; the scratch arrays make a step free
-    of allocations, and equal shapes without gaps are numpy's fastest case (0.2 us a call against 0.4 with a scalar).
+    Lives until somebody comes, goes or changes mode or gear: so what follows from body, mode and gear alone is worked
+    out here, once. Friction and pedals are counted in change of speed per step (..., times dt).
     """
 
     def __init__(self, world: World) -> None:
-        self.rows: IntArray = np.flatnonzero(world.alive & (world.kind == Kind.EGO))
+        self.world = world
+        self.rows = np.flatnonzero(world.alive & (world.kind == Kind.EGO))
         self.num = len(self.rows)
-        if not self.num:
-            return
-        self.whole = world.block("target", "speed")
-        self.written = world.block("throttle", "speed")
-        first, last = int(self.rows[0]), int(self.rows[-1])
-        self.is_view = last - first + 1 == self.num
-        block = self.whole[:, first : last + 1] if self.is_view else np.empty((len(self.whole), self.num))
-        self.block, self.block_written = block, block[-len(self.written) :]
-        # In the order of `state.FLOATS`; a count that does not fit fails here.
-        self.target, self.accel_max, self.accel_min, self.throttle_max = block[:4]
-        self.sense, self.drive, self.hold, self.steer_cmd = block[4:8]
-        self.wheelbase, self.steer_rate, self.max_accel, self.max_decel, self.rolling, self.drag = block[8:14]
-        self.throttle, self.brake, self.steer, self.accel, self.lateral_accel, self.yaw_rate = block[14:20]
-        self.x, self.y, self.yaw, self.speed = block[20:]
-        self.is_auto = world.mode[self.rows] != Mode.PEDALS
-        self.num_auto = int(np.count_nonzero(self.is_auto))
-        self.flags = np.empty(self.num, dtype=bool)
-        self.scratch = tuple(np.empty((4, self.num)))
-        self.constants = np.empty((4, self.num))
-        self.half, self.one, self.tiny, self.pi = self.constants
-        self.constants[:] = [[0.5], [1.0], [TINY], [math.pi]]
-        self.zero = np.zeros(self.num)
-        self.dt = np.empty(self.num)
-        self.steer_step = np.empty(self.num)
-        self._set_dt(0.0)
-
-    def _set_dt(self, dt: float) -> None:
-        self.last_dt = dt
-        self.dt.fill(dt)
-
-    def gather(self) -> None:
-        if not self.is_view:
-            np.take(self.whole, self.rows, axis=1, out=self.block, mode="clip")
-
-    def scatter(self) -> None:
-        if not self.is_view:
-            self.written[:, self.rows] = self.block_written
+        self.dt = 0.0
 
     def advance(self, dt: float) -> None:
-        """Move by `dt`."""
-        if dt != self.last_dt:
-            self._set_dt(dt)
-        resist = self._resist()
-        if self.num_auto:
-            self._press(resist)
-        way = self._accelerate(resist)
-        self._steer_along(way)
+        if dt != self.dt:
+            self.dt = dt
+            self._lay_down()
+        self.block.run()
 
-    def _resist(self) -> FloatArray:
-        """Return rolling + drag v^2 in scratch 0."""
-        resist = self.scratch[0]
-        np.multiply(self.speed, self.speed, resist)
-        np.multiply(resist, self.drag, resist)
-        np.add(resist, self.rolling, resist)
-        return resist
+    def _lay_down(self) -> None:
+        block = self.block = Block(self.world, self.rows, "target", "speed", written_from="throttle")
+        # In the order of `state.FLOATS`; a count that does not fit fails here.
+        self.target, self.accel_max, self.accel_min, self.throttle_max = block.values[:4]
+        self.sense, self.full_throttle, self.hold, self.steer_cmd = block.values[4:8]
+        self.wheelbase, self.steer_rate, self.max_accel, self.max_decel, self.rolling, self.drag = block.values[8:14]
+        self.throttle, self.brake, self.steer, self.accel, self.lateral_accel, self.yaw_rate = block.values[14:20]
+        self.x, self.y, self.yaw, self.speed = block.values[20:]
+        resist, way, *spare = np.empty((5, block.num))
+        self._resist(resist)
+        is_auto = self.world.mode[block.rows] != Mode.PEDALS
+        if is_auto.any():
+            self._press(is_auto, resist, *spare)
+        self._accelerate(resist, way, *spare)
+        self._steer(way, half_turn=resist, change=spare[0])
+        self._follow_arc(way, resist, *spare[:2])
 
-    def _press(self, resist: FloatArray) -> None:
-        """Work out the pedals of the rows whose mode is not PEDALS."""
-        _, need, throttle, brake = self.scratch
-        np.multiply(self.speed, self.sense, need)
-        np.subtract(self.target, need, need)
-        np.divide(need, self.dt, need)
-        np.minimum(need, self.accel_max, out=need)
-        np.maximum(need, self.accel_min, out=need)
-        np.add(need, resist, need)
-        if self.num_auto == self.num:
+    def _resist(self, resist: FloatArray) -> None:
+        """Lay down: what slows without a pedal, rolling + drag v^2."""
+        do, constant = self.block.do, self.block.constant
+        do(np.multiply, self.speed, self.speed, resist)
+        do(np.multiply, resist, constant(self.drag * self.dt), resist)
+        do(np.add, resist, constant(self.rolling * self.dt), resist)
+
+    def _press(
+        self, is_auto: BoolArray, resist: FloatArray, need: FloatArray, throttle: FloatArray, brake: FloatArray
+    ) -> None:
+        """Lay down: the controller's pedals, from the change of speed that is wanted."""
+        do, constant = self.block.do, self.block.constant
+        is_all = bool(is_auto.all())
+        if is_all:
             throttle, brake = self.throttle, self.brake
-        np.divide(need, self.max_accel, throttle)
-        np.maximum(throttle, self.zero, out=throttle)
-        np.minimum(throttle, self.throttle_max, out=throttle)
-        np.negative(need, need)
-        np.divide(need, self.max_decel, brake)
-        np.maximum(brake, self.zero, out=brake)
-        np.minimum(brake, self.one, out=brake)
-        if self.num_auto != self.num:
-            np.copyto(self.throttle, throttle, where=self.is_auto)
-            np.copyto(self.brake, brake, where=self.is_auto)
+        dt, zero, one = constant(self.dt), constant(0.0), constant(1.0)
+        do(np.multiply, self.speed, self.sense, need)
+        do(np.subtract, self.target, need, need)
+        do(np.divide, need, dt, need)
+        do(np.fmin, need, self.accel_max, need)
+        do(np.fmax, need, self.accel_min, need)
+        do(np.multiply, need, dt, need)
+        do(np.add, need, resist, need)
+        do(np.divide, need, constant(self.max_accel * self.dt), throttle)
+        do(np.fmax, throttle, zero, throttle)
+        do(np.fmin, throttle, self.throttle_max, throttle)
+        do(np.divide, need, constant(-self.max_decel * self.dt), brake)
+        do(np.fmax, brake, zero, brake)
+        do(np.fmin, brake, one, brake)
+        if not is_all:
+            do(partial(np.copyto, self.throttle, throttle, where=is_auto))
+            do(partial(np.copyto, self.brake, brake, where=is_auto))
 
-    def _accelerate(self, resist: FloatArray) -> FloatArray:
-        """Bring the speed to the end of the step and return the way, in scratch 0."""
-        _, push, after, brake = self.scratch
-        np.multiply(self.drive, self.throttle, push)
-        np.multiply(push, self.dt, push)
-        np.add(self.speed, push, after)
-        np.multiply(self.brake, self.max_decel, brake)
-        np.add(resist, brake, resist)
-        np.add(resist, self.hold, resist)
-        np.multiply(resist, self.dt, resist)
-        # Friction takes at most all of the motion: v - clip(v, -friction, friction).
-        np.negative(resist, brake)
-        np.minimum(after, resist, out=resist)
-        np.maximum(resist, brake, out=resist)
-        np.subtract(after, resist, after)
-        way = resist
-        np.add(self.speed, after, way)
-        np.multiply(way, self.half, way)
-        np.multiply(way, self.dt, way)
-        np.subtract(after, self.speed, self.accel)
-        np.divide(self.accel, self.dt, self.accel)
-        np.copyto(self.speed, after)
-        return way
+    def _accelerate(
+        self, resist: FloatArray, way: FloatArray, push: FloatArray, friction: FloatArray, after: FloatArray
+    ) -> None:
+        """Lay down: throttle, then friction, which takes at most all of the motion: v - clip(v, -f, f)."""
+        do, constant = self.block.do, self.block.constant
+        do(np.multiply, self.throttle, constant(self.full_throttle * self.dt), push)
+        do(np.add, self.speed, push, after)
+        do(np.multiply, self.brake, constant(self.max_decel * self.dt), friction)
+        do(np.add, friction, resist, friction)
+        do(np.add, friction, constant(self.hold * self.dt), friction)
+        do(np.negative, friction, resist)
+        do(np.fmin, after, friction, friction)
+        do(np.fmax, friction, resist, friction)
+        do(np.subtract, after, friction, after)
+        do(np.subtract, push, friction, self.accel)
+        do(np.divide, self.accel, constant(self.dt), self.accel)
+        do(np.add, self.speed, after, way)
+        do(np.multiply, way, constant(self.dt / 2), way)
+        do(np.copyto, self.speed, after)
 
-    def _steer_along(self, way: FloatArray) -> None:
-        """Turn the wheels, and go the way along the arc of the wheel angle in the middle of the step."""
-        _, change, limit, turn = self.scratch
-        np.multiply(self.steer_rate, self.dt, limit)
-        np.subtract(self.steer_cmd, self.steer, change)
-        np.minimum(change, limit, out=change)
-        np.negative(limit, limit)
-        np.maximum(change, limit, out=change)
-        np.add(self.steer, change, limit)  # the angle after the step
-        np.multiply(change, self.half, change)
-        np.add(self.steer, change, turn)
-        np.copyto(self.steer, limit)
-        np.tan(turn, turn)
-        np.divide(turn, self.wheelbase, turn)
-        np.multiply(turn, way, turn)
-        np.divide(turn, self.dt, self.yaw_rate)
-        np.multiply(self.yaw_rate, self.speed, self.lateral_accel)
-        half_turn, course = change, limit
-        np.multiply(turn, self.half, half_turn)
-        np.add(self.yaw, half_turn, course)
-        np.add(self.yaw, turn, self.yaw)
-        np.add(half_turn, self.tiny, half_turn)
-        np.sin(half_turn, turn)
-        np.divide(turn, half_turn, turn)
-        np.multiply(way, turn, way)
-        np.cos(course, turn)
-        np.multiply(turn, way, turn)
-        np.add(self.x, turn, self.x)
-        np.sin(course, turn)
-        np.multiply(turn, way, turn)
-        np.add(self.y, turn, self.y)
-        np.absolute(self.yaw, turn)
-        np.greater(turn, self.pi, self.flags)
-        if np.count_nonzero(self.flags):
-            np.copyto(self.yaw, wrap_angle(self.yaw))
+    def _steer(self, way: FloatArray, half_turn: FloatArray, change: FloatArray) -> None:
+        """Lay down: the wheels turn, and by their angle in the middle of the step the car."""
+        do, constant = self.block.do, self.block.constant
+        do(np.subtract, self.steer_cmd, self.steer, change)
+        do(np.fmin, change, constant(self.steer_rate * self.dt), change)
+        do(np.fmax, change, constant(-self.steer_rate * self.dt), change)
+        do(np.add, self.steer, change, self.steer)
+        do(np.multiply, change, constant(0.5), change)
+        do(np.subtract, self.steer, change, half_turn)
+        do(np.tan, half_turn, half_turn)
+        do(np.divide, half_turn, constant(2.0 * self.wheelbase), half_turn)
+        do(np.multiply, half_turn, way, half_turn)
+        do(np.multiply, half_turn, constant(2.0 / self.dt), self.yaw_rate)
+        do(np.multiply, self.yaw_rate, self.speed, self.lateral_accel)
+
+    def _follow_arc(self, way: FloatArray, half_turn: FloatArray, course: FloatArray, part: FloatArray) -> None:
+        """Lay down: the chord of the arc, in the direction of the heading half way."""
+        do, constant = self.block.do, self.block.constant
+        is_outside = np.empty(self.block.num, dtype=bool)
+        do(np.add, self.yaw, half_turn, course)
+        do(np.add, course, half_turn, self.yaw)
+        do(np.add, half_turn, constant(TINY), half_turn)
+        do(np.sin, half_turn, part)
+        do(np.divide, part, half_turn, part)
+        do(np.multiply, way, part, way)
+        do(np.cos, course, part)
+        do(np.multiply, part, way, part)
+        do(np.add, self.x, part, self.x)
+        do(np.sin, course, part)
+        do(np.multiply, part, way, part)
+        do(np.add, self.y, part, self.y)
+        # A hair less, so that of the two borders -pi alone is outside: a car that goes due west costs nothing extra.
+        do(np.subtract, self.yaw, constant(ULP_PI), part)
+        do(np.absolute, part, part)
+        do(np.greater_equal, part, constant(math.pi), is_outside)
+        do(_wrap, self.yaw, is_outside)
+
+
+def _wrap(yaw: FloatArray, is_outside: BoolArray) -> None:
+    """Bring headings back into (-pi, pi], in place; hardly ever is there one to bring."""
+    if np.count_nonzero(is_outside):
+        yaw[:] = wrap_angle(yaw)

@@ -17,7 +17,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rosbridge_sim.world.geometry import FloatArray, IntArray
+from rosbridge_sim.world.block import Block
+from rosbridge_sim.world.geometry import IntArray
 from rosbridge_sim.world.paths import TICKS
 from rosbridge_sim.world.state import Kind, World
 
@@ -28,68 +29,60 @@ def walk(world: World, dt: float) -> None:
     """Move all rows that go their own way by `dt`, in place."""
     moving = world.derived(_Moving)
     if moving.num:
-        moving.gather()
-        moving.advance(world, dt)
-        moving.scatter()
+        moving.advance(dt)
 
 
 class _Moving:
-    """The moving rows as (k,) arrays: views when they are neighbours in the world's arrays, else copies.
+    """The rows that move and the calls that move them.
 
-    Lives until somebody comes, goes, stops or is put elsewhere. All methods write in place.
+    Lives until somebody comes, goes, stops or is put elsewhere.
     """
 
     def __init__(self, world: World) -> None:
+        self.world = world
         self.rows: IntArray = np.flatnonzero(world.alive & (world.kind != Kind.EGO) & (world.speed != 0.0))
         self.num = len(self.rows)
-        if not self.num:
-            return
-        self.whole = world.block("x", "leg_dz")
-        first, last = int(self.rows[0]), int(self.rows[-1])
-        self.is_view = last - first + 1 == self.num
-        self.block = self.whole[:, first : last + 1] if self.is_view else np.empty((len(self.whole), self.num))
+        self.dt = 0.0
+
+    def advance(self, dt: float) -> None:
+        if dt != self.dt:
+            self._lay_down(dt)
+        self.block.run()
+
+    def _lay_down(self, dt: float) -> None:
+        self.dt = dt
+        block = self.block = Block(self.world, self.rows, "x", "leg_dz", written_from="x")
         # In the order of `state.FLOATS`; a count that does not fit fails here.
-        self.x, self.y, self.yaw, self.speed, self.z, self.arc = self.block[:6]
-        self.legs = self.block[6:]
-        self.leg_start, self.leg_end, *_ = self.legs
-        self.leg_x, self.leg_y, self.leg_z, self.leg_dx, self.leg_dy, self.leg_dz = self.legs[2:]
-        self.has_path = bool(world.has_path[self.rows].any())
-        self.is_loop = world.is_loop[self.rows]
-        self.path_base = world.path_base[self.rows]
-        self.path_length = world.path_length[self.rows]
-        self.flags = np.empty(self.num, dtype=bool)
-        self.way, self.dt = np.empty((2, self.num))
-        self.dt.fill(0.0)
-        self.last_dt = 0.0
+        x, y, self.yaw, self.speed, z, self.arc = block.values[:6]
+        self.legs = block.values[6:]
+        leg_start, self.leg_end, leg_x, leg_y, leg_z, leg_dx, leg_dy, leg_dz = self.legs
+        self.is_loop = self.world.is_loop[block.rows]
+        self.path_base = self.world.path_base[block.rows]
+        self.path_length = self.world.path_length[block.rows]
+        self.is_past = np.empty(block.num, dtype=bool)
+        has_path = bool(self.world.has_path[self.rows].any())
+        way = np.empty(block.num)
+        do = block.do
+        do(np.multiply, self.speed, block.constant(dt), way)
+        do(np.add, self.arc, way, self.arc)
+        if has_path:
+            do(np.greater_equal, self.arc, self.leg_end, self.is_past)
+            do(self._turn)
+        do(np.subtract, self.arc, leg_start, way)
+        do(np.multiply, way, leg_dx, x)
+        do(np.add, x, leg_x, x)
+        do(np.multiply, way, leg_dy, y)
+        do(np.add, y, leg_y, y)
+        if has_path:  # whoever has none keeps his height
+            do(np.multiply, way, leg_dz, z)
+            do(np.add, z, leg_z, z)
 
-    def gather(self) -> None:
-        if not self.is_view:
-            np.take(self.whole, self.rows, axis=1, out=self.block, mode="clip")
-
-    def scatter(self) -> None:
-        if not self.is_view:
-            self.whole[:, self.rows] = self.block
-
-    def advance(self, world: World, dt: float) -> None:
-        """Move by `dt`; `world` gives the paths, and is told when somebody has come to an end."""
-        if dt != self.last_dt:
-            self.dt.fill(dt)
-            self.last_dt = dt
-        way = self.way
-        np.multiply(self.speed, self.dt, way)
-        np.add(self.arc, way, self.arc)
-        if self.has_path:
-            np.greater_equal(self.arc, self.leg_end, self.flags)
-            if np.count_nonzero(self.flags):
-                self._turn(world, np.flatnonzero(self.flags))
-        past = np.subtract(self.arc, self.leg_start, way)
-        self._slide(past, self.leg_dx, self.leg_x, self.x)
-        self._slide(past, self.leg_dy, self.leg_y, self.y)
-        if self.has_path:  # who has none keeps his height
-            self._slide(past, self.leg_dz, self.leg_z, self.z)
-
-    def _turn(self, world: World, at: IntArray) -> None:
-        """Give the entries `at`, who have passed their leg's end, the leg that they are on."""
+    def _turn(self) -> None:
+        """Give those who have passed the end of their leg the leg that they are on."""
+        if not np.count_nonzero(self.is_past):
+            return
+        at = self.is_past.nonzero()[0]
+        paths = self.world.paths
         arc, length = self.arc[at], self.path_length[at]
         is_over = arc >= length
         if np.count_nonzero(is_over):
@@ -99,12 +92,8 @@ class _Moving:
             at_end = at[is_over & ~is_loop]
             if len(at_end):
                 self.speed[at_end] = 0.0
-                world.touch()
+                self.world.touch()
         keys = self.path_base[at] + (arc * TICKS).astype(np.int64)
-        legs = world.paths.segments[world.paths.keys.searchsorted(keys, side="right") - 1]
+        legs = paths.segments[paths.keys.searchsorted(keys, side="right") - 1]
         self.legs[:, at] = legs[:, :8].T
         self.yaw[at] = legs[:, 8]
-
-    def _slide(self, past: FloatArray, direction: FloatArray, start: FloatArray, out: FloatArray) -> None:
-        np.multiply(past, direction, out)
-        np.add(out, start, out)
