@@ -1,0 +1,22 @@
+# The server as an image: docker build -t rosbridge-sim . && docker run -p 9090:9090 rosbridge-sim
+# Any base with Python 3.11 or newer and its venv module will do.
+ARG BASE_IMAGE=python:3.12-slim
+
+FROM ${BASE_IMAGE} AS build
+COPY pyproject.toml README.md /src/
+COPY schemas /src/schemas
+COPY rosbridge_sim /src/rosbridge_sim
+RUN python3 -m venv /opt/rosbridge-sim \
+    && /opt/rosbridge-sim/bin/pip install --no-cache-dir --disable-pip-version-check /src \
+    && /opt/rosbridge-sim/bin/pip uninstall --quiet --yes setuptools pip
+
+FROM ${BASE_IMAGE}
+RUN useradd --uid 10001 --no-create-home --shell /usr/sbin/nologin rosbridge-sim
+COPY --from=build /opt/rosbridge-sim /opt/rosbridge-sim
+ENV PATH=/opt/rosbridge-sim/bin:$PATH \
+    ROSBRIDGE_SIM_HOST=0.0.0.0 \
+    ROSBRIDGE_SIM_PORT=9090
+USER 10001
+EXPOSE 9090
+HEALTHCHECK --interval=10s --timeout=3s --start-period=5s CMD ["python3", "-c", "import os, urllib.request; urllib.request.urlopen('http://127.0.0.1:' + os.environ['ROSBRIDGE_SIM_PORT'] + '/healthz', timeout=2)"]
+CMD ["rosbridge-sim", "serve"]

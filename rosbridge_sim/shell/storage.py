@@ -1,0 +1,289 @@
+"""The disk: message definitions, scenarios and maps, found and read; whatever is wrong is one readable line.
+
+What a person names at the start may lie anywhere. What a *client* names is only looked for inside the folders of
+`--scenario-path` and among the built-in documents: a path out of them is refused, whichever way it is spelled.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.morai.mgeo import FILES, RoadMap, read_map
+from rosbridge_sim.morai.scenario import Scenario, read_scenario
+from rosbridge_sim.schema.parse import parse_message, parse_service
+from rosbridge_sim.shell.sources import looks_like_path
+
+__all__ = ["DiskLibrary", "Texts", "read_definitions"]
+
+_log = logging.getLogger("rosbridge_sim.storage")
+
+Texts = dict[tuple[str, str, str], str]
+"""(package, `msg` or `srv`, Name) -> definition."""
+
+_PACKAGE = Path(__file__).resolve().parent.parent
+
+SCHEMAS = next(folder for folder in (_PACKAGE / "schemas", _PACKAGE.parent / "schemas") if folder.is_dir())
+"""Our definitions: within the wheel, or beside the package in a checkout."""
+
+DATA = _PACKAGE / "data"
+"""Our scenarios and maps."""
+
+MAX_DEFINITION_SIZE = 2**20
+"""The longest real definition has 20 kB [bytes]."""
+
+MAX_DOCUMENT_SIZE = 256 * 2**20
+"""A whole city's lane file has some 60 MB [bytes]."""
+
+MAX_FOLDERS = 20_000
+"""Folders looked through for packages: ten times a large workspace; somebody may have named `/`."""
+
+
+# Definitions
+
+_KINDS = {"msg": ".msg", "srv": ".srv"}
+_PACKAGE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_MANIFEST_NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
+_IGNORE_MARKS = ("CATKIN_IGNORE", "COLCON_IGNORE", "AMENT_IGNORE")
+
+
+def read_definitions(release: str, folders: Sequence[str | Path] = ()) -> Texts:
+    """Every message and service definition that the server knows of its own, then those of the user's folders.
+
+    A folder may be a package (with `msg/` or `srv/` in it), hold packages, or be a whole catkin or colcon tree.
+    Where a package holds releases (`morai_msgs/22.R2/msg`), the chosen one is read. What comes later replaces what
+    came before. The user's own are parsed once here, so that a mistake shows at the start and not to a client.
+
+    Args:
+        release: which release of a package that has several.
+        folders: the user's, in order.
+
+    Raises:
+        DocumentError: a folder without definitions, or a file that cannot be used.
+    """
+    texts: Texts = {}
+    for package, folder in _find_packages(SCHEMAS, release):
+        texts.update((key, text) for key, text, _ in _read_package(package, folder))
+    for one in folders:
+        texts.update(_read_own(Path(one), release))
+    return texts
+
+
+def _read_own(root: Path, release: str) -> Texts:
+    if not root.is_dir():
+        raise DocumentError(f"{root}: expected a folder with ROS packages; there is none")
+    texts: Texts = {}
+    sources: dict[tuple[str, str, str], Path] = {}
+    for package, folder in _find_packages(root, release):
+        if not _PACKAGE_NAME.fullmatch(package):
+            raise DocumentError(
+                f"{folder}: {package!r} is no name of a ROS package; rename the folder or give it a package.xml"
+            )
+        for key, text, path in _read_package(package, folder):
+            if texts.get(key, text) != text:
+                _log.warning("%s: ignored, since %s defines the same type", path, sources[key])
+                continue
+            _, kind, name = key
+            parse = parse_message if kind == "msg" else parse_service
+            parse(f"{package}/{name}", text, str(path))
+            texts[key] = text
+            sources[key] = path
+    if not texts:
+        raise DocumentError(f"{root}: expected ROS packages (PACKAGE/msg/Type.msg); found no definition")
+    return texts
+
+
+def _find_packages(root: Path, release: str) -> Iterator[tuple[str, Path]]:
+    """Name, and the folder that holds `msg/` or `srv/`, of each package at or below `root`, in order of path."""
+    waiting = [root]
+    seen: set[str] = set()  # real paths: workspaces are full of links, some of them in circles
+    while waiting:
+        folder = waiting.pop()
+        real = os.path.realpath(folder)
+        if real in seen:
+            continue
+        seen.add(real)
+        if len(seen) > MAX_FOLDERS:
+            raise DocumentError(f"{root}: more than {MAX_FOLDERS:,} folders; name one nearer to the packages")
+        names = _list_folder(folder)
+        if any(mark in names for mark in _IGNORE_MARKS):
+            continue
+        holder = next((at for at in (folder, folder / release) if _holds_definitions(at)), None)
+        if holder is not None:
+            yield _package_name(folder), holder
+        else:
+            waiting += [folder / name for name in reversed(names) if names[name] and not name.startswith(".")]
+
+
+def _list_folder(folder: Path) -> dict[str, bool]:
+    """Name -> whether it is a folder, of all there is in one, in order of name."""
+    try:
+        with os.scandir(folder) as entries:
+            return dict(sorted((entry.name, entry.is_dir()) for entry in entries))
+    except OSError as error:
+        raise DocumentError(f"{folder}: cannot be read: {error.strerror}") from None
+
+
+def _holds_definitions(folder: Path) -> bool:
+    for kind, suffix in _KINDS.items():
+        at = folder / kind
+        if at.is_dir() and any(name.endswith(suffix) for name in _list_folder(at)):
+            return True
+    return False
+
+
+def _package_name(folder: Path) -> str:
+    """What the manifest says, as ROS takes it; else the folder's name."""
+    manifest = folder / "package.xml"
+    if manifest.is_file():
+        match = _MANIFEST_NAME.search(_decode(_read(manifest, MAX_DEFINITION_SIZE)))
+        if match:
+            return match[1]
+    return folder.resolve().name
+
+
+def _read_package(package: str, folder: Path) -> Iterator[tuple[tuple[str, str, str], str, Path]]:
+    """Key, text and file of each definition of a package."""
+    for kind, suffix in _KINDS.items():
+        at = folder / kind
+        if not at.is_dir():
+            continue
+        for name, is_folder in _list_folder(at).items():
+            if name.endswith(suffix) and not is_folder:
+                path = at / name
+                yield (package, kind, name.removesuffix(suffix)), _decode(_read(path, MAX_DEFINITION_SIZE)), path
+
+
+def _decode(content: bytes) -> str:
+    """UTF-8; where it is not, the comments of an old file are in Latin 1 and nothing else matters."""
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
+def _read(path: Path, max_bytes: int) -> bytes:
+    try:
+        with path.open("rb") as file:
+            content = file.read(max_bytes + 1)
+    except OSError as error:
+        raise DocumentError(f"{path}: cannot be read: {error.strerror}") from None
+    if len(content) > max_bytes:
+        raise DocumentError(f"{path}: expected at most {max_bytes:,} bytes; it is longer")
+    return content
+
+
+# Scenarios and maps
+
+MAX_LISTED = 20
+"""Names that an error lists."""
+
+MAX_NAME = 200
+"""Characters of a scenario's name."""
+
+_PLAIN_NAME = re.compile(r"[\w .()+-]*\w[\w .()+-]*")
+
+
+class DiskLibrary:
+    """Scenarios and maps by name."""
+
+    def __init__(self, scenario_folders: Sequence[str | Path] = (), own_map: str | None = None) -> None:
+        """A library that reads each document when it is asked for.
+
+        Args:
+            scenario_folders: where clients' scenarios are, in order of search.
+            own_map: name or folder of a map that stands in for whichever map is asked for.
+
+        Raises:
+            DocumentError: a folder does not exist.
+        """
+        self._folders = [Path(folder) for folder in scenario_folders]
+        self._own_map = own_map
+        for folder in self._folders:
+            if not folder.is_dir():
+                raise DocumentError(f"{folder}: expected a folder with scenarios; there is none")
+
+    def scenario(self, name: str) -> Scenario:
+        """The scenario that a client names.
+
+        It is `NAME.json` (the suffix may be given or not) in one of the folders, or, as MORAI keeps them,
+        `MAP/NAME.json` there; `MAP/NAME` asks for one map's.
+
+        Raises:
+            DocumentError: no such scenario, a name that leads out of the folders, or a file that cannot be used.
+        """
+        parts = _safe_parts(name)
+        for folder in [*self._folders, DATA / "scenarios"]:
+            path = _find_scenario(folder, parts)
+            if path is not None:
+                return read_scenario(_read(path, MAX_DOCUMENT_SIZE), str(path))
+        raise DocumentError(f"no scenario {name!r}; known are {', '.join(self.scenario_names()) or 'none'}")
+
+    def opening_scenario(self, name: str) -> Scenario:
+        """The scenario that the person who starts the server names: as above, or any file.
+
+        Raises:
+            DocumentError: as above.
+        """
+        path = Path(name)
+        if looks_like_path(name) and (path.is_file() or path.parent != Path()):
+            return read_scenario(_read(path, MAX_DOCUMENT_SIZE), str(path))
+        return self.scenario(name)
+
+    def scenario_names(self) -> list[str]:
+        """Some of the names that `scenario` takes, in order of search, for a person to read."""
+        names = []
+        for folder in [*self._folders, DATA / "scenarios"]:
+            found = sorted([*folder.glob("*.json"), *folder.glob("*/*.json")])
+            names += [path.relative_to(folder).with_suffix("").as_posix() for path in found]
+        return list(dict.fromkeys(names))[:MAX_LISTED]
+
+    def map(self, name: str) -> RoadMap:
+        """The map that a scenario names, or the one that stands in for all.
+
+        Raises:
+            DocumentError: no such map, or a file that cannot be used.
+        """
+        wanted = self._own_map or name
+        folder = DATA / "maps" / wanted
+        if self._own_map is not None and looks_like_path(wanted):
+            folder = Path(wanted)
+        elif not _PLAIN_NAME.fullmatch(wanted) or not folder.is_dir():
+            known = sorted(at.name for at in (DATA / "maps").iterdir() if at.is_dir())
+            raise DocumentError(f"no map {wanted!r}; known are {', '.join(known)}, and --map takes a folder")
+        return read_map(_read_folder(folder), str(folder))
+
+
+def _safe_parts(name: str) -> tuple[str, ...]:
+    """A client's name of a scenario, taken apart: (NAME.json,) or (MAP, NAME.json)."""
+    parts = name.replace("\\", "/").split("/")
+    is_plain = len(name) <= MAX_NAME and all(_PLAIN_NAME.fullmatch(part) for part in parts)
+    if not is_plain or len(parts) > len(("MAP", "NAME")):
+        raise DocumentError(f"{name[:80]!r} is no name of a scenario: expected NAME or MAP/NAME within --scenario-path")
+    last = parts[-1]
+    return (*parts[:-1], last if last.endswith(".json") else last + ".json")
+
+
+def _find_scenario(folder: Path, parts: tuple[str, ...]) -> Path | None:
+    """The file of that name in a folder or, where no map is named, in one of the folders in it."""
+    found = [path for path in [folder.joinpath(*parts)] if path.is_file()]
+    if not found and len(parts) == 1:
+        found = [path for path in sorted(folder.glob(f"*/{parts[0]}")) if path.is_file()]
+    if not found:
+        return None
+    if len(found) > 1:
+        _log.warning("%s of several scenarios named %s; MAP/NAME asks for one map's", found[0], parts[0])
+    if not found[0].resolve().is_relative_to(folder.resolve()):
+        raise DocumentError(f"{'/'.join(parts)!r} leads out of --scenario-path")
+    return found[0]
+
+
+def _read_folder(folder: Path) -> dict[str, bytes]:
+    """Name -> content of the files of a map that are read; a city's folder holds many more, and large ones."""
+    if not folder.is_dir():
+        raise DocumentError(f"{folder}: expected the folder of a map; there is none")
+    return {name: _read(folder / name, MAX_DOCUMENT_SIZE) for name in FILES if (folder / name).exists()}
