@@ -1,0 +1,392 @@
+"""Between the world's arrays and `morai_msgs`: the only file with a unit factor, and with names that differ by release.
+
+Inside, everything is SI and radians. MORAI mixes: the ego's velocity is m/s, an object's km/h, a commanded speed km/h;
+headings are degrees, a commanded wheel angle radians, the reported one radians by the manual and degrees in the field.
+`Profile` holds each such choice. `LENIENCY` holds the names and shapes that the manual pages (or another release)
+use in place of the wire's; they are accepted on the way in and never sent.
+
+Headers carry simulation time, and as `seq` the frame: it does not depend on who listens or how often.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from rosbridge_sim.errors import FieldError
+from rosbridge_sim.morai.mgeo import RoadMap
+from rosbridge_sim.schema.check import round32
+from rosbridge_sim.schema.store import Leniency, Store
+from rosbridge_sim.world.geometry import FloatArray, IntArray
+from rosbridge_sim.world.state import STEP_NS, Body, Gear, Kind, Mode, World
+
+__all__ = ["FIELD", "LENIENCY", "MANUAL", "Control", "Converter", "Profile", "choose_profile", "gear_of", "time_text"]
+
+# Names
+
+_DOCUMENTED = (
+    *("CollisionData", "CtrlCmd", "EgoVehicleStatus", "EventInfo", "GetTrafficLightStatus", "IntersectionControl"),
+    *("IntersectionStatus", "Lamps", "MapSpec", "MapSpecIndex", "MoraiSimProcHandle", "MoraiSimProcStatus"),
+    *("MoraiSrvResponse", "MoraiTLIndex", "MoraiTLInfo", "MultiEgoSetting", "ObjectStatus", "ObjectStatusList"),
+    *("ReplayInfo", "SaveSensorData", "ScenarioLoad", "SensorPosControl", "SetTrafficLight", "SyncModeAddObj"),
+    *("SyncModeCmd", "SyncModeCmdResponse", "SyncModeCtrlCmd", "SyncModeInfo", "SyncModeRemoveObj"),
+    *("SyncModeResultResponse", "SyncModeScenarioLoad", "SyncModeSetGear", "VehicleCollision", "VehicleCollisionData"),
+    *("VehicleSpec", "VehicleSpecIndex", "WaitForTick", "WaitForTickResponse"),
+    *("MoraiEventCmdSrv", "MoraiMapSpecSrv", "MoraiScenarioLoadSrv", "MoraiSimProcSrv", "MoraiSyncModeCmdSrv"),
+    *("MoraiSyncModeCtrlCmdSrv", "MoraiSyncModeSLSrv", "MoraiSyncModeSetGearSrv", "MoraiTLInfoSrv"),
+    *("MoraiVehicleSpecSrv", "MoraiWaitForTickSrv"),
+)
+"""The types of the manual pages."""
+
+_SCENARIO_LOAD: Final = {
+    "load_object_data": "load_obstacle_data",
+    "load_network_connection": "load_network_connection_data",
+}
+
+LENIENCY: Final = Leniency(
+    types={
+        # The page on ROS writes the package without its s.
+        **{f"morai_msg/{name}": f"morai_msgs/{name}" for name in _DOCUMENTED},
+        # The page on synchronous mode drops a prefix.
+        "morai_msgs/SyncModeSLSrv": "morai_msgs/MoraiSyncModeSLSrv",
+        "morai_msg/SyncModeSLSrv": "morai_msgs/MoraiSyncModeSLSrv",
+    },
+    fields={
+        # 26.R1 renamed the steering; whichever of the two a release lacks is taken for the other.
+        "morai_msgs/CtrlCmd": {
+            "longCmdType": "longlCmdType",
+            "front_steer": "steering",
+            "steering": "front_steer",
+        },
+        "morai_msgs/ScenarioLoad": _SCENARIO_LOAD,
+        "morai_msgs/SyncModeScenarioLoad": _SCENARIO_LOAD,
+    },
+    scalars={
+        "morai_msgs/SensorPosControl": frozenset(
+            {"sensor_index", "pose_x", "pose_y", "pose_z", "roll", "pitch", "yaw"}
+        ),
+    },
+    numerals={
+        "morai_msgs/IntersectionControl": frozenset({"intersection_index"}),
+        "morai_msgs/IntersectionStatus": frozenset({"intersection_index"}),
+    },
+)
+"""What is accepted beside the wire's own names and shapes."""
+
+
+# Units
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """What goes out where the manual pages and clients in the field disagree.
+
+    Attributes:
+        wheel_angle_unit: of EgoVehicleStatus.wheel_angle.
+        object_size_order: what x, y, z of ObjectStatus.size are.
+        object_limit: how many objects are listed at most, those nearest to the first ego; 0 lists all.
+        object_velocity_unit: of ObjectStatus.velocity.
+    """
+
+    wheel_angle_unit: Literal["rad", "deg"] = "rad"
+    object_size_order: Literal["width-length-height", "length-width-height"] = "width-length-height"
+    object_limit: int = 0
+    object_velocity_unit: Literal["km/h", "m/s"] = "km/h"
+
+
+MANUAL: Final = Profile()
+"""As the manual pages say."""
+
+FIELD: Final = Profile("deg", "length-width-height", 20, "km/h")
+"""As most published clients read."""
+
+
+def choose_profile(
+    name: Literal["manual", "field"],
+    *,
+    wheel_angle_unit: Literal["rad", "deg"] | None = None,
+    object_size_order: Literal["width-length-height", "length-width-height"] | None = None,
+    object_limit: int | None = None,
+    object_velocity_unit: Literal["km/h", "m/s"] | None = None,
+) -> Profile:
+    """A named profile with single choices of one's own; None leaves a choice to the profile."""
+    own = {
+        "wheel_angle_unit": wheel_angle_unit,
+        "object_size_order": object_size_order,
+        "object_limit": object_limit,
+        "object_velocity_unit": object_velocity_unit,
+    }
+    chosen: dict[str, Any] = {key: value for key, value in own.items() if value is not None}  # checked by their types
+    return replace({"manual": MANUAL, "field": FIELD}[name], **chosen)
+
+
+_KMH: Final = 3.6
+"""One m/s [km/h]."""
+
+_MODES: Final = {0: Mode.PEDALS, 1: Mode.PEDALS, 2: Mode.SPEED, 3: Mode.ACCEL}
+"""`longlCmdType`. 0 is what clients send who never set the field, and they drive by pedals."""
+
+_OBJECT_TYPES: Final = {Kind.EGO: -1, Kind.PEDESTRIAN: 0, Kind.VEHICLE: 1, Kind.OBSTACLE: 2}
+_LISTED: Final = (Kind.VEHICLE, Kind.PEDESTRIAN, Kind.OBSTACLE)
+"""In the order of ObjectStatusList."""
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """A CtrlCmd in the world's units; the arguments of `dynamics.command`.
+
+    Attributes:
+        mode: which of the others count.
+        steer: front wheels, left positive [rad].
+        throttle, brake: as sent; the world clamps them to 0..1.
+        speed: [m/s].
+        accel: [m/s^2].
+    """
+
+    mode: Mode
+    steer: float
+    throttle: float
+    brake: float
+    speed: float
+    accel: float
+
+
+def gear_of(number: int) -> Gear | None:
+    """The gear of that number; None for -1 and 0, which leave it as it is.
+
+    Raises:
+        FieldError: there is no such gear.
+    """
+    if number in {-1, 0}:
+        return None
+    try:
+        return Gear(number)
+    except ValueError:
+        raise FieldError(f"gear: expected 1 (P), 2 (R), 3 (N), 4 (D) or -1 to leave it, got {number}") from None
+
+
+def time_text(frame: int) -> str:
+    """Simulated time as decimal seconds, exact: frame 617 is 12.34."""
+    return f"{frame // 50}.{frame % 50 * 2:02d}"
+
+
+class _Layout:
+    """What of the listed objects does not change until somebody comes or goes.
+
+    Attributes:
+        rows: all of them, in the order of the lists.
+        ends: where the lists end in `rows`.
+        fixed: (unique_id, type, name, size) of each.
+    """
+
+    def __init__(self, world: World, sized: Callable[[Body], Any]) -> None:
+        by_kind = [world.rows(kind) for kind in _LISTED]
+        self.rows: IntArray = np.concatenate(by_kind)
+        self.ends = np.cumsum([len(rows) for rows in by_kind]).tolist()
+        self.fixed = [
+            (int(world.uid[row]), _OBJECT_TYPES[Kind(world.kind[row])], world.names[row], sized(world.bodies[row]))
+            for row in self.rows.tolist()
+        ]
+
+
+class Converter:
+    """Makes messages from the world and reads commands, for one store and one profile.
+
+    The methods that make something return a struct of the type named after them.
+    """
+
+    def __init__(self, store: Store, profile: Profile = MANUAL) -> None:
+        self._store = store
+        self._profile = profile
+        self._vector = _maker(store, "geometry_msgs/Vector3", "x", "y", "z")
+        self._header = _maker(store, "std_msgs/Header", "seq", "stamp", "frame_id")
+        self._clock = _maker(store, "rosgraph_msgs/Clock", "clock")
+        self._ego = _maker(
+            store,
+            "morai_msgs/EgoVehicleStatus",
+            *("header", "unique_id", "acceleration", "position", "velocity", "heading", "accel", "brake"),
+            "wheel_angle",
+        )
+        self._object = _maker(
+            store,
+            "morai_msgs/ObjectStatus",
+            *("unique_id", "type", "name", "heading", "velocity", "acceleration", "size", "position"),
+        )
+        self._objects = _maker(
+            store,
+            "morai_msgs/ObjectStatusList",
+            *("header", "num_of_npcs", "num_of_pedestrian", "num_of_obstacle"),
+            *("npc_list", "pedestrian_list", "obstacle_list"),
+        )
+        self._map_spec = _maker(
+            store,
+            "morai_msgs/MapSpec",
+            *("plane_coordinate_system", "utm_num", "utm_offset", "ellipse", "central_latitude", "central_meridian"),
+            *("scale_factor", "false_easting", "false_northing"),
+        )
+        self._vehicle_spec = _maker(
+            store, "morai_msgs/VehicleSpec", "size", "wheel_base", "max_steering", "overhang", "rear_overhang"
+        )
+        fields = store.message("morai_msgs/CtrlCmd").struct.__struct_fields__
+        self._steering = "steering" if "steering" in fields else "front_steer"
+        self._wheel_factor = math.degrees(1.0) if profile.wheel_angle_unit == "deg" else 1.0
+        self._speed_factor = _KMH if profile.object_velocity_unit == "km/h" else 1.0
+        self._is_width_first = profile.object_size_order == "width-length-height"
+        self._at_rest = self._vector(0.0, 0.0, 0.0)
+
+    # Out
+
+    def clock(self, frame: int) -> Any:  # noqa: ANN401 - a generated struct
+        """Simulated time."""
+        return self._clock(self._store.time_value(frame * STEP_NS))
+
+    def ego_vehicle_status(self, world: World, row: int, unique_id: int) -> Any:  # noqa: ANN401 - a generated struct
+        """The state of a driven row.
+
+        Velocity and acceleration are in the body's frame, x forward and y left, at the rear axle: there nothing moves
+        sideways.
+        """
+        vector = self._vector
+        return self._ego(
+            self._header(world.frame & 0xFFFFFFFF, self._store.time_value(world.frame * STEP_NS), "base_link"),
+            unique_id,
+            vector(world.accel.item(row), world.lateral_accel.item(row), 0.0),
+            vector(world.x.item(row), world.y.item(row), world.z.item(row)),
+            vector(world.speed.item(row), 0.0, 0.0),
+            math.degrees(world.yaw.item(row)),
+            round32(world.throttle.item(row)),
+            round32(world.brake.item(row)),
+            round32(world.steer.item(row) * self._wheel_factor),
+        )
+
+    def object_status_list(self, world: World, ego_row: int | None) -> Any:  # noqa: ANN401 - a generated struct
+        """Everybody but the egos, in order of spawning.
+
+        Args:
+            world: read only.
+            ego_row: whom the nearest objects are near to, where their number is limited.
+        """
+        layout = world.derived(self._lay_out)
+        rows, ends = layout.rows, layout.ends
+        chosen = None
+        limit = self._profile.object_limit
+        if limit and len(rows) > limit and ego_row is not None:
+            chosen = _nearest(world, rows, ego_row, limit)
+            rows, ends = rows[chosen], np.searchsorted(chosen, ends).tolist()
+        fixed = layout.fixed if chosen is None else [layout.fixed[i] for i in chosen.tolist()]
+        entries = self._object_statuses(world, rows, fixed)
+        npcs, people, things = entries[: ends[0]], entries[ends[0] : ends[1]], entries[ends[1] :]
+        return self._objects(
+            self._header(world.frame & 0xFFFFFFFF, self._store.time_value(world.frame * STEP_NS), "ObjectInfo"),
+            *(len(npcs), len(people), len(things)),
+            *(npcs, people, things),
+        )
+
+    def vehicle_spec(self, body: Body | None) -> Any:  # noqa: ANN401 - a generated struct
+        """The figures of a vehicle; all zeros for none. The size is (length, width, height) in any profile."""
+        if body is None:
+            return self._vehicle_spec(self._vector(0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
+        return self._vehicle_spec(
+            self._vector(body.length, body.width, body.height),
+            round32(body.wheelbase),
+            math.degrees(body.max_steer),
+            round32(body.front_overhang),
+            round32(body.rear_overhang),
+        )
+
+    def map_spec(self, road_map: RoadMap) -> Any:  # noqa: ANN401 - a generated struct
+        """How the map's metres lie on the globe."""
+        projection = road_map.projection
+        return self._map_spec(
+            1 if projection.is_tm else 0,
+            projection.zone,
+            self._vector(*road_map.origin),
+            projection.ellipse,
+            projection.central_latitude,
+            projection.central_meridian,
+            projection.scale_factor,
+            projection.false_easting,
+            projection.false_northing,
+        )
+
+    # In
+
+    def control(self, command: Any) -> Control:  # noqa: ANN401 - a generated struct
+        """Read a CtrlCmd.
+
+        Raises:
+            FieldError: a `longlCmdType` that does not exist, or a number that is none, in whichever field.
+        """
+        mode = _MODES.get(command.longlCmdType)
+        if mode is None:
+            raise FieldError(
+                "morai_msgs/CtrlCmd.longlCmdType: expected 1 (throttle), 2 (velocity) or 3 (acceleration),"
+                f" got {command.longlCmdType}"
+            )
+        for name in ("accel", "brake", self._steering, "velocity", "acceleration"):
+            if not math.isfinite(getattr(command, name)):
+                raise FieldError(f"morai_msgs/CtrlCmd.{name}: expected a finite number, got {getattr(command, name)}")
+        return Control(
+            mode,
+            steer=getattr(command, self._steering),
+            throttle=command.accel,
+            brake=command.brake,
+            speed=command.velocity / _KMH,
+            accel=command.acceleration,
+        )
+
+    # Inside
+
+    def _lay_out(self, world: World) -> _Layout:
+        return _Layout(world, self._size)
+
+    def _size(self, body: Body) -> Any:  # noqa: ANN401 - a generated struct
+        first, second = (body.width, body.length) if self._is_width_first else (body.length, body.width)
+        return self._vector(first, second, body.height)
+
+    def _object_statuses(self, world: World, rows: IntArray, fixed: list[tuple[int, int, str, Any]]) -> list[Any]:
+        """An ObjectStatus for each row. Structs that cannot differ are shared; nobody writes into a message."""
+        if not fixed:
+            return []
+        vector, status = self._vector, self._object
+        at_rest = self._at_rest
+        speeds = (world.speed[rows] * self._speed_factor).tolist()
+        accels = world.accel[rows].tolist()
+        places = (world.x[rows].tolist(), world.y[rows].tolist(), world.z[rows].tolist())
+        headings = np.degrees(world.yaw[rows]).tolist()
+        return [
+            status(
+                *(uid, kind, name, heading),
+                vector(speed, 0.0, 0.0) if speed else at_rest,
+                vector(accel, 0.0, 0.0) if accel else at_rest,
+                size,
+                vector(x, y, z),
+            )
+            for (uid, kind, name, size), heading, speed, accel, x, y, z in zip(
+                fixed, headings, speeds, accels, *places, strict=True
+            )
+        ]
+
+
+def _nearest(world: World, rows: IntArray, ego_row: int, limit: int) -> IntArray:
+    """Positions in `rows` of those nearest to a row, in their order; of two equally near ones the earlier."""
+    away: FloatArray = np.hypot(world.x[rows] - world.x[ego_row], world.y[rows] - world.y[ego_row])
+    return np.sort(np.argsort(away, kind="stable")[:limit])
+
+
+def _maker(store: Store, type_name: str, *names: str) -> Callable[..., Any]:
+    """A function that takes the values of `names`, in their order, and makes a struct of a type.
+
+    It is the struct itself where the type begins with just these fields, as the releases that we ship do. A user's own
+    definitions may differ: fields that the type lacks are left out, others get their defaults.
+    """
+    struct = store.message(type_name).struct
+    fields = struct.__struct_fields__
+    if fields[: len(names)] == names:
+        return struct
+    places = [(i, name) for i, name in enumerate(names) if name in fields]
+    return lambda *values: struct(**{name: values[i] for i, name in places})
