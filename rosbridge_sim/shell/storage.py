@@ -10,6 +10,7 @@ import logging
 import os
 import re
 from collections.abc import Iterator, Sequence
+from glob import escape
 from pathlib import Path
 
 from rosbridge_sim.errors import DocumentError
@@ -185,7 +186,8 @@ MAX_LISTED = 20
 MAX_NAME = 200
 """Characters of a scenario's name."""
 
-_PLAIN_NAME = re.compile(r"[\w .()+-]*\w[\w .()+-]*")
+_PLAIN_NAME = re.compile(r"(?!\.+$)[^\x00-\x1f\x7f<>:\"/\\|?*]+")
+"""What names one file or folder on every system, MORAI's own included."""
 
 
 class DiskLibrary:
@@ -248,13 +250,12 @@ class DiskLibrary:
         Raises:
             DocumentError: no such map, or a file that cannot be used.
         """
-        wanted = self._own_map or name
-        folder = DATA / "maps" / wanted
-        if self._own_map is not None and looks_like_path(wanted):
-            folder = Path(wanted)
-        elif not _PLAIN_NAME.fullmatch(wanted) or not folder.is_dir():
-            known = sorted(at.name for at in (DATA / "maps").iterdir() if at.is_dir())
-            raise DocumentError(f"no map {wanted!r}; known are {', '.join(known)}, and --map takes a folder")
+        folder = DATA / "maps" / (self._own_map or name)
+        if self._own_map is not None and (looks_like_path(self._own_map) or not folder.is_dir()):
+            folder = Path(self._own_map)
+        if not folder.is_dir() or (self._own_map is None and not _PLAIN_NAME.fullmatch(name)):
+            known = ", ".join(sorted(at.name for at in (DATA / "maps").iterdir() if at.is_dir()))
+            raise DocumentError(f"no map {self._own_map or name!r}; known are {known}, and --map takes a folder")
         return read_map(_read_folder(folder), str(folder))
 
 
@@ -272,7 +273,7 @@ def _find_scenario(folder: Path, parts: tuple[str, ...]) -> Path | None:
     """The file of that name in a folder or, where no map is named, in one of the folders in it."""
     found = [path for path in [folder.joinpath(*parts)] if path.is_file()]
     if not found and len(parts) == 1:
-        found = [path for path in sorted(folder.glob(f"*/{parts[0]}")) if path.is_file()]
+        found = [path for path in sorted(folder.glob("*/" + escape(parts[0]))) if path.is_file()]
     if not found:
         return None
     if len(found) > 1:
@@ -284,6 +285,4 @@ def _find_scenario(folder: Path, parts: tuple[str, ...]) -> Path | None:
 
 def _read_folder(folder: Path) -> dict[str, bytes]:
     """Name -> content of the files of a map that are read; a city's folder holds many more, and large ones."""
-    if not folder.is_dir():
-        raise DocumentError(f"{folder}: expected the folder of a map; there is none")
     return {name: _read(folder / name, MAX_DOCUMENT_SIZE) for name in FILES if (folder / name).exists()}
