@@ -37,6 +37,9 @@ _log = logging.getLogger("rosbridge_sim.server")
 WRITE_SIZE = 64 * 1024
 """Bytes handed to the transport at once; about what a loopback socket's buffer takes."""
 
+CLOSE_TIMEOUT = 1.0
+"""How long a client may take to hear that it is closed [s]; who does not read is cut off then."""
+
 FRAMES_PER_TURN = 64
 """Frames that one client's reader handles before others have their turn; some 1 ms of work."""
 
@@ -106,9 +109,15 @@ class _Client:
         if outbox.is_overfull and self._closing is None:
             _log.warning("%s reads too slowly: %d bytes wait; closing", self.peer.address, outbox.num_bytes)
             outbox.close()
-            self._closing = socket.loop.create_task(
-                socket.close(CloseCode.POLICY_VIOLATION, "answers were left unread for too long")
-            )
+            self._closing = socket.loop.create_task(self._close_overfull())
+
+    async def _close_overfull(self) -> None:
+        """Close with a reason; a socket that takes no more bytes would keep the closing itself waiting."""
+        try:
+            async with asyncio.timeout(CLOSE_TIMEOUT):
+                await self.socket.close(CloseCode.POLICY_VIOLATION, "answers were left unread for too long")
+        except TimeoutError:
+            self.socket.transport.abort()
 
 
 class Server:
@@ -153,7 +162,7 @@ class Server:
             max_size=limits.max_frame_size,
             ping_interval=limits.ping_interval,
             ping_timeout=limits.ping_timeout,
-            close_timeout=1,
+            close_timeout=CLOSE_TIMEOUT,
             server_header=None,
             logger=_quiet,
         )
@@ -163,7 +172,13 @@ class Server:
         """Close every connection with code 1001 and stop listening; takes a second and a half at most."""
         if self._server is not None:
             self._server.close()
-            await self._server.wait_closed()
+            try:
+                async with asyncio.timeout(CLOSE_TIMEOUT):
+                    await self._server.wait_closed()
+            except TimeoutError:  # some do not read, not even that we go
+                for client in self.clients:
+                    client.socket.transport.abort()
+                await self._server.wait_closed()
 
     async def _serve(self, socket: ServerConnection) -> None:
         assert isinstance(socket, _Socket)
