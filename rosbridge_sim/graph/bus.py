@@ -553,7 +553,7 @@ def decode_body(message_type: MessageType | OpaqueType, body: Body, stamp_ns: in
             return message_type.check({}, stamp_ns)
         if start[:1] == b"[":
             try:
-                return decode_body(message_type, orjson.loads(body), stamp_ns)
+                return decode_body(message_type, orjson.loads(bytes(body)), stamp_ns)
             except orjson.JSONDecodeError as error:
                 raise FieldError(f"{message_type.name}: {error}") from None
         return message_type.decode_json(body, stamp_ns)

@@ -256,6 +256,6 @@ def _read_refusal(values: Any) -> object:  # noqa: ANN401 - JSON text of a stran
     if is_absent(values):
         return ""
     try:
-        return orjson.loads(values)
+        return orjson.loads(bytes(values))
     except orjson.JSONDecodeError:
         return "The provider failed, with a reason that is not valid JSON"

@@ -20,9 +20,9 @@ SCHEMAS = Path(__file__).parents[2] / "schemas"
 def make_store() -> Store:
     """All types of `schemas/`, one release of morai_msgs; made once, for nothing changes it."""
     texts = {}
-    for path in sorted(SCHEMAS.glob("*/**/*.*")):
+    for path in sorted(SCHEMAS.glob("*/**/*.???")):
         package, *release, kind, _ = path.relative_to(SCHEMAS).parts
-        if path.suffix in {".msg", ".srv"} and release in ([], ["22.R2"]):
+        if release in ([], ["22.R2"]):
             texts[package, kind, path.stem] = path.read_text()
     return Store(texts)
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from rosbridge_sim.errors import FrameError
 from rosbridge_sim.protocol import codec
 from rosbridge_sim.protocol.codec import call_frame, decode_frame, is_absent, publish_head, response_frame, status_frame
-from rosbridge_sim.protocol.ops import OPS, CallService, Op, Publish, Subscribe
+from rosbridge_sim.protocol.ops import OPS, CallService, Id, Op, Publish, Subscribe
 
 json_values = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
@@ -137,7 +137,7 @@ def test_frames_out() -> None:
 
 
 @given(st.text() | st.integers() | st.booleans() | st.floats(allow_nan=False, allow_infinity=False))
-def test_ids_are_echoed_unchanged(op_id: object) -> None:
+def test_ids_are_echoed_unchanged(op_id: Id) -> None:
     echoed = json.loads(response_frame("/s", b'""', is_ok=False, op_id=op_id))["id"]
     assert echoed == op_id
     assert type(echoed) is type(op_id)

@@ -1,0 +1,318 @@
+"""Who talks to whom: what the vectors cannot show, and any order of events at all."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, invariant, rule
+
+from rosbridge_sim.errors import FieldError, GraphError, PeerError, UnknownPackageError
+from rosbridge_sim.graph.bus import MAX_CALLS, TYPE_MEMORY, Answer, Bus, Call, Owner, Topic, resolve
+from rosbridge_sim.schema.store import Message
+from tests.graph.room import make_bus, make_store
+
+STRING = "std_msgs/String"
+ADD = "rospy_tutorials/AddTwoInts"
+
+
+class Somebody:
+    """An owner that remembers what it is told and what it hears."""
+
+    def __init__(self, name: str = "/somebody") -> None:
+        self.name = name
+        self.told: list[tuple[str, str]] = []
+        self.heard: list[tuple[str, Any]] = []
+        self.answers: list[Answer] = []
+        self.calls: list[Call] = []
+
+    def tell(self, level: str, text: str) -> None:
+        self.told.append((level, text))
+
+    def deliver(self, topic: Topic, message: Message, _sender: Owner, _now: float) -> None:
+        self.heard.append((topic.name, message.value))
+
+    def hold(self, call: Call, _now: float) -> None:
+        self.calls.append(call)
+
+
+def text(bus: Bus, data: str) -> Message:
+    message_type = bus.store.message(STRING)
+    return Message(message_type, message_type.struct(data=data))
+
+
+def test_names_are_resolved_against_the_root() -> None:
+    assert resolve("a/b") == resolve("/a/b") == "/a/b"
+    for bad in ("", " ", "/a b", "a\n", "x" * 257):
+        with pytest.raises(GraphError):
+            resolve(bad)
+
+
+def test_a_listeners_complaint_reaches_the_sender_after_everybody_has_heard() -> None:
+    bus, sender, good = make_bus(), Somebody(), Somebody()
+    topic = bus.advertise(sender, "/t", STRING)
+
+    def refuse(_topic: Topic, _message: Message, _sender: Owner, _now: float) -> None:
+        raise FieldError("not like this")
+
+    bus.subscribe(good, "/t", refuse)
+    bus.subscribe(good, "/t", good.deliver)
+    with pytest.raises(PeerError, match="not like this"):
+        bus.publish(sender, topic, text(bus, "x"), 0.0)
+    assert len(good.heard) == 1
+
+
+def test_a_listener_may_leave_while_it_is_spoken_to() -> None:
+    bus, sender, other = make_bus(), Somebody(), Somebody()
+    topic = bus.advertise(sender, "/t", STRING)
+    subscription = bus.subscribe(other, "/t", lambda *_: bus.unsubscribe(subscription, 0.0))
+    bus.subscribe(other, "/t", other.deliver)
+    bus.publish(sender, topic, text(bus, "x"), 0.0)
+    bus.publish(sender, topic, text(bus, "y"), 0.0)
+    assert len(other.heard) == 2
+    assert len(topic.subscriptions) == 1
+
+
+def test_an_exclusive_topic_has_one_publisher_and_any_listener() -> None:
+    bus, node, other = make_bus(), Somebody("/morai_sim"), Somebody()
+    topic = bus.advertise(node, "/Ego_topic", STRING, is_exclusive=True)
+    with pytest.raises(GraphError, match="published by /morai_sim alone"):
+        bus.advertise(other, "/Ego_topic", STRING)
+    bus.subscribe(other, "/Ego_topic", other.deliver)
+    bus.publish(node, topic, text(bus, "x"), 0.0)
+    assert len(other.heard) == 1
+
+
+def test_an_exclusive_service_cannot_be_taken_over() -> None:
+    bus, node, other = make_bus(), Somebody("/morai_sim"), Somebody()
+    service = bus.provide(node, "/s", ADD, node.hold, is_exclusive=True)
+    with pytest.raises(GraphError, match="provided by /morai_sim alone"):
+        bus.provide(other, "/s", ADD, other.hold)
+    with pytest.raises(GraphError, match="can't unadvertise"):
+        bus.withdraw(other, "/s")
+    assert bus.services["/s"] is service
+
+
+def test_a_type_is_remembered_for_a_while_and_then_forgotten() -> None:
+    bus, first, second = make_bus(), Somebody(), Somebody()
+    bus.advertise(first, "/t", STRING)
+    bus.leave(first, 100.0)
+    assert bus.next_deadline() == 100.0 + TYPE_MEMORY
+    bus.expire(100.0 + TYPE_MEMORY - 0.1)
+    with pytest.raises(GraphError, match="already established"):
+        bus.advertise(second, "/t", "std_msgs/Int32")
+    bus.expire(100.0 + TYPE_MEMORY)
+    bus.advertise(second, "/t", "std_msgs/Int32")
+    assert bus.next_deadline() is None
+
+
+def test_a_latched_message_outlives_its_publisher_as_long_as_the_type_does() -> None:
+    bus, first, second = make_bus(), Somebody(), Somebody()
+    topic = bus.advertise(first, "/t", STRING, latch=True)
+    message = text(bus, "x")
+    bus.publish(first, topic, message, 0.0)
+    bus.leave(first, 0.0)
+    assert bus.subscribe(second, "/t", second.deliver).topic.latched is message
+    bus.expire(TYPE_MEMORY)
+    assert topic.latched is None
+    assert bus.find_topic("t") is topic
+
+
+def test_a_call_is_given_up_at_its_deadline() -> None:
+    bus, provider, caller = make_bus(), Somebody(), Somebody()
+    bus.provide(provider, "/add", ADD, provider.hold)
+    bus.call(caller, "/add", {"a": 1}, caller.answers.append, now=0.0, timeout=2.0)
+    bus.call(caller, "/add", {"a": 2}, caller.answers.append, now=0.0, timeout=0.0)
+    bus.call(caller, "/add", {"a": 3}, caller.answers.append, now=0.0)
+    assert bus.next_deadline() == 2.0
+    bus.expire(1.9)
+    assert caller.answers == []
+    bus.expire(2.0)
+    assert [a.values for a in caller.answers] == ["Timeout exceeded while waiting for service response"]
+    assert bus.next_deadline() is None
+    provider.calls[0].answer(bus.store.service(ADD).response.default())
+    assert len(caller.answers) == 1
+
+
+def test_the_buss_own_timeout_holds_where_a_call_gives_none() -> None:
+    bus = Bus(make_store(), service_timeout=5.0)
+    provider, caller = Somebody(), Somebody()
+    bus.provide(provider, "/add", ADD, provider.hold)
+    bus.call(caller, "/add", None, caller.answers.append, now=1.0)
+    assert bus.next_deadline() == 6.0
+    provider.calls[0].refuse("no")
+    assert bus.next_deadline() is None
+
+
+def test_a_provider_that_fails_by_our_own_fault_still_gives_an_answer() -> None:
+    bus, provider, caller = make_bus(), Somebody(), Somebody()
+
+    def fail(_call: Call, _now: float) -> None:
+        raise ZeroDivisionError
+
+    bus.provide(provider, "/add", ADD, fail)
+    with pytest.raises(ZeroDivisionError):
+        bus.call(caller, "/add", None, caller.answers.append, now=0.0)
+    assert [a.is_ok for a in caller.answers] == [False]
+
+
+def test_calls_in_flight_are_bounded() -> None:
+    bus, provider, caller = make_bus(), Somebody(), Somebody()
+    bus.provide(provider, "/add", ADD, provider.hold)
+    for _ in range(MAX_CALLS + 1):
+        bus.call(caller, "/add", None, caller.answers.append, now=0.0)
+    assert len(provider.calls) == MAX_CALLS
+    assert [a.is_ok for a in caller.answers] == [False]
+    provider.calls[0].refuse("no")
+    bus.call(caller, "/add", None, caller.answers.append, now=0.0)
+    assert len(provider.calls) == MAX_CALLS + 1
+
+
+def test_strict_types_refuse_what_nobody_knows() -> None:
+    bus = Bus(make_store(), is_strict=True)
+    with pytest.raises(UnknownPackageError):
+        bus.advertise(Somebody(), "/t", "my_msgs/Thing")
+    assert bus.topics == {}
+
+
+def test_watchers_hear_who_left() -> None:
+    bus, somebody = make_bus(), Somebody()
+    left: list[tuple[Owner, float]] = []
+    bus.watchers.append(lambda owner, now: left.append((owner, now)))
+    bus.leave(somebody, 3.0)
+    assert left == [(somebody, 3.0)]
+
+
+class BusMachine(RuleBasedStateMachine):
+    """Three owners do anything in any order."""
+
+    calls = Bundle("calls")
+    people = st.sampled_from(range(3))
+    topics = st.sampled_from(["/a", "b"])
+    services = st.sampled_from(["/s", "r"])
+    types = st.sampled_from([STRING, "std_msgs/msg/String", "std_msgs/Int32"])
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.bus = make_bus()
+        self.owners = [Somebody(f"/n{i}") for i in range(3)]
+        self.asked = self.answered = self.abandoned = 0
+        self.now = 0.0
+
+    @rule(who=people, topic=topics, kind=types, latch=st.booleans(), key=st.sampled_from([None, "k"]))
+    def advertise(self, who: int, topic: str, kind: str, latch: bool, key: str | None) -> None:  # noqa: FBT001 - drawn
+        known = self.bus.find_topic(topic)
+        try:
+            self.bus.advertise(self.owners[who], topic, kind, latch=latch, key=key)
+        except GraphError:
+            assert known is not None
+            assert known.type.name != self.bus.store.canonical(kind)
+
+    @rule(who=people, topic=topics, key=st.sampled_from([None, "k", "other"]))
+    def unadvertise(self, who: int, topic: str, key: str | None) -> None:
+        self.bus.unadvertise(self.owners[who], topic, self.now, key=key)
+
+    @rule(who=people, topic=topics)
+    def subscribe(self, who: int, topic: str) -> None:
+        owner = self.owners[who]
+        if self.bus.find_topic(topic) is not None:
+            self.bus.subscribe(owner, topic, owner.deliver)
+
+    @rule(who=people)
+    def unsubscribe(self, who: int) -> None:
+        for topic in self.bus.topics.values():
+            for subscription in topic.subscriptions:
+                if subscription.owner is self.owners[who]:
+                    self.bus.unsubscribe(subscription, self.now)
+                    self.bus.unsubscribe(subscription, self.now)
+                    return
+
+    @rule(who=people, name=topics)
+    def publish(self, who: int, name: str) -> None:
+        topic = self.bus.find_topic(name)
+        if topic is None or self.owners[who] not in topic.publishers:
+            return
+        before = [len(owner.heard) for owner in self.owners]
+        self.bus.publish(self.owners[who], topic, Message(topic.type, topic.type.default()), self.now)
+        for owner, count in zip(self.owners, before, strict=True):
+            assert len(owner.heard) - count == sum(s.owner is owner for s in topic.subscriptions)
+
+    @rule(who=people, name=services)
+    def provide(self, who: int, name: str) -> None:
+        owner = self.owners[who]
+        self.bus.provide(owner, name, ADD, owner.hold)
+
+    @rule(who=people, name=services)
+    def withdraw(self, who: int, name: str) -> None:
+        service = self.bus.services.get(resolve(name))
+        if service is not None and service.owner is self.owners[who]:
+            self.bus.withdraw(self.owners[who], name)
+
+    @rule(target=calls, who=people, name=services, timeout=st.sampled_from([None, 1.0, 5.0]))
+    def call(self, who: int, name: str, timeout: float | None) -> Call | None:
+        service = self.bus.services.get(resolve(name))
+        self.asked += 1
+        self.bus.call(self.owners[who], name, None, self.count_answer, now=self.now, timeout=timeout)
+        provider = service.owner if service else None
+        return provider.calls[-1] if isinstance(provider, Somebody) else None
+
+    def count_answer(self, _answer: Answer) -> None:
+        self.answered += 1
+
+    @rule(call=consumes(calls), is_ok=st.booleans())
+    def answer(self, call: Call | None, is_ok: bool) -> None:  # noqa: FBT001 - drawn
+        if call is not None and is_ok:
+            call.answer(call.service.type.response.default())
+        elif call is not None:
+            call.refuse("no")
+
+    @rule(seconds=st.sampled_from([0.5, 3.0, 11.0]))
+    def wait(self, seconds: float) -> None:
+        self.now += seconds
+        self.bus.expire(self.now)
+
+    @rule(who=people)
+    def leave(self, who: int) -> None:
+        owner = self.owners[who]
+        others = self.in_flight() - self.in_flight(owner)
+        mine_elsewhere = sum(
+            c.caller is owner and c.service.owner is not owner for s in self.bus.services.values() for c in s.calls
+        )
+        mine_here = self.in_flight(owner) - mine_elsewhere
+        answered = self.answered
+        self.bus.leave(owner, self.now)
+        self.bus.leave(owner, self.now)
+        # one's own calls are dropped; strangers' calls to one's services are answered
+        self.abandoned += mine_elsewhere + mine_here
+        assert self.in_flight() == others - (self.answered - answered)
+        assert owner not in self.bus.owners()
+
+    def in_flight(self, caller: Somebody | None = None) -> int:
+        return sum(caller in {None, c.caller} for s in self.bus.services.values() for c in s.calls)
+
+    @invariant()
+    def every_call_is_answered_once_or_in_flight(self) -> None:
+        assert self.asked == self.answered + self.in_flight() + self.abandoned
+
+    @invariant()
+    def both_sides_of_the_books_agree(self) -> None:
+        for topic in self.bus.topics.values():
+            assert all(topic.publishers.values())
+            assert topic.is_latching == any(any(keys.values()) for keys in topic.publishers.values())
+            if not topic.publishers:
+                assert topic.orphaned_at is not None
+
+    def teardown(self) -> None:
+        for owner in self.owners:
+            self.bus.leave(owner, self.now)
+        self.bus.expire(self.now + TYPE_MEMORY)
+        assert self.bus.topics == {}
+        assert self.bus.services == {}
+        assert self.bus.owners() == []
+        assert self.bus.next_deadline() is None
+
+
+TestBusMachine = BusMachine.TestCase
+TestBusMachine.settings = settings(max_examples=50, stateful_step_count=40, deadline=None)

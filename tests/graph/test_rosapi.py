@@ -1,0 +1,112 @@
+"""rosapi reads the bus."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.rosapi import Rosapi
+from tests.graph.room import make_bus, make_peer
+
+
+@pytest.fixture
+def bus() -> Bus:
+    bus = make_bus()
+    Rosapi(bus)
+    return bus
+
+
+def ask(bus: Bus, method: str, **args: object) -> Any:  # noqa: ANN401 - any JSON value
+    """A service's values; its refusal is an AssertionError."""
+    answer = call(bus, method, **args)
+    assert answer["result"] is True, answer
+    return answer["values"]
+
+
+def call(bus: Bus, method: str, **args: object) -> Any:  # noqa: ANN401 - any JSON value
+    peer, outbox = make_peer(bus)
+    peer.receive(json.dumps({"op": "call_service", "service": f"/rosapi/{method}", "args": args}).encode(), 0.0)
+    (frame,) = outbox.take(2**30)
+    peer.leave(0.0)
+    return json.loads(frame)
+
+
+@pytest.fixture
+def busy(bus: Bus) -> Bus:
+    """A bus with a publisher, a listener and a provider."""
+    peer, _ = make_peer(bus)
+    for op in (
+        {"op": "advertise", "topic": "/b", "type": "std_msgs/msg/String"},
+        {"op": "subscribe", "topic": "/a", "type": "std_msgs/Int32"},
+        {"op": "advertise_service", "service": "/add", "type": "rospy_tutorials/AddTwoInts"},
+    ):
+        peer.receive(json.dumps(op).encode(), 0.0)
+    return bus
+
+
+def test_topics(busy: Bus) -> None:
+    assert ask(busy, "topics") == {"topics": ["/a", "/b"], "types": ["std_msgs/Int32", "std_msgs/String"]}
+    assert ask(busy, "topics_for_type", type="std_msgs/String") == {"topics": ["/b"]}
+    assert ask(busy, "topics_for_type", type="std_msgs/msg/String") == {"topics": ["/b"]}
+    assert ask(busy, "topic_type", topic="/a") == {"type": "std_msgs/Int32"}
+    assert ask(busy, "topic_type", topic="/none") == {"type": ""}
+    assert ask(busy, "publishers", topic="b") == {"publishers": ["/rosbridge_websocket"]}
+    assert ask(busy, "publishers", topic="/a") == {"publishers": []}
+    assert ask(busy, "subscribers", topic="/a") == {"subscribers": ["/rosbridge_websocket"]}
+
+
+def test_services(busy: Bus) -> None:
+    services = ask(busy, "services")["services"]
+    assert services == sorted(services)
+    assert {"/add", "/rosapi/topics", "/rosapi/get_time"} <= set(services)
+    assert ask(busy, "services_for_type", type="rospy_tutorials/srv/AddTwoInts") == {"services": ["/add"]}
+    assert ask(busy, "service_type", service="/add") == {"type": "rospy_tutorials/AddTwoInts"}
+    assert ask(busy, "service_type", service="/none") == {"type": ""}
+    assert ask(busy, "service_node", service="/add") == {"node": "/rosbridge_websocket"}
+    assert ask(busy, "service_providers", service="rospy_tutorials/AddTwoInts") == {
+        "providers": ["/rosbridge_websocket"]
+    }
+
+
+def test_nodes(busy: Bus) -> None:
+    assert ask(busy, "nodes") == {"nodes": ["/rosapi", "/rosbridge_websocket"]}
+    assert ask(busy, "node_details", node="/rosbridge_websocket") == {
+        "subscribing": ["/a"],
+        "publishing": ["/b"],
+        "services": ["/add"],
+    }
+    assert ask(busy, "node_details", node="/none") == {"subscribing": [], "publishing": [], "services": []}
+
+
+def test_time_is_the_buss(bus: Bus) -> None:
+    bus.stamp_ns = 12_000_000_034
+    assert ask(bus, "get_time") == {"time": {"secs": 12, "nsecs": 34}}
+
+
+def test_parameters(bus: Bus) -> None:
+    assert ask(bus, "get_param", name="/a/x", default="7") == {"value": "7"}
+    assert ask(bus, "has_param", name="/a/x") == {"exists": False}
+    ask(bus, "set_param", name="a/x", value="[1, null]")
+    ask(bus, "set_param", name="/a/y", value='"text"')
+    assert ask(bus, "get_param", name="/a/x", default="7") == {"value": "[1,null]"}
+    assert json.loads(ask(bus, "get_param", name="/a")["value"]) == {"x": [1, None], "y": "text"}
+    assert ask(bus, "get_param_names") == {"names": ["/a/x", "/a/y"]}
+    assert ask(bus, "has_param", name="/a") == {"exists": True}
+    assert ask(bus, "search_param", name="a/x") == {"global_name": "/a/x"}
+    assert ask(bus, "search_param", name="z") == {"global_name": ""}
+    ask(bus, "delete_param", name="/a/x")
+    assert ask(bus, "get_param_names") == {"names": ["/a/y"]}
+
+
+def test_a_parameter_that_is_no_json_is_refused_in_rosapis_words(bus: Bus) -> None:
+    answer = call(bus, "set_param", name="/a", value="text")
+    assert answer["result"] is False
+    assert "must be a JSON-formatted string" in answer["values"]
+    assert bus.parameters == {}
+
+
+def test_deleting_what_is_not_there_is_refused(bus: Bus) -> None:
+    assert call(bus, "delete_param", name="/a")["values"] == "Parameter /a is not set"
