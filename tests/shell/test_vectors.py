@@ -1,0 +1,79 @@
+"""The vectors of the wire against a live server: the same frames, through sockets."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from typing import Any
+
+import pytest
+import pytest_asyncio
+
+from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.shell.server import Server, ServerLimits
+from tests.graph.room import make_bus
+from tests.support import PATIENCE, Client
+from tests.vector_player import load_vectors, play
+
+
+class SocketClients:
+    """Named clients of a live server."""
+
+    def __init__(self, server: Server) -> None:
+        self._server = server
+        self._clients: dict[str, Client] = {}
+        self._heard: dict[str, list[dict[str, Any]]] = {}
+
+    async def _client(self, name: str) -> Client:
+        if name not in self._clients:
+            self._clients[name] = await Client.open(f"ws://127.0.0.1:{self._server.port}")
+            self._heard[name] = []
+        return self._clients[name]
+
+    async def send(self, name: str, frame: str) -> None:
+        """Come back once the server has carried the frame to its end: then all that follows from it is on its way."""
+        client = await self._client(name)
+        await client.send_raw(frame)
+        self._heard[name] += await client.settle()
+
+    async def received(self, name: str) -> list[str]:
+        client = self._clients.get(name)
+        if client is not None:
+            self._heard[name] += await client.settle()
+        heard = [json.dumps(frame) for frame in self._heard.get(name, [])]
+        self._heard[name] = []
+        return heard
+
+    async def close(self, name: str) -> None:
+        client = self._clients.pop(name, None)
+        if client is None:
+            return
+        num_clients = len(self._server.clients)
+        await client.close()
+        async with asyncio.timeout(PATIENCE):
+            while len(self._server.clients) >= num_clients:  # noqa: ASYNC110 - no event tells of it
+                await asyncio.sleep(0)
+
+    async def close_all(self) -> None:
+        for name in list(self._clients):
+            await self.close(name)
+
+
+@pytest_asyncio.fixture
+async def clients() -> AsyncIterator[SocketClients]:
+    bus = make_bus()
+    Rosapi(bus)
+    server = Server(bus, ServerLimits(), lambda: None)
+    await server.start("127.0.0.1", 0)
+    clients = SocketClients(server)
+    yield clients
+    await clients.close_all()
+    assert [owner.name for owner in bus.owners()] == ["/rosapi"]
+    assert server.num_bugs == 0
+    await server.stop()
+
+
+@pytest.mark.parametrize("vector", load_vectors(), ids=lambda vector: vector["id"])
+async def test_vector(vector: dict[str, Any], clients: SocketClients) -> None:
+    await play(vector, clients)
