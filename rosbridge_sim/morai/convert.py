@@ -24,7 +24,18 @@ from rosbridge_sim.schema.store import Leniency, Store
 from rosbridge_sim.world.geometry import FloatArray, IntArray
 from rosbridge_sim.world.state import STEP_NS, Body, Gear, Kind, Mode, World
 
-__all__ = ["FIELD", "LENIENCY", "MANUAL", "Control", "Converter", "Profile", "choose_profile", "gear_of", "time_text"]
+__all__ = [
+    "FIELD",
+    "LENIENCY",
+    "MANUAL",
+    "Control",
+    "Converter",
+    "Profile",
+    "choose_profile",
+    "gear_of",
+    "maker",
+    "time_text",
+]
 
 # Names
 
@@ -202,33 +213,33 @@ class Converter:
     def __init__(self, store: Store, profile: Profile = MANUAL) -> None:
         self._store = store
         self._profile = profile
-        self._vector = _maker(store, "geometry_msgs/Vector3", "x", "y", "z")
-        self._header = _maker(store, "std_msgs/Header", "seq", "stamp", "frame_id")
-        self._clock = _maker(store, "rosgraph_msgs/Clock", "clock")
-        self._ego = _maker(
+        self._vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
+        self._header = maker(store, "std_msgs/Header", "seq", "stamp", "frame_id")
+        self._clock = maker(store, "rosgraph_msgs/Clock", "clock")
+        self._ego = maker(
             store,
             "morai_msgs/EgoVehicleStatus",
             *("header", "unique_id", "acceleration", "position", "velocity", "heading", "accel", "brake"),
             "wheel_angle",
         )
-        self._object = _maker(
+        self._object = maker(
             store,
             "morai_msgs/ObjectStatus",
             *("unique_id", "type", "name", "heading", "velocity", "acceleration", "size", "position"),
         )
-        self._objects = _maker(
+        self._objects = maker(
             store,
             "morai_msgs/ObjectStatusList",
             *("header", "num_of_npcs", "num_of_pedestrian", "num_of_obstacle"),
             *("npc_list", "pedestrian_list", "obstacle_list"),
         )
-        self._map_spec = _maker(
+        self._map_spec = maker(
             store,
             "morai_msgs/MapSpec",
             *("plane_coordinate_system", "utm_num", "utm_offset", "ellipse", "central_latitude", "central_meridian"),
             *("scale_factor", "false_easting", "false_northing"),
         )
-        self._vehicle_spec = _maker(
+        self._vehicle_spec = maker(
             store, "morai_msgs/VehicleSpec", "size", "wheel_base", "max_steering", "overhang", "rear_overhang"
         )
         fields = store.message("morai_msgs/CtrlCmd").struct.__struct_fields__
@@ -239,6 +250,10 @@ class Converter:
         self._at_rest = self._vector(0.0, 0.0, 0.0)
 
     # Out
+
+    def header(self, frame: int, frame_id: str = "") -> Any:  # noqa: ANN401 - a generated struct
+        """A header of that frame: `seq` is the frame, the stamp is simulated time."""
+        return self._header(frame & 0xFFFFFFFF, self._store.time_value(frame * STEP_NS), frame_id)
 
     def clock(self, frame: int) -> Any:  # noqa: ANN401 - a generated struct
         """Simulated time."""
@@ -252,7 +267,7 @@ class Converter:
         """
         vector = self._vector
         return self._ego(
-            self._header(world.frame & 0xFFFFFFFF, self._store.time_value(world.frame * STEP_NS), "base_link"),
+            self.header(world.frame, "base_link"),
             unique_id,
             vector(world.accel.item(row), world.lateral_accel.item(row), 0.0),
             vector(world.x.item(row), world.y.item(row), world.z.item(row)),
@@ -281,7 +296,7 @@ class Converter:
         entries = self._object_statuses(world, rows, fixed)
         npcs, people, things = entries[: ends[0]], entries[ends[0] : ends[1]], entries[ends[1] :]
         return self._objects(
-            self._header(world.frame & 0xFFFFFFFF, self._store.time_value(world.frame * STEP_NS), "ObjectInfo"),
+            self.header(world.frame, "ObjectInfo"),
             *(len(npcs), len(people), len(things)),
             *(npcs, people, things),
         )
@@ -378,7 +393,7 @@ def _nearest(world: World, rows: IntArray, ego_row: int, limit: int) -> IntArray
     return np.sort(np.argsort(away, kind="stable")[:limit])
 
 
-def _maker(store: Store, type_name: str, *names: str) -> Callable[..., Any]:
+def maker(store: Store, type_name: str, *names: str) -> Callable[..., Any]:
     """A function that takes the values of `names`, in their order, and makes a struct of a type.
 
     It is the struct itself where the type begins with just these fields, as the releases that we ship do. A user's own

@@ -38,7 +38,7 @@ The decisions, and why:
 from __future__ import annotations
 
 import heapq
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 from typing import Final, Generic, Literal, TypeVar
@@ -273,6 +273,8 @@ C = TypeVar("C")
 class Sync(Generic[C]):
     """The mode of one world. The frame count is the world's: it is an argument wherever it matters.
 
+    A `holder` is whatever stands for a peer; it must be hashable.
+
     Attributes:
         state: where in the table we are.
         master_id: the id that may tick; empty while nobody may.
@@ -305,7 +307,7 @@ class Sync(Generic[C]):
         self._is_strict = is_strict
         self._may_anyone_stop = may_anyone_stop
         self._num_ids = 0
-        self._holders: dict[Hashable, None] = {}
+        self._holders: dict[object, None] = {}
         self._heard_at = 0.0
         self._waiting: list[tuple[int, int, C]] = []  # a heap of (frame, order of arrival, command)
         self._num_arrived = 0
@@ -352,7 +354,7 @@ class Sync(Generic[C]):
             return None
         return self._heard_at + self._lease
 
-    def start(self, user_id: str, step_ms: int, holder: Hashable, now: float) -> Outcome:
+    def start(self, user_id: str, step_ms: int, holder: object, now: float) -> Outcome:
         """Somebody wants to be master, or the master wants another time step.
 
         Args:
@@ -381,7 +383,7 @@ class Sync(Generic[C]):
         is_allowed = self._is_master(user_id) or (self._may_anyone_stop and self.state not in NO_MASTER)
         return self._follow(Event.STOP_BY_MASTER if is_allowed else Event.STOP_BY_OTHER)
 
-    def tick(self, user_id: str, named: int, frame: int, holder: Hashable, now: float) -> Outcome:
+    def tick(self, user_id: str, named: int, frame: int, holder: object, now: float) -> Outcome:
         """Somebody wants the world to move by one time step.
 
         Args:
@@ -401,7 +403,7 @@ class Sync(Generic[C]):
             return self._follow(Event.TICK_MISFIT)
         return self._follow(Event.TICK_BY_MASTER)
 
-    def submit(self, command: C, named: int, frame: int, holder: Hashable, now: float) -> Outcome:
+    def submit(self, command: C, named: int, frame: int, holder: object, now: float) -> Outcome:
         """Have a command wait for the frame it names, or for the next one if that is past.
 
         Args:
@@ -438,7 +440,7 @@ class Sync(Generic[C]):
         """End the pause."""
         return self._follow(Event.RESUME)
 
-    def leave(self, holder: Hashable) -> Outcome | None:
+    def leave(self, holder: object) -> Outcome | None:
         """A peer is gone. The outcome if the master went with it, else None."""
         if holder not in self._holders:
             return None
@@ -453,7 +455,7 @@ class Sync(Generic[C]):
     def _is_master(self, user_id: str) -> bool:
         return user_id == self.master_id and user_id != ""
 
-    def _hear(self, holder: Hashable, now: float) -> None:
+    def _hear(self, holder: object, now: float) -> None:
         self._holders[holder] = None
         self._heard_at = now
 

@@ -1,0 +1,116 @@
+"""One ego as its clients see it: who may drive it, its lamps, its gear, its state as a message.
+
+The row in the world knows motion alone. What MORAI adds to it for each ego is here, so that a second ego is a second
+object and a second set of names.
+"""
+
+from __future__ import annotations
+
+import logging
+from enum import IntEnum
+from typing import Any
+
+from rosbridge_sim.morai.convert import Control, Converter
+from rosbridge_sim.world import dynamics
+from rosbridge_sim.world.state import Gear, Mode, World
+
+__all__ = ["CtrlMode", "Ego"]
+
+_log = logging.getLogger("rosbridge_sim.morai")
+
+
+class CtrlMode(IntEnum):
+    """Who drives."""
+
+    KEYBOARD = 1
+    GAME_PAD = 2
+    EXTERNAL = 3  # /ctrl_cmd
+    AUTONOMOUS = 6  # MORAI's own agent; nobody here
+
+
+class Ego:
+    """An ego vehicle; its row may be another one after a scenario was loaded.
+
+    Attributes:
+        uid: in the world, and as `unique_id` on the wire.
+        ctrl_mode: who drives it outside synchronous mode.
+        turn_signal: 0 none, 1 left, 2 right.
+        emergency_signal: 0 off, 1 on.
+    """
+
+    def __init__(self, world: World, convert: Converter, uid: int, ctrl_mode: CtrlMode) -> None:
+        self.uid = uid
+        self.ctrl_mode = ctrl_mode
+        self.turn_signal = 0
+        self.emergency_signal = 0
+        self._world = world
+        self._convert = convert
+        self._status: Any = None  # a generated struct
+        self._refused_gear: Gear | None = None
+
+    @property
+    def row(self) -> int:
+        """Where it is in the world's arrays now."""
+        return self._world.row(self.uid)
+
+    @property
+    def gear(self) -> Gear:
+        """The gear it is in."""
+        return Gear(self._world.gear.item(self.row))
+
+    @property
+    def lamps(self) -> tuple[int, int]:
+        """Turn and emergency signal."""
+        return self.turn_signal, self.emergency_signal
+
+    def status(self) -> Any:  # noqa: ANN401 - a generated struct
+        """Its EgoVehicleStatus, made once for each state of the world."""
+        if self._status is None:
+            self._status = self._convert.ego_vehicle_status(self._world, self.row, self.uid)
+        return self._status
+
+    def forget_status(self) -> None:
+        """The world has changed."""
+        self._status = None
+
+    def renew(self) -> None:
+        """It is a new car: lamps off."""
+        self.turn_signal = self.emergency_signal = 0
+        self._refused_gear = None
+        self.forget_status()
+
+    def control(self, control: Control) -> None:
+        """Drive like this from the next frame on."""
+        dynamics.command(
+            self._world,
+            self.row,
+            mode=control.mode,
+            steer=control.steer,
+            throttle=control.throttle,
+            brake=control.brake,
+            speed=control.speed,
+            accel=control.accel,
+        )
+
+    def hand_over(self, ctrl_mode: CtrlMode) -> None:
+        """Have somebody else drive; whoever takes over from a client has pressed nothing yet."""
+        if self.ctrl_mode is CtrlMode.EXTERNAL is not ctrl_mode:
+            dynamics.command(self._world, self.row, mode=Mode.PEDALS, steer=0.0)
+        self.ctrl_mode = ctrl_mode
+
+    def shift(self, gear: Gear) -> str | None:
+        """Change gear.
+
+        Returns:
+            None when it is in that gear now, else why not, for a person to read.
+        """
+        row = self.row
+        if dynamics.shift(self._world, row, gear):
+            self._refused_gear = None
+            return None
+        speed = self._world.speed.item(row)
+        why = f"gear {gear.name} refused: the ego moves at {speed:.2f} m/s, it must nearly stand (0.1 m/s)"
+        if self._refused_gear is not gear:  # clients ask again and again until it works
+            self._refused_gear = gear
+            _log.info("%s", why)
+        return why

@@ -1,0 +1,263 @@
+"""The simulator as one ROS node: its topics and services on the bus, bound to synchronous mode and to the world.
+
+`Node` is the middle: it has the parts (`sync` decides, `stage` holds who is there, `outputs` publish, `services`
+answer) and the two ways in which the world moves:
+
+- `advance(now)`: real time. The shell calls it whenever `next_due` says so; it computes the frames that are owed.
+- `tick`: synchronous mode. A service call moves the frames of one time step within the call, and everything that those
+  frames publish is in the listeners' hands before the answer is given.
+
+Both end in `_compute`: commands that waited for the frame, one step, the stamp, the topics. Nothing else moves the
+world, and nothing in here looks at a clock: `now` only says how much is owed. So a drive over ticks alone gives the
+same bytes on every run.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal
+
+from rosbridge_sim.graph.bus import Bus, Owner
+from rosbridge_sim.morai.convert import MANUAL, Converter, Profile, maker
+from rosbridge_sim.morai.ego import CtrlMode, Ego
+from rosbridge_sim.morai.outputs import Outputs
+from rosbridge_sim.morai.pace import Pace
+from rosbridge_sim.morai.scenario import Scenario
+from rosbridge_sim.morai.services import Services
+from rosbridge_sim.morai.stage import FIRST_EGO, Library, Load, Stage
+from rosbridge_sim.morai.sync import Effect, Outcome, Sync
+from rosbridge_sim.schema.store import Message
+from rosbridge_sim.world.state import STEP_NS, Gear, World
+from rosbridge_sim.world.step import step
+
+__all__ = ["NODE_NAME", "Command", "Node", "NodeSettings"]
+
+NODE_NAME: Final = "/morai_sim"
+
+MAX_FRAMES: Final = 5
+"""Frames that one `advance` computes at most, so that catching up does not keep everybody else waiting."""
+
+Command = Callable[[float], None]
+"""What waits for its frame in synchronous mode; called with `now`."""
+
+_log = logging.getLogger("rosbridge_sim.morai")
+
+
+@dataclass(frozen=True, slots=True)
+class NodeSettings:
+    """What can be chosen about the simulator; the fields are named after the program's flags.
+
+    Attributes:
+        profile: units and orders where documents and clients disagree.
+        start: run in real time, or stand at frame 0 until the first master comes.
+        start_mode: external control in D, or keyboard control in P as MORAI starts.
+        rate: topic -> publications a second in real time [Hz]; 50 for those not named.
+        sync_frames: whether a tick must name the frame that it will end on.
+        sync_lease: silence after which a master is lost [s]; None counts departures only.
+        sync_on_loss: what becomes of the world when the master is lost.
+        anyone_may_stop: let others than the master stop synchronous mode.
+    """
+
+    profile: Profile = MANUAL
+    start: Literal["run", "sync"] = "run"
+    start_mode: Literal["external", "keyboard"] = "external"
+    rate: Mapping[str, float] = field(default_factory=dict)
+    sync_frames: Literal["lenient", "strict"] = "lenient"
+    sync_lease: float | None = None
+    sync_on_loss: Literal["run", "pause", "wait"] = "run"
+    anyone_may_stop: bool = False
+
+
+class Node:
+    """The simulator. An `Owner` on the bus; its names there are its alone.
+
+    Attributes:
+        name: as rosapi shows it.
+        bus, world, convert, stage, sync: its parts.
+        egos: in order; the first one has the bare names.
+        is_moving: a tick is being computed right now.
+        num_ticks: ticks carried out.
+    """
+
+    name = NODE_NAME
+
+    def __init__(
+        self, bus: Bus, world: World, library: Library, scenario: Scenario, settings: NodeSettings | None = None
+    ) -> None:
+        """The simulator with its opening scene, on the bus.
+
+        Args:
+            bus: where its topics and services are; its stamp follows the world's frames from now on.
+            world: empty; moved by this node alone.
+            library: where scenarios and maps come from.
+            scenario: the opening scene.
+            settings: None for the defaults.
+
+        Raises:
+            DocumentError: the scenario does not fit its map, or a rate is none.
+        """
+        settings = settings or NodeSettings()
+        is_external = settings.start_mode == "external"
+        self.bus = bus
+        self.world = world
+        self.library = library
+        self.convert = Converter(bus.store, settings.profile)
+        self.stage = Stage(world, library, scenario, ego_gear=Gear.DRIVE if is_external else Gear.PARK)
+        self.egos = [Ego(world, self.convert, FIRST_EGO, CtrlMode.EXTERNAL if is_external else CtrlMode.KEYBOARD)]
+        self.sync: Sync[Command] = Sync(
+            is_on=settings.start == "sync",
+            on_loss=settings.sync_on_loss,
+            lease=settings.sync_lease,
+            is_strict=settings.sync_frames == "strict",
+            may_anyone_stop=settings.anyone_may_stop,
+        )
+        self.is_moving = False
+        self.num_ticks = 0
+        self._pace = Pace()
+        self._told: dict[Owner, set[str]] = {}
+        self._outputs = Outputs(self, bus, settings.rate)
+        self._outputs.add("/clock", "rosgraph_msgs/Clock", lambda: self.convert.clock(world.frame))
+        self._outputs.add("/Ego_topic", "morai_msgs/EgoVehicleStatus", self.egos[0].status)
+        self._outputs.add("/Object_topic", "morai_msgs/ObjectStatusList", self._objects)
+        self._outputs.check_rates()
+        self._info_topic = bus.advertise(
+            self, "/SyncModeInfo", "morai_msgs/SyncModeInfo", latch=True, is_exclusive=True
+        )
+        self._make_info = maker(bus.store, "morai_msgs/SyncModeInfo", "master_id", "status", "frame", "can_send_tick")
+        self._services = Services(self)
+        bus.watchers.append(self._see_off)
+        bus.stamp_ns = world.frame * STEP_NS
+        self._announce(0.0)
+
+    # Time
+
+    def advance(self, now: float) -> None:
+        """Compute what real time owes by now, a few frames at most; end a lease that has run out.
+
+        Args:
+            now: monotonic time [s].
+
+        Call it again at `next_due`.
+        """
+        lost = self.sync.expire(now)
+        if lost is not None:
+            self._lose(lost, now)
+        if not self.sync.is_free:
+            return
+        pace = self._pace
+        if not pace.is_started:
+            pace.start(now)
+        given_up = pace.forgive(now)
+        if given_up:
+            self._outputs.forget_repeats()
+            level = logging.WARNING if pace.num_stalls == 1 else logging.DEBUG
+            _log.log(level, "stalled for %.2f s: the simulated clock stood meanwhile", given_up)
+        for _ in range(MAX_FRAMES):
+            if now < pace.due_at or not self.sync.is_free:
+                break
+            self._outputs.repeat(pace.due_at)
+            self._compute(now, is_tick=False, is_last=True)
+        self._outputs.repeat(now)
+
+    def next_due(self, now: float) -> float | None:
+        """When `advance` has something to do next [s]; None while only a call can move the world."""
+        dues = [self.sync.lease_due]
+        if self.sync.is_free:
+            dues += [self._pace.due_at if self._pace.is_started else now, self._outputs.repeat_due]
+        return min((due for due in dues if due is not None), default=None)
+
+    @property
+    def num_stalls(self) -> int:
+        """How often real time was lost for good."""
+        return self._pace.num_stalls
+
+    def tick(self, now: float) -> None:
+        """Move the world by one time step, and publish every frame of it. For an accepted tick alone."""
+        self.is_moving = True
+        try:
+            for left in range(self.sync.num_frames - 1, -1, -1):
+                self._compute(now, is_tick=True, is_last=left == 0)
+        finally:
+            self.is_moving = False
+        self.num_ticks += 1
+
+    def _compute(self, now: float, *, is_tick: bool, is_last: bool) -> None:
+        """Move the world by one frame and show it."""
+        world = self.world
+        for command in self.sync.due(world.frame + 1):
+            command(now)
+        step(world)
+        self.refresh()
+        self.bus.stamp_ns = world.frame * STEP_NS
+        if is_tick:
+            self._outputs.show_every(now)
+        else:
+            self._pace.count()
+            self._outputs.show_due(world.frame, self._pace.shown_at, now)
+        self._announce(now, may_tick=is_last)
+
+    # Synchronous mode
+
+    def follow(self, outcome: Outcome, now: float) -> None:
+        """Carry out what follows from an event, but for the ticks' MOVE."""
+        for effect in outcome.effects:
+            if effect is Effect.FLOW:
+                self._pace.start(now)
+            elif effect is Effect.ANNOUNCE:
+                self._announce(now)
+        if not self.sync.is_free:
+            self._outputs.forget_repeats()
+
+    def _announce(self, now: float, *, may_tick: bool = True) -> None:
+        """Publish /SyncModeInfo; latched, so it is kept up to date whoever listens."""
+        sync = self.sync
+        info = self._make_info(sync.master_id, sync.is_on, self.world.frame, sync.can_send_tick and may_tick)
+        self._outputs.publish(self._info_topic, Message(self._info_topic.type, info), now)
+
+    def _see_off(self, owner: Owner, now: float) -> None:
+        """A peer has left the bus."""
+        self._told.pop(owner, None)
+        lost = self.sync.leave(owner)
+        if lost is not None:
+            self._lose(lost, now)
+
+    def _lose(self, outcome: Outcome, now: float) -> None:
+        _log.warning("the master of synchronous mode is lost; %s", outcome.state.name)
+        self.follow(outcome, now)
+
+    # For the services
+
+    def refresh(self) -> None:
+        """The world has changed: what was made from it is made again."""
+        for ego in self.egos:
+            ego.forget_status()
+
+    def carry_out(self, load: Load, *, is_pausing: bool, now: float) -> None:
+        """Have a prepared scenario take the stage.
+
+        Raises:
+            DocumentError: the world is too full; nothing has changed.
+        """
+        self.stage.carry_out(load)
+        if load.egos:
+            self.egos[0].renew()
+        self.refresh()
+        if is_pausing:
+            self.follow(self.sync.pause(), now)
+
+    def tell_once(self, owner: Owner, text: str) -> None:
+        """Warn a peer of something that it may do many times."""
+        told = self._told.setdefault(owner, set())
+        if text not in told:
+            told.add(text)
+            owner.tell("warning", text)
+            _log.info("%s: %s", owner.name, text)
+
+    def tell(self, level: str, text: str) -> None:
+        """What the bus has to say to the simulator goes into the log."""
+        _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)
+
+    def _objects(self) -> Any:  # noqa: ANN401 - a generated struct
+        return self.convert.object_status_list(self.world, self.egos[0].row)

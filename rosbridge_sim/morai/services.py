@@ -1,0 +1,351 @@
+"""What clients can ask of the simulator: its services, and the topics that it listens to.
+
+Each handler reads a request, lets `sync` or `stage` decide, and answers. Two kinds of "no" are kept apart:
+
+- the request itself is wrong (no such gear, no such model): over a topic a status, over a service a refused call or,
+  where the response has a `result`, false and a status with the reason;
+- the request is fine but not now (mode off, paused, no room): the response says false, and the reason is told as a
+  warning, which a client hears if it asks for that level.
+
+Commands of synchronous mode are checked when they come and wait as functions; what can only be known at their frame
+(does the object still exist, does the car stand) is told then.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError
+from rosbridge_sim.graph.bus import Call, Handle, Owner, Topic
+from rosbridge_sim.morai.catalogue import find_model
+from rosbridge_sim.morai.convert import gear_of, maker, time_text
+from rosbridge_sim.morai.ego import CtrlMode, Ego
+from rosbridge_sim.morai.stage import Load, LoadOptions
+from rosbridge_sim.morai.sync import Effect, Outcome
+from rosbridge_sim.schema.store import Message
+from rosbridge_sim.world.state import Gear
+
+if TYPE_CHECKING:
+    from rosbridge_sim.morai.node import Command, Node
+
+__all__ = ["Services"]
+
+# EventInfo.option. The message's own comment writes these as 0x1, 0x10, 0x100, 0x1000, which are binary digits; taken
+# at its word, 0x10 would still fit into the field and means nothing else, so it is gear as well.
+_MODE_BIT, _GEAR_BITS, _LAMP_BIT, _PAUSE_BIT = 1, 2 | 16, 4, 8
+
+_TURN_SIGNALS = (0, 1, 2)
+_EMERGENCY_SIGNALS = (0, 1)
+
+_log = logging.getLogger("rosbridge_sim.morai")
+
+
+class Services:
+    """Binds a node's services and input topics. It holds no state: that is the parts' of the node."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._bus = node.bus
+        store = node.bus.store
+        self._make_cmd = maker(store, "morai_msgs/SyncModeCmdResponse", "user_id", "frame", "result", "time_step")
+        self._make_tick = maker(
+            store,
+            "morai_msgs/WaitForTickResponse",
+            *("tick_status", "pause_status", "frame", "vehicle_status", "time"),
+        )
+        self._make_event = maker(store, "morai_msgs/EventInfo", "option", "ctrl_mode", "gear", "lamps", "set_pause")
+        self._make_lamps = maker(store, "morai_msgs/Lamps", "header", "turnSignal", "emergencySignal")
+        self._make_result = maker(store, "morai_msgs/SyncModeResultResponse", "result")
+        self._make_load_result = maker(store, "morai_msgs/MoraiSrvResponse", "result")
+
+        self._provide("/SyncModeCmd", "MoraiSyncModeCmdSrv", self._sync_cmd)
+        self._provide("/SyncModeWaitForTick", "MoraiWaitForTickSrv", self._wait_for_tick)
+        self._provide("/SyncModeScenarioLoad", "MoraiSyncModeSLSrv", self._load_at_frame)
+        self._provide("/Service_MoraiSL", "MoraiScenarioLoadSrv", self._load_now)
+        self._provide("/Service_MoraiVehicleSpec", "MoraiVehicleSpecSrv", self._vehicle_spec)
+        self._provide("/Service_MoraiMapSpec", "MoraiMapSpecSrv", self._map_spec)
+        self._listen("/SyncModeAddObj", "SyncModeAddObj", self._add_object)
+        self._listen("/SyncModeRemoveObj", "SyncModeRemoveObj", self._remove_object)
+        self._bind_ego(node.egos[0], prefix="/", control_topics=("ctrl_cmd", "ctrl_cmd_0"))
+
+    def _bind_ego(self, ego: Ego, *, prefix: str, control_topics: tuple[str, ...]) -> None:
+        """All that an ego has of its own; a further one gets another prefix."""
+        for name in control_topics:
+            self._listen(prefix + name, "CtrlCmd", partial(self._ctrl_cmd, ego))
+        self._provide(prefix + "SyncModeCtrlCmd", "MoraiSyncModeCtrlCmdSrv", partial(self._sync_ctrl_cmd, ego))
+        self._provide(prefix + "SyncModeSetGear", "MoraiSyncModeSetGearSrv", partial(self._sync_set_gear, ego))
+        self._provide(prefix + "Service_MoraiEventCmd", "MoraiEventCmdSrv", partial(self._event_cmd, ego))
+
+    def _provide(self, name: str, type_name: str, handle: Handle) -> None:
+        self._bus.provide(self._node, name, "morai_msgs/" + type_name, handle, is_exclusive=True)
+
+    def _listen(self, name: str, type_name: str, take: Callable[[Any, Owner, float], None]) -> None:
+        def deliver(_topic: Topic, message: Message, sender: Owner, now: float) -> None:
+            take(message.value, sender, now)
+
+        self._bus.subscribe(self._node, name, deliver, type_name="morai_msgs/" + type_name)
+
+    # Synchronous mode
+
+    def _sync_cmd(self, call: Call, now: float) -> None:
+        request: Any = _request(call)
+        node, sync = self._node, self._node.sync
+        if request.start_sync_mode:
+            outcome = sync.start(request.user_id, request.time_step, call.caller, now)
+            user_id = sync.master_id
+        else:
+            outcome = sync.stop(request.user_id)
+            user_id = request.user_id if outcome.is_accepted else sync.master_id
+        if outcome.is_accepted:
+            what = f"on, master {user_id!r}, {sync.step_ms} ms a tick" if sync.is_on else "off"
+            _log.info("synchronous mode %s, frame %d", what, node.world.frame)
+        else:
+            call.caller.tell("warning", f"/SyncModeCmd: {outcome.why}")
+        node.follow(outcome, now)
+        _respond(call, self._make_cmd(user_id, node.world.frame, outcome.is_accepted, sync.step_ms))
+
+    def _wait_for_tick(self, call: Call, now: float) -> None:
+        request: Any = _request(call)
+        node, sync = self._node, self._node.sync
+        if node.is_moving:  # a listener of a tick's topics asks for the next one from within
+            raise GraphError("/SyncModeWaitForTick: a tick is in progress")
+        outcome = sync.tick(request.user_id, request.frame, node.world.frame, call.caller, now)
+        is_paused = sync.is_paused
+        if Effect.MOVE in outcome.effects:
+            node.tick(now)
+        else:
+            call.caller.tell("warning", f"/SyncModeWaitForTick: {outcome.why}")
+        frame = node.world.frame
+        status = node.egos[0].status()
+        _respond(call, self._make_tick(outcome.is_accepted, is_paused, frame, status, time_text(frame)))
+
+    def _sync_ctrl_cmd(self, ego: Ego, call: Call, now: float) -> None:
+        request: Any = _request(call)
+
+        def read() -> Command:
+            control = self._node.convert.control(request.command)
+            return lambda _now: ego.control(control)
+
+        self._queue(call, read, request.frame, now)
+        if request.sensor_capture:
+            self._node.tell_once(call.caller, "sensor_capture: no sensors are mounted, nothing is saved")
+
+    def _sync_set_gear(self, ego: Ego, call: Call, now: float) -> None:
+        request: Any = _request(call)
+        caller = call.caller
+
+        def read() -> Command:
+            gear = gear_of(request.gear)
+
+            def shift(_now: float) -> None:
+                why = None if gear is None else ego.shift(gear)
+                if why is not None:
+                    caller.tell("warning", f"/SyncModeSetGear: {why}")
+
+            return shift
+
+        self._queue(call, read, request.frame, now)
+
+    def _load_at_frame(self, call: Call, now: float) -> None:
+        request: Any = _request(call)
+        caller = call.caller
+
+        def read() -> Command:
+            load = self._prepare(request, caller)
+
+            def carry_out(then: float) -> None:
+                try:
+                    self._node.carry_out(load, is_pausing=request.set_pause, now=then)
+                except DocumentError as error:
+                    _complain(caller, f"/SyncModeScenarioLoad: {error}")
+
+            return carry_out
+
+        self._queue(call, read, request.frame, now)
+
+    def _queue(self, call: Call, read: Callable[[], Command], frame: int, now: float) -> None:
+        """Have a command wait for its frame, and answer whether it does. It is read only if the mode is on."""
+        result = False
+        try:
+            outcome = self._submit(read, frame, call.caller, now)
+        except (PeerError, DocumentError) as error:
+            _complain(call.caller, f"{call.service.name}: {error}")
+        else:
+            result = outcome.is_accepted
+            if not result:
+                call.caller.tell("warning", f"{call.service.name}: {outcome.why}")
+        _respond(call, self._make_result(result))
+
+    def _submit(self, read: Callable[[], Command], frame: int, caller: Owner, now: float) -> Outcome:
+        sync = self._node.sync
+        command = read() if sync.is_on else _nothing
+        return sync.submit(command, frame, self._node.world.frame, caller, now)
+
+    def _add_object(self, request: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+        model = find_model(request.name)
+        if model is None:
+            raise FieldError(f"/SyncModeAddObj: the catalogue has no model {request.name[:80]!r}")
+        position = request.position
+        figures = (position.x, position.y, position.z, request.heading)
+        if not all(map(math.isfinite, figures)):
+            raise FieldError(f"/SyncModeAddObj: position and heading must be finite numbers, got {figures}")
+        x, y, z, heading_deg = figures
+
+        def add(_now: float) -> None:
+            try:
+                uid = self._node.stage.add(model, x=x, y=y, z=z, yaw=math.radians(heading_deg))
+            except PeerError as error:
+                _complain(sender, f"/SyncModeAddObj: {error}")
+            else:
+                _log.info("added %s with unique_id %d", model.name, uid)
+
+        self._queue_silently("/SyncModeAddObj", add, request.frame, sender, now)
+
+    def _remove_object(self, request: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+        def remove(_now: float) -> None:
+            try:
+                self._node.stage.remove(request.unique_id)
+            except PeerError as error:
+                _complain(sender, f"/SyncModeRemoveObj: {error}")
+
+        self._queue_silently("/SyncModeRemoveObj", remove, request.frame, sender, now)
+
+    def _queue_silently(self, topic: str, command: Command, frame: int, sender: Owner, now: float) -> None:
+        """Have a command that came over a topic wait for its frame; nobody is answered.
+
+        Raises:
+            GraphError: it cannot wait.
+        """
+        outcome = self._submit(lambda: command, frame, sender, now)
+        if not outcome.is_accepted:
+            raise GraphError(f"{topic}: {outcome.why}")
+
+    # Real time
+
+    def _ctrl_cmd(self, ego: Ego, command: Any, sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
+        control = self._node.convert.control(command)
+        if self._node.sync.is_on:
+            self._node.tell_once(sender, "/ctrl_cmd is ignored in synchronous mode: use /SyncModeCtrlCmd")
+        elif ego.ctrl_mode is not CtrlMode.EXTERNAL:
+            self._node.tell_once(
+                sender, f"/ctrl_cmd is ignored: ctrl_mode is {ego.ctrl_mode.name}; set 3 by /Service_MoraiEventCmd"
+            )
+        else:
+            ego.control(control)
+
+    def _load_now(self, call: Call, now: float) -> None:
+        request: Any = _request(call)
+        is_loaded = False
+        try:
+            self._node.carry_out(self._prepare(request, call.caller), is_pausing=request.set_pause, now=now)
+            is_loaded = True
+        except DocumentError as error:
+            _complain(call.caller, f"/Service_MoraiSL: {error}")
+        _respond(call, self._make_load_result(is_loaded))
+
+    def _prepare(self, request: Any, caller: Owner) -> Load:  # noqa: ANN401 - a generated struct
+        """Read the scenario that a request of either service names.
+
+        Raises:
+            DocumentError: there is none, or it cannot be used.
+        """
+        options = LoadOptions(
+            delete_all=request.delete_all,
+            ego=request.load_ego_vehicle_data,
+            vehicles=request.load_surrounding_vehicle_data,
+            pedestrians=request.load_pedestrian_data,
+            obstacles=request.load_obstacle_data,
+        )
+        if not any((options.delete_all, options.ego, options.vehicles, options.pedestrians, options.obstacles)):
+            caller.tell("warning", "nothing to load: delete_all and all load_... are false")
+        return self._node.stage.prepare(self._node.library.scenario(request.file_name), options)
+
+    def _event_cmd(self, ego: Ego, call: Call, now: float) -> None:
+        request: Any = _request(call)
+        option = request.option
+        # Everything is read before anything is changed.
+        ctrl_mode = _ctrl_mode(request.ctrl_mode) if option & _MODE_BIT else None
+        gear: Gear | None = gear_of(request.gear) if option & _GEAR_BITS else None
+        lamps = _lamps(request.lamps) if option & _LAMP_BIT else None
+        if ctrl_mode is not None:
+            ego.hand_over(ctrl_mode)
+        if gear is not None:
+            why = ego.shift(gear)
+            if why is not None:
+                call.caller.tell("warning", f"{call.service.name}: {why}")
+        if lamps is not None:
+            ego.turn_signal, ego.emergency_signal = lamps
+        sync = self._node.sync
+        if option & _PAUSE_BIT:
+            self._node.follow(sync.pause() if request.set_pause else sync.resume(), now)
+        _respond(
+            call,
+            self._make_event(
+                option,
+                ego.ctrl_mode.value,
+                ego.gear.value,
+                self._make_lamps(self._node.convert.header(self._node.world.frame), *ego.lamps),
+                sync.is_paused,
+            ),
+        )
+
+    # Figures
+
+    def _vehicle_spec(self, call: Call, _now: float) -> None:
+        request: Any = _request(call)
+        _respond(call, self._node.convert.vehicle_spec(self._node.stage.vehicle(request.unique_id)))
+
+    def _map_spec(self, call: Call, _now: float) -> None:
+        _respond(call, self._node.convert.map_spec(self._node.stage.road_map))
+
+
+def _request(call: Call) -> Any:  # noqa: ANN401 - a generated struct
+    """What is in the request; every MORAI service wraps one message."""
+    request: Any = call.request
+    return request.request
+
+
+def _respond(call: Call, response: Any) -> None:  # noqa: ANN401 - a generated struct
+    call.answer(call.service.type.response.struct(response))
+
+
+def _complain(owner: Owner, text: str) -> None:
+    """Tell a peer of its mistake where no answer can hold the reason."""
+    owner.tell("error", text)
+    _log.warning("%s", text)
+
+
+def _nothing(_now: float) -> None:
+    """The command that stands for one that was not read, since it will be refused."""
+
+
+def _ctrl_mode(number: int) -> CtrlMode | None:
+    """The mode of that number; None for 0, which leaves it.
+
+    Raises:
+        FieldError: there is no such mode.
+    """
+    if number == 0:
+        return None
+    try:
+        return CtrlMode(number)
+    except ValueError:
+        expected = ", ".join(f"{mode.value} ({mode.name.lower()})" for mode in CtrlMode)
+        raise FieldError(f"ctrl_mode: expected {expected} or 0 to leave it, got {number}") from None
+
+
+def _lamps(lamps: Any) -> tuple[int, int]:  # noqa: ANN401 - a generated struct
+    """Turn and emergency signal.
+
+    Raises:
+        FieldError: a value that means no lamp.
+    """
+    if lamps.turnSignal not in _TURN_SIGNALS:
+        raise FieldError(f"lamps.turnSignal: expected 0, 1 or 2, got {lamps.turnSignal}")
+    if lamps.emergencySignal not in _EMERGENCY_SIGNALS:
+        raise FieldError(f"lamps.emergencySignal: expected 0 or 1, got {lamps.emergencySignal}")
+    return lamps.turnSignal, lamps.emergencySignal

@@ -1,0 +1,270 @@
+"""Who is on the stage and on which map: how a scenario gets into the world, and how single objects do.
+
+A load is prepared first (map, links, options: all that can go wrong in a document) and carried out later, at once and
+wholly: whoever finds it refused finds the world as it was. Frames go on counting.
+
+Ids never repeat. A scenario's own ids (`UNIQUEID`) are kept where nobody can have had them before; the second load of
+the same file gets new ones. The first ego is 0 always: a new car under the old name.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+from rosbridge_sim.errors import DocumentError, FieldError
+from rosbridge_sim.morai.catalogue import DEFAULT_EGO, Model
+from rosbridge_sim.morai.mgeo import RoadMap
+from rosbridge_sim.morai.scenario import Scenario, Spawn, place_on_roads
+from rosbridge_sim.world.state import Body, Gear, Kind, World
+
+__all__ = ["DEFAULT_MAP", "FIRST_EGO", "MAX_ENTITIES", "WHOLE", "Library", "Load", "LoadOptions", "Stage"]
+
+DEFAULT_MAP: Final = "track"
+"""The built-in map that serves where no other is named, or where the named one is not there."""
+
+FIRST_EGO: Final = 0
+"""The first ego's id."""
+
+FIRST_UID: Final = 1
+
+MAX_FILE_UID: Final = 2**30
+"""A document's ids are kept up to here, so that a single one cannot use up all there are."""
+
+MAX_ENTITIES: Final = 20_000
+"""What may stand in the world at once: twice what one step is made for."""
+
+_log = logging.getLogger("rosbridge_sim.morai")
+
+
+class Library(Protocol):
+    """Where scenarios and maps come from; the shell reads them from the disk."""
+
+    def scenario(self, name: str) -> Scenario:
+        """The scenario that a client names.
+
+        Raises:
+            DocumentError: there is none, or it cannot be used.
+        """
+
+    def map(self, name: str) -> RoadMap:
+        """The map of that name.
+
+        Raises:
+            DocumentError: there is none, or it cannot be used.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class LoadOptions:
+    """What of a scenario is loaded, and what goes before.
+
+    Attributes:
+        delete_all: everybody goes first; an ego only if a new one comes.
+        ego, vehicles, pedestrians, obstacles: what comes.
+    """
+
+    delete_all: bool
+    ego: bool
+    vehicles: bool
+    pedestrians: bool
+    obstacles: bool
+
+
+WHOLE: Final = LoadOptions(delete_all=True, ego=True, vehicles=True, pedestrians=True, obstacles=True)
+"""A scenario as it is written."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Load:
+    """A prepared load: nothing in it can go wrong any more, but for a lack of room.
+
+    Attributes:
+        name: of the scenario.
+        egos, others: what will be spawned.
+        is_clearing: everybody else goes first.
+        map_name: what the map was asked for as; None where it stays.
+        road_map: the new map, or None.
+    """
+
+    name: str
+    egos: tuple[Spawn, ...]
+    others: tuple[Spawn, ...]
+    is_clearing: bool
+    map_name: str | None = None
+    road_map: RoadMap | None = None
+
+
+class Stage:
+    """The world's population and map.
+
+    Attributes:
+        world: written by `carry_out`, `add` and `remove`.
+        road_map: the one in use.
+    """
+
+    def __init__(self, world: World, library: Library, scenario: Scenario, *, ego_gear: Gear) -> None:
+        """The opening scene.
+
+        Args:
+            world: empty.
+            library: where maps come from.
+            scenario: the opening scenario. Without an ego in it, one stands at the map's origin.
+            ego_gear: the ego's, whatever the scenario says.
+
+        Raises:
+            DocumentError: the scenario does not fit its map, or the map cannot be used.
+        """
+        self.world = world
+        self._library = library
+        self._next_uid = FIRST_UID
+        self._map_name = scenario.map_name or DEFAULT_MAP
+        self.road_map = self._find_map(self._map_name)
+        self.carry_out(self.prepare(scenario, WHOLE), ego_gear=ego_gear)
+        if FIRST_EGO not in world:
+            _log.info("scenario %s has no ego: one stands at the origin", scenario.name)
+            world.spawn(Kind.EGO, DEFAULT_EGO.body, name=DEFAULT_EGO.name, x=0.0, y=0.0, uid=FIRST_EGO, gear=ego_gear)
+
+    def prepare(self, scenario: Scenario, options: LoadOptions) -> Load:
+        """All that a load needs and that can go wrong.
+
+        Raises:
+            DocumentError: the scenario does not fit its map.
+        """
+        map_name, road_map = None, None
+        if scenario.map_name is not None and scenario.map_name != self._map_name:
+            map_name, road_map = scenario.map_name, self._find_map(scenario.map_name)
+        placed = place_on_roads(scenario, (road_map or self.road_map).roads)
+        for note in placed.notes:
+            _log.info("scenario %s: %s", placed.name, note)
+        others: tuple[Spawn, ...] = ()
+        for is_wanted, spawns in (
+            (options.vehicles, placed.vehicles),
+            (options.pedestrians, placed.pedestrians),
+            (options.obstacles, placed.obstacles),
+        ):
+            if is_wanted:
+                others += spawns
+        egos = placed.egos[:1] if options.ego else ()
+        return Load(scenario.name, egos, others, options.delete_all, map_name, road_map)
+
+    def carry_out(self, load: Load, *, ego_gear: Gear | None = None) -> None:
+        """Do what was prepared: wholly or not at all.
+
+        Args:
+            load: from `prepare`.
+            ego_gear: the new ego's, in place of its own.
+
+        Raises:
+            DocumentError: the world is too full. It is as it was.
+        """
+        world = self.world
+        num_staying = 0 if load.is_clearing else len(world)
+        if num_staying + len(load.others) + 1 > MAX_ENTITIES:
+            raise DocumentError(f"{load.name}: the world holds {MAX_ENTITIES:,} at most")
+        before = world.snapshot()
+        try:
+            next_uid = self._populate(load, ego_gear)
+        except ValueError as error:
+            world.restore(before)
+            raise DocumentError(f"{load.name}: {error}") from error
+        self._next_uid = next_uid
+        if load.road_map is not None and load.map_name is not None:
+            self.road_map, self._map_name = load.road_map, load.map_name
+        _log.info("scenario %s: %d egos, %d others loaded", load.name, len(load.egos), len(load.others))
+
+    def add(self, model: Model, *, x: float, y: float, z: float, yaw: float) -> int:
+        """Put a single object into the world, at rest, and return its id.
+
+        Raises:
+            FieldError: it stands beyond all bounds, or the world is full.
+        """
+        if len(self.world) >= MAX_ENTITIES:
+            raise FieldError(f"{model.name}: the world holds {MAX_ENTITIES:,} at most")
+        try:
+            uid = self.world.spawn(model.kind, model.body, name=model.name, x=x, y=y, z=z, yaw=yaw, uid=self._next_uid)
+        except ValueError as error:
+            raise FieldError(f"{model.name}: {error}") from None
+        self._next_uid += 1
+        return uid
+
+    def remove(self, uid: int) -> None:
+        """Take an object out of the world.
+
+        Raises:
+            FieldError: there is none with this id, or it is an ego.
+        """
+        world = self.world
+        if uid not in world:
+            raise FieldError(f"unique_id {uid}: there is no such object")
+        if world.kind[world.row(uid)] == Kind.EGO:
+            raise FieldError(f"unique_id {uid}: the ego cannot be removed")
+        world.remove(uid)
+
+    def vehicle(self, unique_id: int) -> Body | None:
+        """The figures of the vehicle that a client calls by this id (-1 is the first ego too), or None."""
+        uid = FIRST_EGO if unique_id == -1 else unique_id
+        if uid not in self.world:
+            return None
+        row = self.world.row(uid)
+        return self.world.bodies[row] if self.world.kind[row] in {Kind.EGO, Kind.VEHICLE} else None
+
+    def _find_map(self, name: str) -> RoadMap:
+        try:
+            return self._library.map(name)
+        except DocumentError as error:
+            if name == DEFAULT_MAP:
+                raise
+            _log.warning("%s; the built-in map %s serves in its place", error, DEFAULT_MAP)
+            return self._library.map(DEFAULT_MAP)
+
+    def _populate(self, load: Load, ego_gear: Gear | None) -> int:
+        """Remove and spawn; return the next id.
+
+        Raises:
+            ValueError: the world refuses somebody. Half of it is done.
+        """
+        world = self.world
+        if load.egos and load.is_clearing:
+            world.clear()
+        for uid in [int(world.uid[row]) for row in world.placed()]:
+            is_ego = world.kind[world.row(uid)] == Kind.EGO
+            if load.egos if is_ego else load.is_clearing:
+                world.remove(uid)
+        for ego in load.egos:
+            _spawn(world, ego, FIRST_EGO, ego_gear or ego.gear)
+        uids, next_uid = _choose_uids(load.others, self._next_uid)
+        for spawn, uid in zip(load.others, uids, strict=True):
+            _spawn(world, spawn, uid, spawn.gear)
+        return next_uid
+
+
+def _choose_uids(spawns: Sequence[Spawn], first: int) -> tuple[list[int], int]:
+    """An id for each, its own where nobody can have had it, and the next one after all of them."""
+    own = [spawn.uid if spawn.uid is not None and first <= spawn.uid <= MAX_FILE_UID else None for spawn in spawns]
+    following = max([first - 1, *(uid for uid in own if uid is not None)]) + 1
+    uids = []
+    for uid in own:
+        if uid is None:
+            uid, following = following, following + 1  # noqa: PLW2901 - the id that it gets instead
+        uids.append(uid)
+    return uids, following
+
+
+def _spawn(world: World, spawn: Spawn, uid: int, gear: Gear) -> None:
+    world.spawn(
+        spawn.kind,
+        spawn.model.body,
+        name=spawn.name,
+        x=spawn.x,
+        y=spawn.y,
+        z=spawn.z,
+        yaw=spawn.yaw,
+        speed=spawn.speed,
+        uid=uid,
+        path=spawn.path,
+        is_loop=spawn.is_loop,
+        gear=gear,
+    )
