@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from hashlib import blake2b
 from typing import Any, Final, TypeVar, cast
 
@@ -532,4 +532,4 @@ def _in_space(path: FloatArray, z: float) -> FloatArray:
 
 def _label(name: str, body: Body) -> int:
     """Return 63 bits that stand for name and body in the digest, worked out once instead of at every digest."""
-    return int.from_bytes(blake2b(repr((name, astuple(body))).encode(), digest_size=8).digest()) >> 1
+    return int.from_bytes(blake2b(repr((name, body)).encode(), digest_size=8).digest()) >> 1

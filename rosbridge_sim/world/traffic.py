@@ -18,9 +18,9 @@ from __future__ import annotations
 import numpy as np
 
 from rosbridge_sim.world.block import Block
-from rosbridge_sim.world.geometry import IntArray
+from rosbridge_sim.world.geometry import FloatArray, IntArray
 from rosbridge_sim.world.paths import TICKS
-from rosbridge_sim.world.state import Kind, World
+from rosbridge_sim.world.state import BoolArray, Kind, World
 
 __all__ = ["walk"]
 
@@ -40,35 +40,31 @@ class _Moving:
 
     def __init__(self, world: World) -> None:
         self.world = world
-        self.rows: IntArray = np.flatnonzero(world.alive & (world.kind != Kind.EGO) & (world.speed != 0.0))
+        self.rows = np.flatnonzero(world.alive & (world.kind != Kind.EGO) & (world.speed != 0.0))
         self.num = len(self.rows)
         self.dt = 0.0
 
     def advance(self, dt: float) -> None:
         if dt != self.dt:
-            self._lay_down(dt)
+            self.dt = dt
+            self._lay_down()
         self.block.run()
 
-    def _lay_down(self, dt: float) -> None:
-        self.dt = dt
+    def _lay_down(self) -> None:
         block = self.block = Block(self.world, self.rows, "x", "leg_dz", written_from="x")
         # In the order of `state.FLOATS`; a count that does not fit fails here.
-        x, y, self.yaw, self.speed, z, self.arc = block.values[:6]
-        self.legs = block.values[6:]
-        leg_start, self.leg_end, leg_x, leg_y, leg_z, leg_dx, leg_dy, leg_dz = self.legs
-        self.is_loop = self.world.is_loop[block.rows]
-        self.path_base = self.world.path_base[block.rows]
-        self.path_length = self.world.path_length[block.rows]
-        self.is_past = np.empty(block.num, dtype=bool)
+        x, y, _, speed, z, arc = block.values[:6]
+        leg_start, leg_end, leg_x, leg_y, leg_z, leg_dx, leg_dy, leg_dz = block.values[6:]
         has_path = bool(self.world.has_path[self.rows].any())
         way = np.empty(block.num)
         do = block.do
-        do(np.multiply, self.speed, block.constant(dt), way)
-        do(np.add, self.arc, way, self.arc)
+        do(np.multiply, speed, block.constant(self.dt), way)
+        do(np.add, arc, way, arc)
         if has_path:
-            do(np.greater_equal, self.arc, self.leg_end, self.is_past)
-            do(self._turn)
-        do(np.subtract, self.arc, leg_start, way)
+            is_past = np.empty(block.num, dtype=bool)
+            do(np.greater_equal, arc, leg_end, is_past)
+            do(_Turn(self.world, block.rows, block.values, is_past).make)
+        do(np.subtract, arc, leg_start, way)
         do(np.multiply, way, leg_dx, x)
         do(np.add, x, leg_x, x)
         do(np.multiply, way, leg_dy, y)
@@ -77,12 +73,25 @@ class _Moving:
             do(np.multiply, way, leg_dz, z)
             do(np.add, z, leg_z, z)
 
-    def _turn(self) -> None:
-        """Give those who have passed the end of their leg the leg that they are on."""
+
+class _Turn:
+    """Gives those who have passed the end of their leg the leg that they are on.
+
+    It knows the block's arrays but not the block, which holds it: in a ring, each touch would leave work to the
+    garbage collector.
+    """
+
+    def __init__(self, world: World, rows: IntArray, values: FloatArray, is_past: BoolArray) -> None:
+        self.world, self.is_past = world, is_past
+        _, _, self.yaw, self.speed, _, self.arc = values[:6]
+        self.legs = values[6:]
+        self.is_loop, self.path_length = world.is_loop[rows], world.path_length[rows]
+        self.path_base = world.path_base[rows]
+
+    def make(self) -> None:
         if not np.count_nonzero(self.is_past):
             return
         at = self.is_past.nonzero()[0]
-        paths = self.world.paths
         arc, length = self.arc[at], self.path_length[at]
         is_over = arc >= length
         if np.count_nonzero(is_over):
@@ -93,6 +102,7 @@ class _Moving:
             if len(at_end):
                 self.speed[at_end] = 0.0
                 self.world.touch()
+        paths = self.world.paths
         keys = self.path_base[at] + (arc * TICKS).astype(np.int64)
         legs = paths.segments[paths.keys.searchsorted(keys, side="right") - 1]
         self.legs[:, at] = legs[:, :8].T

@@ -1,0 +1,102 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rosbridge_sim.world.geometry import arc_lengths, nearest_on_polyline, point_at, to_body, to_map, wrap_angle
+
+ANGLES = st.floats(-1e4, 1e4)
+CORNER = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]])
+
+
+@given(ANGLES)
+def test_a_wrapped_angle_is_the_same_direction_within_the_half_open_turn(angle: float) -> None:
+    wrapped = float(wrap_angle(angle))
+    assert -math.pi < wrapped <= math.pi
+    assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-11)
+    assert math.sin(wrapped) == pytest.approx(math.sin(angle), abs=1e-11)
+
+
+@given(st.floats(-3.14, 3.14))
+def test_an_angle_that_is_inside_keeps_its_bits(angle: float) -> None:
+    assert float(wrap_angle(angle)) == angle
+
+
+def test_minus_pi_and_its_neighbours_become_directions_within_the_turn() -> None:
+    beyond = math.nextafter(math.pi, 4.0)
+    wrapped = wrap_angle([-math.pi, math.pi, beyond, -beyond, 3 * math.pi, -3 * math.pi])
+    assert wrapped.shape == (6,)
+    assert ((wrapped > -math.pi) & (wrapped <= math.pi)).all()
+    assert wrapped[0] == math.pi == wrapped[1]
+
+
+@given(ANGLES, st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
+def test_to_body_undoes_to_map(yaw: float, x: float, y: float) -> None:
+    u, v = to_body(*to_map(x, y, yaw), yaw)
+    assert (float(u), float(v)) == pytest.approx((x, y), abs=1e-9)
+
+
+def test_forward_of_a_car_that_looks_north_is_north() -> None:
+    assert to_map(1.0, 0.0, math.pi / 2) == pytest.approx((0.0, 1.0))
+    assert to_map(0.0, 1.0, math.pi / 2) == pytest.approx((-1.0, 0.0))  # its left is west
+
+
+def test_arc_lengths_count_from_zero_in_the_plane_and_in_space() -> None:
+    assert arc_lengths(CORNER).tolist() == [0.0, 10.0, 20.0]
+    assert arc_lengths(np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 4.0]])).tolist() == [0.0, 5.0]
+
+
+def test_a_point_at_an_arc_length_lies_on_the_polyline_and_not_beyond_its_ends() -> None:
+    points = point_at(CORNER, arc_lengths(CORNER), [-1.0, 5.0, 15.0, 99.0])
+    assert points.tolist() == [[0.0, 0.0], [5.0, 0.0], [10.0, 5.0], [10.0, 10.0]]
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "segment", "arc", "lateral"),
+    [
+        (5.0, 2.0, 0, 5.0, 2.0),  # left of the first
+        (5.0, -2.0, 0, 5.0, -2.0),  # right of it
+        (8.0, 5.0, 1, 15.0, 2.0),  # left of the second
+        (13.0, -4.0, 0, 10.0, -5.0),  # outside the corner: the vertex, 3-4-5
+        (-3.0, 4.0, 0, 0.0, 5.0),  # before the start
+        (10.0, 14.0, 1, 20.0, 4.0),  # beyond the end
+    ],
+)
+def test_nearest_names_segment_arc_and_signed_distance(
+    x: float, y: float, segment: int, arc: float, lateral: float
+) -> None:
+    near = nearest_on_polyline(CORNER, x, y)
+    assert near.segment.tolist() == [segment]
+    assert near.arc[0] == pytest.approx(arc)
+    assert near.lateral[0] == pytest.approx(lateral)
+
+
+def test_a_segment_without_length_does_no_harm() -> None:
+    near = nearest_on_polyline(np.array([[0.0, 0.0], [0.0, 0.0], [4.0, 0.0]]), 2.0, 1.0)
+    assert (near.arc[0], near.lateral[0]) == (2.0, 1.0)
+
+
+def test_many_queries_give_what_each_gives_alone() -> None:
+    rng = np.random.default_rng(1)
+    points = np.cumsum(rng.normal(size=(700, 2)), axis=0)
+    x, y = rng.normal(size=(2, 1000)) * 20  # more cells than one chunk takes
+    many = nearest_on_polyline(points, x, y)
+    for i in range(0, 1000, 100):
+        alone = nearest_on_polyline(points, x[i], y[i])
+        assert [column[i] for column in many] == [column[0] for column in alone]
+
+
+@given(st.floats(0.0, 20.0))
+def test_a_point_of_the_polyline_is_its_own_nearest(arc: float) -> None:
+    x, y = point_at(CORNER, arc_lengths(CORNER), arc)[0]
+    near = nearest_on_polyline(CORNER, x, y)
+    assert near.arc[0] == pytest.approx(arc, abs=1e-9)
+    assert near.lateral[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_no_query_is_no_answer() -> None:
+    assert nearest_on_polyline(CORNER, [], []).arc.shape == (0,)
