@@ -6,9 +6,10 @@ many places is a handful of numpy calls. Where a map comes from is not known her
 Arc length and distance are measured in the plane (east, north); the height is only carried along. That is what a
 driver's `s` and lateral offset mean, and on a slope of 10 % the difference to the way driven is 0.5 %.
 
-The nearest lane is found exactly. A uniform grid names, for each cell, every segment within `REACH` of any point of
-that cell; if the best of them is no farther than `REACH`, none outside the list can beat it. Places farther from
-every road than that are compared with all segments.
+The nearest lane is found exactly, near a road or far from any. The segments lie in blocks of a few tens that follow
+one another on a lane; a block's bounding box says how near it can be at best, its middle point how near it is at
+least. Only the segments of blocks that can still win are looked at. (A grid of cells answers a single question as
+fast, but grows with the area of the map and has nothing to say off the road.)
 """
 
 from __future__ import annotations
@@ -23,21 +24,15 @@ from rosbridge_sim.world.geometry import FloatArray, IntArray
 
 __all__ = ["Places", "Roads"]
 
-REACH = 10.0
-"""How far from a road the grid alone can answer [m]: three lanes, the width of any verge."""
-
-CELL = 20.0
-"""Side of a grid cell [m]. A cell's list covers CELL + 2 REACH; smaller cells only repeat more segments."""
+BLOCK = 32
+"""Segments in a block: about the root of their number on a small map, and 16 to 32 m of road."""
 
 TURN_COST = 3.0
 """A lane across the heading counts as this much farther away [m], an opposite lane as twice as much: an oncoming
 lane (3.5 m) loses against one's own even while one drives on the line between them."""
 
-MAX_CELL_ENTRIES = 1 << 22
-"""Above this many entries the cells grow: a map of few huge links must not cost gigabytes."""
-
-MAX_PAIRS = 1 << 21
-"""Pairs (place, segment) compared at once off the grid: 16 MB for each temporary array."""
+MAX_PAIRS = 1 << 18
+"""Pairs (place, block) compared at once: 2 MB for each temporary array, which stays inside the cache."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,12 +69,12 @@ class Roads:
 
     __slots__ = (
         "_base",
-        "_cell",
-        "_cell_first",
-        "_cell_segment",
+        "_block_first",
+        "_block_high",
+        "_block_low",
+        "_block_middle",
+        "_block_size",
         "_chain",
-        "_grid_shape",
-        "_origin",
         "_rows",
         "_segment_direction",
         "_segment_lane",
@@ -133,7 +128,7 @@ class Roads:
         self._successor_first = np.concatenate([[0], np.cumsum([len(row) for row in successors])]).astype(np.int64)
         self._successor = np.array([lane for row in successors for lane in row], dtype=np.int64)
         self._measure()
-        self._lay_grid()
+        self._lay_blocks()
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -192,21 +187,10 @@ class Roads:
             heading = np.stack((np.cos(angle), np.sin(angle)), axis=-1)
 
         best = np.zeros(n, dtype=np.int64)
-        score = np.full(n, np.inf)
-        cell = self._cells(place)
-        near = np.flatnonzero(cell >= 0)
-        near = near[self._cell_first[cell[near] + 1] > self._cell_first[cell[near]]]
-        if len(near):
-            start, stop = self._cell_first[cell[near]], self._cell_first[cell[near] + 1]
-            segment = self._cell_segment[_ranges(start, stop - start)]
-            best[near], score[near] = self._best(place, heading, near, segment, stop - start)
-        far = np.flatnonzero(score > REACH)
-        every = np.arange(len(self._segment_point))
-        step = max(1, MAX_PAIRS // len(every))
-        for i in range(0, len(far), step):  # turns, not rows: nearly always one
-            some = far[i : i + step]
-            count = np.full(len(some), len(every))
-            best[some], _ = self._best(place, heading, some, np.tile(every, len(some)), count)
+        step = max(1, MAX_PAIRS // len(self._block_size))
+        for i in range(0, n, step):  # turns, not rows: nearly always one
+            part = slice(i, i + step)
+            best[part] = self._best(place[part], None if heading is None else heading[part])
         return self._places(place, best)
 
     def _places(self, place: FloatArray, segment: IntArray) -> Places:
@@ -215,27 +199,37 @@ class Roads:
         lane = self._segment_lane[segment]
         return Places(lane, self.s[self._segment_point[segment]] + along, lateral, distance, self._yaw(segment))
 
-    def _best(
-        self, place: FloatArray, heading: FloatArray | None, rows: IntArray, segment: IntArray, count: IntArray
-    ) -> tuple[IntArray, FloatArray]:
-        """The best segment for each of `rows`, and its score [m].
-
-        Args:
-            place: (n, 2) all places.
-            heading: (n, 2) unit vectors of all places, or None.
-            rows: (k,) the places asked for.
-            segment: (sum(count),) candidates, the first `count[0]` of them for `rows[0]` and so on.
-            count: (k,) how many candidates each has, all above 0.
-        """
-        owner = np.repeat(rows, count)
+    def _best(self, place: FloatArray, heading: FloatArray | None) -> IntArray:
+        """(n,) the best segment for each place, its `heading` (n, 2) as a unit vector taken into account."""
+        segment, count = self._candidates(place, slack=0.0 if heading is None else 2.0 * TURN_COST)
+        owner = np.repeat(np.arange(len(place)), count)
         score = self._project(place[owner], segment)[2]
         if heading is not None:
-            towards = np.einsum("ij,ij->i", heading[owner], self._segment_direction[segment])
-            score = score + TURN_COST * (1.0 - towards)
+            towards = (heading[owner] * self._segment_direction[segment]).sum(axis=1)
+            score += TURN_COST * (1.0 - towards)
         start = np.cumsum(count) - count
         least = np.minimum.reduceat(score, start)
-        hit = np.flatnonzero(score == np.repeat(least, count))
-        return segment[hit[np.searchsorted(hit, start)]], least
+        hit = np.flatnonzero(score == least[owner])
+        return np.asarray(segment[hit[np.searchsorted(hit, start)]])
+
+    def _candidates(self, place: FloatArray, slack: float) -> tuple[IntArray, IntArray]:
+        """The segments that can be the nearest, for each place one or more, and how many for each.
+
+        Args:
+            place: (n, 2) [m].
+            slack: how much farther than the nearest one a segment may be [m].
+
+        Returns:
+            (sum of count,) segments, those of the first place first, and (n,) count.
+        """
+        gap = np.maximum(self._block_low - place[:, None], place[:, None] - self._block_high)
+        at_best = _length(np.maximum(gap, 0.0))
+        at_most = _length(place[:, None] - self._block_middle).min(axis=1) + slack
+        # A hair more, so that rounding cannot lose the block that the bound itself comes from.
+        owner, block = np.nonzero(at_best <= (at_most * (1.0 + 1e-9) + 1e-9)[:, None])
+        size = self._block_size[block]
+        count = np.bincount(np.repeat(owner, size), minlength=len(place))
+        return _ranges(self._block_first[block], size), count
 
     def _project(self, place: FloatArray, segment: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Foot points: along the segment [m], offset to the left of its line [m], distance [m]."""
@@ -270,45 +264,27 @@ class Roads:
         self.s = self._chain - self._base[lane_of_point]
         self.length = self.s[self.first[1:] - 1]
 
-    def _lay_grid(self) -> None:
-        """List for each cell the segments within `REACH` of it (compressed rows: `_cell_first`, `_cell_segment`)."""
-        self._cell = CELL
-        if len(self) == 0:
-            self._origin = np.zeros(2)
-            self._grid_shape = np.zeros(2, dtype=np.int64)
-            self._cell_first = np.zeros(1, dtype=np.int64)
-            self._cell_segment = np.zeros(0, dtype=np.int64)
+    def _lay_blocks(self) -> None:
+        """Cut each lane into blocks of at most `BLOCK` segments."""
+        num = np.diff(self.first) - 1  # segments of each lane
+        blocks = -(-num // BLOCK)
+        lane = np.repeat(np.arange(len(self), dtype=np.int64), blocks)
+        offset = BLOCK * _ranges(np.zeros_like(blocks), blocks)
+        self._block_first = self.first[lane] - lane + offset
+        self._block_size = np.minimum(num[lane] - offset, BLOCK)
+        point = self._segment_point[self._block_first]
+        self._block_middle = self.points[point + self._block_size // 2, :2]
+        if len(lane) == 0:
+            self._block_low = self._block_high = self._block_middle
             return
         a, b = self.points[self._segment_point, :2], self.points[self._segment_point + 1, :2]
-        low, high = np.minimum(a, b) - REACH, np.maximum(a, b) + REACH
-        self._origin = low.min(axis=0)
-        extent = high.max(axis=0) - self._origin
-        limit = max(MAX_CELL_ENTRIES, 16 * len(a))
-        while True:
-            self._grid_shape = np.floor(extent / self._cell).astype(np.int64) + 1
-            from_cell = np.floor((low - self._origin) / self._cell).astype(np.int64)
-            to_cell = np.floor((high - self._origin) / self._cell).astype(np.int64)
-            span = to_cell - from_cell + 1
-            num_entries = float(np.prod(span.astype(np.float64), axis=1).sum())
-            if max(num_entries, float(np.prod(self._grid_shape.astype(np.float64)))) <= limit:
-                break
-            self._cell *= 2.0
-        count = span[:, 0] * span[:, 1]
-        segment = np.repeat(np.arange(len(a), dtype=np.int64), count)
-        inside = _ranges(np.zeros_like(count), count)
-        column = from_cell[segment, 0] + inside // span[segment, 1]
-        row = from_cell[segment, 1] + inside % span[segment, 1]
-        cell = column * self._grid_shape[1] + row
-        self._cell_segment = segment[np.argsort(cell, kind="stable")]
-        num_in_cell = np.bincount(cell, minlength=int(self._grid_shape.prod()))
-        self._cell_first = np.concatenate([[0], np.cumsum(num_in_cell)]).astype(np.int64)
+        self._block_low = np.minimum.reduceat(np.minimum(a, b), self._block_first)
+        self._block_high = np.maximum.reduceat(np.maximum(a, b), self._block_first)
 
-    def _cells(self, place: FloatArray) -> IntArray:
-        """(n,) the cell of each place, -1 outside the grid."""
-        at = np.floor((place - self._origin) / self._cell)
-        is_inside = np.asarray(((at >= 0) & (at < self._grid_shape)).all(axis=1))
-        at = np.where(is_inside[:, None], at, 0.0).astype(np.int64)  # far away would not fit an integer
-        return np.asarray(np.where(is_inside, at[:, 0] * self._grid_shape[1] + at[:, 1], -1))
+
+def _length(vector: FloatArray) -> FloatArray:
+    """Lengths of plane vectors (..., 2)."""
+    return np.asarray(np.sqrt(vector[..., 0] * vector[..., 0] + vector[..., 1] * vector[..., 1]))
 
 
 def _without_repeats(line: FloatArray) -> FloatArray:

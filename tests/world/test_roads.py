@@ -118,10 +118,23 @@ def test_lanes_that_cannot_be_are_refused(ids: list[str], lines: list[FloatArray
         Roads(ids, [line.reshape(-1, 3) for line in lines], [[]] * len(lines), [3.5] * len(lines), [0.0] * len(lines))
 
 
-def test_huge_links_do_not_cost_a_huge_grid() -> None:
-    roads = make(*[straight((0, i), (1e7, 1e7 + i)) for i in range(20)])
-    assert len(roads._cell_segment) <= 1 << 22
-    assert roads.nearest(5e6, 5e6 + 3.1).lane[0] == 3
+def test_lengths_of_every_order_stand_beside_each_other() -> None:
+    roads = make(*[straight((0, i), (1e7, 1e7 + i)) for i in range(20)], straight((0, -1), (1e-9, -1)))
+    assert roads.nearest([5e6, 0.0], [5e6 + 3.1, -1.2]).lane.tolist() == [3, 20]
+
+
+def test_long_lanes_of_many_blocks_are_found_at_every_point() -> None:
+    turn = np.linspace(0.0, 6.0, 700)
+    spiral = np.stack((50 * turn * np.cos(turn), 50 * turn * np.sin(turn), turn), axis=1)
+    roads = make(straight((-500, -500), (-400, -500)), spiral, np.flipud(spiral))
+    s = np.linspace(1.0, roads.length[1] - 1.0, 1000)
+    points, yaw = roads.at(np.ones(1000, dtype=np.int64), s)
+    places = roads.nearest(points[:, 0], points[:, 1], yaw)
+    assert (places.lane == 1).all()
+    np.testing.assert_allclose(places.s, s, atol=1e-6)
+    back = roads.nearest(points[:, 0], points[:, 1], yaw + math.pi)
+    assert (back.lane == 2).all()
+    np.testing.assert_allclose(back.s, roads.length[2] - s, atol=1e-6)
 
 
 coordinate = st.floats(-150, 150).map(lambda v: round(v, 2))
