@@ -65,7 +65,7 @@ def check_options(options: Mapping[str, object]) -> Settings:
     for name, value in options.items():
         key = name.replace("_", "-")
         if key not in FIELDS:
-            raise SettingError(f"no such option: {name}{_hint(name, [one.name for one in FIELDS.values()])}")
+            raise SettingError(f"no such option: {name}{hint(name, [one.name for one in FIELDS.values()])}")
         values[key] = None if value is None and FIELDS[key].default is None else _read(key, value, name)
     return _merge(values)
 
@@ -77,9 +77,9 @@ def strange_variables(environ: Mapping[str, str]) -> list[str]:
     """
     known = [_variable(key) for key in _keys()]
     return [
-        f"the environment variable {name} means nothing here{hint}"
+        f"the environment variable {name} means nothing here{near}"
         for name in sorted(environ)
-        if name.startswith(PREFIX) and name not in known and (hint := _hint(name, known, cutoff=0.9))
+        if name.startswith(PREFIX) and name not in known and (near := hint(name, known, cutoff=0.9))
     ]
 
 
@@ -171,7 +171,7 @@ def _show(value: object) -> str:
     return text if len(text) <= 80 else text[:77] + "..."  # noqa: PLR2004 - a line of a terminal
 
 
-def _hint(name: str, known: Collection[str], cutoff: float = 0.7) -> str:
+def hint(name: str, known: Collection[str], cutoff: float = 0.7) -> str:
     close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=cutoff)
     return f" (did you mean {close[0]}?)" if close else ""
 
@@ -192,7 +192,7 @@ def _from_flags(argv: Sequence[str]) -> dict[str, object]:
         name = rest[0].partition("=")[0]
         if not name.startswith("-"):
             raise SettingError(f"expected flags; got {_show(rest[0])}")
-        raise SettingError(f"no such flag: {name}{_hint(name, [f'--{key}' for key in _keys()])}; --help lists them all")
+        raise SettingError(f"no such flag: {name}{hint(name, [f'--{key}' for key in _keys()])}; --help lists them all")
     values = {}
     for name, value in vars(given).items():
         key = name.replace("_", "-")
@@ -292,7 +292,7 @@ def _from_file(path: Path) -> dict[str, object]:
         if key == "config":
             raise SettingError(f"{where}: a settings file cannot name another one")
         if key not in _keys():
-            raise SettingError(f"{where}: no such setting{_hint(key, _keys())}")
+            raise SettingError(f"{where}: no such setting{hint(key, _keys())}")
         base, checked = _read_key(key, value, where)
         _add(values, base, _beside(base, checked, path.parent), where)
     return values

@@ -1,0 +1,139 @@
+"""The command line: `rosbridge-sim [serve] [flags]`.
+
+The first line on stdout says where it listens; everything else goes to stderr. Whatever a person can get wrong is one
+line there and exit code 2; a bug of ours is a traceback and exit code 1; a wished end is 0.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import logging
+import os
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from rosbridge_sim import __version__
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.shell.sources import SettingError, format_config, hint, read_settings, strange_variables
+
+if TYPE_CHECKING:
+    from rosbridge_sim.shell.app import Simulator
+
+__all__ = ["main"]
+
+_log = logging.getLogger("rosbridge_sim")
+
+
+def main() -> int:
+    """Run the command that the command line names; the exit code."""
+    argv = sys.argv[1:]
+    name = argv.pop(0) if argv and not argv[0].startswith("-") else "serve"
+    try:
+        if name not in _COMMANDS:
+            raise SettingError(f"no such command: {name}{hint(name, _COMMANDS)}; --help says what there is")
+        return _COMMANDS[name](argv)
+    except DocumentError as error:
+        print(f"rosbridge-sim: {error}", file=sys.stderr)  # noqa: T201 - a person waits for it, no log
+        return 2
+
+
+# serve
+
+
+def _serve(argv: Sequence[str]) -> int:
+    """`rosbridge-sim serve`: until somebody stops it."""
+    if "--version" in argv:
+        print(f"rosbridge-sim {__version__}")  # noqa: T201 - what was asked for
+        return 0
+    settings = read_settings([word for word in argv if word != "--print-config"], os.environ)
+    if "--print-config" in argv:
+        print(format_config(settings), end="")  # noqa: T201 - what was asked for
+        return 0
+    _start_log(settings.log_level)
+    for line in strange_variables(os.environ):
+        _log.warning("%s", line)
+    for number in _STOP_SIGNALS:
+        signal.signal(number, lambda *_: sys.exit(0))  # until there is something to stop
+    gc.disable()  # what is imported and built now stays; looking for garbage in it costs a tenth of the start
+    from rosbridge_sim.shell.app import Simulator  # noqa: PLC0415 - --help and a mistake do without the rest of us
+
+    with asyncio.Runner(loop_factory=_loop_factory()) as runner:
+        return runner.run(_run(Simulator(settings)))
+
+
+async def _run(simulator: Simulator) -> int:
+    """Run a simulator until a signal ends it, or its own failure; the exit code."""
+    await simulator.start()
+    stopped = _on_signals()
+    print(f"rosbridge-sim listening on {simulator.url}", flush=True)  # noqa: T201 - the one line on stdout
+    gc.freeze()
+    gc.enable()
+    failed = asyncio.ensure_future(simulator.wait())
+    await asyncio.wait({stopped, failed}, return_when=asyncio.FIRST_COMPLETED)
+    await simulator.stop()
+    if failed.done():
+        _log.critical("stopped: %s", failed.exception())
+        return 1
+    failed.cancel()
+    return 0
+
+
+_STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+def _on_signals() -> asyncio.Future[None]:
+    """Done at the first signal to stop; a second one ends the process at once."""
+    loop = asyncio.get_running_loop()
+    stopped: asyncio.Future[None] = loop.create_future()
+
+    def stop(number: int) -> None:
+        if stopped.done():
+            os._exit(128 + number)
+        _log.info("%s: stopping", signal.Signals(number).name)
+        stopped.set_result(None)
+
+    for number in _STOP_SIGNALS:
+        loop.add_signal_handler(number, stop, number)
+    return stopped
+
+
+def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
+    """uvloop's, where it installs; else the standard one."""
+    try:
+        import uvloop  # noqa: PLC0415 - not there on every system
+    except ImportError:
+        return None
+    return uvloop.new_event_loop
+
+
+_COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {"serve": _serve}
+
+
+# The log
+
+
+class _OneLine(logging.Formatter):
+    """`12:34:56.789 WARNING server: ...`; what a client wrote cannot begin a line of its own."""
+
+    default_msec_format = "%s.%03d"
+
+    def __init__(self) -> None:
+        super().__init__("%(asctime)s %(levelname)s %(name)s: %(message)s", "%H:%M:%S")
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's own name
+        record.name = record.name.removeprefix("rosbridge_sim.")
+        record.message = "".join(c if c.isprintable() else repr(c)[1:-1] for c in record.message)
+        return super().formatMessage(record)
+
+
+def _start_log(level: str) -> None:
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(_OneLine())
+    logging.basicConfig(level=level.upper(), handlers=[handler])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,297 @@
+"""The whole: settings in, a running simulator out, and the loop that lets time pass in it.
+
+This is the one place that builds the parts and hands them to each other. `Simulator` is the same thing for the
+command line, for a test and for a notebook; two of them share nothing. Time passes by one timer: it is armed for
+whatever is due next, the world's next frame or the bus's next time-out, and looked at anew after each frame that a
+client sends, since that may have changed what is due.
+
+A failure of ours inside the world is not lived with: a simulator that stands still and answers is worse than one
+that is gone. It is logged with its traceback, `wait` raises it, and the command line ends with code 1.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import logging
+import os
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+from rosbridge_sim.errors import DocumentError, RosbridgeSimError
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.morai.convert import LENIENCY, choose_profile
+from rosbridge_sim.morai.node import Node, NodeSettings
+from rosbridge_sim.protocol.flow import OutboxLimits
+from rosbridge_sim.schema.store import Store
+from rosbridge_sim.shell.server import Server, ServerLimits
+from rosbridge_sim.shell.settings import Settings
+from rosbridge_sim.shell.sources import check_options
+from rosbridge_sim.shell.storage import DiskLibrary, read_definitions
+from rosbridge_sim.world.state import World
+
+__all__ = ["AddressError", "Simulator", "WorldFailedError"]
+
+_log = logging.getLogger("rosbridge_sim.app")
+
+SHORTEST_WAIT = 0.001
+"""The timer's grain [s]: uvloop counts whole milliseconds, and would spin through a shorter wait."""
+
+
+class AddressError(DocumentError):
+    """The host and port cannot be had."""
+
+
+class WorldFailedError(RosbridgeSimError):
+    """A bug of ours has stopped the world; its cause is what was raised."""
+
+
+class Simulator:
+    """A rosbridge server with a driving world inside.
+
+        async with Simulator(port=0, scenario="demo") as sim:
+            print(sim.url)
+
+    Attributes:
+        settings: what it was made with.
+        bus: where everybody meets; None before the start.
+        node: the simulator itself; None before the start, and without a world.
+    """
+
+    def __init__(self, settings: Settings | None = None, **options: object) -> None:
+        """A simulator that does not run yet.
+
+        Args:
+            settings: everything at once; None takes the options.
+            options: fields of `Settings` by name. The environment plays no part.
+
+        Raises:
+            DocumentError: an option that does not exist or that has a bad value.
+        """
+        assert settings is None or not options, "settings or options, not both"
+        self.settings = check_options(options) if settings is None else settings
+        self.bus: Bus | None = None
+        self.node: Node | None = None
+        self._server: Server | None = None
+        self._clockwork: _Clockwork | None = None
+        self._stopping: asyncio.Task[None] | None = None
+
+    @property
+    def port(self) -> int:
+        """The port it really listens on; 0 while it does not."""
+        return self._server.port if self._server is not None else 0
+
+    @property
+    def url(self) -> str:
+        """Where clients connect."""
+        host = self.settings.host
+        return f"ws://[{host}]:{self.port}" if ":" in host else f"ws://{host}:{self.port}"
+
+    @property
+    def num_bugs(self) -> int:
+        """Faults of ours: frames that could not be handled, and one more if the world has failed."""
+        if self._server is None or self._clockwork is None:
+            return 0
+        return self._server.num_bugs + self._clockwork.is_failed
+
+    async def __aenter__(self) -> Self:
+        await self.start()
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.stop()
+        if error is None and self._clockwork is not None and self._clockwork.is_failed:
+            await self.wait()
+
+    async def start(self) -> None:
+        """Build everything and listen; clients are served from now on.
+
+        Raises:
+            DocumentError: a file that cannot be used.
+            AddressError: host and port cannot be had.
+        """
+        settings = self.settings
+        store = Store(read_definitions(settings.release, settings.schema_path), leniency=LENIENCY)
+        make_bus = Bus if settings.world else _WallClockBus
+        bus = make_bus(store, is_strict=settings.strict_types, service_timeout=settings.service_timeout)
+        Rosapi(bus)
+        node = _make_node(bus, settings) if settings.world else None
+        clockwork = _Clockwork(asyncio.get_running_loop(), bus, node, self._give_up)
+        server = Server(bus, _limits(settings), clockwork.look)
+        try:
+            await server.start(settings.host, settings.port)
+        except (OSError, UnicodeError) as error:
+            raise AddressError(_why_not(settings, error)) from None
+        self.bus, self.node, self._server, self._clockwork = bus, node, server, clockwork
+        clockwork.look()
+
+    async def stop(self) -> None:
+        """Close every connection (code 1001) and stop the world; within two seconds, and twice is no error."""
+        if self._clockwork is not None:
+            self._clockwork.stop()
+        if self._server is not None:
+            await self._server.stop()
+
+    async def wait(self) -> None:
+        """Wait until the world fails, which it never should.
+
+        Raises:
+            WorldFailedError: it has.
+        """
+        assert self._clockwork is not None, "start it first"
+        await asyncio.shield(self._clockwork.failure)
+
+    def _give_up(self) -> None:
+        """The world has failed: whoever waits for it is to hear that it is gone."""
+        self._stopping = asyncio.get_running_loop().create_task(self.stop())
+
+
+def _make_node(bus: Bus, settings: Settings) -> Node:
+    library = DiskLibrary(settings.scenario_path, settings.map)
+    profile = choose_profile(
+        settings.profile,
+        wheel_angle_unit=settings.wheel_angle_unit,
+        object_size_order=settings.object_size_order,
+        object_limit=settings.object_limit,
+        object_velocity_unit=settings.object_velocity_unit,
+    )
+    choices = NodeSettings(
+        profile=profile,
+        start=settings.start,
+        start_mode=settings.start_mode,
+        rate=settings.rate,
+        sync_frames=settings.sync_frames,
+        sync_lease=settings.sync_lease,
+        sync_on_loss=settings.sync_on_loss,
+        anyone_may_stop=settings.anyone_may_stop,
+    )
+    return Node(bus, World(settings.seed), library, library.opening_scenario(settings.scenario), choices)
+
+
+def _limits(settings: Settings) -> ServerLimits:
+    return ServerLimits(
+        max_frame_size=settings.max_frame_size,
+        ping_interval=settings.ping_interval,
+        ping_timeout=settings.ping_timeout,
+        is_compressing=settings.compression,
+        is_talkative=settings.status,
+        outbox=OutboxLimits(settings.outbox_burst, settings.outbox_size, settings.outbox_limit),
+    )
+
+
+def _why_not(settings: Settings, error: OSError | UnicodeError) -> str:
+    """Why there is no listening there, and what to do about it."""
+    where = f"cannot listen on {settings.host} port {settings.port}"
+    if isinstance(error, UnicodeError):
+        return f"{where}: expected a host name or address"
+    if error.errno == errno.EADDRINUSE:
+        return f"{where}: the port is taken, perhaps by a server that still runs; --port 0 takes a free one"
+    if error.errno == errno.EACCES:
+        return f"{where}: not allowed; expected a port from 1024 on"
+    return f"{where}: {os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror or error}"
+
+
+class _WallClockBus(Bus):
+    """A bus without a simulation: messages that leave their stamp open get the time of day."""
+
+    @property
+    def stamp_ns(self) -> int:
+        return time.time_ns()
+
+    @stamp_ns.setter
+    def stamp_ns(self, stamp_ns: int) -> None:
+        """Nobody sets the time of day."""
+
+
+class _Clockwork:
+    """Lets time pass on a bus and in its world.
+
+    Attributes:
+        failure: ends with WorldFailedError if the world fails, and never otherwise.
+    """
+
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, bus: Bus, node: Node | None, on_failure: Callable[[], None]
+    ) -> None:
+        self.failure: asyncio.Future[None] = loop.create_future()
+        self._loop = loop
+        self._bus = bus
+        self._node = node
+        self._on_failure = on_failure
+        self._timer: asyncio.TimerHandle | None = None
+        self._armed_for = float("inf")
+        self._is_looking = False
+        self._is_stopped = False
+
+    @property
+    def is_failed(self) -> bool:
+        """Whether the world has failed."""
+        return self.failure.done()
+
+    def look(self) -> None:
+        """Something has changed: see what is due, once for all that changes in this turn of the loop."""
+        if not self._is_looking:
+            self._is_looking = True
+            self._loop.call_soon(self._turn)
+
+    def stop(self) -> None:
+        """Time stands still from now on."""
+        self._is_stopped = True
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def _turn(self) -> None:
+        """Do what is due, then arm the timer for what is due next."""
+        self._is_looking = False
+        if self._is_stopped:
+            return
+        now = self._loop.time()
+        try:
+            due = self._next_due(now)
+            if due is not None and due <= now:
+                self._bus.expire(now)
+                if self._node is not None:
+                    self._node.advance(now)
+                due = self._next_due(now)
+        except Exception as error:  # noqa: BLE001 - our own bug, whatever it is
+            self._fail(error)
+        else:
+            self._arm(now, due)
+
+    def _next_due(self, now: float) -> float | None:
+        due = self._bus.next_deadline()
+        if self._node is None:
+            return due
+        other = self._node.next_due(now)
+        return other if due is None or (other is not None and other < due) else due
+
+    def _arm(self, now: float, due: float | None) -> None:
+        if due is not None and due <= now:  # more is owed than one turn may do: the others first
+            self.look()
+            return
+        wanted = float("inf") if due is None else max(due, now + SHORTEST_WAIT)
+        if wanted == self._armed_for:
+            return
+        if self._timer is not None:
+            self._timer.cancel()
+        self._armed_for = wanted
+        self._timer = None if due is None else self._loop.call_at(wanted, self._ring)
+
+    def _ring(self) -> None:
+        self._timer = None
+        self._armed_for = float("inf")
+        self._turn()
+
+    def _fail(self, error: Exception) -> None:
+        self.stop()
+        _log.critical("the world has failed; this is a bug of ours", exc_info=error)
+        failed = WorldFailedError(f"the world has failed: {error!r}")
+        failed.__cause__ = error
+        self.failure.set_exception(failed)
+        self.failure.exception()  # nobody has to wait for it
+        self._on_failure()
