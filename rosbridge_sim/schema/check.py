@@ -23,7 +23,19 @@ import orjson
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.schema.parse import INT_RANGES, MAX_FLOAT32, Definition, Field
 
-__all__ = ["ROS1", "Dialect", "Duration", "Leniency", "Shape", "Slot", "Time", "check", "round32", "round32_list"]
+__all__ = [
+    "ROS1",
+    "Dialect",
+    "Duration",
+    "Leniency",
+    "Shape",
+    "Slot",
+    "Time",
+    "check",
+    "printable",
+    "round32",
+    "round32_list",
+]
 
 _UInt32 = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 _Int32 = Annotated[int, msgspec.Meta(ge=-(2**31), le=2**31 - 1)]
@@ -149,15 +161,18 @@ def check(shape: Shape, value: object, stamp_ns: int, root: str | None = None) -
     try:
         return _Check(shape.dialect, stamp_ns).message(shape, value)
     except _Misfit as misfit:
-        # A status frame must be able to carry the text: no lone surrogates, no endless names.
         path = "".join(reversed(misfit.path)).removeprefix(".")
-        shown = path if len(path) <= _MAX_SHOWN else path[:_MAX_SHOWN] + "..."
-        text = misfit.say(root, shown)
-        raise FieldError(text.encode("utf-8", "backslashreplace").decode()) from None
+        raise FieldError(misfit.say(root, printable(path))) from None
+
+
+def printable(text: str) -> str:
+    """A text of a peer's as an error text may repeat it: not endless, and without half surrogate pairs."""
+    shown = text if len(text) <= _MAX_SHOWN else text[:_MAX_SHOWN] + "..."
+    return shown.encode("utf-8", "backslashreplace").decode()
 
 
 _MAX_SHOWN = 200
-"""Characters of a path in an error text: far more than any real one has."""
+"""Characters of a path or a type name in an error text: far more than any real one has."""
 
 
 class _Misfit(Exception):  # noqa: N818 - never leaves this module
@@ -346,7 +361,7 @@ _MAX_PRINTED = 10**40
 
 def _numeral(text: str) -> int | str:
     """The number that a text ends in; the text itself when it ends in none."""
-    match = re.fullmatch(r"\s*([+-]?\d{1,20})\s*|.*?(\d{1,20})", text, re.ASCII | re.DOTALL)
+    match = re.fullmatch(r"\s*([+-]?\d{1,20})\s*|.*[A-Za-z_](\d{1,20})", text, re.ASCII | re.DOTALL)
     return text if match is None else int(match[1] or match[2])
 
 

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import msgspec
 
 from rosbridge_sim.errors import DefinitionError, TypeNameError, UnknownPackageError
-from rosbridge_sim.schema.check import ROS1, Leniency
+from rosbridge_sim.schema.check import ROS1, Leniency, printable
 from rosbridge_sim.schema.compile import MessageType, OpaqueType, ServiceType, compile_message
 from rosbridge_sim.schema.parse import Definition, Field, parse_message, parse_service, qualified_text
 
@@ -28,9 +28,6 @@ _FieldDesc = tuple[Any, Any]
 """What rosbags holds of a field's type: the kind of node, and what that kind needs."""
 
 _TYPE_NAME = re.compile(r"([A-Za-z]\w*)/(?:(?:msg|srv|action)/)?([A-Za-z]\w*)", re.ASCII)
-
-_MAX_SHOWN = 200
-"""Characters of a type name that an error text repeats."""
 
 _RENAMED_PACKAGES = {"rosapi_msgs": "rosapi"}
 """Packages that the ROS 2 generation renamed: the types of the one serve for the other."""
@@ -112,8 +109,7 @@ class Store:
             return known
         match = _TYPE_NAME.fullmatch(name)
         if match is None:
-            shown = name if len(name) <= _MAX_SHOWN else name[:_MAX_SHOWN] + "..."
-            raise TypeNameError(f"{shown} is not a valid type string")
+            raise TypeNameError(f"{printable(name)} is not a valid type string")
         package, short = match.groups()
         if package not in self._packages:
             package = _RENAMED_PACKAGES.get(package, package)

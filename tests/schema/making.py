@@ -1,0 +1,35 @@
+"""Small types made on the spot, and what they make of a body."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from rosbridge_sim.errors import FieldError
+from rosbridge_sim.schema.compile import MessageType
+from rosbridge_sim.schema.store import Store
+from tests.schema.strategies import STAMP_NS
+
+__all__ = ["decode", "make", "refusal"]
+
+
+def make(text: str, **other: str) -> MessageType:
+    """The type `p/T` of that text, in a package where `other` types may be too."""
+    texts = {("p", "msg", name): body for name, body in {"T": text, **other}.items()}
+    texts["std_msgs", "msg", "Header"] = "uint32 seq\ntime stamp\nstring frame_id"
+    return Store(texts).message("p/T")
+
+
+def decode(message_type: MessageType, body: object) -> Any:  # noqa: ANN401 - a generated struct
+    """What a body stands for, through the text that a client would send."""
+    return message_type.decode_json(json.dumps(body).encode(), STAMP_NS)
+
+
+def refusal(message_type: MessageType, body: object) -> str:
+    """The words in which a body (or its text) is refused."""
+    text = body if isinstance(body, bytes) else json.dumps(body).encode()
+    with pytest.raises(FieldError) as caught:
+        message_type.decode_json(text, STAMP_NS)
+    return str(caught.value)

@@ -1,0 +1,176 @@
+"""Compiled types: the fast way against the slow one, encoding, and the types that nobody knows."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rosbridge_sim.errors import FieldError
+from rosbridge_sim.schema.compile import _REFUSALS, MessageType, OpaqueType, _parse_json
+from tests.schema.making import make
+from tests.schema.strategies import STAMP_NS, bodies, broken_texts, every_type, odd_bodies, values
+
+# Encoding
+
+
+def test_numpy_values_are_encoded() -> None:
+    t = make("float64 f\nint32 i\nfloat32[] a\nuint8[] d\nfloat64[] m\nint32[] n")
+    value = t.struct(
+        f=np.float64(0.5),
+        i=np.int32(3),
+        a=np.array([0.1, np.nan], np.float32),
+        d=np.array([104, 105], np.uint8),
+        m=np.eye(2)[:, 0],
+        n=np.arange(3, dtype=np.int32)[::-1],
+    )
+    expected = b'{"f":0.5,"i":3,"a":[0.1,null],"d":"aGk=","m":[1.0,0.0],"n":[2,1,0]}'
+    assert t.encode_json(value) == expected
+    with pytest.raises(TypeError, match="no value of a field"):
+        t.encode_json(t.struct(f=object()))
+
+
+def test_to_builtins_is_what_goes_out() -> None:
+    t = make("float64 f\nuint8[] d\nint32 class")
+    assert t.to_builtins(t.check({"f": None, "d": [1], "class": 2}, 0)) == {"f": None, "d": "AQ==", "class": 2}
+
+
+# Fast against slow
+
+
+def read_fast(message_type: MessageType, text: bytes) -> Any:  # noqa: ANN401 - a generated struct
+    """What the fast way makes of a text by itself; None where it leaves it to the slow one."""
+    try:
+        value = message_type._decode(text)
+        if message_type.after is not None:
+            message_type.after(value, STAMP_NS)
+    except _REFUSALS:
+        return None
+    return value
+
+
+def read_slowly(message_type: MessageType, text: bytes) -> Any:  # noqa: ANN401 - a generated struct
+    return message_type.check(_parse_json(message_type.name, text), STAMP_NS)
+
+
+def same(message_type: MessageType, a: object, b: object) -> bool:
+    """Whether two values are alike to the last bit, types included; their text shows -0.0 and 1.0 against 1."""
+    return message_type.encode_json(a) == message_type.encode_json(b) and repr(a) == repr(b)
+
+
+@pytest.mark.slow
+@settings(max_examples=150)
+@given(st.data())
+def test_plain_bodies_take_the_fast_way_and_mean_the_same(data: st.DataObject) -> None:
+    message_type = data.draw(every_type())
+    text = json.dumps(data.draw(bodies(message_type))).encode()
+    value = read_fast(message_type, text)
+    assert value is not None
+    assert same(message_type, value, read_slowly(message_type, text))
+
+
+@pytest.mark.slow
+@settings(max_examples=150)
+@given(st.data())
+def test_odd_bodies_are_accepted_and_mean_the_same_both_ways(data: st.DataObject) -> None:
+    message_type = data.draw(every_type())
+    text = json.dumps(data.draw(odd_bodies(message_type))).encode()
+    slow = read_slowly(message_type, text)
+    fast = read_fast(message_type, text)
+    assert fast is None or same(message_type, fast, slow)
+    assert same(message_type, message_type.decode_json(text, STAMP_NS), slow)
+
+
+@pytest.mark.slow
+@settings(max_examples=300)
+@given(st.data())
+def test_the_fast_way_accepts_nothing_that_the_slow_one_refuses(data: st.DataObject) -> None:
+    message_type = data.draw(every_type())
+    text = data.draw(broken_texts(message_type))
+    fast = read_fast(message_type, text)
+    try:
+        slow = read_slowly(message_type, text)
+    except FieldError:
+        assert fast is None
+        with pytest.raises(FieldError):
+            message_type.decode_json(text, STAMP_NS)
+    else:
+        assert fast is None or same(message_type, fast, slow)
+        assert message_type.encode_json(slow)
+
+
+@pytest.mark.slow
+@settings(max_examples=100)
+@given(st.data())
+def test_decode_after_encode_gives_the_value_back(data: st.DataObject) -> None:
+    message_type = data.draw(every_type())
+    value = data.draw(values(message_type))
+    assert same(message_type, message_type.decode_json(message_type.encode_json(value), 0), value)
+
+
+_KEYS = st.text() | st.sampled_from(["header", "stamp", "npc_list", "request", "frame"])
+_LEAVES = st.none() | st.booleans() | st.integers() | st.floats() | st.text()
+_OBJECTS = st.recursive(_LEAVES, lambda inner: st.lists(inner) | st.dictionaries(_KEYS, inner))
+
+
+@pytest.mark.slow
+@given(_OBJECTS, every_type())
+def test_any_objects_give_a_value_or_a_field_error(body: object, message_type: MessageType) -> None:
+    try:
+        value = message_type.check(body, 0)
+    except FieldError as error:
+        text = str(error).encode()
+    else:
+        text = message_type.encode_json(value)
+    assert text
+
+
+@given(st.binary(), every_type())
+def test_any_bytes_give_a_value_or_a_field_error(body: bytes, message_type: MessageType) -> None:
+    for t in (message_type, OpaqueType("p/T")):
+        try:
+            text = t.encode_json(t.decode_json(body, 0))
+        except FieldError as error:
+            text = str(error).encode()
+        assert text
+
+
+# Unknown types
+
+
+def test_an_opaque_type_passes_any_object() -> None:
+    t = OpaqueType("who/Knows")
+    for text in (b'{"a":[1,{"b":null}],"c":"x"}', b"{}"):
+        assert t.encode_json(t.decode_json(text, 0)) == text
+        assert t.encode_json(t.decode_json(msgspec.Raw(text), 0)) == text
+    assert t.encode_json(t.decode_json(b'{"a": NaN}', 0)) == b'{"a":null}'
+    assert t.check({"a": 1}, 0) == t.to_builtins({"a": 1}) == {"a": 1}
+    assert t.default() == {}
+
+
+@pytest.mark.parametrize("text", [b"[]", b"1", b"", b"{", b'{"a":"\\ud800"}', b'{"a":"\xff"}'])
+def test_an_opaque_type_refuses_what_is_no_object(text: bytes) -> None:
+    with pytest.raises(FieldError):
+        OpaqueType("who/Knows").decode_json(text, 0)
+
+
+@pytest.mark.parametrize("depth", [200, 253, 254, 255, 500, 2_000, 200_000])
+def test_what_an_opaque_type_accepts_it_can_encode(depth: int) -> None:
+    t = OpaqueType("who/Knows")
+    text = b'{"a":' + b"[" * depth + b"]" * depth + b"}"
+    try:
+        value = t.decode_json(text, 0)
+    except FieldError:
+        assert depth >= 250
+    else:
+        assert t.encode_json(value) == text
+
+
+def test_types_show_their_names() -> None:
+    assert repr(OpaqueType("who/Knows")) == "OpaqueType(who/Knows)"
+    assert repr(make("int32 i")) == "MessageType(p/T)"
