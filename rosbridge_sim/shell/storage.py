@@ -167,10 +167,16 @@ def _decode(content: bytes) -> str:
         return content.decode("latin-1")
 
 
+_FIRST_READ = 2**15
+"""Asking for `max_bytes` at once would cost a hundred small files a buffer of that size each."""
+
+
 def _read(path: Path, max_bytes: int) -> bytes:
     try:
         with path.open("rb") as file:
-            content = file.read(max_bytes + 1)
+            content = file.read(_FIRST_READ)
+            if len(content) == _FIRST_READ:
+                content += file.read(max_bytes + 1 - _FIRST_READ)
     except OSError as error:
         raise DocumentError(f"{path}: cannot be read: {error.strerror}") from None
     if len(content) > max_bytes:
