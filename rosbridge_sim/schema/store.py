@@ -114,7 +114,9 @@ class Store:
         if package not in self._packages:
             package = _RENAMED_PACKAGES.get(package, package)
         full = f"{package}/{short}"
-        return self._leniency.types.get(full, full)
+        # A type that is really there is no other's misspelt name.
+        is_there = (package, "msg", short) in self._texts or (package, "srv", short) in self._texts
+        return full if is_there else self._leniency.types.get(full, full)
 
     def packages(self) -> list[str]:
         """The names of all packages with a known type, in order."""

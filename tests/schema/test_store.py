@@ -175,6 +175,13 @@ def test_documented_type_names_are_aliases() -> None:
     assert store.canonical("q/srv/OldSrv") == "p/S"
 
 
+def test_a_type_that_is_there_is_no_alias() -> None:
+    texts = {("p", "msg", "T"): "int32 x", ("q", "msg", "T"): "int32 y"}
+    store = Store(texts, leniency=Leniency(types={"q/T": "p/T", "q/U": "p/T"}))
+    assert store.canonical("q/T") == "q/T"
+    assert store.message("q/U") is store.message("p/T")
+
+
 def test_rosapi_answers_to_the_names_of_both_generations() -> None:
     store = shared_store()
     assert store.service("rosapi_msgs/srv/Topics") is store.service("rosapi/Topics")
