@@ -7,9 +7,10 @@ Each test keeps the upstream name of its case and asserts what that case asserts
 from __future__ import annotations
 
 import asyncio
+import json
 
 from tests.conftest import Connect
-from tests.support import Client, ServerProcess
+from tests.support import ServerProcess, mask, open_raw
 
 SET_BOOL = "std_srvs/SetBool"
 
@@ -127,17 +128,22 @@ async def test_best_effort_publisher(server: ServerProcess, connect: Connect) ->
 
 async def test_event_loop_starvation(server: ServerProcess, connect: Connect) -> None:
     """Somebody who publishes as fast as the socket takes it does not keep the server from answering others."""
-    talker, other = await connect(server.url), await connect(server.url)
-    await talker.send("advertise", topic="/flood", type="std_msgs/String")
+    other = await connect(server.url)
+    _, writer = await open_raw(server.port)
+    writer.write(mask(json.dumps({"op": "advertise", "topic": "/flood", "type": "std_msgs/String"})))
+    burst = 500 * mask(json.dumps({"op": "publish", "topic": "/flood", "msg": {"data": "x" * 200}}))
 
-    async def flood(client: Client) -> None:
+    async def flood() -> None:
         while True:
-            await client.send("publish", topic="/flood", msg={"data": "x" * 200})
+            writer.write(burst)
+            await writer.drain()
+            await asyncio.sleep(0)  # draining alone does not let others have their turn
 
-    flooding = asyncio.create_task(flood(talker))
+    flooding = asyncio.create_task(flood())
     try:
         for _ in range(20):
             assert "time" in await other.values("/rosapi/get_time")
         assert not flooding.done()
     finally:
         flooding.cancel()
+        writer.transport.abort()
