@@ -142,6 +142,11 @@ def _checked(given: Any, op: str, field: str, op_id: object) -> Any:  # noqa: AN
         )
     if not _is_id(given):
         raise FrameError(f"{op}: field {field} is no text or number that JSON knows", op_id)
+    if str not in classes and float in classes:
+        try:
+            return float(given)
+        except OverflowError:  # JSON has integers beyond any float
+            raise FrameError(f"{op}: field {field} is out of range", op_id) from None
     return given
 
 

@@ -115,6 +115,17 @@ def test_rubbish_gets_one_readable_error(frame: bytes) -> None:
     assert msgspec.json.decode(status_frame("error", str(error), error.op_id))["op"] == "status"
 
 
+def test_a_number_beyond_all_floats_is_refused_where_a_float_belongs() -> None:
+    call = {"op": "call_service", "service": "/s", "id": "c", "timeout": 10**400}
+    error = only_op(json.dumps(call).encode())
+    assert isinstance(error, FrameError)
+    assert str(error) == "call_service: field timeout is out of range"
+    assert error.op_id == "c"
+    as_id = only_op(json.dumps({"op": "call_service", "service": "/s", "id": 10**400}).encode())
+    assert isinstance(as_id, CallService)
+    assert as_id.id == 10**400
+
+
 def test_a_long_text_of_a_stranger_is_not_sent_back_whole() -> None:
     error = only_op(b'{"op":"' + b"x" * 100_000 + b'"}')
     assert len(str(error)) < 800
