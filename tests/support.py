@@ -23,7 +23,18 @@ from typing import Any, NoReturn, Self
 import pytest
 from websockets.asyncio.client import ClientConnection, connect
 
-__all__ = ["PATIENCE", "ROOT", "Client", "ServerProcess", "miss", "read_line", "require_node_modules", "require_tool"]
+__all__ = [
+    "PATIENCE",
+    "ROOT",
+    "Client",
+    "ServerProcess",
+    "mask",
+    "miss",
+    "open_raw",
+    "read_line",
+    "require_node_modules",
+    "require_tool",
+]
 
 ROOT = Path(__file__).parent.parent
 
@@ -283,6 +294,27 @@ class Client:
         """A call of a simulator's service: `request` within the arguments, `response` within the values."""
         response: Frame = (await self.values(service, {"request": request}))["response"]
         return response
+
+
+async def open_raw(port: int) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+    """A socket that has shaken hands and does nothing by itself: it neither answers pings nor holds back."""
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    writer.write(
+        b"GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    )
+    async with asyncio.timeout(PATIENCE):
+        answer = await reader.readuntil(b"\r\n\r\n")
+    assert answer.startswith(b"HTTP/1.1 101"), answer
+    return reader, writer
+
+
+def mask(text: str) -> bytes:
+    """A short text as a client's WebSocket frame, masked with zeros."""
+    data = text.encode()
+    assert len(data) < 2**16
+    length = bytes([0x80 | len(data)]) if len(data) < 126 else b"\xfe" + len(data).to_bytes(2, "big")
+    return b"\x81" + length + bytes(4) + data
 
 
 def _shallow(frame: Frame) -> Frame:

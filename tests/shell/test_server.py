@@ -21,7 +21,7 @@ from rosbridge_sim.protocol.flow import OutboxLimits
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.server import Server, ServerLimits
 from rosbridge_sim.shell.storage import read_definitions
-from tests.support import PATIENCE, Client
+from tests.support import PATIENCE, Client, mask, open_raw
 
 
 class Port:
@@ -115,15 +115,9 @@ async def test_the_limits_we_start_with() -> None:
 async def test_a_client_that_answers_no_ping_is_dropped_and_what_it_held_with_it(listen: Listen) -> None:
     port = await listen(ServerLimits(ping_interval=0.05, ping_timeout=0.05))
     async with await Client.open(port.url) as watcher:
-        # a socket that shakes hands, advertises a service, and then is as dead as behind a pulled cable
-        reader, writer = await asyncio.open_connection("127.0.0.1", port.server.port)
-        writer.write(
-            b"GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-            b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n"
-        )
-        assert (await reader.readuntil(b"\r\n\r\n")).startswith(b"HTTP/1.1 101")
-        advertise = b'{"op":"advertise","topic":"/t","type":"std_msgs/String"}'
-        writer.write(bytes([0x81, 0x80 | len(advertise), 0, 0, 0, 0]) + advertise)
+        # a socket that shakes hands, advertises a topic, and then is as dead as behind a pulled cable
+        _, writer = await open_raw(port.server.port)
+        writer.write(mask('{"op":"advertise","topic":"/t","type":"std_msgs/String"}'))
         async with asyncio.timeout(PATIENCE):
             while not (await watcher.values("/rosapi/publishers", {"topic": "/t"}))["publishers"]:
                 pass
