@@ -61,7 +61,7 @@ class Simulator:
         node: the simulator itself; None before the start, and without a world.
     """
 
-    def __init__(self, settings: Settings | None = None, **options: object) -> None:
+    def __init__(self, settings: Settings | None = None, /, **options: object) -> None:
         """A simulator that does not run yet.
 
         Args:
