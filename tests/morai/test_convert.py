@@ -1,0 +1,242 @@
+"""Units, orders and names: what goes out for a world that we know, and what comes in under other names."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import pytest
+
+from rosbridge_sim.errors import FieldError
+from rosbridge_sim.morai.convert import (
+    FIELD,
+    LENIENCY,
+    MANUAL,
+    Converter,
+    Profile,
+    choose_profile,
+    gear_of,
+    maker,
+    time_text,
+)
+from rosbridge_sim.morai.mgeo import Projection, RoadMap
+from rosbridge_sim.schema.store import Store
+from rosbridge_sim.shell.storage import read_definitions
+from rosbridge_sim.world import dynamics
+from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.state import Body, Gear, Kind, Mode, World
+from rosbridge_sim.world.step import step
+from tests.morai.stand import make_store
+
+BOX = Body.box(2.0, 1.0, 0.5)
+
+
+def a_world() -> World:
+    world = World()
+    world.spawn(Kind.EGO, Body(), name="car", x=1.0, y=2.0, z=3.0, yaw=math.radians(170.0), speed=5.0, uid=0)
+    world.spawn(Kind.VEHICLE, Body(), name="other", x=50.0, y=0.0, yaw=math.radians(-90.0), speed=10.0)
+    world.spawn(Kind.OBSTACLE, BOX, name="box", x=2.0, y=2.0)
+    world.spawn(Kind.PEDESTRIAN, BOX, name="man", x=9.0, y=2.0, speed=1.0)
+    world.spawn(Kind.VEHICLE, Body(), name="near", x=3.0, y=2.0)
+    return world
+
+
+def shown(type_name: str, value: object) -> dict[str, Any]:
+    shown: dict[str, Any] = json.loads(make_store().message(f"morai_msgs/{type_name}").encode_json(value))
+    return shown
+
+
+def ego(world: World, profile: Profile = MANUAL) -> dict[str, Any]:
+    return shown("EgoVehicleStatus", Converter(make_store(), profile).ego_vehicle_status(world, world.row(0), 0))
+
+
+def objects(world: World, profile: Profile = MANUAL) -> dict[str, Any]:
+    return shown("ObjectStatusList", Converter(make_store(), profile).object_status_list(world, world.row(0)))
+
+
+def test_the_ego_is_in_metres_degrees_and_its_own_frame() -> None:
+    world = a_world()
+    dynamics.command(world, 0, mode=Mode.PEDALS, steer=0.01, throttle=0.25)
+    for _ in range(60):
+        step(world)
+    status = ego(world)
+    assert status["header"] == {"seq": 60, "stamp": {"secs": 1, "nsecs": 200_000_000}, "frame_id": "base_link"}
+    assert status["unique_id"] == 0
+    assert status["position"] == {"x": world.x[0], "y": world.y[0], "z": 3.0}
+    assert status["velocity"] == {"x": world.speed[0], "y": 0.0, "z": 0.0}
+    assert status["acceleration"] == {"x": world.accel[0], "y": world.lateral_accel[0], "z": 0.0}
+    assert status["heading"] == pytest.approx(math.degrees(world.yaw[0]))
+    assert (status["accel"], status["brake"], status["wheel_angle"]) == (0.25, 0.0, 0.01)
+
+
+def test_headings_stay_within_half_a_turn() -> None:
+    world = World()
+    world.spawn(Kind.EGO, Body(), name="car", x=0.0, y=0.0, yaw=-math.pi, uid=0)
+    assert ego(world)["heading"] == 180.0
+
+
+def test_float32_fields_go_out_as_float32() -> None:
+    world = a_world()
+    dynamics.command(world, 0, mode=Mode.PEDALS, steer=0.0, throttle=1.0 / 3.0)
+    step(world)
+    assert ego(world)["accel"] == 0.33333334
+
+
+def test_the_field_profile_reads_as_clients_do() -> None:
+    world = a_world()
+    dynamics.command(world, 0, mode=Mode.PEDALS, steer=0.01)
+    step(world)
+    assert ego(world, FIELD)["wheel_angle"] == pytest.approx(math.degrees(0.01), rel=1e-6)
+    size = objects(world, FIELD)["obstacle_list"][0]["size"]
+    assert size == {"x": 2.0, "y": 1.0, "z": 0.5}
+
+
+def test_objects_by_kind_in_order_of_spawning() -> None:
+    listed = objects(a_world())
+    assert listed["header"]["frame_id"] == "ObjectInfo"
+    assert [listed[f"num_of_{kind}"] for kind in ("npcs", "pedestrian", "obstacle")] == [2, 1, 1]
+    assert [one["name"] for one in listed["npc_list"]] == ["other", "near"]
+    other, man, box = listed["npc_list"][0], listed["pedestrian_list"][0], listed["obstacle_list"][0]
+    assert (other["type"], man["type"], box["type"]) == (1, 0, 2)
+    assert (other["unique_id"], other["heading"]) == (1, -90.0)
+    assert other["velocity"] == {"x": 36.0, "y": 0.0, "z": 0.0}
+    assert other["position"] == {"x": 50.0, "y": 0.0, "z": 0.0}
+    assert box["size"] == {"x": 1.0, "y": 2.0, "z": 0.5}
+    assert box["velocity"] == box["acceleration"] == {"x": 0.0, "y": 0.0, "z": 0.0}
+
+
+def test_object_velocity_in_metres_a_second() -> None:
+    assert objects(a_world(), Profile(object_velocity_unit="m/s"))["npc_list"][0]["velocity"]["x"] == 10.0
+
+
+def test_a_limit_lists_the_nearest_and_counts_what_it_lists() -> None:
+    listed = objects(a_world(), Profile(object_limit=2))
+    assert [one["name"] for one in listed["npc_list"]] == ["near"]
+    assert [one["name"] for one in listed["obstacle_list"]] == ["box"]
+    assert listed["pedestrian_list"] == []
+    assert [listed[f"num_of_{kind}"] for kind in ("npcs", "pedestrian", "obstacle")] == [1, 0, 1]
+    assert len(objects(a_world(), Profile(object_limit=4))["npc_list"]) == 2
+
+
+def test_who_comes_and_goes_is_listed_at_once() -> None:
+    world = a_world()
+    converter = Converter(make_store())
+
+    def names() -> list[str]:
+        listed = shown("ObjectStatusList", converter.object_status_list(world, 0))
+        return [one["name"] for one in listed["npc_list"] + listed["obstacle_list"]]
+
+    assert names() == ["other", "near", "box"]
+    world.remove(1)
+    world.spawn(Kind.OBSTACLE, BOX, name="new", x=0.0, y=0.0)
+    assert names() == ["near", "box", "new"]
+
+
+def test_a_world_without_objects() -> None:
+    world = World()
+    world.spawn(Kind.EGO, Body(), name="car", x=0.0, y=0.0, uid=0)
+    assert objects(world, FIELD)["npc_list"] == []
+
+
+def test_specifications() -> None:
+    converter = Converter(make_store())
+    spec = shown("VehicleSpec", converter.vehicle_spec(Body()))
+    assert spec["size"] == {"x": 4.47, "y": 1.82, "z": 1.45}
+    assert spec["max_steering"] == pytest.approx(36.25)
+    assert (spec["wheel_base"], spec["overhang"], spec["rear_overhang"]) == (2.7, 0.88, 0.89)
+    nobody = shown("VehicleSpec", converter.vehicle_spec(None))
+    assert nobody.pop("size") == {"x": 0.0, "y": 0.0, "z": 0.0}
+    assert set(nobody.values()) == {0.0}
+    utm = RoadMap("m", Projection(is_tm=False, zone=52), (1.0, 2.0, 3.0), Roads())
+    spec = shown("MapSpec", converter.map_spec(utm))
+    assert (spec["plane_coordinate_system"], spec["utm_num"], spec["ellipse"]) == (0, 52, "WGS84")
+    assert spec["utm_offset"] == {"x": 1.0, "y": 2.0, "z": 3.0}
+    tm = RoadMap("m", Projection(is_tm=True, central_latitude=38.0, scale_factor=0.9996), (0.0, 0.0, 0.0), Roads())
+    spec = shown("MapSpec", converter.map_spec(tm))
+    assert (spec["plane_coordinate_system"], spec["central_latitude"], spec["scale_factor"]) == (1, 38.0, 0.9996)
+
+
+def test_simulated_time_is_exact() -> None:
+    assert [time_text(frame) for frame in (0, 1, 50, 617, 5_000_000)] == ["0.00", "0.02", "1.00", "12.34", "100000.00"]
+    clock = Converter(make_store()).clock(75)
+    assert make_store().message("rosgraph_msgs/Clock").encode_json(clock) == b'{"clock":{"secs":1,"nsecs":500000000}}'
+
+
+def command(**fields: object) -> Any:  # noqa: ANN401 - a generated struct
+    return make_store().message("morai_msgs/CtrlCmd").check(fields, 0)
+
+
+@pytest.mark.parametrize(("number", "mode"), [(0, Mode.PEDALS), (1, Mode.PEDALS), (2, Mode.SPEED), (3, Mode.ACCEL)])
+def test_a_command_in_the_worlds_units(number: int, mode: Mode) -> None:
+    control = Converter(make_store()).control(
+        command(longlCmdType=number, accel=2.0, brake=-1.0, steering=0.5, velocity=36.0, acceleration=-1.5)
+    )
+    assert control.mode is mode
+    assert (control.throttle, control.brake, control.steer) == (2.0, -1.0, 0.5)  # the world clamps
+    assert (control.speed, control.accel) == (10.0, -1.5)
+
+
+@pytest.mark.parametrize("number", [-1, 4, 100])
+def test_an_unknown_control_type_is_refused(number: int) -> None:
+    with pytest.raises(FieldError, match=f"longlCmdType: expected .*, got {number}"):
+        Converter(make_store()).control(command(longlCmdType=number))
+
+
+@pytest.mark.parametrize("field", ["accel", "brake", "steering", "velocity", "acceleration"])
+@pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
+def test_what_is_no_number_is_refused_in_any_field(field: str, number: float) -> None:
+    with pytest.raises(FieldError, match=rf"CtrlCmd\.{field}: expected a finite number"):
+        Converter(make_store()).control(command(**{field: number}))
+
+
+def test_gears() -> None:
+    assert [gear_of(number) for number in (-1, 0, 1, 4)] == [None, None, Gear.PARK, Gear.DRIVE]
+    with pytest.raises(FieldError, match="gear: expected"):
+        gear_of(5)
+
+
+def test_documented_names_mean_the_wires() -> None:
+    store = make_store()
+    assert store.canonical("morai_msg/CtrlCmd") == "morai_msgs/CtrlCmd"
+    assert store.canonical("morai_msg/msg/ObjectStatusList") == "morai_msgs/ObjectStatusList"
+    assert store.canonical("morai_msgs/srv/SyncModeSLSrv") == "morai_msgs/MoraiSyncModeSLSrv"
+    assert command(longCmdType=2, front_steer=0.25).steering == 0.25
+    for name in ("ScenarioLoad", "SyncModeScenarioLoad"):
+        load = store.message(f"morai_msgs/{name}").check({"load_object_data": True, "load_network_connection": True}, 0)
+        assert load.load_obstacle_data
+        assert load.load_network_connection_data
+    pose = store.message("morai_msgs/SensorPosControl").check({"sensor_index": 1, "yaw": 0.5}, 0)
+    assert (pose.sensor_index, pose.yaw) == ([1], [0.5])
+    crossing = store.message("morai_msgs/IntersectionControl")
+    assert crossing.check({"intersection_index": "IntTL13"}, 0).intersection_index == 13
+
+
+def test_every_alias_leads_to_a_type_that_is_there() -> None:
+    store = make_store()
+    known = {*store.names("msg"), *store.names("srv")}
+    assert set(LENIENCY.types.values()) <= known
+    assert {*LENIENCY.fields, *LENIENCY.scalars, *LENIENCY.numerals} <= known
+
+
+def test_profiles_and_single_choices() -> None:
+    assert choose_profile("manual") == MANUAL
+    assert choose_profile("field") == FIELD == Profile("deg", "length-width-height", 20, "km/h")
+    mixed = choose_profile("field", wheel_angle_unit="rad", object_limit=0)
+    assert mixed == Profile("rad", "length-width-height", 0, "km/h")
+
+
+def test_a_users_own_definition_may_have_other_fields() -> None:
+    texts = {("x", "msg", "Pair"): "int32 extra\nint32 a\n"}
+    make = maker(Store(texts), "x/Pair", "a", "b")
+    value = make(1, 2)
+    assert (value.a, value.extra) == (1, 0)
+
+
+def test_the_newer_name_of_the_steering_is_read_where_a_type_has_it() -> None:
+    texts = read_definitions("22.R2")
+    old = texts["morai_msgs", "msg", "CtrlCmd"]
+    texts["morai_msgs", "msg", "CtrlCmd"] = old.replace("steering", "front_steer")
+    store = Store(texts, leniency=LENIENCY)
+    value = store.message("morai_msgs/CtrlCmd").check({"steering": 0.125}, 0)
+    assert Converter(store).control(value).steer == 0.125

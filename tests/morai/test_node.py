@@ -1,0 +1,527 @@
+"""How the world moves: by real time, by ticks, not at all; and that the same calls give the same bytes."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from rosbridge_sim.errors import GraphError
+from rosbridge_sim.graph.bus import Answer, Bus, Owner, Topic
+from rosbridge_sim.morai.convert import FIELD
+from rosbridge_sim.morai.node import MAX_FRAMES, Node
+from rosbridge_sim.morai.stage import FIRST_EGO
+from rosbridge_sim.schema.store import Message
+from rosbridge_sim.shell.storage import DiskLibrary
+from rosbridge_sim.world.state import World
+from tests.morai.stand import ALL, Client, Stand, make_store
+
+THROTTLE = {"accel": 1.0, "brake": 0.0, "steering": 0.0}
+
+
+# Real time
+
+
+def test_real_time_makes_fifty_frames_a_second() -> None:
+    stand = Stand()
+    client = stand.client()
+    client.listen("/Ego_topic", "/clock", "/SyncModeInfo")
+    stand.run(1.0)
+    assert stand.world.frame == 50
+    assert [m["header"]["seq"] for m in client.messages("/Ego_topic")] == list(range(1, 51))
+    assert client.messages("/clock")[-1] == {"clock": {"secs": 1, "nsecs": 0}}
+    assert [m["frame"] for m in client.messages("/SyncModeInfo")] == list(range(1, 51))
+    assert stand.bus.stamp_ns == 1_000_000_000
+
+
+def test_nothing_is_computed_before_it_is_owed() -> None:
+    stand = Stand()
+    assert stand.node.next_due(5.0) == 5.0
+    stand.node.advance(5.0)
+    assert stand.world.frame == 0
+    due = stand.node.next_due(5.0)
+    assert due is not None
+    assert due == pytest.approx(5.02)
+    stand.node.advance(math.nextafter(due, 0.0))
+    assert stand.world.frame == 0
+    stand.node.advance(due)
+    assert stand.world.frame == 1
+
+
+def test_a_late_call_is_made_up_for_in_small_portions() -> None:
+    stand = Stand()
+    stand.node.advance(0.0)
+    stand.node.advance(0.4)
+    assert stand.world.frame == MAX_FRAMES
+    due = stand.node.next_due(0.4)
+    assert due is not None
+    assert due < 0.4
+    for _ in range(10):
+        stand.node.advance(0.4)
+    assert stand.world.frame == 20
+    assert stand.node.num_stalls == 0
+
+
+def test_after_a_stall_the_clock_shifts_and_says_so_once(caplog: pytest.LogCaptureFixture) -> None:
+    stand = Stand()
+    stand.node.advance(0.0)
+    stand.node.advance(1_000.0)
+    assert stand.world.frame == 1
+    stand.node.advance(2_000.0)
+    assert stand.world.frame == 2
+    assert stand.node.num_stalls == 2
+    assert [r.levelno for r in caplog.records if "stalled" in r.message].count(logging.WARNING) == 1
+    assert stand.node.next_due(2_000.0) == pytest.approx(2_000.02)
+
+
+def test_a_first_script_moves_the_car() -> None:
+    stand = Stand()
+    client = stand.client()
+    client.listen("/Ego_topic")
+    client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=0.5)
+    stand.run(2.0)
+    assert client.messages("/Ego_topic")[-1]["velocity"]["x"] > 1.0
+    before = client.messages("/Ego_topic")[-1]["velocity"]["x"]
+    client.send("/ctrl_cmd_0", "morai_msg/CtrlCmd", longCmdType=1, brake=1.0)
+    stand.run(0.5)
+    assert client.messages("/Ego_topic")[-1]["velocity"]["x"] < before
+    assert client.told == []
+
+
+def test_the_last_command_holds() -> None:
+    stand = Stand()
+    client = stand.client()
+    client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=2, velocity=36.0)
+    client.leave()
+    stand.run(20.0)
+    assert stand.world.speed[stand.world.row(FIRST_EGO)] == pytest.approx(10.0)
+
+
+def test_a_pause_stops_real_time_and_nothing_is_made_up_for_afterwards() -> None:
+    stand = Stand()
+    client = stand.client()
+    stand.run(0.2)
+    assert client.ask("/Service_MoraiEventCmd", option=8, set_pause=True)["set_pause"] is True
+    assert stand.node.next_due(stand.now) is None
+    stand.run(3.0)
+    assert stand.world.frame == 10
+    client.now = stand.now
+    assert client.ask("/Service_MoraiEventCmd", option=8, set_pause=False)["set_pause"] is False
+    stand.run(0.2)
+    assert stand.world.frame == 20
+    assert stand.node.num_stalls == 0
+
+
+def test_nothing_is_made_for_topics_without_listeners() -> None:
+    stand = Stand()
+    published = stand.bus.num_published
+    stand.run(0.2)
+    assert stand.bus.num_published == published + 10  # /SyncModeInfo, latched
+
+
+# Synchronous mode
+
+
+def test_start_sync_stands_at_frame_0_until_a_master_ticks() -> None:
+    stand = Stand(start="sync")
+    client = stand.client()
+    assert stand.node.next_due(0.0) is None
+    stand.node.advance(1e6)
+    assert stand.world.frame == 0
+    info = stand.bus.topics["/SyncModeInfo"].latched
+    assert info is not None
+    assert info.json == b'{"master_id":"","status":true,"frame":0,"can_send_tick":false}'
+    assert client.start("") == {"user_id": "sync-1", "frame": 0, "result": True, "time_step": 20}
+    assert client.tick("sync-1")["frame"] == 1
+
+
+def test_the_topics_of_a_tick_come_before_its_answer() -> None:
+    stand = Stand(start="sync")
+    client = stand.client()
+    client.start(time_step=60)
+    client.listen("/SyncModeInfo", "/Object_topic", "/Ego_topic", "/clock")
+    answered_after = []
+    args: dict[str, object] = {"request": {"user_id": "me"}}
+    stand.bus.call(client, "SyncModeWaitForTick", args, lambda _: answered_after.append(len(client.heard)), now=0.0)
+    assert answered_after == [12]
+    order = ["/clock", "/Ego_topic", "/Object_topic", "/SyncModeInfo"]
+    assert [topic for topic, _ in client.heard] == order * 3
+    assert [m["can_send_tick"] for m in client.messages("/SyncModeInfo")] == [False, False, True]
+
+
+def test_the_answer_holds_the_true_frame_time_and_ego() -> None:
+    stand = Stand(start="sync")
+    client = stand.client()
+    client.listen("/Ego_topic")
+    client.start(time_step=40)
+    answer = client.tick(frame=12345)
+    assert (answer["tick_status"], answer["pause_status"], answer["frame"]) == (True, False, 2)
+    assert answer["time"] == "0.04"
+    assert answer["vehicle_status"] == client.messages("/Ego_topic")[-1]
+    assert answer["vehicle_status"]["header"]["stamp"] == {"secs": 0, "nsecs": 40_000_000}
+
+
+@pytest.mark.parametrize("frame", [0, 1, 5, 6, 7, 99, 6.0, 2**63])
+def test_a_tick_moves_one_time_step_whatever_frame_it_names(frame: float) -> None:
+    stand = Stand(start="sync")
+    client = stand.client()
+    client.start()
+    for _ in range(5):
+        client.tick()
+    assert client.tick(frame=frame)["frame"] == 6
+
+
+def test_strict_frames_refuse_all_but_the_next() -> None:
+    stand = Stand(start="sync", sync_frames="strict")
+    client = stand.client()
+    client.start(time_step=40)
+    assert client.tick(frame=2)["tick_status"]
+    for frame in (2, 3, 5):
+        answer = client.tick(frame=frame)
+        assert (answer["tick_status"], answer["frame"]) == (False, 2)
+    assert client.tick(frame=4)["tick_status"]
+    assert "strict" in client.told[0][1]
+
+
+def test_refused_ticks_move_nothing() -> None:
+    stand = Stand()
+    client, other = stand.client(), stand.client()
+    stand.run(0.1)
+    before = stand.world.digest()
+
+    def is_refused(answer: dict[str, Any], *, is_paused: bool = False) -> bool:
+        assert answer["frame"] == 5
+        assert answer["pause_status"] is is_paused
+        assert answer["vehicle_status"]["header"]["seq"] == 5
+        assert stand.world.digest() == before
+        return answer["tick_status"] is False
+
+    assert is_refused(client.tick())  # off
+    client.start()
+    assert is_refused(other.tick("somebody"))
+    assert is_refused(other.tick(""))
+    client.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
+    assert is_refused(client.tick(), is_paused=True)
+    assert client.told[0] == ("warning", "/SyncModeWaitForTick: synchronous mode is off")
+
+
+def test_there_is_one_master_and_the_others_learn_who() -> None:
+    stand = Stand()
+    first, second = stand.client(), stand.client()
+    first.start("a", 100)
+    assert second.start("b", 20) == {"user_id": "a", "frame": 0, "result": False, "time_step": 100}
+    assert second.start("", 20)["result"] is False
+    assert second.stop("b") == {"user_id": "a", "frame": 0, "result": False, "time_step": 100}
+    assert first.start("a", 40) == {"user_id": "a", "frame": 0, "result": True, "time_step": 40}
+    assert second.tick("a")["frame"] == 2, "whoever knows the id may use it"
+    assert first.stop("a", 0) == {"user_id": "a", "frame": 2, "result": True, "time_step": 40}
+    assert second.start("b", 0) == {"user_id": "b", "frame": 2, "result": True, "time_step": 20}
+
+
+@pytest.mark.parametrize("step", [1, 10, 30, 1_001, 1_020, 2**32 - 1])
+def test_time_steps_that_cannot_be_had(step: int) -> None:
+    stand = Stand()
+    client = stand.client()
+    assert client.start("a", step) == {"user_id": "", "frame": 0, "result": False, "time_step": 20}
+    assert not stand.node.sync.is_on
+    assert "time_step must be a multiple of 20" in client.told[0][1]
+
+
+def test_sync_mode_info_follows_every_change() -> None:
+    stand = Stand()
+    client = stand.client()
+    client.listen("/SyncModeInfo")
+    client.start("a")
+    client.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
+    client.ask("/Service_MoraiEventCmd", option=8, set_pause=False)
+    client.tick("a")
+    client.stop("a")
+    assert [tuple(m.values()) for m in client.messages("/SyncModeInfo")] == [
+        ("a", True, 0, True),
+        ("a", True, 0, False),
+        ("a", True, 0, True),
+        ("a", True, 1, True),
+        ("", False, 1, False),
+    ]
+
+
+def test_stop_lets_real_time_go_on_without_a_race() -> None:
+    stand = Stand()
+    client = stand.client()
+    stand.run(0.1)
+    client.start()
+    stand.run(60.0)
+    assert stand.world.frame == 5
+    client.now = stand.now
+    client.stop()
+    stand.run(0.1)
+    assert stand.world.frame == 10
+    assert stand.node.num_stalls == 0
+
+
+def test_anyone_may_stop_where_that_is_allowed() -> None:
+    stand = Stand(anyone_may_stop=True)
+    stand.client().start("a")
+    assert stand.client().stop("b")["result"] is True
+    assert stand.node.sync.is_free
+
+
+def test_a_tick_from_within_a_tick_is_refused() -> None:
+    stand = Stand(start="sync")
+    client = stand.client()
+    client.start()
+    inner: list[Answer] = []
+
+    def tick_again(_topic: Topic, _message: Message, _sender: Owner, now: float) -> None:
+        stand.bus.call(client, "/SyncModeWaitForTick", {"request": {"user_id": "me"}}, inner.append, now=now)
+
+    stand.bus.subscribe(client, "/Ego_topic", tick_again)
+    assert client.tick()["frame"] == 1
+    assert [answer.is_ok for answer in inner] == [False]
+    assert "a tick is in progress" in str(inner[0].values)
+    assert client.tick()["frame"] == 2
+
+
+# Losing the master
+
+
+@pytest.mark.parametrize(
+    ("on_loss", "status", "is_moving"), [("run", False, True), ("pause", False, False), ("wait", True, False)]
+)
+def test_the_world_goes_on_as_said_when_the_master_leaves(on_loss: str, status: bool, is_moving: bool) -> None:  # noqa: FBT001
+    stand = Stand(sync_on_loss=on_loss)
+    master, watcher = stand.client(), stand.client()
+    watcher.listen("/SyncModeInfo")
+    master.start("a")
+    master.control(1, longlCmdType=2, velocity=36.0)
+    master.tick("a")
+    master.control(50, **THROTTLE)
+    master.now = stand.now
+    master.leave()
+    last = watcher.messages("/SyncModeInfo")[-1]
+    assert last == {"master_id": "", "status": status, "frame": 1, "can_send_tick": False}
+    assert stand.node.sync.num_waiting == 0
+    stand.run(1.0)
+    assert stand.world.frame == (51 if is_moving else 1)
+    frame = stand.world.frame
+    assert watcher.start("b") == {"user_id": "b", "frame": frame, "result": True, "time_step": 20}
+    answer = watcher.tick("b")
+    assert answer["pause_status"] is (on_loss == "pause")
+    if on_loss == "pause":
+        watcher.ask("/Service_MoraiEventCmd", option=8, set_pause=False)
+        answer = watcher.tick("b")
+    assert (answer["tick_status"], answer["frame"]) == (True, frame + 1)
+
+
+def test_the_id_lives_as_long_as_one_of_those_who_used_it() -> None:
+    stand = Stand(sync_on_loss="wait")
+    first, second, stranger = stand.client(), stand.client(), stand.client()
+    first.start("a")
+    second.tick("a")
+    stranger.tick("b")
+    first.leave()
+    stranger.leave()
+    assert stand.node.sync.master_id == "a"
+    second.leave()
+    assert stand.node.sync.master_id == ""
+
+
+def test_a_silent_master_is_lost_after_the_lease() -> None:
+    stand = Stand(sync_lease=2.0)
+    client = stand.client()
+    client.now = stand.now
+    client.start("a")
+    assert stand.node.next_due(stand.now) == stand.now + 2.0
+    stand.run(1.5)
+    client.now = stand.now
+    client.tick("a")
+    stand.run(1.9)
+    assert stand.node.sync.master_id == "a"
+    stand.run(0.2)
+    assert stand.node.sync.is_free
+    assert stand.world.frame == 1 + 5
+    assert stand.node.num_stalls == 0
+
+
+# Names that are the simulator's own
+
+
+def test_its_names_are_its_own() -> None:
+    stand = Stand()
+    client = stand.client()
+    for name, type_name in (
+        ("/Ego_topic", "EgoVehicleStatus"),
+        ("Object_topic", "ObjectStatusList"),
+        ("/SyncModeInfo", "SyncModeInfo"),
+    ):
+        with pytest.raises(GraphError, match="is published by /morai_sim alone"):
+            stand.bus.advertise(client, name, "morai_msgs/" + type_name)
+    with pytest.raises(GraphError, match="is published by /morai_sim alone"):
+        stand.bus.advertise(client, "/clock", "rosgraph_msgs/Clock")
+    for name in list(stand.bus.services):
+        with pytest.raises(GraphError, match="is provided by /morai_sim alone"):
+            stand.bus.provide(client, name, "morai_msgs/MoraiSyncModeCmdSrv", lambda _call, _now: None)
+    with pytest.raises(GraphError, match="already established with type morai_msgs/CtrlCmd"):
+        stand.bus.advertise(client, "/ctrl_cmd", "std_msgs/String")
+
+
+# The same calls, the same bytes
+
+
+def drive(stand: Stand) -> tuple[list[bytes], str]:
+    """A drive with everything in it that is decided by frames: commands ahead of time, objects, loads, pauses."""
+    client = stand.client()
+    client.listen("/clock", "/Ego_topic", "/Object_topic", "/SyncModeInfo")
+    client.start("", 60)
+    for i in range(60):
+        frame = stand.world.frame
+        client.control(
+            frame + i % 5,
+            longlCmdType=i % 4,
+            accel=0.7,
+            velocity=30.0,
+            acceleration=math.cos(i),
+            steering=0.4 * math.sin(i / 9),
+        )
+        if i % 10 == 3:
+            client.send("/SyncModeAddObj", "morai_msgs/SyncModeAddObj", name="Truck", heading=10.0 * i, frame=frame + 4)
+        if i % 10 == 7:
+            listed = client.messages("/Object_topic")[-1]["npc_list"]
+            client.send("/SyncModeRemoveObj", "morai_msgs/SyncModeRemoveObj", unique_id=listed[0]["unique_id"])
+        if i == 30:
+            assert client.ask("/SyncModeScenarioLoad", file_name="crowd", frame=frame + 2, **ALL)["result"]
+        if i == 40:
+            client.ask("/Service_MoraiSL", file_name="crowd", **ALL)
+        assert client.tick("sync-1")["tick_status"]
+    return client.raw, stand.world.digest()
+
+
+def test_two_runs_are_the_same_to_the_byte() -> None:
+    first, second = drive(Stand(start="sync")), drive(Stand(start="sync"))
+    assert len(set(first[0])) > 600
+    assert first == second
+
+
+def test_who_else_listens_changes_nothing() -> None:
+    alone, watched = Stand(start="sync", profile=FIELD), Stand(start="sync", profile=FIELD)
+    Client(watched.bus, "/watcher").listen("/Ego_topic", "/Object_topic")
+    assert drive(alone) == drive(watched)
+
+
+def test_the_built_in_scene_opens() -> None:
+    library, world, bus = DiskLibrary(), World(), Bus(make_store())
+    node = Node(bus, world, library, library.scenario("demo"))
+    assert len(world) > 5
+    client = Client(bus, "/client")
+    client.listen("/Object_topic")
+    node.advance(0.0)
+    node.advance(0.02)
+    assert any(one["velocity"]["x"] > 0.0 for one in client.messages("/Object_topic")[0]["npc_list"])
+
+
+# The call orders of programs in the field
+
+
+def planner(client: Client, step_ms: int) -> list[dict[str, Any]]:
+    """Counts frames by itself, one too few with longer steps, and never sets a gear or a control type."""
+    started = client.start("", step_ms)
+    user_id, named = started["user_id"], started["frame"] + 1
+    answers = [client.tick(user_id, named)]
+    for _ in range(100):
+        named += step_ms // 20
+        assert client.control(named, **THROTTLE)
+        answers.append(client.tick(user_id, named))
+    client.stop(user_id, step_ms)
+    return answers
+
+
+def planner_with_scenario(client: Client) -> list[dict[str, Any]]:
+    """Scenario and gear for the next frame, which may be a float."""
+    started = client.start()
+    named = started["frame"] + 2.0 / 2
+    assert client.ask("/SyncModeScenarioLoad", frame=named, file_name="crowd", **ALL)["result"]
+    assert client.ask("/SyncModeSetGear", frame=named, gear=4)["result"]
+    answers = [client.tick(frame=named)]
+    for _ in range(100):
+        named = answers[-1]["frame"] + 1
+        assert client.control(named, **THROTTLE)
+        answers.append(client.tick(frame=named))
+    client.stop()
+    return answers
+
+
+def course(client: Client) -> list[dict[str, Any]]:
+    """Gear and all ticks for the frame of the start, two ticks for a command, a scenario before the start."""
+    assert client.ask("/Service_MoraiSL", file_name="crowd", **ALL)["result"]
+    stale = client.start("course")["frame"]
+    assert client.ask("/SyncModeSetGear", frame=stale, gear=4)["result"]
+    answers = [client.tick("course", stale)]
+    assert client.ask("/Service_MoraiSL", file_name="crowd", **ALL)["result"]
+    for _ in range(50):
+        answers.append(client.tick("course", stale))
+        assert client.control(answers[-1]["frame"], longlCmdType=1, **THROTTLE)
+        answers.append(client.tick("course", stale))
+    client.stop("course")
+    return answers
+
+
+def constant(client: Client) -> list[dict[str, Any]]:
+    """Every number is 1."""
+    client.start()
+    answers = [client.tick(frame=1)]
+    for _ in range(100):
+        assert client.control(1, **THROTTLE)
+        answers.append(client.tick(frame=1))
+    client.stop()
+    return answers
+
+
+def learner(client: Client) -> list[dict[str, Any]]:
+    """Goes by the answer's frame; starts twice; steps of three frames."""
+    client.start("rl", 60)
+    named = client.start("rl", 60)["frame"] + 1
+    answers = [client.tick("rl", named)]
+    for _ in range(100):
+        named = answers[-1]["frame"] + 3
+        assert client.control(named, longlCmdType=2, velocity=36.0, acceleration=0.0, **THROTTLE)
+        answers.append(client.tick("rl", named))
+    client.stop("rl")
+    return answers
+
+
+@pytest.mark.parametrize("start", ["run", "sync"])
+@pytest.mark.parametrize(
+    "program",
+    [lambda c: planner(c, 20), lambda c: planner(c, 40), planner_with_scenario, course, constant, learner],
+    ids=["planner", "planner 40", "scenario", "course", "constant", "learner"],
+)
+def test_programs_of_the_field_drive(program: Callable[[Client], list[dict[str, Any]]], start: str) -> None:
+    stand = Stand(start=start)
+    client = stand.client()
+    answers = program(client)
+    frames = [answer["frame"] for answer in answers]
+    assert len({b - a for a, b in pairwise(frames)}) == 1, "every tick moves one time step"
+    assert all(answer["tick_status"] for answer in answers)
+    first, last = (answers[i]["vehicle_status"] for i in (0, -1))
+    assert last["velocity"]["x"] > 3.0
+    assert (
+        math.hypot(last["position"]["x"] - first["position"]["x"], last["position"]["y"] - first["position"]["y"]) > 3
+    )
+    assert [level for level, _ in client.told] == []
+    assert stand.node.sync.is_free
+
+
+def test_sync_for_a_change_of_gear_alone() -> None:
+    stand = Stand()
+    client = stand.client()
+    stand.run(0.1)
+    assert client.start("gear", 0)["time_step"] == 20
+    for gear in (1, 2, 4):
+        assert client.ask("/SyncModeSetGear", frame=5, gear=gear)["result"]
+        client.tick("gear", 5)
+        assert client.ask("/Service_MoraiEventCmd", option=0, gear=-1)["gear"] == gear
+    assert client.stop("gear", 0)["result"]
