@@ -33,7 +33,7 @@ from rosbridge_sim.shell.sources import check_options
 from rosbridge_sim.shell.storage import DiskLibrary, read_definitions
 from rosbridge_sim.world.state import World
 
-__all__ = ["AddressError", "Simulator", "WorldFailedError"]
+__all__ = ["AddressError", "Clockwork", "Simulator", "WorldFailedError"]
 
 _log = logging.getLogger("rosbridge_sim.app")
 
@@ -76,7 +76,7 @@ class Simulator:
         self.bus: Bus | None = None
         self.node: Node | None = None
         self._server: Server | None = None
-        self._clockwork: _Clockwork | None = None
+        self._clockwork: Clockwork | None = None
         self._stopping: asyncio.Task[None] | None = None
 
     @property
@@ -121,7 +121,7 @@ class Simulator:
         bus = make_bus(store, is_strict=settings.strict_types, service_timeout=settings.service_timeout)
         Rosapi(bus)
         node = _make_node(bus, settings) if settings.world else None
-        clockwork = _Clockwork(asyncio.get_running_loop(), bus, node, self._give_up)
+        clockwork = Clockwork(asyncio.get_running_loop(), bus, node, self._give_up)
         server = Server(bus, _limits(settings), clockwork.look)
         try:
             await server.start(settings.host, settings.port)
@@ -208,7 +208,7 @@ class _WallClockBus(Bus):
         """Nobody sets the time of day."""
 
 
-class _Clockwork:
+class Clockwork:
     """Lets time pass on a bus and in its world.
 
     Attributes:
