@@ -1,0 +1,466 @@
+"""What each service and input topic does, on what is right, wrong, early, late and too much."""
+
+from __future__ import annotations
+
+import logging
+import math
+from typing import Any
+
+import pytest
+
+from rosbridge_sim.errors import FieldError, GraphError
+from rosbridge_sim.morai.stage import FIRST_EGO
+from rosbridge_sim.morai.sync import MAX_AHEAD, MAX_WAITING
+from tests.morai.stand import ALL, Client, Stand
+
+NOT_NUMBERS = [math.nan, math.inf, -math.inf]
+
+
+def ego_row(stand: Stand) -> int:
+    return stand.world.row(FIRST_EGO)
+
+
+def in_sync(**settings: Any) -> tuple[Stand, Client]:  # noqa: ANN401 - NodeSettings' own fields
+    stand = Stand(start="sync", **settings)
+    client = stand.client()
+    client.start()
+    return stand, client
+
+
+# /ctrl_cmd
+
+
+def test_a_mistaken_command_is_told_and_the_old_one_holds() -> None:
+    stand = Stand()
+    client = stand.client()
+    client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=2, velocity=36.0)
+    for wrong in ({"longlCmdType": 4}, {"accel": None}, {"steering": math.inf}):
+        with pytest.raises(FieldError, match=r"morai_msgs/CtrlCmd\."):
+            client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", **wrong)
+    stand.run(20.0)
+    assert stand.world.speed[ego_row(stand)] == pytest.approx(10.0)
+
+
+def test_commands_are_clipped_at_what_the_car_can_do() -> None:
+    stand = Stand()
+    client = stand.client()
+    client.listen("/Ego_topic")
+    client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=7.0, brake=-3.0, steering=-2.0)
+    stand.run(2.0)
+    status = client.messages("/Ego_topic")[-1]
+    assert (status["accel"], status["brake"]) == (1.0, 0.0)
+    assert status["wheel_angle"] == pytest.approx(-math.radians(36.25), rel=1e-6)
+
+
+def test_the_topic_is_ignored_in_synchronous_mode_with_one_warning_a_peer() -> None:
+    stand, client = in_sync()
+    other = stand.client()
+    for _ in range(3):
+        client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
+        client.tick()
+    other.send("/ctrl_cmd_0", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
+    client.tick()
+    assert stand.world.speed[ego_row(stand)] == 0.0
+    assert [level for level, _ in client.told] == ["warning"]
+    assert "ignored in synchronous mode" in client.told[0][1]
+    assert client.told == other.told
+
+
+def test_the_topic_is_ignored_under_keyboard_control_until_the_mode_is_external() -> None:
+    stand = Stand(start_mode="keyboard")
+    client = stand.client()
+    state = client.ask("/Service_MoraiEventCmd", option=0)
+    assert (state["ctrl_mode"], state["gear"]) == (1, 1)
+    client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
+    client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
+    assert [text for _, text in client.told] == [
+        "/ctrl_cmd is ignored: ctrl_mode is KEYBOARD; set 3 by /Service_MoraiEventCmd"
+    ]
+    state = client.ask("/Service_MoraiEventCmd", option=3, ctrl_mode=3, gear=4)
+    assert (state["ctrl_mode"], state["gear"]) == (3, 4)
+    client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
+    stand.run(1.0)
+    assert stand.world.speed[ego_row(stand)] > 1.0
+
+
+def test_who_takes_over_from_a_client_has_pressed_nothing() -> None:
+    stand = Stand()
+    client = stand.client()
+    client.listen("/Ego_topic")
+    client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
+    stand.run(1.0)
+    client.ask("/Service_MoraiEventCmd", option=1, ctrl_mode=1)
+    stand.run(0.1)
+    assert client.messages("/Ego_topic")[-1]["accel"] == 0.0
+
+
+# /SyncModeCtrlCmd, /SyncModeSetGear
+
+
+def test_a_command_is_in_force_from_its_frame_on() -> None:
+    stand, client = in_sync()
+    client.listen("/Ego_topic")
+    assert client.control(3, longlCmdType=1, accel=0.5)
+    assert client.control(5, longlCmdType=1, accel=0.25)
+    for _ in range(6):
+        client.tick()
+    assert [m["accel"] for m in client.messages("/Ego_topic")] == [0.0, 0.0, 0.5, 0.5, 0.25, 0.25]
+    assert stand.node.sync.num_waiting == 0
+
+
+def test_commands_within_one_tick_take_their_own_frames() -> None:
+    stand = Stand(start="sync")
+    client = stand.client()
+    client.start(time_step=100)
+    client.listen("/Ego_topic")
+    client.control(4, longlCmdType=1, accel=0.5)
+    client.control(0, longlCmdType=1, accel=0.75)
+    client.control(2.0, longlCmdType=1, accel=0.25)
+    client.tick()
+    assert [m["accel"] for m in client.messages("/Ego_topic")] == [0.75, 0.25, 0.25, 0.5, 0.5]
+
+
+def test_synchronous_control_needs_no_external_mode() -> None:
+    stand, client = in_sync(start_mode="keyboard")
+    assert client.ask("/SyncModeSetGear", gear=4, frame=0)["result"]
+    assert client.control(0, longlCmdType=1, accel=1.0)
+    for _ in range(10):
+        client.tick()
+    assert stand.world.speed[ego_row(stand)] > 0.0
+
+
+def test_commands_are_refused_while_the_mode_is_off() -> None:
+    stand = Stand()
+    client = stand.client()
+    assert client.control(1, longlCmdType=1, accel=1.0) is False
+    assert client.ask("/SyncModeSetGear", gear=1, frame=1) == {"result": False}
+    assert client.ask("/SyncModeScenarioLoad", file_name="crowd", frame=1, **ALL) == {"result": False}
+    assert client.told == [
+        ("warning", f"/SyncMode{name}: synchronous mode is off") for name in ("CtrlCmd", "SetGear", "ScenarioLoad")
+    ]
+
+
+def test_wrong_commands_are_refused_with_a_reason() -> None:
+    stand, client = in_sync()
+    assert client.control(1, longlCmdType=9) is False
+    assert client.control(1, longlCmdType=1, steering=None) is False
+    assert client.ask("/SyncModeSetGear", gear=7, frame=1) == {"result": False}
+    assert [level for level, _ in client.told] == ["error"] * 3
+    assert "longlCmdType: expected" in client.told[0][1]
+    assert "CtrlCmd.steering: expected a finite number" in client.told[1][1]
+    assert "gear: expected" in client.told[2][1]
+    assert stand.node.sync.num_waiting == 0
+
+
+def test_commands_are_bounded_in_number_and_reach() -> None:
+    stand, client = in_sync()
+    assert client.control(MAX_AHEAD, longlCmdType=1)
+    assert client.control(MAX_AHEAD + 1, longlCmdType=1) is False
+    assert "frames ahead" in client.told[-1][1]
+    for _ in range(MAX_WAITING - 1):
+        client.control(5, longlCmdType=1)
+    assert client.control(5, longlCmdType=1) is False
+    assert "waiting already" in client.told[-1][1]
+    assert stand.node.sync.num_waiting == MAX_WAITING
+
+
+def test_stop_drops_what_waits() -> None:
+    stand, client = in_sync()
+    client.control(3, longlCmdType=1, accel=1.0)
+    client.stop()
+    stand.run(1.0)
+    assert stand.world.speed[ego_row(stand)] == 0.0
+
+
+def test_a_gear_at_speed_is_refused_at_its_frame_and_the_log_says_why(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
+    _, client = in_sync()
+    client.control(0, longlCmdType=1, accel=1.0)
+    for _ in range(10):
+        client.tick()
+    for _ in range(3):
+        assert client.ask("/SyncModeSetGear", gear=2, frame=0)["result"] is True
+        client.tick()
+    assert client.ask("/Service_MoraiEventCmd", option=0)["gear"] == 4
+    assert client.told[0][1].startswith("/SyncModeSetGear: gear REVERSE refused: the ego moves at 0.")
+    assert sum("gear REVERSE refused" in record.message for record in caplog.records) == 1
+
+
+@pytest.mark.parametrize("gear", [-1, 0])
+def test_a_gear_of_minus_one_or_zero_leaves_it(gear: int) -> None:
+    _, client = in_sync()
+    assert client.ask("/SyncModeSetGear", gear=gear, frame=0)["result"] is True
+    client.tick()
+    assert client.ask("/Service_MoraiEventCmd", option=0)["gear"] == 4
+
+
+def test_sensor_capture_is_taken_and_says_honestly_that_there_is_nothing_to_capture() -> None:
+    _, client = in_sync()
+    for _ in range(3):
+        assert client.ask("/SyncModeCtrlCmd", frame=0, command={}, sensor_capture=True)["result"] is True
+    assert client.told == [("warning", "sensor_capture: no sensors are mounted, nothing is saved")]
+
+
+# /SyncModeAddObj, /SyncModeRemoveObj
+
+
+def test_objects_come_and_go_at_their_frames() -> None:
+    stand, client = in_sync()
+    client.listen("/Object_topic")
+    client.send(
+        "/SyncModeAddObj",
+        "morai_msgs/SyncModeAddObj",
+        name="traffic cone",
+        position={"x": 1.0, "y": 2.0, "z": 3.0},
+        heading=90.0,
+        frame=2,
+    )
+    client.tick()
+    client.tick()
+    before, after = client.messages("/Object_topic")
+    assert (before["num_of_obstacle"], after["num_of_obstacle"]) == (2, 3)
+    added = after["obstacle_list"][-1]
+    assert (added["name"], added["heading"], added["position"]) == (
+        "Traffic_Cone",
+        90.0,
+        {"x": 1.0, "y": 2.0, "z": 3.0},
+    )
+    assert added["unique_id"] == 11
+    client.send("/SyncModeRemoveObj", "morai_msgs/SyncModeRemoveObj", unique_id=11, frame=0)
+    client.send("/SyncModeAddObj", "morai_msgs/SyncModeAddObj", name="Bus", frame=0)
+    client.tick()
+    last = client.messages("/Object_topic")[-1]
+    assert (last["num_of_obstacle"], last["num_of_npcs"]) == (2, 3)
+    assert last["npc_list"][-1]["unique_id"] == 12
+    assert client.told == []
+    assert len(stand.world) == 7
+
+
+def test_objects_are_refused_while_the_mode_is_off() -> None:
+    stand = Stand()
+    client = stand.client()
+    with pytest.raises(GraphError, match="/SyncModeAddObj: synchronous mode is off"):
+        client.send("/SyncModeAddObj", "morai_msgs/SyncModeAddObj", name="Bus", frame=1)
+    with pytest.raises(GraphError, match="/SyncModeRemoveObj: synchronous mode is off"):
+        client.send("/SyncModeRemoveObj", "morai_msgs/SyncModeRemoveObj", unique_id=7)
+
+
+@pytest.mark.parametrize("number", NOT_NUMBERS)
+def test_objects_that_cannot_be(number: float) -> None:
+    stand, client = in_sync()
+    with pytest.raises(FieldError, match="the catalogue has no model 'dragon'"):
+        client.send("/SyncModeAddObj", "morai_msgs/SyncModeAddObj", name="dragon")
+    with pytest.raises(FieldError, match="must be finite"):
+        client.send("/SyncModeAddObj", "morai_msgs/SyncModeAddObj", name="Bus", heading=number)
+    with pytest.raises(FieldError, match="must be finite"):
+        client.send("/SyncModeAddObj", "morai_msgs/SyncModeAddObj", name="Bus", position={"x": number})
+    client.send("/SyncModeAddObj", "morai_msgs/SyncModeAddObj", name="Bus", position={"x": 1e300})
+    client.send("/SyncModeRemoveObj", "morai_msgs/SyncModeRemoveObj", unique_id=FIRST_EGO)
+    client.send("/SyncModeRemoveObj", "morai_msgs/SyncModeRemoveObj", unique_id=4711)
+    client.tick()
+    assert [text.partition(": ")[0] for _, text in client.told] == [
+        "/SyncModeAddObj",
+        "/SyncModeRemoveObj",
+        "/SyncModeRemoveObj",
+    ]
+    assert "the ego cannot be removed" in client.told[1][1]
+    assert "no such object" in client.told[2][1]
+    assert len(stand.world) == 6
+
+
+# Scenarios
+
+
+def test_a_load_at_once_keeps_the_frame_and_the_mode() -> None:
+    stand, client = in_sync()
+    client.control(0, longlCmdType=1, accel=1.0)
+    for _ in range(5):
+        client.tick()
+    assert client.ask("/Service_MoraiSL", file_name="parked", **ALL) == {"result": True}
+    assert len(stand.world) == 1
+    answer = client.tick()
+    assert answer["frame"] == 6
+    assert answer["vehicle_status"]["position"]["x"] == -5.0
+    assert client.ask("/Service_MoraiEventCmd", option=0)["gear"] == 1
+
+
+def test_a_load_shows_in_the_answer_even_before_the_next_frame() -> None:
+    _, client = in_sync()
+    client.tick()
+    client.ask("/Service_MoraiSL", file_name="parked", **ALL)
+    refused = client.tick("somebody")
+    assert refused["frame"] == 1
+    assert refused["vehicle_status"]["position"]["x"] == -5.0
+
+
+def test_a_load_at_a_frame() -> None:
+    stand, client = in_sync()
+    assert client.ask("/SyncModeScenarioLoad", file_name="parked", frame=3, **ALL) == {"result": True}
+    sizes = []
+    for _ in range(4):
+        client.tick()
+        sizes.append(len(stand.world))
+    assert sizes == [6, 6, 1, 1]
+
+
+@pytest.mark.parametrize("name", ["nothing", "torn", "lost", "", "../../etc/passwd"])
+def test_a_load_that_cannot_be_is_false_and_says_why(name: str, caplog: pytest.LogCaptureFixture) -> None:
+    stand, client = in_sync()
+    before = stand.world.digest()
+    assert client.ask("/Service_MoraiSL", file_name=name, **ALL) == {"result": False}
+    assert client.ask("/SyncModeScenarioLoad", file_name=name, frame=1, **ALL) == {"result": False}
+    assert [level for level, _ in client.told] == ["error", "error"]
+    assert client.told[0][1].startswith("/Service_MoraiSL: ")
+    assert client.told[0][1] in caplog.text
+    assert stand.world.digest() == before
+
+
+def test_a_load_may_pause() -> None:
+    stand, client = in_sync()
+    assert client.ask("/Service_MoraiSL", file_name="crowd", set_pause=True, **ALL) == {"result": True}
+    answer = client.tick()
+    assert (answer["tick_status"], answer["pause_status"]) == (False, True)
+    client.ask("/Service_MoraiEventCmd", option=8, set_pause=False)
+    client.ask("/SyncModeScenarioLoad", file_name="crowd", frame=1, set_pause=True, **ALL)
+    answer = client.tick()
+    assert (answer["tick_status"], answer["frame"]) == (True, 1), "the tick in which it comes is carried out"
+    assert client.tick()["pause_status"] is True
+    assert stand.world.frame == 1
+
+
+def test_documented_option_names_are_understood() -> None:
+    stand = Stand("empty")
+    client = stand.client()
+    options = {"load_object_data": True, "load_network_connection": True}
+    assert client.ask("/Service_MoraiSL", file_name="crowd", **options) == {"result": True}
+    assert len(stand.world) == 1 + 2
+
+
+def test_a_load_of_nothing_says_so() -> None:
+    stand = Stand()
+    client = stand.client()
+    assert client.ask("/Service_MoraiSL", file_name="crowd") == {"result": True}
+    assert len(stand.world) == 6
+    assert client.told == [("warning", "nothing to load: delete_all and all load_... are false")]
+
+
+def test_a_new_ego_has_its_lamps_off_and_keeps_who_drives() -> None:
+    stand = Stand()
+    client = stand.client()
+    lamps = {"turnSignal": 1, "emergencySignal": 1}
+    client.ask("/Service_MoraiEventCmd", option=5, ctrl_mode=6, lamps=lamps)
+    client.ask("/Service_MoraiSL", file_name="crowd", **ALL)
+    state = client.ask("/Service_MoraiEventCmd", option=0)
+    assert (state["ctrl_mode"], state["lamps"]["turnSignal"], state["lamps"]["emergencySignal"]) == (6, 0, 0)
+
+
+# /Service_MoraiEventCmd
+
+
+def state_of(answer: dict[str, Any]) -> tuple[int, int, int, int, bool]:
+    lamps = answer["lamps"]
+    return answer["ctrl_mode"], answer["gear"], lamps["turnSignal"], lamps["emergencySignal"], answer["set_pause"]
+
+
+@pytest.mark.parametrize(
+    ("option", "state"),
+    [
+        (0, (3, 4, 0, 0, False)),
+        (1, (2, 4, 0, 0, False)),
+        (2, (3, 2, 0, 0, False)),
+        (16, (3, 2, 0, 0, False)),
+        (4, (3, 4, 2, 1, False)),
+        (8, (3, 4, 0, 0, True)),
+        (15, (2, 2, 2, 1, True)),
+        (32 + 64, (3, 4, 0, 0, False)),
+    ],
+)
+def test_each_bit_takes_its_own_fields_and_the_answer_is_the_state_after(
+    option: int, state: tuple[int, int, int, int, bool]
+) -> None:
+    client = Stand().client()
+    lamps = {"turnSignal": 2, "emergencySignal": 1}
+    answer = client.ask("/Service_MoraiEventCmd", option=option, ctrl_mode=2, gear=2, lamps=lamps, set_pause=True)
+    assert state_of(answer) == state
+    assert state_of(client.ask("/Service_MoraiEventCmd", option=0, gear=-1)) == state
+    assert client.told == []
+
+
+def test_a_gear_at_speed_is_refused_and_the_answer_shows_the_old_one() -> None:
+    stand = Stand()
+    client = stand.client()
+    client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
+    stand.run(1.0)
+    assert client.ask("/Service_MoraiEventCmd", option=2, gear=1)["gear"] == 4
+    assert "gear PARK refused" in client.told[0][1]
+    client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, brake=1.0)
+    stand.run(5.0)
+    assert client.ask("/Service_MoraiEventCmd", option=2, gear=1)["gear"] == 1
+
+
+@pytest.mark.parametrize(
+    ("option", "fields", "complaint"),
+    [
+        (1, {"ctrl_mode": 16}, "ctrl_mode: expected"),
+        (2, {"gear": 5}, "gear: expected"),
+        (4, {"lamps": {"turnSignal": 3}}, "turnSignal: expected"),
+        (4, {"lamps": {"emergencySignal": 2}}, "emergencySignal: expected"),
+    ],
+)
+def test_an_event_that_makes_no_sense_is_refused_and_changes_nothing(
+    option: int, fields: dict[str, object], complaint: str
+) -> None:
+    client = Stand().client()
+    sound: dict[str, object] = {"ctrl_mode": 1, "gear": 1, "lamps": {"turnSignal": 1}, "set_pause": True}
+    assert complaint in client.refused("/Service_MoraiEventCmd", option=15 | option, **{**sound, **fields})
+    assert state_of(client.ask("/Service_MoraiEventCmd", option=0)) == (3, 4, 0, 0, False)
+
+
+# Figures
+
+
+@pytest.mark.parametrize("unique_id", [-1, 0])
+def test_the_first_ego_has_two_names(unique_id: int) -> None:
+    spec = Stand().client().ask("/Service_MoraiVehicleSpec", unique_id=unique_id)
+    assert spec["size"] == {"x": 4.47, "y": 1.82, "z": 1.45}
+    assert spec["max_steering"] == pytest.approx(36.25)
+
+
+def test_nobodys_figures_are_zeros() -> None:
+    spec = Stand().client().ask("/Service_MoraiVehicleSpec", unique_id=99)
+    assert spec["size"] == {"x": 0.0, "y": 0.0, "z": 0.0}
+    assert spec["wheel_base"] == 0.0
+
+
+def test_the_maps_figures_follow_the_scenario() -> None:
+    client = Stand().client()
+    spec = client.ask("/Service_MoraiMapSpec", load_map_data=True)
+    assert (spec["plane_coordinate_system"], spec["utm_num"]) == (0, 52)
+    assert spec["utm_offset"] == {"x": 300.0, "y": 400.0, "z": 5.0}
+    client.ask("/Service_MoraiSL", file_name="elsewhere", **ALL)
+    spec = client.ask("/Service_MoraiMapSpec")
+    assert (spec["plane_coordinate_system"], spec["central_meridian"]) == (1, 127.0)
+
+
+# Peers that go
+
+
+def test_warnings_are_forgotten_with_their_peer() -> None:
+    stand, _ = in_sync()
+    for _ in range(3):
+        client = stand.client()
+        client.send("/ctrl_cmd", "morai_msgs/CtrlCmd")
+        assert len(client.told) == 1
+        client.leave()
+    assert not stand.node._told
+
+
+def test_a_command_outlives_the_peer_that_sent_it() -> None:
+    stand, client = in_sync()
+    other = stand.client()
+    other.control(2, longlCmdType=1, accel=0.5)
+    other.send("/SyncModeRemoveObj", "morai_msgs/SyncModeRemoveObj", unique_id=7, frame=2)
+    other.leave()
+    client.tick()
+    assert client.tick()["vehicle_status"]["accel"] == 0.5
+    assert 7 not in stand.world
