@@ -196,7 +196,8 @@ def _from_flags(argv: Sequence[str]) -> dict[str, object]:
     values = {}
     for name, value in vars(given).items():
         key = name.replace("_", "-")
-        values[key] = _read(key, value, f"--{key}")
+        if key in FIELDS:
+            values[key] = _read(key, value, f"--{key}")
     return values
 
 
@@ -225,7 +226,16 @@ def _make_parser() -> argparse.ArgumentParser:
         else:
             action = "append" if flag.kind in (FOLDERS, RATES) else "store"
             group.add_argument(f"--{key}", action=action, metavar=flag.kind.sign, help=text)
+    for key, text in _ASIDES.items():
+        parser.add_argument(f"--{key}", action="store_true", help=text)
     return parser
+
+
+_ASIDES = {
+    "print-config": "print all settings as a TOML file and exit",
+    "version": "print the version and exit",
+}
+"""Flags that are no settings: the command line looks for them itself."""
 
 
 def _layout(prog: str) -> argparse.HelpFormatter:

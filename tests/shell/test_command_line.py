@@ -1,0 +1,198 @@
+"""The program as a person sees it: what it says, where, and with which code it ends."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from urllib.request import urlopen
+
+import pytest
+from websockets.exceptions import ConnectionClosed
+
+from rosbridge_sim import __main__, __version__
+from tests.conftest import Connect, Serve
+from tests.support import PATIENCE, ROOT
+
+
+def run(*words: str, code: str | None = None, **environ: str) -> subprocess.CompletedProcess[str]:
+    """The whole life of a program that ends by itself."""
+    command = [sys.executable, *(("-c", code) if code else ("-m", "rosbridge_sim")), *words]
+    return subprocess.run(
+        command, cwd=ROOT, env={**os.environ, **environ}, capture_output=True, text=True, timeout=PATIENCE, check=False
+    )
+
+
+def say(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
+    """Code, stdout and stderr of a command line that starts nothing."""
+    monkeypatch.setattr(sys, "argv", ["rosbridge-sim", *words])
+    code = __main__.main()
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+# Commands that start nothing
+
+
+def test_version(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert say(monkeypatch, capsys, "--version") == (0, f"rosbridge-sim {__version__}\n", "")
+
+
+def test_printed_config_shows_what_would_be_used(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("ROSBRIDGE_SIM_SEED", "77")
+    code, out, err = say(monkeypatch, capsys, "serve", "--print-config", "--port", "4")
+    assert (code, err) == (0, "")
+    assert "\nport = 4\n" in out
+    assert "\nseed = 77\n" in out
+
+
+@pytest.mark.slow
+def test_help_is_that_of_serve_with_and_without_its_name() -> None:
+    bare, named = run("--help"), run("serve", "--help")
+    assert bare.returncode == named.returncode == 0
+    assert bare.stdout == named.stdout
+    assert bare.stdout.startswith("usage: rosbridge-sim [serve]")
+    for flag in ("--port", "--version", "--print-config"):
+        assert flag in bare.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("--prot", "1"), "no such flag: --prot (did you mean --port?); --help lists them all"),
+        (("serve", "--port", "x"), "--port: expected a whole number from 0 to 65,535; got 'x'"),
+        (("sevre",), "no such command: sevre (did you mean serve?); --help says what there is"),
+        (("demo",), "no such command: demo; --help says what there is"),
+        (("--config", "/nowhere.toml"), "/nowhere.toml: cannot be read: No such file or directory"),
+    ],
+)
+def test_mistake_is_one_line_on_stderr_and_code_2(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], line: str
+) -> None:
+    assert say(monkeypatch, capsys, *words) == (2, "", f"rosbridge-sim: {line}\n")
+
+
+# Starts that fail
+
+
+@pytest.mark.slow
+def test_start_that_fails_is_one_line_and_code_2(tmp_path: Path) -> None:
+    (tmp_path / "bad.json").write_text("{")
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        for words, said in (
+            (("--port", port), "the port is taken"),
+            (("--port", "0", "--scenario", str(tmp_path / "bad.json")), "bad.json:1:"),
+            (("--port", "0", "--schema-path", str(tmp_path)), "found no definition"),
+        ):
+            done = run(*words, "--log-level", "warning")
+            assert (done.returncode, done.stdout) == (2, "")
+            assert done.stderr.startswith("rosbridge-sim: ")
+            assert said in done.stderr
+            assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_world_that_fails_ends_the_program_with_its_traceback_and_code_1() -> None:
+    broken = "import sys; from rosbridge_sim.morai import node; node.step = None; "
+    done = run("--port", "0", code=broken + "from rosbridge_sim.__main__ import main; sys.exit(main())")
+    assert done.returncode == 1
+    assert "Traceback" in done.stderr
+    assert "CRITICAL rosbridge_sim: stopped: the world has failed: TypeError" in done.stderr.splitlines()[-1]
+
+
+# A server
+
+
+@pytest.mark.slow
+def test_first_line_and_health(serve: Serve) -> None:
+    server = serve()
+    assert server.url == f"ws://127.0.0.1:{server.port}"
+    with urlopen(f"http://127.0.0.1:{server.port}/healthz", timeout=PATIENCE) as answer:
+        assert answer.status == 200
+
+
+@pytest.mark.slow
+def test_environment_and_file_reach_the_server(serve: Serve, tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text('host = "localhost"\nport = 1\n')
+    server = serve(env={"ROSBRIDGE_SIM_CONFIG": str(tmp_path / "s.toml"), "ROSBRIDGE_SIM_SYNC_LAESE": "1"})
+    assert server.url == f"ws://localhost:{server.port}"
+    assert "SYNC_LAESE means nothing here (did you mean ROSBRIDGE_SIM_SYNC_LEASE?)" in server.log
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+async def test_signal_ends_it_with_code_0_and_tells_the_clients(
+    serve: Serve, connect: Connect, number: signal.Signals
+) -> None:
+    server = serve()
+    client = await connect(server.url)
+    await client.settle()
+    assert await asyncio.to_thread(server.stop, number) == 0
+    with pytest.raises(ConnectionClosed):
+        await client.read()
+    assert client.socket.close_code == 1001
+
+
+@pytest.mark.slow
+def test_first_line_is_the_only_one_on_stdout() -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "rosbridge_sim", "--port", "0"], cwd=ROOT, stdout=subprocess.PIPE, text=True
+    )
+    with process:
+        assert process.stdout is not None
+        assert process.stdout.readline().startswith("rosbridge-sim listening on ws://127.0.0.1:")
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(PATIENCE) == 0
+        assert process.stdout.read() == ""
+
+
+@pytest.mark.slow
+def test_second_signal_ends_it_at_once() -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "rosbridge_sim", "--port", "0"],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    with process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        host, port = process.stdout.readline().split("//")[1].strip().split(":")
+        with socket.create_connection((host, int(port))) as client:  # one that does not hear that we go
+            client.sendall(
+                b"GET / HTTP/1.1\r\nHost: x\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+                b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+            )
+            assert client.recv(1024).startswith(b"HTTP/1.1 101")
+            process.send_signal(signal.SIGTERM)
+            while "SIGTERM: stopping" not in (line := process.stderr.readline()):
+                assert line, "it ended before it said that it would"
+            process.send_signal(signal.SIGINT)
+            assert process.wait(PATIENCE) == 128 + signal.SIGINT
+
+
+@pytest.mark.slow
+def test_signal_during_the_start_ends_it_quietly() -> None:
+    early = "import os, signal, sys; from rosbridge_sim.shell import app; "
+    early += "app.read_definitions = lambda *_: os.kill(os.getpid(), signal.SIGINT); "
+    done = run("--port", "0", code=early + "from rosbridge_sim.__main__ import main; sys.exit(main())")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+@pytest.mark.slow
+def test_log_is_one_line_for_each_event_whatever_a_client_writes(serve: Serve) -> None:
+    server = serve("--log-level", "debug")
+    with socket.create_connection(("127.0.0.1", server.port)) as client:
+        client.sendall(b"GET /\x1b[31m HTTP/1.1\r\nHost: x\r\n\r\n")
+        select.select([client], [], [], PATIENCE)
+    for line in server.log.splitlines():
+        assert line.isprintable()
