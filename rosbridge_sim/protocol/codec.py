@@ -142,7 +142,7 @@ def _checked(given: Any, op: str, field: str, op_id: object) -> Any:  # noqa: AN
         )
     if not _is_id(given):
         raise FrameError(f"{op}: field {field} is no text or number that JSON knows", op_id)
-    if str not in classes and float in classes:
+    if isinstance(given, (int, float)) and classes == (int, float):
         try:
             return float(given)
         except OverflowError:  # JSON has integers beyond any float
