@@ -1,0 +1,98 @@
+"""Any calls in any order, with the worst of values: everything is answered, nothing is raised, the rules hold."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import hypothesis.strategies as st
+import numpy as np
+from hypothesis import given, settings
+
+from rosbridge_sim.errors import PeerError
+from rosbridge_sim.morai.sync import MAX_WAITING
+from rosbridge_sim.schema.compile import MessageType
+from tests.morai.stand import SCENARIOS, Client, Stand, make_store
+
+SERVICES = {
+    "/SyncModeCmd": "SyncModeCmd",
+    "/SyncModeWaitForTick": "WaitForTick",
+    "/SyncModeCtrlCmd": "SyncModeCtrlCmd",
+    "/SyncModeSetGear": "SyncModeSetGear",
+    "/SyncModeScenarioLoad": "SyncModeScenarioLoad",
+    "/Service_MoraiSL": "ScenarioLoad",
+    "/Service_MoraiEventCmd": "EventInfo",
+    "/Service_MoraiVehicleSpec": "VehicleSpecIndex",
+    "/Service_MoraiMapSpec": "MapSpecIndex",
+}
+TOPICS = {
+    "/ctrl_cmd": "CtrlCmd",
+    "/ctrl_cmd_0": "CtrlCmd",
+    "/SyncModeAddObj": "SyncModeAddObj",
+    "/SyncModeRemoveObj": "SyncModeRemoveObj",
+}
+VALUES: dict[str, st.SearchStrategy[Any]] = {
+    "bool": st.booleans(),
+    "int8": st.sampled_from([0, 1, 2, 3, 4, 8, 15, 16, 127, -1, -128]),
+    "int32": st.sampled_from([0, 1, 2, 3, 4, 5, 7, 10, 2**31 - 1, -1, -(2**31)]),
+    "uint32": st.sampled_from([0, 20, 40, 1_000, 30, 2**32 - 1]),
+    "uint64": st.sampled_from([0, 1, 2, 3, 10, 500, 2**64 - 1]),
+    "float64": st.sampled_from([0.0, 1.0, -1.0, 0.5, 90.0, 1e9, 1e300, -1e308, math.nan, math.inf, -0.0]),
+    "string": st.sampled_from(["", "a", "b", "sync-1", "Bus", "Box", "x" * 300, *SCENARIOS]),
+}
+
+
+def bodies(message_type: MessageType) -> st.SearchStrategy[dict[str, Any]]:
+    """Bodies of a type, each field drawn from the worst that its type can hold."""
+    fields = {}
+    for field in message_type.definition.fields:
+        if field.name == "header":
+            continue
+        nested = "/" in field.type
+        fields[field.name] = bodies(make_store().message(field.type)) if nested else VALUES[field.type]
+    return st.fixed_dictionaries({}, optional=fields)
+
+
+def acts() -> st.SearchStrategy[tuple[str, dict[str, Any]]]:
+    pairs = [
+        st.tuples(st.just(name), bodies(make_store().message("morai_msgs/" + type_name)))
+        for name, type_name in [*SERVICES.items(), *TOPICS.items()]
+    ]
+    rare: st.SearchStrategy[tuple[str, dict[str, Any]]] = st.tuples(
+        st.sampled_from(["pass time", "leave"]), st.just({})
+    )
+    return st.one_of(*pairs, rare)
+
+
+def act(stand: Stand, client: Client, name: str, body: dict[str, Any]) -> None:
+    client.now = stand.now
+    if name == "pass time":
+        stand.run(0.1)
+    elif name == "leave":
+        client.leave()
+    elif name in TOPICS:
+        try:
+            client.send(name, "morai_msgs/" + TOPICS[name], **body)
+        except PeerError as error:
+            assert str(error)  # noqa: PT017 - that it is raised is as well as that it is not
+    else:
+        client.call(name, {"request": body})  # answered at once, once, whatever the answer
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 1), acts()), max_size=25), st.sampled_from(["run", "sync"]))
+def test_any_calls_in_any_order(calls: list[tuple[int, tuple[str, dict[str, Any]]]], start: str) -> None:
+    stand = Stand(start=start, sync_on_loss="wait", sync_lease=0.5)
+    clients = [stand.client(), stand.client()]
+    clients[0].listen("/Ego_topic", "/Object_topic", "/SyncModeInfo", "/clock")
+    for who, (name, body) in calls:
+        act(stand, clients[who], name, body)
+        sync, world = stand.node.sync, stand.world
+        assert sync.num_waiting <= MAX_WAITING
+        assert 0 in world
+        assert all(np.isfinite(column).all() for column in (world.x, world.y, world.yaw, world.speed, world.steer))
+        info = stand.bus.topics["/SyncModeInfo"].latched
+        assert info is not None
+        assert (info.value.master_id, info.value.status) == (sync.master_id, sync.is_on)
+        assert (info.value.frame, info.value.can_send_tick) == (world.frame, sync.can_send_tick)
+        assert stand.bus.stamp_ns == world.frame * 20_000_000

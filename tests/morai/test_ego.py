@@ -1,0 +1,67 @@
+from __future__ import annotations
+
+from rosbridge_sim.morai.convert import Control, Converter
+from rosbridge_sim.morai.ego import CtrlMode, Ego
+from rosbridge_sim.world.state import Body, Gear, Kind, Mode, World
+from rosbridge_sim.world.step import step
+from tests.morai.stand import make_store
+
+THROTTLE = Control(Mode.PEDALS, steer=0.0, throttle=1.0, brake=0.0, speed=0.0, accel=0.0)
+
+
+def an_ego() -> tuple[World, Ego]:
+    world = World()
+    world.spawn(Kind.EGO, Body(), name="car", x=0.0, y=0.0, uid=0)
+    return world, Ego(world, Converter(make_store()), 0, CtrlMode.EXTERNAL)
+
+
+def test_a_status_is_made_once_for_each_state() -> None:
+    world, ego = an_ego()
+    status = ego.status()
+    assert ego.status() is status
+    world.x[ego.row] = 5.0
+    ego.forget_status()
+    assert ego.status().position.x == 5.0
+
+
+def test_it_finds_itself_in_another_row() -> None:
+    world, ego = an_ego()
+    world.spawn(Kind.VEHICLE, Body(), name="other", x=0.0, y=0.0)
+    world.remove(0)
+    world.spawn(Kind.VEHICLE, Body(), name="third", x=0.0, y=0.0)
+    world.spawn(Kind.EGO, Body(), name="car", x=9.0, y=0.0, uid=0)
+    assert ego.row == 2
+    ego.forget_status()
+    assert ego.status().position.x == 9.0
+
+
+def test_gears_change_at_rest_alone() -> None:
+    world, ego = an_ego()
+    assert ego.shift(Gear.REVERSE) is None
+    ego.control(THROTTLE)
+    for _ in range(10):
+        step(world)
+    why = ego.shift(Gear.DRIVE)
+    assert why is not None
+    assert why.startswith("gear DRIVE refused")
+    assert ego.gear is Gear.REVERSE
+    assert ego.shift(Gear.REVERSE) is None
+
+
+def test_only_handing_over_from_a_client_lifts_the_feet() -> None:
+    world, ego = an_ego()
+    ego.control(THROTTLE)
+    ego.hand_over(CtrlMode.EXTERNAL)
+    assert world.throttle[ego.row] == 1.0
+    ego.hand_over(CtrlMode.AUTONOMOUS)
+    assert world.throttle[ego.row] == 0.0
+    ego.control(THROTTLE)
+    ego.hand_over(CtrlMode.KEYBOARD)
+    assert world.throttle[ego.row] == 1.0
+
+
+def test_a_new_car_has_its_lamps_off() -> None:
+    _, ego = an_ego()
+    ego.turn_signal = ego.emergency_signal = 1
+    ego.renew()
+    assert ego.lamps == (0, 0)
