@@ -69,7 +69,9 @@ class Block:
 
     def constant(self, value: npt.ArrayLike) -> FloatArray:
         """Return a (k,) array of a number, or of one number for each row."""
-        return np.broadcast_to(np.asarray(value, dtype=np.float64), (self.num,)).copy()
+        values = np.empty(self.num)
+        values[:] = value
+        return values
 
     def do(self, function: Callable[..., object], *args: object) -> None:
         """Lay down a call. For a ufunc the last argument is the array that takes the result."""

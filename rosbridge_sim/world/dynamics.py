@@ -75,28 +75,37 @@ def command(
     Raises:
         ValueError: a figure that counts is not finite, or the row is not driven. The old command stays in force.
     """
-    if world.kind[row] != Kind.EGO or not world.alive[row]:
+    if not _is_driven(world, row):
         raise ValueError(f"row {row} is not driven by commands")
-    wishes = {
-        Mode.PEDALS: {"steer": steer, "throttle": throttle, "brake": brake},
-        Mode.SPEED: {"steer": steer, "speed": speed},
-        Mode.ACCEL: {"steer": steer, "accel": accel},
-    }[Mode(mode)]
+    if mode == Mode.PEDALS:
+        _check(steer=steer, throttle=throttle, brake=brake)
+        world.throttle[row], world.brake[row] = min(max(throttle, 0.0), 1.0), min(max(brake, 0.0), 1.0)
+    elif mode == Mode.SPEED:
+        _check(steer=steer, speed=speed)
+        world.speed_cmd[row] = min(max(speed, -MAX_SPEED), MAX_SPEED)
+    elif mode == Mode.ACCEL:
+        _check(steer=steer, accel=accel)
+        world.accel_cmd[row] = min(max(accel, -MAX_COMMAND_ACCEL), MAX_COMMAND_ACCEL)
+    else:
+        raise ValueError(f"mode: expected 1 (pedals), 2 (speed) or 3 (acceleration), got {mode!r}")
+    limit = world.max_steer.item(row)
+    world.steer_cmd[row] = min(max(steer, -limit), limit)
+    before = world.mode.item(row)
+    world.mode[row] = mode
+    world.aim(row)
+    if (before == Mode.PEDALS) != (mode == Mode.PEDALS):
+        world.touch()  # the controller's calls are laid down only for those who need it
+
+
+def _is_driven(world: World, row: int) -> bool:
+    # `item`, here and in all that a command does: comparing numpy's scalars with an enum costs microseconds.
+    return bool(world.kind.item(row) == Kind.EGO and world.alive.item(row))
+
+
+def _check(**wishes: float) -> None:
     for name, value in wishes.items():
         if not math.isfinite(value):
             raise ValueError(f"{name}: expected a finite number, got {value!r}")
-    limit = float(world.max_steer[row])
-    world.steer_cmd[row] = min(max(steer, -limit), limit)
-    if mode == Mode.PEDALS:
-        world.throttle[row], world.brake[row] = min(max(throttle, 0.0), 1.0), min(max(brake, 0.0), 1.0)
-    elif mode == Mode.SPEED:
-        world.speed_cmd[row] = min(max(speed, -MAX_SPEED), MAX_SPEED)
-    else:
-        world.accel_cmd[row] = min(max(accel, -MAX_COMMAND_ACCEL), MAX_COMMAND_ACCEL)
-    if world.mode[row] != mode:
-        world.mode[row] = mode
-        world.touch()
-    world.aim(row)
 
 
 def shift(world: World, row: int, gear: Gear) -> bool:
@@ -108,10 +117,10 @@ def shift(world: World, row: int, gear: Gear) -> bool:
     Raises:
         ValueError: the row is not driven, or there is no such gear.
     """
-    if world.kind[row] != Kind.EGO or not world.alive[row]:
+    if not _is_driven(world, row):
         raise ValueError(f"row {row} has no gears")
     gear = Gear(gear)
-    if world.gear[row] == gear:
+    if world.gear.item(row) == gear:
         return True
     if abs(world.speed[row]) >= STANDSTILL:
         return False
@@ -164,8 +173,8 @@ def drive(world: World, dt: float) -> None:
 class _Driven:
     """The driven rows and the calls that move them.
 
-    Lives until somebody comes, goes or changes mode or gear: so what follows from body, mode and gear alone is worked
-    out here, once. Friction and pedals are counted in change of speed per step (..., times dt).
+    Lives until somebody comes or goes, shifts, or needs the controller or no longer: so what follows from body, mode
+    and gear alone is worked out here, once. Friction and pedals are counted in change of speed per step.
     """
 
     def __init__(self, world: World) -> None:

@@ -13,6 +13,7 @@ additions and removals needs memory for the paths in use alone.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from hashlib import blake2b
 from typing import Final
 
 import numpy as np
@@ -98,9 +99,10 @@ class Paths:
         num, num_live: segments in the store with and without the holes.
     """
 
-    __slots__ = ("_keys", "_next_base", "_segments", "_spans", "keys", "num", "num_live", "segments")
+    __slots__ = ("_digest", "_keys", "_next_base", "_segments", "_spans", "keys", "num", "num_live", "segments")
 
     def __init__(self) -> None:
+        self._digest: bytes | None = None  # of what is there now
         self.clear()
 
     def clear(self) -> None:
@@ -136,6 +138,7 @@ class Paths:
     def remove(self, path: int) -> bool:
         """Take a path out; True when the rest moved together and every base must be asked for again."""
         _, count = self._spans.pop(path)
+        self._digest = None
         self.num_live -= count
         if 2 * self.num_live >= self.num and self._next_base < MAX_KEY // 2:
             return False
@@ -145,6 +148,15 @@ class Paths:
     def base(self, path: int) -> int:
         """Return the key where a path begins."""
         return int(self._keys[self._spans[path][0]])
+
+    def digest(self) -> bytes:
+        """Return a hash of the whole store. It is most of a world and changes rarely, so it is worked out once."""
+        if self._digest is None:
+            state = blake2b(digest_size=16)
+            state.update(repr((self._next_base, list(self._spans.items()))).encode())
+            state.update(self.segments.tobytes())
+            self._digest = state.digest()
+        return self._digest
 
     def snapshot(self) -> PathsSnapshot:
         """Return a copy that `restore` takes."""
@@ -177,5 +189,6 @@ class Paths:
             self.add(path, segments)
 
     def _bind(self, num: int) -> None:
+        self._digest = None
         self.num = num
         self.segments, self.keys = self._segments[:num], self._keys[:num]

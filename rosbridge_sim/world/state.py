@@ -243,9 +243,10 @@ class World:
 
         Raises:
             ValueError: a number that is not finite or out of bounds, an id that is in use, a path that is none, an
-                EGO with a path or without a wheelbase. The world is as it was.
+                EGO with a path or without a wheelbase, a kind or gear that does not exist. The world is as it was.
         """
         check_pose(x=x, y=y, z=z, yaw=yaw, speed=speed)
+        kind, gear = Kind(kind), Gear(gear)
         if kind == Kind.EGO and (path is not None or min(body.wheelbase, body.max_accel, body.max_decel) <= 0.0):
             raise ValueError(f"{name}: an ego has wheelbase, engine and brakes, and no path of its own")
         uid, next_uid = self._choose_uid(uid)
@@ -369,12 +370,11 @@ class World:
     def digest(self) -> str:
         """Return a hash of the whole state, 32 hexadecimal digits: equal worlds have equal digests."""
         state = blake2b(digest_size=16)
-        counts = (self.frame, self.seed, self._next_uid, self.n, self.paths.num)
+        counts = (self.frame, self.seed, self._next_uid, self.n)
         state.update(repr((counts, list(self._rows.items()), self.rng.bit_generator.state)).encode())
         for block in (self._floats, self._ints, self._bools):
             state.update(block[:, : self.n].tobytes())
-        state.update(self.paths.segments.tobytes())
-        state.update(self.paths.keys.tobytes())
+        state.update(self.paths.digest())
         return state.hexdigest()
 
     def block(self, first: str, last: str) -> FloatArray:
@@ -402,7 +402,8 @@ class World:
         self.arc[row], self.leg_start[row], self.leg_end[row] = 0.0, 0.0, np.inf
         self.leg_x[row], self.leg_y[row], self.leg_z[row] = x, y, z
         self.leg_dx[row], self.leg_dy[row], self.leg_dz[row] = math.cos(yaw), math.sin(yaw), 0.0
-        self.touch()
+        if self.kind[row] != Kind.EGO:
+            self.touch()  # it may move now, or no longer
 
     def aim(self, row: int) -> None:
         """Work out the columns that follow from gear, mode and commands of a driven row.
@@ -414,20 +415,24 @@ class World:
             acceleration mode is the case where both bounds are the command.
         throttle_max: 0 where the wish is to stand, so that no throttle balances the rolling resistance at rest.
         """
-        gear, mode = self.gear[row], self.mode[row]
-        self.sense[row] = -1.0 if gear == Gear.REVERSE else 1.0
-        self.drive[row] = self.max_accel[row] * _GEAR_DRIVE[Gear(gear)]
-        self.hold[row] = self.max_decel[row] if gear == Gear.PARK else STICTION
+        gear, mode = self.gear.item(row), self.mode.item(row)
+        is_reverse = gear == Gear.REVERSE
+        self.sense[row] = -1.0 if is_reverse else 1.0
+        self.drive[row] = self.max_accel.item(row) * _GEAR_DRIVE[Gear(gear)]
+        self.hold[row] = self.max_decel.item(row) if gear == Gear.PARK else STICTION
+        throttle_max = 1.0
         if mode == Mode.ACCEL:
-            self.target[row] = 0.0
-            self.accel_min[row] = self.accel_max[row] = self.accel_cmd[row]
+            self.accel_min[row] = self.accel_max[row] = self.accel_cmd.item(row)
         else:
             # A target is a magnitude in the direction of the gear. A negative one can only mean backwards: taken as
             # such in R, and as a stop in the gears that cannot go there.
-            wish = self.speed_cmd[row]
-            self.target[row] = abs(wish) if gear == Gear.REVERSE else max(wish, 0.0)
-            self.accel_min[row], self.accel_max[row] = -self.speed_decel[row], self.speed_accel[row]
-        self.throttle_max[row] = 0.0 if mode == Mode.SPEED and self.target[row] == 0.0 else 1.0
+            wish = self.speed_cmd.item(row)
+            target = abs(wish) if is_reverse else max(wish, 0.0)
+            self.target[row] = target
+            self.accel_min[row], self.accel_max[row] = -self.speed_decel.item(row), self.speed_accel.item(row)
+            if mode == Mode.SPEED and target == 0.0:
+                throttle_max = 0.0
+        self.throttle_max[row] = throttle_max
 
     # -- inside
 
@@ -441,7 +446,7 @@ class World:
             raise ValueError(f"uid: expected 0..{MAX_UID}, got {uid!r}")
         if uid in self._rows:
             raise ValueError(f"uid: {uid} is in use")
-        return uid, max(self._next_uid, uid + 1)
+        return int(uid), max(self._next_uid, int(uid) + 1)
 
     def _take_row(self) -> int:
         """Return the first row that is free, after making one if there is none."""

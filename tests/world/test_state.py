@@ -115,6 +115,8 @@ def test_ids_end_with_int32() -> None:
         {"path": [[0.0, 0.0], [1.0, 1.0]], "speed": -1.0},
         {"kind": Kind.EGO, "path": [[0.0, 0.0], [1.0, 1.0]]},
         {"kind": Kind.EGO, "body": MAN},
+        {"kind": Kind.EGO, "gear": 5},
+        {"kind": 4},
     ],
 )
 def test_a_wrong_argument_leaves_the_world_as_it_was(wrong: dict[str, Any]) -> None:

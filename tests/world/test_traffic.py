@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rosbridge_sim.world.geometry import FloatArray, arc_lengths, nearest_on_polyline, point_at
 from rosbridge_sim.world.state import DT, Body, Kind, World
 from rosbridge_sim.world.step import step
-from rosbridge_sim.world.traffic import walk
+from rosbridge_sim.world.traffic import _Moving, walk
 
 CAR = Body()
 MAN = Body.box(0.5, 0.6, 1.75)
@@ -85,6 +85,7 @@ def test_an_open_path_ends_in_a_stand_exactly_at_its_last_point() -> None:
     assert (world.x[row], world.y[row], world.speed[row]) == (30.0, 5.0, 0.0)
     assert world.arc[row] == world.path_length[row] == 35.0
     assert world.x[other] == pytest.approx(8.0)
+    assert world.derived(_Moving).rows.tolist() == [other]  # who stands is not looked at
 
 
 def test_a_loop_begins_again() -> None:
