@@ -1,0 +1,198 @@
+"""What is shipped runs: the wheel, in an environment of its own, by an ordinary user, as the Dockerfile starts it."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from rosbridge_sim import __version__
+from rosbridge_sim.shell.settings import Settings
+from tests.conftest import Connect
+from tests.support import ROOT, miss, read_line
+
+pytestmark = pytest.mark.slow
+
+MINUTE = 60.0
+"""[s]"""
+
+NOBODY = 65_534
+"""The ordinary user and group of whoever has the rights to choose one."""
+
+
+# The Dockerfile
+
+
+def instruction(name: str) -> str:
+    """What stands behind an instruction of the Dockerfile that is there once."""
+    text = (ROOT / "Dockerfile").read_text().replace("\\\n", " ")
+    found = re.findall(rf"^{name}\s+(.*)$", text, re.MULTILINE)
+    assert len(found) == 1, f"{name}: {found}"
+    return str(found[0])
+
+
+def command_of(text: str) -> list[str]:
+    """The words of a CMD in its exec form."""
+    words = json.loads(text.removeprefix("CMD "))
+    assert isinstance(words, list)
+    assert all(isinstance(word, str) for word in words)
+    return words
+
+
+def environment() -> dict[str, str]:
+    """The ENV of the image."""
+    return dict(word.split("=", 1) for word in instruction("ENV").split())
+
+
+def health_check() -> list[str]:
+    """The words of the health check, without its times."""
+    return command_of(re.sub(r"^(--\S+\s+)*", "", instruction("HEALTHCHECK")))
+
+
+def test_image_listens_for_everybody_on_the_port_it_names_and_has_an_ordinary_user() -> None:
+    settings = environment()
+    assert settings["ROSBRIDGE_SIM_HOST"] == "0.0.0.0"  # noqa: S104 - an image is of no use otherwise
+    assert settings["ROSBRIDGE_SIM_PORT"] == instruction("EXPOSE") == str(Settings().port)
+    assert instruction("USER") not in {"root", "0"}
+
+
+# The wheel
+
+
+@dataclass(frozen=True)
+class Place:
+    """A folder that an ordinary user may read, with the wheel installed in an environment there."""
+
+    folder: Path
+
+    @property
+    def bin(self) -> Path:
+        return self.folder / "env" / "bin"
+
+    def popen(self, words: Sequence[str], **env: str) -> subprocess.Popen[str]:
+        """Start a command there as an ordinary user, with the image's ENV but for what `env` says."""
+        variables = {**os.environ, **environment(), "PATH": f"{self.bin}:{os.environ['PATH']}", **env}
+        user = NOBODY if os.geteuid() == 0 else None
+        return subprocess.Popen(
+            words,
+            cwd=self.folder,
+            env={**variables, "HOME": str(self.folder)},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            user=user,
+            group=user,
+            extra_groups=None if user is None else [],
+        )
+
+    def run(self, words: Sequence[str], **env: str) -> subprocess.CompletedProcess[str]:
+        """The same, to its end."""
+        process = self.popen(words, **env)
+        out, err = process.communicate(timeout=MINUTE)
+        return subprocess.CompletedProcess(words, process.returncode, out, err)
+
+
+@pytest.fixture(scope="module")
+def place() -> Iterator[Place]:
+    """The wheel of this checkout, built and installed."""
+    folder = Path(tempfile.mkdtemp(prefix="rosbridge-sim-"))
+    folder.chmod(0o755)  # pytest's own folders are closed to others
+    try:
+        place = Place(folder)
+        do(python_for_all(place), "-m", "venv", str(folder / "env"))
+        pip = [str(place.bin / "pip"), "--disable-pip-version-check", "--quiet"]
+        do(*pip, "wheel", "--no-deps", "--wheel-dir", str(folder), str(ROOT))
+        do(*pip, "install", *map(str, folder.glob("*.whl")))
+        yield place
+    finally:
+        shutil.rmtree(folder)
+
+
+def do(*words: str) -> None:
+    done = subprocess.run(words, capture_output=True, text=True, timeout=10 * MINUTE, check=False)
+    assert done.returncode == 0, f"{' '.join(words)}:\n{done.stdout}{done.stderr}"
+
+
+def python_for_all(place: Place) -> str:
+    """A Python that an ordinary user may run: not every one lies where others may look."""
+    candidates = [str(Path(sys.executable).resolve()), "/usr/bin/python3", "/usr/local/bin/python3"]
+    for python in filter(os.path.exists, candidates):
+        code = "import sys, ensurepip, venv; sys.exit(sys.version_info < (3, 11))"
+        if place.run(["env", python, "-c", code]).returncode == 0:
+            return python
+    return miss("needs a Python 3.11 or newer with its venv module that an ordinary user may run")
+
+
+def test_wheel_holds_what_the_server_reads(place: Place) -> None:
+    (wheel,) = place.folder.glob("*.whl")
+    assert f"-{__version__}-py3-none-any" in wheel.name
+    (package,) = place.folder.glob("env/lib/python3*/site-packages/rosbridge_sim")
+    for folder, at in ((ROOT / "schemas", package / "schemas"), (ROOT / "rosbridge_sim" / "data", package / "data")):
+        wanted = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+        assert wanted
+        assert sorted(str(path.relative_to(at)) for path in at.rglob("*") if path.is_file()) == wanted
+    assert (package / "py.typed").is_file()
+
+
+def user_of(process: subprocess.Popen[str]) -> int:
+    return Path(f"/proc/{process.pid}").stat().st_uid
+
+
+async def test_image_command_serves_is_healthy_and_stops(place: Place, connect: Connect) -> None:
+    loopback = {"ROSBRIDGE_SIM_HOST": "127.0.0.1", "ROSBRIDGE_SIM_PORT": "0"}
+    process = place.popen(command_of(instruction("CMD")), **loopback)
+    try:
+        line = read_line(process)
+        match = re.fullmatch(r"rosbridge-sim listening on (ws://127\.0\.0\.1:(\d+))\n", line)
+        assert match, f"{line!r}, and then {process.communicate(timeout=MINUTE)}"
+        url, port = match.groups()
+        assert user_of(process) != 0
+
+        health = place.run(health_check(), ROSBRIDGE_SIM_PORT=port)
+        assert (health.returncode, health.stderr) == (0, "")
+
+        client = await connect(url)
+        answer = await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)
+        assert answer["time_step"] == 20
+        answer = await client.ask("/SyncModeWaitForTick", user_id="me", frame=answer["frame"] + 1)
+        assert answer["tick_status"] is True
+        await client.close()
+
+        process.terminate()
+        _, err = process.communicate(timeout=MINUTE)
+        assert process.returncode == 0, err
+        assert "Traceback" not in err
+        assert place.run(health_check(), ROSBRIDGE_SIM_PORT=port).returncode != 0
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_installed_package_is_what_python_imports(place: Place) -> None:
+    code = "import rosbridge_sim; print(rosbridge_sim.__version__, rosbridge_sim.Simulator().settings.port)"
+    done = place.run(["python3", "-c", code])
+    assert done.stdout == f"{__version__} 9090\n", done.stderr
+
+
+# The checkout
+
+
+def test_serve_of_the_checkout_passes_its_arguments_on() -> None:
+    done = subprocess.run(
+        [ROOT / "scripts" / "serve", "--seed", "77", "--print-config"],
+        capture_output=True,
+        text=True,
+        timeout=10 * MINUTE,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "\nseed = 77\n" in done.stdout
