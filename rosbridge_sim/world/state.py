@@ -133,7 +133,7 @@ class World:
         gear, mode: `Gear` and `Mode`, int64.
         steer_cmd, speed_cmd, accel_cmd: last commands [rad, m/s, m/s^2]. All of these are for driven rows (EGO).
 
-        arc: distance along the path, for rows with a path; for the rest since they were put where they are [m].
+        arc: distance along the path; without a path, since the row was put where it is; 0 for driven rows [m].
         has_path, is_loop: follows a path; begins again at its end, bool.
         path_length: of the path, 0 for rows without one [m].
 
@@ -305,10 +305,14 @@ class World:
 
         Args:
             seed: None for the same seed as before.
+
+        Raises:
+            ValueError: a negative seed. The world is as it was.
         """
+        seed = self.seed if seed is None else seed
+        rng = np.random.Generator(np.random.PCG64(seed))
         self.clear()
-        self.seed = self.seed if seed is None else seed
-        self.rng = np.random.Generator(np.random.PCG64(self.seed))
+        self.seed, self.rng = seed, rng
         self.frame = 0
         self._next_uid = FIRST_UID
 

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rosbridge_sim.world.dynamics import command, drive, shift, teleport
+from rosbridge_sim.world.geometry import arc_lengths, nearest_on_polyline, point_at, to_body
 from rosbridge_sim.world.state import DT, STICTION, Body, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
 
@@ -546,3 +547,33 @@ def test_fast_and_slow_agree_alone_as_neighbours_and_with_gaps(
             for name in ("x", "y", "speed", "steer", "throttle", "brake"):
                 assert getattr(world, name)[row] == pytest.approx(getattr(car, name), abs=1e-8), name
             assert math.cos(world.yaw[row] - car.yaw) == pytest.approx(1.0)
+
+
+# -- a drive
+
+
+@pytest.mark.parametrize("kmh", [30.0, 60.0])
+def test_a_pure_pursuit_driver_keeps_the_rear_axle_on_a_winding_road(kmh: float) -> None:
+    """Bends of 20 m radius at 30 km/h, of 80 m (the same lateral acceleration) at 60 km/h."""
+    scale = (kmh / 30.0) ** 2
+    curvature = np.repeat([0.0, 1 / 20.0, 0.0, -1 / 20.0, 1 / 20.0, 0.0], [30, 40, 30, 50, 50, 30]) / scale
+    yaw = np.cumsum(curvature) * 0.5 * scale
+    road = np.column_stack([np.cumsum(np.cos(yaw)), np.cumsum(np.sin(yaw))]) * 0.5 * scale
+    world = ego(x=road[0, 0], y=road[0, 1], yaw=yaw[0])
+    arcs = arc_lengths(road)
+    worst, ahead = 0.0, 3.0 * math.sqrt(scale)
+    for _ in range(5000):
+        x, y, heading = world.x.item(0), world.y.item(0), world.yaw.item(0)
+        near = nearest_on_polyline(road, x, y)
+        worst = max(worst, abs(near.lateral.item(0)))
+        if near.arc[0] > arcs[-1] - ahead - 1.0:
+            break
+        goal = point_at(road, arcs, near.arc + ahead)[0]
+        _, left = to_body(goal[0] - x, goal[1] - y, heading)
+        steer = math.atan2(2.0 * CAR.wheelbase * float(left), (goal[0] - x) ** 2 + (goal[1] - y) ** 2)
+        command(world, 0, mode=Mode.SPEED, speed=kmh / 3.6, steer=steer)
+        step(world)
+    else:
+        pytest.fail("the end of the road was not reached")
+    assert world.speed[0] == pytest.approx(kmh / 3.6)
+    assert worst < 0.3

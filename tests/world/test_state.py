@@ -263,6 +263,9 @@ def test_reset_is_a_new_world() -> None:
     world.rng.random()
     world.reset()
     assert (world.frame, len(world), world.digest()) == (0, 0, empty)
+    with pytest.raises(ValueError, match="non-negative"):
+        world.reset(seed=-1)
+    assert world.digest() == empty
     world.reset(seed=6)
     assert world.digest() == World(seed=6).digest()
 
