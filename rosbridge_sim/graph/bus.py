@@ -18,16 +18,14 @@ from __future__ import annotations
 
 import heapq
 import logging
-import re
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import count
-from typing import Protocol
 
-import msgspec
-import orjson
-
-from rosbridge_sim.errors import FieldError, GraphError, PeerError, UnknownPackageError
+from rosbridge_sim.errors import GraphError, PeerError, UnknownPackageError
+from rosbridge_sim.graph.actions import Actions
+from rosbridge_sim.graph.owner import Body, Owner, decode_body, resolve
 from rosbridge_sim.schema.compile import MessageType, OpaqueType, ServiceType
 from rosbridge_sim.schema.store import Message, Store
 
@@ -57,26 +55,6 @@ MAX_CALLS = 1_000
 
 _log = logging.getLogger("rosbridge_sim.graph")
 
-_NAME = re.compile(r"[^\s\x00-\x1f\x7f]{1,256}")
-
-Body = msgspec.Raw | bytes | dict[str, object] | list[object] | None
-"""A message body as the wire layer hands it on: JSON text that was not read yet, or the values read from it."""
-
-
-class Owner(Protocol):
-    """Somebody who holds topics and services. Compared by identity.
-
-    Attributes:
-        name: the ROS node name that rosapi shows, e.g. `/morai_sim`.
-    """
-
-    @property
-    def name(self) -> str:
-        """The ROS node name that rosapi shows."""
-
-    def tell(self, level: str, text: str) -> None:
-        """Say something that answers no request: `info`, `warning` or `error`, a line of text."""
-
 
 Deliver = Callable[["Topic", Message, Owner, float], None]
 """`(topic, message, sender, now)`; a PeerError that it raises goes back to the sender."""
@@ -101,18 +79,6 @@ class Answer:
 OnAnswer = Callable[[Answer], None]
 
 
-def resolve(name: str) -> str:
-    """The absolute graph name: `chatter` and `/chatter` are one topic.
-
-    Raises:
-        GraphError: the name is empty, longer than 256 characters or holds white space.
-    """
-    if not _NAME.fullmatch(name):
-        shown = name if len(name) <= 80 else name[:77] + "..."  # noqa: PLR2004 - a line of a terminal
-        raise GraphError(f"{shown!r} is not a valid graph name")
-    return name if name[0] == "/" else "/" + name
-
-
 @dataclass(eq=False, slots=True)
 class Subscription:
     """One listener on one topic; the bus compares it by identity."""
@@ -127,21 +93,25 @@ class Topic:
     """A named channel of one type.
 
     Attributes:
-        publishers: owner -> the keys under which it advertised, and whether each asked for latching.
+        publishers: owner -> the keys under which it advertised, and how many messages each wants latched.
         subscriptions: in order of arrival; a tuple, so that a delivery may change it safely.
-        latched: the last message, if any advertiser asked for latching.
+        latched: the last messages, oldest first, as many as the advertiser who asked for most.
         owner: the one owner that may publish, for the simulator's outputs; None where all may.
         orphaned_at: when the last publisher left [s]; None while there is one.
     """
 
     name: str
     type: MessageType | OpaqueType
-    publishers: dict[Owner, dict[object, bool]] = field(default_factory=dict)
+    publishers: dict[Owner, dict[object, int]] = field(default_factory=dict)
     subscriptions: tuple[Subscription, ...] = ()
-    latched: Message | None = None
+    latched: deque[Message] = field(default_factory=lambda: deque(maxlen=0))
     owner: Owner | None = None
     orphaned_at: float | None = None
-    is_latching: bool = False
+
+    @property
+    def is_latching(self) -> bool:
+        """Whether messages are kept for those who come late."""
+        return bool(self.latched.maxlen)
 
     @property
     def has_listener(self) -> bool:
@@ -222,6 +192,7 @@ class Bus:
     Attributes:
         store: the types.
         stamp_ns: the time for stamps that a message leaves open [ns]; simulation time where there is a world.
+        actions: the third way of talking.
         parameters: the parameter server, by absolute name; JSON values.
         watchers: called with `(owner, now)` after an owner has left.
         is_strict: refuse types of packages that nobody knows, in place of relaying them unchecked.
@@ -231,6 +202,7 @@ class Bus:
     def __init__(self, store: Store, *, is_strict: bool = False, service_timeout: float | None = None) -> None:
         self.store = store
         self.stamp_ns = 0
+        self.actions = Actions(self)
         self.parameters: dict[str, object] = {}
         self.watchers: list[Callable[[Owner, float], None]] = []
         self.is_strict = is_strict
@@ -253,7 +225,7 @@ class Bus:
         name: str,
         type_name: str,
         *,
-        latch: bool = False,
+        depth: int = 0,
         key: object = None,
         is_exclusive: bool = False,
     ) -> Topic:
@@ -263,7 +235,7 @@ class Bus:
             owner: who will publish.
             name: may be relative.
             type_name: in any accepted spelling.
-            latch: keep the last message for those who come later. The topic latches if any publisher asked.
+            depth: keep so many of the last messages for those who come later; the topic keeps the highest asked for.
             key: tells several advertisements of one owner apart; the same key again replaces the old one.
             is_exclusive: nobody else may publish here.
 
@@ -276,7 +248,7 @@ class Bus:
             topic.owner = owner
         elif topic.owner is not None and topic.owner is not owner:
             raise GraphError(f"Topic {topic.name} is published by {topic.owner.name} alone; others may only subscribe")
-        topic.publishers.setdefault(owner, {})[key] = latch
+        topic.publishers.setdefault(owner, {})[key] = depth
         topic.orphaned_at = None
         self._orphans.pop(topic, None)
         self._settle_latching(topic)
@@ -304,8 +276,8 @@ class Bus:
             PeerError: what a listener found wrong with the message; all others have it all the same.
         """
         self.num_published += 1
-        if topic.is_latching:
-            topic.latched = message
+        if topic.latched.maxlen:
+            topic.latched.append(message)
         problem: PeerError | None = None
         for subscription in topic.subscriptions:
             try:
@@ -452,12 +424,13 @@ class Bus:
             if topic.orphaned_at is None or topic.orphaned_at + TYPE_MEMORY > now:
                 break
             del self._orphans[topic]
-            topic.latched = None
+            topic.latched = deque(maxlen=0)
             if not topic.subscriptions and self.topics.get(topic.name) is topic:
                 del self.topics[topic.name]
 
     def leave(self, owner: Owner, now: float) -> None:
         """Take away all that `owner` holds, answer those who wait for it, tell the watchers. Twice is no error."""
+        self.actions.leave(owner)
         held = self._holdings.get(owner)
         if held is not None:
             for call in list(held.calls):
@@ -515,9 +488,10 @@ class Bus:
         return opaque
 
     def _settle_latching(self, topic: Topic) -> None:
-        topic.is_latching = any(latch for keys in topic.publishers.values() for latch in keys.values())
-        if not topic.is_latching and topic.publishers:
-            topic.latched = None
+        if topic.publishers:  # what is latched outlives its publishers for as long as the type does
+            depth = max(depth for keys in topic.publishers.values() for depth in keys.values())
+            if depth != topic.latched.maxlen:
+                topic.latched = deque(topic.latched, maxlen=depth)
 
     def _drop_publisher(self, owner: Owner, topic: Topic, now: float) -> None:
         topic.publishers.pop(owner, None)
@@ -539,27 +513,3 @@ class Bus:
         self._held(service.owner).services.pop(service, None)
         for call in list(service.calls):
             call.refuse(why)
-
-
-def decode_body(message_type: MessageType | OpaqueType, body: Body, stamp_ns: int) -> object:
-    """The checked and filled value of a body, given by name, by position or not at all.
-
-    Raises:
-        FieldError: it does not fit the type.
-    """
-    if isinstance(body, (bytes, msgspec.Raw)):
-        start = bytes(memoryview(body)[:4])
-        if start in {b"", b"null"}:
-            return message_type.check({}, stamp_ns)
-        if start[:1] == b"[":
-            try:
-                return decode_body(message_type, orjson.loads(bytes(body)), stamp_ns)
-            except orjson.JSONDecodeError as error:
-                raise FieldError(f"{message_type.name}: {error}") from None
-        return message_type.decode_json(body, stamp_ns)
-    if isinstance(body, list):
-        names = [f.name for f in message_type.definition.fields] if isinstance(message_type, MessageType) else []
-        if len(body) > len(names):
-            raise GraphError(f"{message_type.name} takes {len(names)} arguments, but got {len(body)}")
-        return message_type.check(dict(zip(names, body, strict=False)), stamp_ns)
-    return message_type.check({} if body is None else body, stamp_ns)

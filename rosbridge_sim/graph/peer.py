@@ -20,10 +20,12 @@ from typing import Any
 import orjson
 
 from rosbridge_sim.errors import GraphError, PeerError
+from rosbridge_sim.graph.actions import MAX_GOALS, Goal, GoalStatus, Outcome
 from rosbridge_sim.graph.bus import MAX_CALLS, Answer, Bus, Call, Owner, Subscription, Topic, decode_body, resolve
 from rosbridge_sim.protocol import ops
-from rosbridge_sim.protocol.codec import is_absent, publish_head
-from rosbridge_sim.protocol.session import Session
+from rosbridge_sim.protocol.codec import is_absent
+from rosbridge_sim.protocol.feed import read_qos, read_terms
+from rosbridge_sim.protocol.session import Feed, Session
 from rosbridge_sim.schema.store import Message
 
 __all__ = ["NODE_NAME", "Peer"]
@@ -40,20 +42,12 @@ MAX_HELD = 10_000
 _log = logging.getLogger("rosbridge_sim.graph")
 
 
-class _Feed:
-    """One spelling of a topic that a client listens to, with all its subscription ids."""
+@dataclass(slots=True)
+class _Listening:
+    """One spelling of a topic that a client listens to: its feed on the wire, its one subscription on the bus."""
 
-    __slots__ = ("head", "ids", "session", "spelling", "subscription")
-
-    def __init__(self, session: Session, spelling: str) -> None:
-        self.session = session
-        self.spelling = spelling
-        self.head = publish_head(spelling)
-        self.ids: dict[ops.Id, None] = {}
-        self.subscription: Subscription | None = None
-
-    def deliver(self, _topic: Topic, message: Message, _sender: Owner, _now: float) -> None:
-        self.session.message(self.spelling, self.head, message)
+    feed: Feed
+    subscription: Subscription
 
 
 @dataclass(slots=True)
@@ -64,6 +58,19 @@ class _Provision:
     spelling: str
     num_calls: int = 0
     calls: dict[str, Call] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class _Performance:
+    """One action that a client provides, and the goals that it works on."""
+
+    spelling: str
+    type_name: str
+    num_goals: int = 0
+    goals: dict[str, Goal] = field(default_factory=dict)
+
+    def id_of(self, goal: Goal) -> str | None:
+        return next((goal_id for goal_id, known in self.goals.items() if known is goal), None)
 
 
 class Peer:
@@ -82,9 +89,12 @@ class Peer:
         self.address = address
         self.num_errors = 0
         self._bus = bus
+        self._actions = bus.actions
         self._publications: dict[str, Topic] = {}
-        self._feeds: dict[str, _Feed] = {}
+        self._listenings: dict[str, _Listening] = {}
         self._provisions: dict[str, _Provision] = {}
+        self._performances: dict[str, _Performance] = {}
+        self._goals: dict[tuple[str, ops.Id], Goal] = {}
         self._act: dict[type, Callable[[Any, float], None]] = {
             ops.Publish: self._publish,
             ops.CallService: self._call,
@@ -95,6 +105,12 @@ class Peer:
             ops.Unadvertise: self._unadvertise,
             ops.AdvertiseService: self._advertise_service,
             ops.UnadvertiseService: self._unadvertise_service,
+            ops.AdvertiseAction: self._advertise_action,
+            ops.UnadvertiseAction: self._unadvertise_action,
+            ops.SendActionGoal: self._send_goal,
+            ops.CancelActionGoal: self._cancel_goal,
+            ops.ActionFeedback: self._report_goal,
+            ops.ActionResult: self._end_goal,
             ops.SetLevel: self._set_level,
             ops.Status: self._status,
             ops.Auth: self._auth,
@@ -102,8 +118,12 @@ class Peer:
 
     def receive(self, frame: bytes, now: float) -> None:
         """Do all that a frame asks, to its end: our transaction."""
-        for op in self.session.receive(frame):
+        for op in self.session.receive(frame, now):
             self.do(op, now)
+
+    def flush(self, now: float) -> None:
+        """Send the messages whose turn has come; the session's alarm says when."""
+        self.session.flush(now, self._bus.stamp_ns)
 
     def do(self, op: ops.Op, now: float) -> None:
         """Do one op; a mistake in it is told to the client."""
@@ -120,15 +140,21 @@ class Peer:
     def leave(self, now: float) -> None:
         """Take everything of this client's off the bus; twice is no error."""
         self._publications.clear()
-        self._feeds.clear()
+        for listening in self._listenings.values():
+            self.session.drop_feed(listening.feed)
+        self._listenings.clear()
         self._provisions.clear()
+        self._performances.clear()
+        self._goals.clear()
         self._bus.leave(self, now)
 
     # Topics
 
     def _advertise(self, op: ops.Advertise, _now: float) -> None:
         self._check_room()
-        topic = self._bus.advertise(self, op.topic, op.type, latch=bool(op.latch), key=op.id)
+        qos = read_qos(op.qos)
+        depth = qos.depth if op.latch or qos.is_latching else 0
+        topic = self._bus.advertise(self, op.topic, op.type, depth=depth, key=op.id)
         self._publications[op.topic] = topic
 
     def _unadvertise(self, op: ops.Unadvertise, now: float) -> None:
@@ -151,35 +177,45 @@ class Peer:
         type_name = op.type or (known and known.type.name)
         if not type_name:
             raise GraphError(f"Cannot infer topic type for topic {op.topic} as it is not yet advertised")
-        topic = self._bus.advertise(self, op.topic, type_name, latch=bool(op.latch), key=_IMPLICIT)
+        qos = read_qos(op.qos)
+        depth = qos.depth if op.latch or qos.is_latching else 0
+        topic = self._bus.advertise(self, op.topic, type_name, depth=depth, key=_IMPLICIT)
         self._publications[op.topic] = topic
         return topic
 
     def _subscribe(self, op: ops.Subscribe, _now: float) -> None:
-        feed = self._feeds.get(op.topic)
-        if feed is None:
+        qos = read_qos(op.qos)
+        bus = self._bus
+        listening = self._listenings.get(op.topic)
+        if listening is None:
             self._check_room()
-            feed = _Feed(self.session, op.topic)
-            feed.subscription = self._bus.subscribe(self, op.topic, feed.deliver, type_name=op.type)
-            self._feeds[op.topic] = feed
+            feed = Feed(self.session, op.topic)
+
+            def deliver(_topic: Topic, message: Message, _sender: Owner, now: float) -> None:
+                feed.deliver(message, now, bus.stamp_ns)
+
+            listening = _Listening(feed, bus.subscribe(self, op.topic, deliver, type_name=op.type))
+            self._listenings[op.topic] = listening
         elif op.type is not None:
-            self._bus.check_type(op.topic, op.type)
+            bus.check_type(op.topic, op.type)
+        feed = listening.feed
         is_new = op.id not in feed.ids
-        feed.ids[op.id] = None
-        latched = feed.subscription.topic.latched if feed.subscription else None
-        if is_new and latched is not None:
-            self.session.message(op.topic, feed.head, latched)
+        feed.set_terms(op.id, read_terms(op))
+        if is_new and qos.is_latching is not False:
+            for message in listening.subscription.topic.latched:
+                feed.send(message, bus.stamp_ns)
 
     def _unsubscribe(self, op: ops.Unsubscribe, now: float) -> None:
-        feed = self._feeds.get(op.topic)
-        if feed is None:
+        listening = self._listenings.get(op.topic)
+        if listening is None:
             return
-        if op.id is None:
-            feed.ids.clear()
-        feed.ids.pop(op.id, None)
-        if not feed.ids and feed.subscription is not None:
-            del self._feeds[op.topic]
-            self._bus.unsubscribe(feed.subscription, now)
+        ids = listening.feed.ids
+        if op.id is None or set(ids) == {op.id}:
+            del self._listenings[op.topic]
+            self.session.drop_feed(listening.feed)
+            self._bus.unsubscribe(listening.subscription, now)
+        elif op.id in ids:
+            listening.feed.set_terms(op.id, None)
 
     # Services
 
@@ -189,7 +225,7 @@ class Peer:
             service, _, op_id = service.partition("#")
 
         def on_answer(answer: Answer) -> None:
-            self.session.answer(op.service, op_id, answer.values, is_ok=answer.is_ok)
+            self.session.answer(op.service, op_id, answer.values, is_ok=answer.is_ok, fragment_size=op.fragment_size)
 
         self._bus.call(self, service, op.args, on_answer, now=now, timeout=op.timeout)
 
@@ -205,7 +241,8 @@ class Peer:
             provision.num_calls += 1
             call_id = f"service_request:{provision.spelling}:{provision.num_calls}"
             provision.calls[call_id] = call
-            self.session.call(provision.spelling, call_id, Message(call.service.type.request, call.request))
+            args = Message(call.service.type.request, call.request)
+            self.session.say("call_service", {"args": args}, service=provision.spelling, id=call_id)
 
         service = self._bus.provide(self, op.service, op.type, handle)
         provision.name = service.name
@@ -235,6 +272,105 @@ class Peer:
             raise
         call.answer(values)
 
+    # Actions
+
+    def _advertise_action(self, op: ops.AdvertiseAction, _now: float) -> None:
+        self._check_room()
+        performance = _Performance(op.action, op.type)
+
+        def take(goal: Goal) -> None:
+            performance.goals = {i: g for i, g in performance.goals.items() if not g.is_done}
+            if len(performance.goals) >= MAX_GOALS:
+                raise GraphError(f"Action {op.action} has {MAX_GOALS} goals under way already")
+            performance.num_goals += 1
+            goal_id = f"action_goal:{op.action}:{performance.num_goals}"
+            performance.goals[goal_id] = goal
+            args = Message(goal.action.type.goal, goal.request)
+            self.session.say(
+                "send_action_goal",
+                {"args": args},
+                id=goal_id,
+                action=op.action,
+                action_type=op.type,
+                feedback=True,
+            )
+
+        def cancel(goal: Goal) -> None:
+            goal_id = performance.id_of(goal)
+            if goal_id is not None:
+                self.session.say("cancel_action_goal", {}, id=goal_id, action=op.action)
+
+        action = self._actions.provide(self, op.action, op.type, take, cancel)
+        self._performances[action.name] = performance
+
+    def _unadvertise_action(self, op: ops.UnadvertiseAction, _now: float) -> None:
+        self._actions.withdraw(self, op.action)
+        self._performances.pop(resolve(op.action), None)
+
+    def _send_goal(self, op: ops.SendActionGoal, _now: float) -> None:
+        key = (op.action, op.id)
+
+        def on_feedback(values: Message) -> None:
+            self.session.say("action_feedback", {"values": values}, op.fragment_size, action=op.action, id=op.id)
+
+        def on_outcome(outcome: Outcome) -> None:
+            self._goals.pop(key, None)
+            end = {"action": op.action, "status": outcome.status, "result": outcome.is_ok, "id": op.id}
+            if isinstance(outcome.values, Message):
+                self.session.say("action_result", {"values": outcome.values}, op.fragment_size, **end)
+            else:
+                self.session.say("action_result", {}, op.fragment_size, values=outcome.values, **end)
+
+        if op.action_type is not None:
+            known = self._actions.by_name.get(resolve(op.action))
+            if known is not None and self._bus.store.canonical(op.action_type) != known.type.name:
+                text = f"Action {op.action} is of type {known.type.name}, not {op.action_type}"
+                on_outcome(Outcome(is_ok=False, status=GoalStatus.UNKNOWN, values=text))
+                return
+        goal = self._actions.send(self, op.action, op.args, on_outcome, on_feedback if op.feedback else None)
+        if goal is not None and op.id is not None:
+            self._goals[key] = goal
+
+    def _cancel_goal(self, op: ops.CancelActionGoal, _now: float) -> None:
+        """A goal that has ended, or never was, needs no cancelling: no mistake, as in rosbridge_suite."""
+        goal = self._goals.get((op.action, op.id))
+        if goal is not None:
+            goal.cancel()
+
+    def _report_goal(self, op: ops.ActionFeedback, _now: float) -> None:
+        goal = self._goal_at_work(op)
+        if goal is not None:
+            goal.report(decode_body(goal.action.type.feedback, op.values, self._bus.stamp_ns))
+
+    def _end_goal(self, op: ops.ActionResult, _now: float) -> None:
+        goal = self._goal_at_work(op)
+        if goal is None:
+            return
+        result_type = goal.action.type.result
+        if not op.result:
+            try:
+                values = decode_body(result_type, op.values, self._bus.stamp_ns)
+            except PeerError:  # a failed provider sends a text, or anything
+                values = result_type.default()
+            goal.end(GoalStatus.ABORTED, values)
+            return
+        try:
+            values = decode_body(result_type, op.values, self._bus.stamp_ns)
+        except PeerError as error:
+            goal.fail(str(error))
+            raise
+        goal.end(GoalStatus.SUCCEEDED if op.status is None else op.status, values)
+
+    def _goal_at_work(self, op: ops.ActionFeedback | ops.ActionResult) -> Goal | None:
+        """The goal that this client works on under that id; None if nobody waits for it any more."""
+        performance = self._performances.get(resolve(op.action))
+        if performance is None:
+            raise GraphError(f"Action {op.action} has not been advertised via rosbridge.")
+        goal = performance.goals.get(op.id)
+        if goal is None:
+            self.session.remark("warning", f"Nobody waits for a goal of {op.action} with this id", op.id)
+        return None if goal is None or goal.is_done else goal
+
     # The rest
 
     def _set_level(self, op: ops.SetLevel, _now: float) -> None:
@@ -247,8 +383,9 @@ class Peer:
         """Nothing to check: no token is wanted here."""
 
     def _check_room(self) -> None:
-        if len(self._publications) + len(self._feeds) + len(self._provisions) >= MAX_HELD:
-            raise GraphError(f"At most {MAX_HELD} topics and services can be held by one client")
+        num_topics = len(self._publications) + len(self._listenings)
+        if num_topics + len(self._provisions) + len(self._performances) >= MAX_HELD:
+            raise GraphError(f"At most {MAX_HELD} topics, services and actions can be held by one client")
 
 
 def _read_refusal(values: Any) -> object:  # noqa: ANN401 - JSON text of a stranger

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, Protocol
 
 import msgspec
@@ -22,7 +22,7 @@ import orjson
 from rosbridge_sim.errors import FrameError
 from rosbridge_sim.protocol.ops import ABSENT, OPS, Id, Op
 
-__all__ = ["Encoded", "call_frame", "decode_frame", "is_absent", "publish_head", "response_frame", "status_frame"]
+__all__ = ["Encoded", "decode_frame", "is_absent", "op_frame", "publish_head", "response_frame", "status_frame"]
 
 _SHOWN = 200
 """Characters of a stranger's text that an answer quotes: enough to recognise it, too few to be an amplifier."""
@@ -44,8 +44,24 @@ _CLASSES: dict[str, tuple[type, ...]] = {
     "fragment_size": (int, float),
     "timeout": (int, float),
     "id": (str, int, float, bool),
+    "action": (str,),
+    "action_type": (str,),
+    "feedback": (bool,),
+    "status": (int,),
+    "data": (str,),
+    "num": (int, float),
+    "total": (int, float),
+    "qos": (dict,),
 }
 """What a field may be, in any op; bodies are judged by `schema/`."""
+
+_ID_CLASSES: dict[str, tuple[type, ...]] = {
+    "fragment": (str, int, float),
+    "cancel_action_goal": (str,),
+    "action_feedback": (str,),
+    "action_result": (str,),
+}
+"""Ops whose id must be more than any scalar."""
 
 
 class Encoded(Protocol):
@@ -54,6 +70,14 @@ class Encoded(Protocol):
     @property
     def json(self) -> bytes:
         """The body as JSON text."""
+
+    @property
+    def cbor(self) -> bytes:
+        """The body as a CBOR map, numeric arrays as typed arrays."""
+
+    @property
+    def raw(self) -> bytes:
+        """The body as ROS itself sends it: ROS 1 bytes, or CDR with its four bytes in front."""
 
     def framed(self, head: bytes) -> bytes:
         """`head`, the body as JSON text, and a closing brace; the last such frame is kept for the next listener."""
@@ -134,13 +158,14 @@ def _to_op(value: Any) -> Op:  # noqa: ANN401 - any JSON value
 
 
 def _checked(given: Any, op: str, field: str, op_id: object) -> Any:  # noqa: ANN401 - any JSON value
-    classes = _CLASSES[field]
+    classes = _ID_CLASSES.get(op, _CLASSES["id"]) if field == "id" else _CLASSES[field]
     # Python would let True pass for 1; rosbridge_suite does, we do not
     if not isinstance(given, classes) or (isinstance(given, bool) and bool not in classes):
         raise FrameError(
             f"{op}: Expected field {field} to be one of {classes}. Invalid value: {_shorten(str(given))}", op_id
         )
-    if not _is_id(given):
+    # halves of a surrogate pair may stand at the ends of a fragment's data, and nowhere else
+    if not isinstance(given, dict) and field != "data" and not _is_id(given):
         raise FrameError(f"{op}: field {field} is no text or number that JSON knows", op_id)
     if isinstance(given, (int, float)) and classes == (int, float):
         try:
@@ -196,23 +221,19 @@ def response_frame(service: str, values: bytes, *, is_ok: bool, op_id: Id) -> by
     return b'{"op":"service_response","service":' + orjson.dumps(service) + b',"values":' + values + result + tail
 
 
-def call_frame(service: str, call_id: str, args: bytes) -> bytes:
-    """A call to a client that provides the service: op, service, id and args, and nothing else."""
-    return (
-        b'{"op":"call_service","service":'
-        + orjson.dumps(service)
-        + b',"id":'
-        + orjson.dumps(call_id)
-        + b',"args":'
-        + args
-        + b"}"
-    )
+def op_frame(op: str, bodies: Mapping[str, bytes], **fields: object) -> bytes:
+    """Any op of ours: its fields, of which `None` is left out, and its bodies, which are JSON text already."""
+    parts = [b'{"op":' + orjson.dumps(op)]
+    for name, value in fields.items():
+        if value is not None:
+            parts.append(orjson.dumps(name) + b":" + (_encode_id(value) if name == "id" else orjson.dumps(value)))
+    parts += [orjson.dumps(name) + b":" + body for name, body in bodies.items()]
+    return b",".join(parts) + b"}"
 
 
 def status_frame(level: str, text: str, op_id: object) -> bytes:
     """A remark of ours; `op_id` names the frame that it is about."""
-    tail = b"}" if op_id is None else b',"id":' + _encode_id(op_id) + b"}"
-    return b'{"op":"status","level":' + orjson.dumps(level) + b',"msg":' + orjson.dumps(text) + tail
+    return op_frame("status", {}, level=level, msg=text, id=op_id)
 
 
 def _encode_id(op_id: object) -> bytes:

@@ -11,10 +11,16 @@ the hard limit, the peer is beyond help and its connection is to be closed.
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-__all__ = ["Outbox", "OutboxLimits"]
+__all__ = ["BinaryFrame", "Outbox", "OutboxLimits"]
+
+
+class BinaryFrame(bytes):
+    """A frame that goes out as binary; plain bytes go out as text."""
+
+    __slots__ = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +43,7 @@ class Outbox:
 
     Attributes:
         num_bytes: what waits now [bytes].
+        bursts: topic -> newest messages kept, where it is not the limits' burst.
         dropped: topic -> messages forgotten.
         is_overfull: the hard limit is passed; the owner of the socket should close it.
     """
@@ -48,6 +55,7 @@ class Outbox:
         "_relieve_at",
         "_trim_at",
         "_wake",
+        "bursts",
         "dropped",
         "is_overfull",
         "num_bytes",
@@ -64,50 +72,53 @@ class Outbox:
         self._limits = limits
         self._wake = wake
         self._carry = carry
-        self._frames: deque[tuple[str | None, bytes]] = deque()
+        self._frames: deque[tuple[str | None, Sequence[bytes], int]] = deque()
         self._trim_at = limits.burst
         self._relieve_at = limits.topic_bytes
         self.num_bytes = 0
+        self.bursts: dict[str, int] = {}
         self.dropped: Counter[str] = Counter()
         self.is_overfull = False
 
     def __len__(self) -> int:
         return len(self._frames)
 
-    def send(self, frame: bytes) -> None:
-        """Add an answer or a remark, which is never forgotten."""
+    def send(self, *frames: bytes) -> None:
+        """Add an answer or a remark, which is never forgotten; several frames are its pieces."""
         if not self._frames:
             self._wake()
-        self._frames.append((None, frame))
-        self.num_bytes += len(frame)
+        size = sum(map(len, frames))
+        self._frames.append((None, frames, size))
+        self.num_bytes += size
         if self.num_bytes > self._relieve_at:
             self._relieve()
 
-    def offer(self, topic: str, frame: bytes) -> None:
-        """Add a message of a topic, which may be forgotten if the peer does not read."""
-        frames = self._frames
-        if not frames:
+    def offer(self, topic: str, *frames: bytes) -> None:
+        """Add a message of a topic, which may be forgotten, all its pieces together, if the peer does not read."""
+        waiting = self._frames
+        if not waiting:
             self._wake()
-        frames.append((topic, frame))
-        self.num_bytes += len(frame)
-        if len(frames) > self._trim_at or self.num_bytes > self._relieve_at:
+        size = len(frames[0]) if len(frames) == 1 else sum(map(len, frames))
+        waiting.append((topic, frames, size))
+        self.num_bytes += size
+        if len(waiting) > self._trim_at or self.num_bytes > self._relieve_at:
             self._relieve()
 
     def take(self, max_bytes: int) -> list[bytes]:
         """The oldest frames, in order: at least one if there is any, and about `max_bytes` in all."""
-        frames = self._frames
+        waiting = self._frames
         if self.num_bytes <= max_bytes:
-            taken = [frame for _, frame in frames]
-            frames.clear()
+            taken = [frame for _, frames, _ in waiting for frame in frames]
+            waiting.clear()
             self.num_bytes = 0
             return taken
         taken = []
-        size = 0
-        while frames and size < max_bytes:
-            frame = frames.popleft()[1]
-            size += len(frame)
-            taken.append(frame)
-        self.num_bytes -= size
+        total = 0
+        while waiting and total < max_bytes:
+            _, frames, size = waiting.popleft()
+            total += size
+            taken.extend(frames)
+        self.num_bytes -= total
         return taken
 
     def close(self) -> None:
@@ -127,19 +138,20 @@ class Outbox:
 
     def _trim(self) -> None:
         """Keep the newest of each topic, up to the burst and to half the byte limit, and all that is no topic."""
-        kept: deque[tuple[str | None, bytes]] = deque()
+        kept: deque[tuple[str | None, Sequence[bytes], int]] = deque()
         counts: Counter[str] = Counter()
         topic_bytes = 0
         num_bytes = 0
-        for topic, frame in reversed(self._frames):
+        for entry in reversed(self._frames):
+            topic, _, size = entry
             if topic is not None:
-                is_over = topic_bytes + len(frame) > self._limits.topic_bytes // 2
-                if counts[topic] and (is_over or counts[topic] >= self._limits.burst):
+                is_over = topic_bytes + size > self._limits.topic_bytes // 2
+                if counts[topic] and (is_over or counts[topic] >= self.bursts.get(topic, self._limits.burst)):
                     self.dropped[topic] += 1
                     continue
                 counts[topic] += 1
-                topic_bytes += len(frame)
-            kept.appendleft((topic, frame))
-            num_bytes += len(frame)
+                topic_bytes += size
+            kept.appendleft(entry)
+            num_bytes += size
         self._frames = kept
         self.num_bytes = num_bytes

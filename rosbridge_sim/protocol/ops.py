@@ -9,25 +9,33 @@ decodes them.
 
 from __future__ import annotations
 
-from typing import ClassVar, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import msgspec
 
 __all__ = [
     "ABSENT",
     "OPS",
+    "ActionFeedback",
+    "ActionResult",
     "Advertise",
+    "AdvertiseAction",
     "AdvertiseService",
     "Auth",
     "CallService",
+    "CancelActionGoal",
+    "Fragment",
     "Id",
     "Op",
+    "Png",
     "Publish",
+    "SendActionGoal",
     "ServiceResponse",
     "SetLevel",
     "Status",
     "Subscribe",
     "Unadvertise",
+    "UnadvertiseAction",
     "UnadvertiseService",
     "Unsubscribe",
 ]
@@ -54,6 +62,7 @@ class Advertise(_Op, frozen=True, tag="advertise", kw_only=True):
     topic: str
     type: str
     latch: bool | None = None
+    qos: dict[str, Any] | None = None
 
 
 class Unadvertise(_Op, frozen=True, tag="unadvertise", kw_only=True):
@@ -69,6 +78,7 @@ class Publish(_Op, frozen=True, tag="publish", kw_only=True):
     msg: msgspec.Raw = ABSENT
     latch: bool | None = None
     type: str | None = None
+    qos: dict[str, Any] | None = None
 
     bodies: ClassVar[tuple[str, ...]] = ("msg",)
 
@@ -82,6 +92,7 @@ class Subscribe(_Op, frozen=True, tag="subscribe", kw_only=True):
     queue_length: float | None = None
     fragment_size: float | None = None
     compression: str | None = None
+    qos: dict[str, Any] | None = None
 
 
 class Unsubscribe(_Op, frozen=True, tag="unsubscribe", kw_only=True):
@@ -96,6 +107,7 @@ class CallService(_Op, frozen=True, tag="call_service", kw_only=True):
     service: str
     args: msgspec.Raw = ABSENT
     timeout: float | None = None
+    fragment_size: float | None = None
 
     bodies: ClassVar[tuple[str, ...]] = ("args",)
 
@@ -121,6 +133,75 @@ class ServiceResponse(_Op, frozen=True, tag="service_response", kw_only=True):
     values: msgspec.Raw = ABSENT
 
     bodies: ClassVar[tuple[str, ...]] = ("values",)
+
+
+class AdvertiseAction(_Op, frozen=True, tag="advertise_action", kw_only=True):
+    """I provide this action."""
+
+    action: str
+    type: str
+
+
+class UnadvertiseAction(_Op, frozen=True, tag="unadvertise_action", kw_only=True):
+    """I provide this action no more."""
+
+    action: str
+
+
+class SendActionGoal(_Op, frozen=True, tag="send_action_goal", kw_only=True):
+    """Work towards this goal; with `feedback`, tell me how it goes."""
+
+    action: str
+    action_type: str | None = None
+    args: msgspec.Raw = ABSENT
+    feedback: bool | None = None
+    fragment_size: float | None = None
+
+    bodies: ClassVar[tuple[str, ...]] = ("args",)
+
+
+class CancelActionGoal(_Op, frozen=True, tag="cancel_action_goal", kw_only=True):
+    """End my goal of this id soon."""
+
+    id: str
+    action: str
+
+
+class ActionFeedback(_Op, frozen=True, tag="action_feedback", kw_only=True):
+    """How the goal that I work on is going."""
+
+    id: str
+    action: str
+    values: msgspec.Raw = ABSENT
+
+    bodies: ClassVar[tuple[str, ...]] = ("values",)
+
+
+class ActionResult(_Op, frozen=True, tag="action_result", kw_only=True):
+    """How a goal ended. Some builds of roslib leave out `status`, or `status` and `values` where it failed."""
+
+    id: str
+    action: str
+    result: bool
+    status: int | None = None
+    values: msgspec.Raw = ABSENT
+
+    bodies: ClassVar[tuple[str, ...]] = ("values",)
+
+
+class Fragment(_Op, frozen=True, tag="fragment", kw_only=True):
+    """A piece of a frame. `total` may be a float: rosbridge_suite writes 3.4 for three pieces."""
+
+    id: str | int | float
+    data: str
+    num: float
+    total: float
+
+
+class Png(_Op, frozen=True, tag="png", kw_only=True):
+    """A frame inside a picture, in base64."""
+
+    data: str
 
 
 class SetLevel(_Op, frozen=True, tag="set_level", kw_only=True):
@@ -150,6 +231,14 @@ Op: TypeAlias = (
     | AdvertiseService
     | UnadvertiseService
     | ServiceResponse
+    | AdvertiseAction
+    | UnadvertiseAction
+    | SendActionGoal
+    | CancelActionGoal
+    | ActionFeedback
+    | ActionResult
+    | Fragment
+    | Png
     | SetLevel
     | Status
     | Auth
@@ -165,6 +254,14 @@ OPS: dict[str, type[Op]] = {
     "advertise_service": AdvertiseService,
     "unadvertise_service": UnadvertiseService,
     "service_response": ServiceResponse,
+    "advertise_action": AdvertiseAction,
+    "unadvertise_action": UnadvertiseAction,
+    "send_action_goal": SendActionGoal,
+    "cancel_action_goal": CancelActionGoal,
+    "action_feedback": ActionFeedback,
+    "action_result": ActionResult,
+    "fragment": Fragment,
+    "png": Png,
     "set_level": SetLevel,
     "status": Status,
     "auth": Auth,

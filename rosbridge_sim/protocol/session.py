@@ -1,20 +1,35 @@
 """One connection as a state machine: frames in, ops out; messages, answers and remarks in, frames out.
 
-A session knows one peer's wire and nothing else: how it spells topics, from which level on it wants to hear
-remarks, what waits in its outbox. `receive` never raises for anything that a peer can send; what is no op is
-told to the peer and gone. What the ops *mean* is `graph/peer.py`'s business.
+A session knows one peer's wire and nothing else: how it spells topics, in which encoding and how often it wants
+their messages, which pieces of which long frames have come, from which level on it wants to hear remarks, what
+waits in its outbox. `receive` never raises for anything that a peer can send; what is no op is told to the peer
+and gone. What the ops *mean* is `graph/peer.py`'s business.
+
+No encoding, piece or binary frame goes to a peer that did not ask for it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+
 import orjson
 
 from rosbridge_sim.errors import FrameError
-from rosbridge_sim.protocol.codec import Encoded, call_frame, decode_frame, response_frame, status_frame
-from rosbridge_sim.protocol.flow import Outbox
-from rosbridge_sim.protocol.ops import Id, Op
+from rosbridge_sim.protocol.codec import (
+    Encoded,
+    decode_frame,
+    op_frame,
+    publish_head,
+    response_frame,
+    status_frame,
+)
+from rosbridge_sim.protocol.encodings import cbor_head, cbor_raw_frame, decode_cbor, decode_png, is_cbor, png_frame
+from rosbridge_sim.protocol.feed import Pace, Terms, merge_terms
+from rosbridge_sim.protocol.flow import BinaryFrame, Outbox
+from rosbridge_sim.protocol.fragments import Defragmenter, fragment_frames
+from rosbridge_sim.protocol.ops import Fragment, Id, Op, Png
 
-__all__ = ["LEVELS", "Session"]
+__all__ = ["LEVELS", "Feed", "Session"]
 
 LEVELS = {"none": 0, "error": 1, "warning": 2, "warn": 2, "info": 3}
 """Levels of remarks; a peer hears those up to its own. `warn` is what C++ servers' clients write."""
@@ -27,34 +42,86 @@ class Session:
         outbox: what is on its way to the peer.
         level: remarks up to this one are sent; `error` until the peer asks otherwise.
         num_received, num_refused: frames in, and those among them that held something that is no op.
+        num_sent: messages of topics that went into the outbox.
     """
 
-    __slots__ = ("_is_talkative", "level", "num_received", "num_refused", "outbox")
-
-    def __init__(self, outbox: Outbox, *, is_talkative: bool = True) -> None:
+    def __init__(
+        self,
+        outbox: Outbox,
+        alarm: Callable[[float], None],
+        *,
+        max_frame_size: int = 16 * 2**20,
+        is_talkative: bool = True,
+    ) -> None:
         """A session at its start.
 
         Args:
             outbox: where frames for the peer go.
+            alarm: called with a time [s] at which `flush` will have something to do.
+            max_frame_size: longest frame that pieces may make [characters].
             is_talkative: whether remarks are sent at all (an option for clients that choke on them).
         """
         self.outbox = outbox
         self.level = LEVELS["error"]
         self.num_received = 0
         self.num_refused = 0
+        self.num_sent = 0
+        self._alarm = alarm
         self._is_talkative = is_talkative
+        self._defragmenter = Defragmenter(max_frame_size)
+        self._num_fragmented = 0
+        self._waiting: dict[Feed, None] = {}
 
-    def receive(self, frame: bytes) -> list[Op]:
-        """The ops in a frame, in order. The peer is told of whatever else was in it. Never raises."""
+    # In
+
+    def receive(self, frame: bytes, now: float) -> list[Op]:
+        """The ops in a frame, in order. The peer is told of whatever else was in it. Never raises.
+
+        Args:
+            frame: what came, of a text or of a binary frame.
+            now: monotonic time [s].
+        """
         self.num_received += 1
         ops: list[Op] = []
-        for op in decode_frame(frame):
-            if isinstance(op, FrameError):
-                self.num_refused += 1
-                self.remark("error", str(op), op.op_id)
+        for op in self._decode(frame):
+            if isinstance(op, (Fragment, Png)):
+                ops.extend(self._unwrap(op, now))
+            elif isinstance(op, FrameError):
+                self._refuse(op)
             else:
                 ops.append(op)
         return ops
+
+    def _decode(self, frame: bytes) -> Iterator[Op | FrameError]:
+        if is_cbor(frame):
+            try:
+                frame = decode_cbor(frame)
+            except FrameError as error:
+                yield error
+                return
+        yield from decode_frame(frame)
+
+    def _unwrap(self, op: Fragment | Png, now: float) -> Iterator[Op]:
+        """The ops inside a picture, or inside the frame that a piece has made whole."""
+        try:
+            inner = decode_png(op.data) if isinstance(op, Png) else self._defragmenter.add(op, now)
+        except FrameError as error:
+            error.op_id = error.op_id or op.id
+            self._refuse(error)
+            return
+        for inner_op in decode_frame(inner) if inner is not None else ():
+            if isinstance(inner_op, (Fragment, Png)):  # a picture in a picture in a picture: nobody's need
+                self._refuse(FrameError("A fragment or a png may not hold another one", inner_op.id))
+            elif isinstance(inner_op, FrameError):
+                self._refuse(inner_op)
+            else:
+                yield inner_op
+
+    def _refuse(self, error: FrameError) -> None:
+        self.num_refused += 1
+        self.remark("error", str(error), error.op_id)
+
+    # Out
 
     def set_level(self, level: str) -> None:
         """Hear remarks up to `level` from now on; a word that is no level changes nothing."""
@@ -65,15 +132,119 @@ class Session:
         if self._is_talkative and LEVELS[level] <= self.level:
             self.outbox.send(status_frame(level, text, op_id))
 
-    def message(self, topic: str, head: bytes, message: Encoded) -> None:
-        """Send a topic's message; `topic` and `head` in the peer's spelling."""
-        self.outbox.offer(topic, message.framed(head))
-
-    def answer(self, service: str, op_id: Id, values: Encoded | object, *, is_ok: bool) -> None:
+    def answer(
+        self, service: str, op_id: Id, values: Encoded | object, *, is_ok: bool, fragment_size: float | None = None
+    ) -> None:
         """Answer a call of the peer's: with a message, or with whatever JSON value says why not."""
         body = values.json if is_ok else orjson.dumps(values)  # type: ignore[union-attr] # is_ok: Encoded
-        self.outbox.send(response_frame(service, body, is_ok=is_ok, op_id=op_id))
+        self.outbox.send(*self.pieces(response_frame(service, body, is_ok=is_ok, op_id=op_id), fragment_size))
 
-    def call(self, service: str, call_id: str, args: Encoded) -> None:
-        """Ask the peer, who provides the service."""
-        self.outbox.send(call_frame(service, call_id, args.json))
+    def say(self, op: str, bodies: dict[str, Encoded], fragment_size: float | None = None, **fields: object) -> None:
+        """Send any op that is an answer or a request, and so must not be lost."""
+        frame = op_frame(op, {name: body.json for name, body in bodies.items()}, **fields)
+        self.outbox.send(*self.pieces(frame, fragment_size))
+
+    def pieces(self, frame: bytes, size: float | None) -> list[bytes]:
+        """The frame, in pieces if the peer asked for frames of at most `size` characters."""
+        if size is None or size <= 0 or len(frame) <= size:
+            return [frame]
+        self._num_fragmented += 1
+        return fragment_frames(frame, int(min(size, 2**31)), f"frag:{self._num_fragmented}")
+
+    # Feeds
+
+    def await_turn(self, feed: Feed, due: float) -> None:
+        """Have `flush` look at a feed in which messages wait (for `Feed` alone)."""
+        if feed not in self._waiting:
+            self._waiting[feed] = None
+            self._alarm(due)
+
+    def flush(self, now: float, stamp_ns: int) -> None:
+        """Send what has waited for its turn, and set the alarm for what still does.
+
+        Args:
+            now: monotonic time [s].
+            stamp_ns: the time that cbor-raw frames carry [ns].
+        """
+        due = float("inf")
+        for feed in list(self._waiting):
+            feed.flush(now, stamp_ns)
+            turn = feed.pace.due()
+            if turn is None:
+                self._waiting.pop(feed, None)
+            else:
+                due = min(due, turn)
+        if self._waiting:
+            self._alarm(due)
+
+    def drop_feed(self, feed: Feed) -> None:
+        """Forget what waits in a feed that has ended."""
+        self._waiting.pop(feed, None)
+        self.outbox.bursts.pop(feed.spelling, None)
+
+
+class Feed:
+    """One spelling of a topic that a peer listens to, under the merged terms of all its subscriptions.
+
+    Attributes:
+        spelling: the topic as the peer writes it.
+        pace: throttle and queue.
+        ids: the terms of each subscription.
+    """
+
+    __slots__ = ("_head", "_session", "_terms", "ids", "pace", "spelling")
+
+    def __init__(self, session: Session, spelling: str) -> None:
+        self.spelling = spelling
+        self.pace: Pace[Encoded] = Pace()
+        self.ids: dict[Id, Terms] = {}
+        self._session = session
+        self._terms = Terms()
+        self._head = publish_head(spelling)
+
+    def set_terms(self, sub_id: Id, terms: Terms | None) -> None:
+        """Put one subscription on other terms, or end it with None; one stays at least."""
+        if terms is None:
+            self.ids.pop(sub_id, None)
+        else:
+            self.ids[sub_id] = terms
+        merged = self._terms = merge_terms(self.ids.values())
+        self.pace.set_terms(merged)
+        is_binary = merged.compression.startswith("cbor")
+        self._head = cbor_head(self.spelling) if is_binary else publish_head(self.spelling)
+        if merged.queue_length and merged.interval == 0.0:
+            self._session.outbox.bursts[self.spelling] = merged.queue_length
+        else:
+            self._session.outbox.bursts.pop(self.spelling, None)
+
+    def deliver(self, message: Encoded, now: float, stamp_ns: int) -> None:
+        """Send a message now, later or never, as the terms say."""
+        if self.pace.admit(message, now):
+            self.send(message, stamp_ns)
+        else:
+            due = self.pace.due()
+            if due is not None:
+                self._session.await_turn(self, due)
+
+    def flush(self, now: float, stamp_ns: int) -> None:
+        """Send what has waited and whose time has come."""
+        while (message := self.pace.release(now)) is not None:
+            self.send(message, stamp_ns)
+
+    def send(self, message: Encoded, stamp_ns: int) -> None:
+        """Send a message, in the encoding that was asked for."""
+        terms, session = self._terms, self._session
+        session.num_sent += 1
+        compression = terms.compression
+        if compression == "none":
+            frame = message.framed(self._head)
+            if terms.fragment_size is None:
+                session.outbox.offer(self.spelling, frame)
+            else:
+                session.outbox.offer(self.spelling, *session.pieces(frame, terms.fragment_size))
+        elif compression == "cbor":
+            session.outbox.offer(self.spelling, BinaryFrame(self._head + message.cbor))
+        elif compression == "cbor-raw":
+            session.outbox.offer(self.spelling, BinaryFrame(cbor_raw_frame(self._head, stamp_ns, message.raw)))
+        else:
+            session.outbox.offer(self.spelling, png_frame(message.framed(self._head)))

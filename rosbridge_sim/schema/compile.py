@@ -17,19 +17,23 @@ import keyword
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from types import GenericAlias
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import msgspec
 import numpy as np
 import orjson
 
 from rosbridge_sim.errors import DefinitionError, FieldError
+from rosbridge_sim.schema.cbor import CborWriters
 from rosbridge_sim.schema.check import Dialect, Leniency, Shape, Slot, check, round32, round32_list
 from rosbridge_sim.schema.parse import Definition, Field
 
-__all__ = ["MessageType", "OpaqueType", "ServiceType", "compile_message"]
+if TYPE_CHECKING:
+    from rosbridge_sim.schema.wire import RosWire
+
+__all__ = ["ActionType", "MessageType", "OpaqueType", "ServiceType", "compile_message"]
 
 _After = Callable[[Any, int], None]
 """`(value, stamp_ns)`: finishes a decoded value in place."""
@@ -50,14 +54,15 @@ class MessageType:
         shape: the same as the slow rules see it.
     """
 
-    __slots__ = ("_after", "_decode", "definition", "name", "shape", "struct")
+    __slots__ = ("_after", "_decode", "_encoders", "definition", "name", "shape", "struct")
 
-    def __init__(self, shape: Shape, after: _After | None) -> None:
+    def __init__(self, shape: Shape, after: _After | None, encoders: Encoders) -> None:
         self.name = shape.name
         self.definition = shape.definition
         self.struct = shape.struct
         self.shape = shape
         self._after = after
+        self._encoders = encoders
         self._decode = msgspec.json.Decoder(shape.struct).decode
 
     def __repr__(self) -> str:
@@ -98,6 +103,14 @@ class MessageType:
         """The JSON text of a value; NaN and infinity are `null`, bytes are base64, numpy arrays are lists."""
         return _encode(value)
 
+    def encode_cbor(self, value: Any) -> bytes:  # noqa: ANN401 - a generated struct
+        """The CBOR map of a value: NaN and infinity stay, numeric arrays are typed arrays."""
+        return self._encoders.cbor.encode(self.shape, value)
+
+    def encode_raw(self, value: Any) -> bytes:  # noqa: ANN401 - a generated struct
+        """The bytes that ROS itself sends: ROS 1's, or CDR with its four bytes in front."""
+        return self._encoders.ros.serialize(self.shape, value)
+
     def default(self) -> Any:  # noqa: ANN401 - a generated struct
         """A value whose fields all have their defaults."""
         return self.struct()
@@ -108,6 +121,25 @@ class MessageType:
         return builtins
 
 
+class Encoders:
+    """What the types of one store write with besides JSON; made when somebody first asks.
+
+    Args:
+        ros: the generation whose bytes are written.
+    """
+
+    def __init__(self, ros: Literal[1, 2] = 1) -> None:
+        self._ros_generation: Literal[1, 2] = ros
+        self.cbor = CborWriters()
+
+    @cached_property
+    def ros(self) -> RosWire:
+        """The writers of ROS's own bytes."""
+        from rosbridge_sim.schema.wire import RosWire  # noqa: PLC0415 - rosbags, for those who ask for its bytes
+
+        return RosWire(self._ros_generation)
+
+
 @dataclass(frozen=True, slots=True)
 class ServiceType:
     """A service type: two message types, `<name>Request` and `<name>Response`."""
@@ -115,6 +147,16 @@ class ServiceType:
     name: str
     request: MessageType
     response: MessageType
+
+
+@dataclass(frozen=True, slots=True)
+class ActionType:
+    """An action type: three message types, `<name>Goal`, `<name>Result` and `<name>Feedback`."""
+
+    name: str
+    goal: MessageType
+    result: MessageType
+    feedback: MessageType
 
 
 class OpaqueType:
@@ -165,6 +207,20 @@ class OpaqueType:
     def encode_json(self, value: Mapping[str, Any]) -> bytes:
         """The JSON text of an object that was accepted."""
         return orjson.dumps(value)
+
+    def encode_cbor(self, value: Mapping[str, Any]) -> bytes:
+        """The CBOR map of an object that was accepted; nothing is known of arrays, so none is typed."""
+        import cbor2  # noqa: PLC0415 - for a type that nobody knows in an encoding that few ask for
+
+        return cbor2.dumps(dict(value))
+
+    def encode_raw(self, value: Mapping[str, Any]) -> bytes:  # noqa: ARG002 - as MessageType
+        """Nobody knows its bytes.
+
+        Raises:
+            FieldError: always.
+        """
+        raise FieldError(f"{self.name} is not known here, so it cannot be sent as cbor-raw")
 
     def default(self) -> dict[str, Any]:
         """The empty object: nothing is known of any field."""
@@ -226,7 +282,11 @@ _encode = msgspec.json.Encoder(enc_hook=_encode_numpy).encode
 
 
 def compile_message(
-    definition: Definition, nested: Callable[[Field], MessageType], dialect: Dialect, leniency: Leniency
+    definition: Definition,
+    nested: Callable[[Field], MessageType],
+    dialect: Dialect,
+    leniency: Leniency,
+    encoders: Encoders,
 ) -> MessageType:
     """The compiled type of a definition.
 
@@ -235,6 +295,7 @@ def compile_message(
         nested: gives the compiled type of a field's nested message; raises DefinitionError when there is none.
         dialect: the personality.
         leniency: other names and shapes that it accepts.
+        encoders: what the types of its store share.
 
     Raises:
         DefinitionError: a nested type is unknown or contains itself.
@@ -280,7 +341,7 @@ def compile_message(
         alias: wire for alias, wire in leniency.fields.get(name, {}).items() if wire in slots and alias not in slots
     }
     shape = Shape(name, definition, dialect, struct, slots, aliases, is_header)
-    return MessageType(shape, _make_after(shape, afters))
+    return MessageType(shape, _make_after(shape, afters), encoders)
 
 
 def _same(value: object) -> object:

@@ -23,6 +23,7 @@ __all__ = [
     "Constant",
     "Definition",
     "Field",
+    "parse_action",
     "parse_message",
     "parse_service",
     "qualified_text",
@@ -153,16 +154,35 @@ def parse_service(name: str, text: str, source: str | None = None) -> tuple[Defi
     Raises:
         DefinitionError: the text breaks the grammar, or has not exactly one `---` line.
     """
+    request, response = _parse_parts(name, text, source or name, "a service", ("Request", "Response"))
+    return request, response
+
+
+def parse_action(name: str, text: str, source: str | None = None) -> tuple[Definition, Definition, Definition]:
+    """The goal `<name>Goal`, the result `<name>Result` and the feedback `<name>Feedback` of a .action text.
+
+    Raises:
+        DefinitionError: the text breaks the grammar, or has not exactly two `---` lines.
+    """
+    goal, result, feedback = _parse_parts(name, text, source or name, "an action", ("Goal", "Result", "Feedback"))
+    return goal, result, feedback
+
+
+def _parse_parts(name: str, text: str, source: str, what: str, suffixes: tuple[str, ...]) -> list[Definition]:
+    """The definitions between the `---` lines, named by the suffixes."""
     lines = text.split("\n")
     borders = [i for i, line in enumerate(lines) if line.strip() == "---"]
-    if len(borders) != 1:
-        line = borders[1] + 1 if borders else len(lines)
-        raise DefinitionError(source or name, line, 1, f"a service needs exactly one line '---', found {len(borders)}")
-    request, response = "\n".join(lines[: borders[0]]), "\n".join(lines[borders[0] + 1 :])
-    return (
-        _parse(f"{name}Request", request, source or name, 1),
-        _parse(f"{name}Response", response, source or name, borders[0] + 2),
-    )
+    wanted = len(suffixes) - 1
+    if len(borders) != wanted:
+        line = borders[wanted] + 1 if len(borders) > wanted else len(lines)
+        count = "one line" if wanted == 1 else f"{wanted} lines"
+        raise DefinitionError(source, line, 1, f"{what} needs exactly {count} '---', found {len(borders)}")
+    starts = [0, *(border + 1 for border in borders)]
+    ends = [*borders, len(lines)]
+    return [
+        _parse(name + suffix, "\n".join(lines[start:end]), source, start + 1)
+        for suffix, start, end in zip(suffixes, starts, ends, strict=True)
+    ]
 
 
 def qualified_text(definition: Definition) -> str:

@@ -16,8 +16,8 @@ import msgspec
 
 from rosbridge_sim.errors import DefinitionError, TypeNameError, UnknownPackageError
 from rosbridge_sim.schema.check import ROS1, Leniency, printable
-from rosbridge_sim.schema.compile import MessageType, OpaqueType, ServiceType, compile_message
-from rosbridge_sim.schema.parse import Definition, Field, parse_message, parse_service, qualified_text
+from rosbridge_sim.schema.compile import ActionType, Encoders, MessageType, OpaqueType, ServiceType, compile_message
+from rosbridge_sim.schema.parse import Definition, Field, parse_action, parse_message, parse_service, qualified_text
 
 __all__ = ["Leniency", "Message", "Store"]
 
@@ -44,12 +44,14 @@ class Message:
         value: a struct of it, or the bare object of an unknown type; not changed any more.
     """
 
-    __slots__ = ("_framed", "_head", "_json", "type", "value")
+    __slots__ = ("_cbor", "_framed", "_head", "_json", "_raw", "type", "value")
 
     def __init__(self, message_type: MessageType | OpaqueType, value: Any) -> None:  # noqa: ANN401 - a generated struct
         self.type = message_type
         self.value = value
         self._json: bytes | None = None
+        self._cbor: bytes | None = None
+        self._raw: bytes | None = None
         self._head = b""
         self._framed = b""
 
@@ -59,6 +61,24 @@ class Message:
         if self._json is None:
             self._json = self.type.encode_json(self.value)
         return self._json
+
+    @property
+    def cbor(self) -> bytes:
+        """The value as a CBOR map."""
+        if self._cbor is None:
+            self._cbor = self.type.encode_cbor(self.value)
+        return self._cbor
+
+    @property
+    def raw(self) -> bytes:
+        """The value as ROS itself sends it: ROS 1 bytes, or CDR.
+
+        Raises:
+            FieldError: the type is unknown here, so its bytes are too.
+        """
+        if self._raw is None:
+            self._raw = self.type.encode_raw(self.value)
+        return self._raw
 
     def framed(self, head: bytes) -> bytes:
         """`head`, the JSON text, and a closing brace; kept for the next listener, who mostly wants the same."""
@@ -82,6 +102,7 @@ class Store:
     ) -> None:
         leniency = leniency or Leniency()
         self._dialect = {1: ROS1}[ros]
+        self._encoders = Encoders(ros)
         self._texts = dict(texts)
         self._leniency = Leniency(
             types=leniency.types,
@@ -93,6 +114,7 @@ class Store:
         self._definitions: dict[str, Definition] = {}
         self._messages: dict[str, MessageType] = {}
         self._services: dict[str, ServiceType] = {}
+        self._actions: dict[str, ActionType] = {}
         self._spellings: dict[str, str] = {}
         self._open: list[str] = []
 
@@ -173,6 +195,31 @@ class Store:
         self._remember(name, canonical)
         return compiled
 
+    def action(self, name: str) -> ActionType:
+        """The compiled type of an action.
+
+        Args:
+            name: `pkg/Type` or `pkg/action/Type`.
+
+        Raises:
+            TypeNameError: the name is malformed, its package has no such action, or its definition is broken.
+            UnknownPackageError: nothing is known of its package.
+        """
+        canonical = self.canonical(name)
+        compiled = self._actions.get(canonical)
+        if compiled is None:
+            package, _, short = canonical.partition("/")
+            text = self._texts.get((package, "action", short))
+            if text is None:
+                raise self._unknown(package, canonical, "action", "action")
+            try:
+                parts = parse_action(canonical, text, f"{package}/action/{short}.action")
+                goal, result, feedback = map(self._compile, parts)
+            except DefinitionError as error:
+                raise TypeNameError(f"Unable to resolve type {canonical}: {error}") from None
+            compiled = self._actions[canonical] = ActionType(canonical, goal, result, feedback)
+        return compiled
+
     def verify(self, packages: Iterable[str] | None = None) -> None:
         """Compile every text of some packages (all when None), so that a user's mistake is found at start.
 
@@ -245,7 +292,7 @@ class Store:
 
         self._open.append(definition.name)
         try:
-            return compile_message(definition, nested, self._dialect, self._leniency)
+            return compile_message(definition, nested, self._dialect, self._leniency, self._encoders)
         finally:
             self._open.pop()
 

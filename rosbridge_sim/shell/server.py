@@ -27,7 +27,7 @@ from websockets.protocol import State
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer
-from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
+from rosbridge_sim.protocol.flow import BinaryFrame, Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 
 __all__ = ["Server", "ServerLimits"]
@@ -81,11 +81,13 @@ class _Client:
     def __init__(self, socket: _Socket, bus: Bus, limits: ServerLimits) -> None:
         self.socket = socket
         self.outbox = Outbox(limits.outbox, self._wake, self.carry)
-        address = socket.remote_address
-        self.peer = Peer(
-            bus, Session(self.outbox, is_talkative=limits.is_talkative), f"{address[0]}:{address[1]}" if address else ""
+        session = Session(
+            self.outbox, self._set_alarm, max_frame_size=limits.max_frame_size, is_talkative=limits.is_talkative
         )
+        address = socket.remote_address
+        self.peer = Peer(bus, session, f"{address[0]}:{address[1]}" if address else "")
         self._is_woken = False
+        self._alarm: asyncio.TimerHandle | None = None
         self._closing: asyncio.Task[None] | None = None
         socket.on_room = self.carry
 
@@ -93,6 +95,25 @@ class _Client:
         if not self._is_woken:
             self._is_woken = True
             self.socket.loop.call_soon(self.carry)
+
+    def _set_alarm(self, due: float) -> None:
+        """Flush the peer's feeds at `due`, or earlier if an earlier alarm is set already."""
+        alarm = self._alarm
+        if alarm is None or alarm.when() > due:
+            if alarm is not None:
+                alarm.cancel()
+            self._alarm = self.socket.loop.call_at(due, self._flush)
+
+    def _flush(self) -> None:
+        self._alarm = None
+        self.peer.flush(self.socket.loop.time())
+
+    def leave(self) -> None:
+        """Take the client off the bus, whatever was on its way to it."""
+        if self._alarm is not None:
+            self._alarm.cancel()
+        self.outbox.close()
+        self.peer.leave(self.socket.loop.time())
 
     def carry(self) -> None:
         """Hand what waits to the transport, for as long as it takes it."""
@@ -104,7 +125,10 @@ class _Client:
             return
         while len(outbox) and not socket.paused:
             for frame in outbox.take(WRITE_SIZE):
-                protocol.send_text(frame)
+                if type(frame) is BinaryFrame:
+                    protocol.send_binary(frame)
+                else:
+                    protocol.send_text(frame)
             socket.transport.write(b"".join(protocol.data_to_send()))
         if outbox.is_overfull and self._closing is None:
             _log.warning("%s reads too slowly: %d bytes wait; closing", self.peer.address, outbox.num_bytes)
@@ -205,8 +229,7 @@ class Server:
             _log.debug("%s: %s", peer.address, closed)
         finally:
             del self.clients[client]
-            client.outbox.close()
-            peer.leave(clock())
+            client.leave()
             self._on_change()
             _log.info("%s left; %d connected now", peer.address, len(self.clients))
 

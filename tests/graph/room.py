@@ -35,7 +35,7 @@ def make_bus() -> Bus:
 def make_peer(bus: Bus) -> tuple[Peer, Outbox]:
     """A client whose socket never takes anything: all frames stay in its outbox."""
     outbox = Outbox(OutboxLimits(), lambda: None, lambda: None)
-    return Peer(bus, Session(outbox)), outbox
+    return Peer(bus, Session(outbox, lambda _due: None)), outbox
 
 
 class MemoryClients:

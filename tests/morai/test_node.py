@@ -132,8 +132,7 @@ def test_start_sync_stands_at_frame_0_until_a_master_ticks() -> None:
     assert stand.node.next_due(0.0) is None
     stand.node.advance(1e6)
     assert stand.world.frame == 0
-    info = stand.bus.topics["/SyncModeInfo"].latched
-    assert info is not None
+    (info,) = stand.bus.topics["/SyncModeInfo"].latched
     assert info.json == b'{"master_id":"","status":true,"frame":0,"can_send_tick":false}'
     assert client.start("") == {"user_id": "sync-1", "frame": 0, "result": True, "time_step": 20}
     assert client.tick("sync-1")["frame"] == 1

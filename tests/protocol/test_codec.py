@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from rosbridge_sim.errors import FrameError
 from rosbridge_sim.protocol import codec
-from rosbridge_sim.protocol.codec import call_frame, decode_frame, is_absent, publish_head, response_frame, status_frame
+from rosbridge_sim.protocol.codec import decode_frame, is_absent, op_frame, publish_head, response_frame, status_frame
 from rosbridge_sim.protocol.ops import OPS, CallService, Id, Op, Publish, Subscribe
 
 json_values = st.recursive(
@@ -133,7 +133,9 @@ def test_a_long_text_of_a_stranger_is_not_sent_back_whole() -> None:
 
 def test_frames_out() -> None:
     assert publish_head('/a"b') == b'{"op":"publish","topic":"/a\\"b","msg":'
-    assert json.loads(call_frame("/s", "service_request:/s:1", b"{}")) == {
+    assert json.loads(
+        op_frame("call_service", {"args": b"{}"}, service="/s", id="service_request:/s:1", gone=None)
+    ) == {
         "op": "call_service",
         "service": "/s",
         "id": "service_request:/s:1",

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from rosbridge_sim.protocol.feed import Terms
 from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.protocol.ops import Advertise, Subscribe
-from rosbridge_sim.protocol.session import Session
+from rosbridge_sim.protocol.session import Feed, Session
 
 
 def make_session(*, is_talkative: bool = True) -> Session:
-    return Session(Outbox(OutboxLimits(), lambda: None, lambda: None), is_talkative=is_talkative)
+    return Session(Outbox(OutboxLimits(), lambda: None, lambda: None), lambda _due: None, is_talkative=is_talkative)
 
 
 def said(session: Session) -> list[Any]:
@@ -20,6 +21,8 @@ def said(session: Session) -> list[Any]:
 
 class Body:
     json = b'{"data":"hi"}'
+    cbor = b"\xa1\x64data\x62hi"
+    raw = b"\2\0\0\0hi"
 
     def framed(self, head: bytes) -> bytes:
         return head + self.json + b"}"
@@ -28,7 +31,8 @@ class Body:
 def test_ops_come_in_order_and_the_rest_is_told() -> None:
     session = make_session()
     ops = session.receive(
-        b'{"op":"advertise","topic":"/t","type":"std_msgs/String"}{"op":"fly","id":1}{"op":"subscribe","topic":"/t"}'
+        b'{"op":"advertise","topic":"/t","type":"std_msgs/String"}{"op":"fly","id":1}{"op":"subscribe","topic":"/t"}',
+        0.0,
     )
     assert [type(op) for op in ops] == [Advertise, Subscribe]
     (status,) = said(session)
@@ -63,7 +67,7 @@ def test_a_word_that_is_no_level_changes_nothing() -> None:
 
 def test_a_silent_session_makes_no_remarks_and_still_answers() -> None:
     session = make_session(is_talkative=False)
-    assert session.receive(b"rubbish") == []
+    assert session.receive(b"rubbish", 0.0) == []
     session.answer("/s", "1", "no", is_ok=False)
     (answer,) = said(session)
     assert answer == {"op": "service_response", "service": "/s", "values": "no", "result": False, "id": "1"}
@@ -71,9 +75,11 @@ def test_a_silent_session_makes_no_remarks_and_still_answers() -> None:
 
 def test_messages_answers_and_calls() -> None:
     session = make_session()
-    session.message("/t", b'{"op":"publish","topic":"/t","msg":', Body())
+    feed = Feed(session, "/t")
+    feed.set_terms(None, Terms())
+    feed.deliver(Body(), 0.0, 0)
     session.answer("/s", None, Body(), is_ok=True)
-    session.call("/s", "service_request:/s:1", Body())
+    session.say("call_service", {"args": Body()}, service="/s", id="service_request:/s:1")
     assert said(session) == [
         {"op": "publish", "topic": "/t", "msg": {"data": "hi"}},
         {"op": "service_response", "service": "/s", "values": {"data": "hi"}, "result": True},

@@ -1,0 +1,221 @@
+"""Goals: long requests with feedback that can be cancelled; the bus's third way of talking.
+
+Like a call, a goal ends exactly once: with what its provider says, or because one of the two is gone. A cancel
+is a wish that goes straight to the provider and never waits behind the goal; the provider still ends it. Where
+the *caller* leaves, its goals are cancelled and their ends are nobody's; where the *provider* leaves, its goals
+fail at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Protocol
+
+from rosbridge_sim.errors import GraphError, PeerError
+from rosbridge_sim.graph.owner import Body, Owner, decode_body, resolve
+from rosbridge_sim.schema.compile import ActionType
+from rosbridge_sim.schema.store import Message, Store
+
+__all__ = ["MAX_GOALS", "Action", "Actions", "Goal", "GoalStatus", "Outcome"]
+
+MAX_GOALS = 1_000
+"""Goals that one caller may have under way."""
+
+
+class GoalStatus(IntEnum):
+    """The numbers of action_msgs/GoalStatus."""
+
+    UNKNOWN = 0
+    ACCEPTED = 1
+    EXECUTING = 2
+    CANCELING = 3
+    SUCCEEDED = 4
+    CANCELED = 5
+    ABORTED = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a goal ended.
+
+    Attributes:
+        is_ok: `result` on the wire: it came to an end at its provider's, however that went.
+        status: the end; UNKNOWN where it never got there.
+        values: the result when `is_ok`, else a text that says why not.
+    """
+
+    is_ok: bool
+    status: int
+    values: Message | str
+
+
+OnFeedback = Callable[[Message], None]
+OnOutcome = Callable[[Outcome], None]
+
+
+@dataclass(eq=False, slots=True)
+class Action:
+    """A named action and who provides it."""
+
+    name: str
+    type: ActionType
+    owner: Owner
+    take: Callable[[Goal], None]
+    cancel: Callable[[Goal], None]
+    goals: dict[Goal, None] = field(default_factory=dict)
+
+
+@dataclass(eq=False, slots=True)
+class Goal:
+    """One goal, from its request to its one end.
+
+    Attributes:
+        request: a struct of the action's goal type.
+        is_done: ended or given up; whatever comes after that is ignored.
+    """
+
+    action: Action
+    caller: Owner
+    request: object
+    on_outcome: OnOutcome
+    on_feedback: OnFeedback | None
+    actions: Actions
+    is_done: bool = False
+
+    def report(self, values: object) -> None:
+        """Pass feedback on; a struct of the action's feedback type."""
+        if not self.is_done and self.on_feedback is not None:
+            self.on_feedback(Message(self.action.type.feedback, values))
+
+    def end(self, status: int, values: object) -> None:
+        """End the goal with a struct of the action's result type."""
+        self._end(Outcome(is_ok=True, status=status, values=Message(self.action.type.result, values)))
+
+    def fail(self, why: str) -> None:
+        """End a goal that its provider never brought to an end."""
+        self._end(Outcome(is_ok=False, status=GoalStatus.UNKNOWN, values=why))
+
+    def cancel(self) -> None:
+        """Ask the provider to end the goal soon."""
+        if not self.is_done:
+            self.action.cancel(self)
+
+    def abandon(self) -> None:
+        """Cancel a goal whose caller is gone."""
+        self.cancel()
+        self._end(None)
+
+    def _end(self, outcome: Outcome | None) -> None:
+        if self.is_done:
+            return
+        self.is_done = True
+        self.action.goals.pop(self, None)
+        self.actions.forget(self)
+        if outcome is not None:
+            self.on_outcome(outcome)
+
+
+class _Clock(Protocol):
+    """What of the bus is needed here: its types and its time."""
+
+    store: Store
+    stamp_ns: int
+
+
+class Actions:
+    """The actions of one bus."""
+
+    def __init__(self, bus: _Clock) -> None:
+        """No actions yet; the bus tells who leaves."""
+        self._bus = bus
+        self.by_name: dict[str, Action] = {}
+        self._goals: dict[Owner, dict[Goal, None]] = {}
+
+    def provide(
+        self,
+        owner: Owner,
+        name: str,
+        type_name: str,
+        take: Callable[[Goal], None],
+        cancel: Callable[[Goal], None],
+    ) -> Action:
+        """Offer an action; the last to offer a name has it.
+
+        Args:
+            owner: who offers.
+            name: may be relative.
+            type_name: in any accepted spelling.
+            take: gets each goal; a PeerError that it raises fails the goal.
+            cancel: gets each goal that is to end.
+
+        Raises:
+            TypeNameError: the type cannot be had.
+        """
+        name = resolve(name)
+        action = Action(name, self._bus.store.action(type_name), owner, take, cancel)
+        old = self.by_name.get(name)
+        if old is not None:
+            if old.owner is not owner:
+                owner.tell("warning", f"Duplicate action advertised. Overwriting {name}.")
+            self._drop(old, f"Action {name} was unadvertised")
+        self.by_name[name] = action
+        return action
+
+    def withdraw(self, owner: Owner, name: str) -> None:
+        """Stop offering an action.
+
+        Raises:
+            GraphError: `owner` does not offer it.
+        """
+        action = self.by_name.get(resolve(name))
+        if action is None or action.owner is not owner:
+            raise GraphError(f"Action {name} has not been advertised via rosbridge, can't unadvertise.")
+        self._drop(action, f"Action {action.name} was unadvertised")
+
+    def send(
+        self, caller: Owner, name: str, args: Body, on_outcome: OnOutcome, on_feedback: OnFeedback | None
+    ) -> Goal | None:
+        """Send a goal. `on_outcome` is called exactly once unless the caller leaves; None if that was at once."""
+        try:
+            action = self.by_name.get(resolve(name))
+            if action is None:
+                raise GraphError(f"Action {name} does not exist")
+            request = decode_body(action.type.goal, args, self._bus.stamp_ns)
+            held = self._goals.setdefault(caller, {})
+            if len(held) >= MAX_GOALS:
+                raise GraphError(f"Too many goals under way: at most {MAX_GOALS}")
+        except PeerError as error:
+            on_outcome(Outcome(is_ok=False, status=GoalStatus.UNKNOWN, values=str(error)))
+            return None
+        goal = Goal(action, caller, request, on_outcome, on_feedback, self)
+        action.goals[goal] = None
+        held[goal] = None
+        try:
+            action.take(goal)
+        except PeerError as error:
+            goal.fail(str(error))
+        return None if goal.is_done else goal
+
+    def forget(self, goal: Goal) -> None:
+        """Strike an ended goal from its caller's list (for `Goal` alone)."""
+        held = self._goals.get(goal.caller)
+        if held is not None:
+            held.pop(goal, None)
+            if not held:
+                del self._goals[goal.caller]
+
+    def leave(self, owner: Owner) -> None:
+        """Cancel the owner's goals, fail those that were sent to it."""
+        for goal in list(self._goals.pop(owner, ())):
+            goal.abandon()
+        for action in list(self.by_name.values()):
+            if action.owner is owner:
+                self._drop(action, f"Action {action.name} was unadvertised: its provider disconnected")
+
+    def _drop(self, action: Action, why: str) -> None:
+        if self.by_name.get(action.name) is action:
+            del self.by_name[action.name]
+        for goal in list(action.goals):
+            goal.fail(why)

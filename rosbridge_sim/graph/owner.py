@@ -1,0 +1,70 @@
+"""Who talks on the bus, under which names, and with what bodies: what topics, services and actions share."""
+
+from __future__ import annotations
+
+import re
+from typing import Protocol
+
+import msgspec
+import orjson
+
+from rosbridge_sim.errors import FieldError, GraphError
+from rosbridge_sim.schema.compile import MessageType, OpaqueType
+
+__all__ = ["Body", "Owner", "decode_body", "resolve"]
+
+_NAME = re.compile(r"[^\s\x00-\x1f\x7f]{1,256}")
+
+Body = msgspec.Raw | bytes | dict[str, object] | list[object] | None
+"""A message body as the wire layer hands it on: JSON text that was not read yet, or the values read from it."""
+
+
+class Owner(Protocol):
+    """Somebody who holds topics and services. Compared by identity.
+
+    Attributes:
+        name: the ROS node name that rosapi shows, e.g. `/morai_sim`.
+    """
+
+    @property
+    def name(self) -> str:
+        """The ROS node name that rosapi shows."""
+
+    def tell(self, level: str, text: str) -> None:
+        """Say something that answers no request: `info`, `warning` or `error`, a line of text."""
+
+
+def resolve(name: str) -> str:
+    """The absolute graph name: `chatter` and `/chatter` are one topic.
+
+    Raises:
+        GraphError: the name is empty, longer than 256 characters or holds white space.
+    """
+    if not _NAME.fullmatch(name):
+        shown = name if len(name) <= 80 else name[:77] + "..."  # noqa: PLR2004 - a line of a terminal
+        raise GraphError(f"{shown!r} is not a valid graph name")
+    return name if name[0] == "/" else "/" + name
+
+
+def decode_body(message_type: MessageType | OpaqueType, body: Body, stamp_ns: int) -> object:
+    """The checked and filled value of a body, given by name, by position or not at all.
+
+    Raises:
+        FieldError: it does not fit the type.
+    """
+    if isinstance(body, (bytes, msgspec.Raw)):
+        start = bytes(memoryview(body)[:4])
+        if start in {b"", b"null"}:
+            return message_type.check({}, stamp_ns)
+        if start[:1] == b"[":
+            try:
+                return decode_body(message_type, orjson.loads(bytes(body)), stamp_ns)
+            except orjson.JSONDecodeError as error:
+                raise FieldError(f"{message_type.name}: {error}") from None
+        return message_type.decode_json(body, stamp_ns)
+    if isinstance(body, list):
+        names = [f.name for f in message_type.definition.fields] if isinstance(message_type, MessageType) else []
+        if len(body) > len(names):
+            raise GraphError(f"{message_type.name} takes {len(names)} arguments, but got {len(body)}")
+        return message_type.check(dict(zip(names, body, strict=False)), stamp_ns)
+    return message_type.check({} if body is None else body, stamp_ns)

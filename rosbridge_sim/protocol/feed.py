@@ -1,0 +1,171 @@
+"""When a subscriber gets what: several subscriptions to one topic merged, throttled and queued.
+
+One client and one spelling of a topic make one feed, whatever the number of subscription ids; each message
+of the topic leaves at most once. The terms of the ids are merged (facts of rosbridge_suite, where it and the
+protocol's text differ we say which side we took):
+
+    throttle_rate   the lowest (both)
+    queue_length    the highest (the text; rosbridge_suite takes the lowest, which drops what somebody asked for)
+    fragment_size   the lowest that was given (the text)
+    compression     cbor-raw before cbor before png before none (rosbridge_suite)
+
+A throttled feed sends the first message of a burst at once. Without a queue the rest is dropped until the
+interval is over; with one, the newest `queue_length` wait and leave one each interval, so the last value of a
+burst arrives. Time is an argument; whoever calls `deliver` asks `due` when to call `flush`.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from rosbridge_sim.errors import FrameError
+from rosbridge_sim.protocol.ops import Subscribe
+
+__all__ = ["COMPRESSIONS", "Pace", "Qos", "Terms", "merge_terms", "read_qos", "read_terms"]
+
+COMPRESSIONS = ("none", "png", "cbor", "cbor-raw")
+"""From the weakest claim to the strongest."""
+
+MAX_QUEUE = 10_000
+"""A longer queue_length is taken for this one: what waits is memory."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """What one subscription asks for.
+
+    Attributes:
+        interval: least time between two messages [s]; 0 is no limit.
+        queue_length: messages that may wait for their turn; 0 is none.
+        fragment_size: longest frame in characters, or None.
+        compression: one of COMPRESSIONS.
+    """
+
+    interval: float = 0.0
+    queue_length: int = 0
+    fragment_size: int | None = None
+    compression: str = "none"
+
+
+def read_terms(op: Subscribe) -> Terms:
+    """The terms that a subscribe asks for; an encoding that nobody knows means JSON, as in rosbridge_suite."""
+    size = op.fragment_size
+    return Terms(
+        interval=max(0.0, op.throttle_rate or 0.0) / 1e3,
+        queue_length=int(min(MAX_QUEUE, max(0.0, op.queue_length or 0.0))),
+        fragment_size=int(min(size, 2**31)) if size is not None and size > 0 else None,
+        compression=op.compression if op.compression in COMPRESSIONS else "none",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Qos:
+    """What of a quality-of-service object has a meaning in one process.
+
+    Attributes:
+        depth: messages kept for those who come late.
+        is_latching: durability: transient_local is True, volatile is False, None leaves it open.
+    """
+
+    depth: int = 1
+    is_latching: bool | None = None
+
+
+QOS_VALUES: dict[str, tuple[str, ...]] = {
+    "history": ("keep_last", "keep_all"),
+    "reliability": ("reliable", "best_effort", "best_available"),
+    "durability": ("transient_local", "volatile", "best_available"),
+}
+"""The policies that are words. `depth` is a number; `deadline` and `lifespan` are durations, which we pass over."""
+
+MAX_DEPTH = 1_000
+"""Latched messages kept for one topic at most."""
+
+
+def read_qos(qos: dict[str, object] | None) -> Qos:
+    """The part of a `qos` object that is honoured: durability and depth (rosbridge_suite of 2026, PR 1150).
+
+    Raises:
+        FrameError: a policy or one of its values that nobody knows.
+    """
+    if qos is None:
+        return Qos()
+    for policy, value in qos.items():
+        values = QOS_VALUES.get(policy)
+        if values is None and policy not in {"depth", "deadline", "lifespan"}:
+            known = [*QOS_VALUES, "depth", "deadline", "lifespan"]
+            raise FrameError(f"{policy!r} is not a valid policy name. Valid options are: {known}")
+        if values is not None and value not in values:
+            raise FrameError(f"{value!r} is not a valid {policy}. Valid options are: {list(values)}")
+    depth = qos.get("depth", 1)
+    if not isinstance(depth, int) or isinstance(depth, bool) or depth < 0:
+        raise FrameError(f"depth must be a whole number from 0 on, not {depth!r}")
+    keeps_all = qos.get("history") == "keep_all"
+    return Qos(
+        depth=MAX_DEPTH if keeps_all else max(1, min(depth, MAX_DEPTH)),
+        is_latching={"transient_local": True, "volatile": False}.get(str(qos.get("durability"))),
+    )
+
+
+def merge_terms(terms: Iterable[Terms]) -> Terms:
+    """The terms of a feed from those of its subscriptions, of which there is at least one."""
+    each = list(terms)
+    sizes = [t.fragment_size for t in each if t.fragment_size is not None]
+    return Terms(
+        interval=min(t.interval for t in each),
+        queue_length=min(MAX_QUEUE, max(t.queue_length for t in each)),
+        fragment_size=min(sizes, default=None),
+        compression=max((t.compression for t in each), key=COMPRESSIONS.index),
+    )
+
+
+class Pace(Generic[T]):
+    """Throttle and queue of one feed; it holds messages and knows nothing of what they are.
+
+    Attributes:
+        num_dropped: messages that never left.
+    """
+
+    __slots__ = ("_free_at", "_interval", "_waiting", "num_dropped")
+
+    def __init__(self) -> None:
+        self._interval = 0.0
+        self._free_at = float("-inf")
+        self._waiting: deque[T] = deque(maxlen=0)
+        self.num_dropped = 0
+
+    def set_terms(self, terms: Terms) -> None:
+        """Go on under new terms; what waits stays as far as the new queue holds it."""
+        self._free_at += terms.interval - self._interval
+        self._interval = terms.interval
+        kept = deque(self._waiting, maxlen=terms.queue_length)
+        self.num_dropped += len(self._waiting) - len(kept)
+        self._waiting = kept
+
+    def admit(self, message: T, now: float) -> bool:
+        """Whether this message leaves now; else it waits or is dropped."""
+        if self._interval == 0.0 and not self._waiting:
+            return True
+        if now >= self._free_at and not self._waiting:
+            self._free_at = now + self._interval
+            return True
+        self.num_dropped += len(self._waiting) == self._waiting.maxlen
+        self._waiting.append(message)
+        return False
+
+    def due(self) -> float | None:
+        """When `release` has something to give [s]; None if nothing waits."""
+        return self._free_at if self._waiting else None
+
+    def release(self, now: float) -> T | None:
+        """The next message that waited, if its time has come. After it, ask again."""
+        if not self._waiting or now < self._free_at:
+            return None
+        # counted from when it was due, so that a late timer does not slow the feed; after a stall, from now
+        self._free_at = max(self._free_at + self._interval, now)
+        return self._waiting.popleft()

@@ -1,0 +1,115 @@
+"""Long frames cut into `fragment` ops, and put together again.
+
+Out: only for a client that asked, each message under an id of its own (a non-empty text: roslib 2 takes the
+number 0 for none), `num` and `total` integers, slices counted in characters of the JSON text. In: kept per
+client, in order of `num` and not of arrival, with bounds on number, size and age.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import orjson
+
+from rosbridge_sim.errors import FrameError
+from rosbridge_sim.protocol.ops import Fragment
+
+__all__ = ["Defragmenter", "fragment_frames"]
+
+MAX_OPEN = 64
+"""Fragmented messages that one client may have under way."""
+
+MAX_PIECES = 10_000
+"""Pieces of one message: 16 MiB in pieces of 1.6 kB, finer than anybody cuts."""
+
+MAX_AGE = 60.0
+"""A message is forgotten when no piece of it has come for so long [s]; rosbridge_suite waits ten minutes."""
+
+MIN_SIZE = 10
+"""A smaller fragment_size is taken for this one: each character in a frame of its own helps nobody."""
+
+
+def fragment_frames(frame: bytes, size: int, message_id: str) -> list[bytes]:
+    """The frame itself if it has at most `size` characters, else its pieces, in order.
+
+    Args:
+        frame: JSON text.
+        size: longest slice [characters].
+        message_id: not used for another message of this client before.
+    """
+    size = max(MIN_SIZE, size)
+    if len(frame) <= size:
+        return [frame]
+    text = frame.decode()
+    total = math.ceil(len(text) / size)
+    if total == 1:
+        return [frame]
+    return [
+        orjson.dumps(
+            {"op": "fragment", "id": message_id, "data": text[i * size : (i + 1) * size], "num": i, "total": total}
+        )
+        for i in range(total)
+    ]
+
+
+class _Partial:
+    __slots__ = ("last_at", "num_chars", "pieces", "total")
+
+    def __init__(self, total: int) -> None:
+        self.total = total
+        self.pieces: dict[int, str] = {}
+        self.num_chars = 0
+        self.last_at = 0.0
+
+
+class Defragmenter:
+    """The fragmented messages of one client that are not whole yet."""
+
+    __slots__ = ("_max_chars", "_partials")
+
+    def __init__(self, max_chars: int) -> None:
+        """Nothing under way.
+
+        Args:
+            max_chars: of all pieces that wait together.
+        """
+        self._max_chars = max_chars
+        self._partials: dict[object, _Partial] = {}
+
+    def add(self, op: Fragment, now: float) -> bytes | None:
+        """The whole frame, if this piece was the last one missing.
+
+        Raises:
+            FrameError: the piece contradicts those before, or a bound is passed; the message is forgotten.
+        """
+        for old in list(self._expired(now)):
+            del self._partials[old]
+        total, num = op.total, op.num
+        # rosbridge_suite sends 3.4 for three pieces
+        if not math.isfinite(total) or not math.isfinite(num) or not 0 <= num < math.floor(total) <= MAX_PIECES:
+            self._partials.pop(op.id, None)
+            raise FrameError(f"fragment: num {num} of total {total} is not possible (at most {MAX_PIECES})", op.id)
+        partial = self._partials.get(op.id)
+        if partial is None:
+            if len(self._partials) >= MAX_OPEN:
+                raise FrameError(f"fragment: at most {MAX_OPEN} messages may be under way at once", op.id)
+            partial = self._partials[op.id] = _Partial(math.floor(total))
+        elif partial.total != math.floor(total) or int(num) in partial.pieces:
+            del self._partials[op.id]
+            raise FrameError(f"fragment: piece {num} of {total} does not go with those before", op.id)
+        partial.pieces[int(num)] = op.data
+        partial.num_chars += len(op.data)
+        partial.last_at = now
+        if sum(p.num_chars for p in self._partials.values()) > self._max_chars:
+            del self._partials[op.id]
+            raise FrameError(f"fragment: the pieces that wait have more than {self._max_chars} characters", op.id)
+        if len(partial.pieces) < partial.total:
+            return None
+        del self._partials[op.id]
+        whole = "".join(partial.pieces[i] for i in range(partial.total))
+        # JavaScript counts in UTF-16 and may cut a surrogate pair in two; a half that stays alone is a mistake
+        return whole.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "replace").encode()
+
+    def _expired(self, now: float) -> Iterator[object]:
+        return (key for key, partial in self._partials.items() if partial.last_at + MAX_AGE < now)
