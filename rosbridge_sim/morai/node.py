@@ -122,9 +122,7 @@ class Node:
         self._outputs.add("/Ego_topic", "morai_msgs/EgoVehicleStatus", self.egos[0].status)
         self._outputs.add("/Object_topic", "morai_msgs/ObjectStatusList", self._objects)
         self._outputs.check_rates()
-        self._info_topic = bus.advertise(
-            self, "/SyncModeInfo", "morai_msgs/SyncModeInfo", depth=1, is_exclusive=True
-        )
+        self._info_topic = bus.advertise(self, "/SyncModeInfo", "morai_msgs/SyncModeInfo", depth=1, is_exclusive=True)
         self._make_info = maker(bus.store, "morai_msgs/SyncModeInfo", "master_id", "status", "frame", "can_send_tick")
         self._services = Services(self)
         bus.watchers.append(self._see_off)
