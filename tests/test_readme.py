@@ -10,7 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from rosbridge_sim.morai.catalogue import CATALOGUE
+from rosbridge_sim.morai.convert import FIELD, MANUAL
 from rosbridge_sim.morai.sync import TABLE
+from rosbridge_sim.world.state import Kind
 from tests.conftest import Connect
 from tests.support import PATIENCE, ROOT, ServerProcess, require_node_modules, require_tool
 
@@ -97,6 +100,23 @@ async def test_the_tables_of_topics_and_services_are_complete(server: ServerProc
     assert set(services) == set(node["services"])
     for name, type_name in services.items():
         assert await client.values("/rosapi/service_type", {"service": name}) == {"type": type_name}
+
+
+def test_the_table_of_profiles_is_what_they_are() -> None:
+    says = {row[1].split()[0].strip("`")[2:].replace("-", "_"): row[2:] for row in rows("| what | flag | `manual`")}
+    words = {0: "all", 20: "the 20 nearest"}
+    for i, profile in enumerate((MANUAL, FIELD)):
+        is_so = {name: getattr(profile, name) for name in says}
+        told = {name: words.get(value, str(value).replace("-", ", ")) for name, value in is_so.items()}
+        assert {name: cells[i] for name, cells in says.items()} == told
+
+
+def test_the_catalogue_is_complete() -> None:
+    lists = README[README.index("The catalogue, for") : README.index("## Your own message packages")]
+    kinds = {"vehicles": Kind.VEHICLE, "pedestrians": Kind.PEDESTRIAN, "obstacles": Kind.OBSTACLE}
+    for label, kind in kinds.items():
+        text = lists[lists.index(f"- {label}:") :].partition("\n- ")[0]
+        assert re.findall(r"`([^`]+)`", text) == [model.name for model in CATALOGUE if model.kind is kind]
 
 
 def test_every_flag_that_it_names_exists() -> None:

@@ -186,8 +186,10 @@ class SyncMode:
     def __enter__(self) -> Self:
         """Become the master."""
         answer = self.ask("/SyncModeCmd", user_id=self._user_id, start_sync_mode=True, time_step=self._step_ms)
-        if not answer["result"]:  # the answer then holds whose turn it is
-            raise DriveError(f"synchronous mode was refused: {answer['user_id'] or 'somebody'!r} is its master")
+        if not answer["result"]:  # the answer then holds who the master is, if there is one
+            master = answer["user_id"]
+            why = f"{master!r} is its master" if master else f"a tick of {self._step_ms} ms cannot be had"
+            raise DriveError(f"synchronous mode was refused: {why}")
         self._user_id = answer["user_id"]  # made up by the simulator if ours was empty
         self.frame = answer["frame"]
         return self

@@ -113,6 +113,12 @@ async def test_it_says_who_is_the_master_already(serve: Serve, connect: Connect,
     assert (code, err) == (1, "drive_sync: synchronous mode was refused: 'the_other' is its master\n")
 
 
+def test_it_says_that_a_time_step_cannot_be_had(serve: Serve, tmp_path: Path) -> None:
+    path = write([(0.0, 0.0), (9.0, 0.0)], tmp_path / "path.txt")
+    code, _, err = run(serve(), "--path", str(path), "--step-ms", "30")
+    assert (code, err) == (1, "drive_sync: synchronous mode was refused: a tick of 30 ms cannot be had\n")
+
+
 def test_it_says_that_the_server_is_gone(serve: Serve, tmp_path: Path) -> None:
     process = serve()
     path = write([(0.0, 0.0), (100_000.0, 0.0)], tmp_path / "path.txt")

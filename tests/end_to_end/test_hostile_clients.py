@@ -34,8 +34,8 @@ OPS: list[dict[str, Any]] = [
     {"op": "publish", "topic": "/own", "msg": {"any": ["thing", 1, 2.5, None, {"deep": [[[]]]}]}},
     {"op": "publish", "topic": "/ctrl_cmd", "msg": {"longlCmdType": 1, "accel": 0.5, "steering": -0.1}},
     {"op": "publish", "topic": "/Ego_topic", "msg": {"heading": 90.0}},
-    {"op": "publish", "topic": "/SyncModeAddObj", "msg": {"name": "?", "position": {"x": 1.0}, "frame": 3}},
-    {"op": "publish", "topic": "/SyncModeRemoveObj", "msg": {"unique_id": 0, "frame": 3}},
+    {"op": "publish", "topic": "/SyncModeAddObj", "msg": {"name": "Box", "position": {"x": 1.0}, "frame": 3}},
+    {"op": "publish", "topic": "/SyncModeRemoveObj", "msg": {"unique_id": 3, "frame": 3}},
     {"op": "advertise_service", "service": "/add", "type": "example_interfaces/AddTwoInts"},
     {"op": "advertise_service", "service": "/SyncModeCmd", "type": "morai_msgs/MoraiSyncModeCmdSrv"},
     {"op": "call_service", "service": "/add", "id": 7, "args": {"a": 2**62, "b": -1}, "timeout": 0.05},
@@ -79,7 +79,7 @@ ODD: list[Any] = [
     None, True, False, 0, -1, 1, 2**31, 2**63, 2**64, -(2**63) - 1, 10**400, 0.5, -0.0, 1e308, 1e-320,
     "", " ", "/", "//", "\x00", "\ud800", "x" * 5000, "../../etc/passwd", "/Ego_topic", "std_msgs/String", "now",
     [], [[]], [None], [1] * 500, {}, {"request": None}, {"": {"": {}}}, {str(i): i for i in range(50)},
-    float("nan"), float("inf"),
+    float("nan"), float("inf"), "demo", "Man", 20, 4,
 ]  # fmt: skip
 
 TEXTS = [

@@ -113,7 +113,7 @@ async def test_the_limits_we_start_with() -> None:
 
 @pytest.mark.slow
 async def test_a_client_that_answers_no_ping_is_dropped_and_what_it_held_with_it(listen: Listen) -> None:
-    port = await listen(ServerLimits(ping_interval=0.05, ping_timeout=0.05))
+    port = await listen(ServerLimits(ping_interval=0.05, ping_timeout=1.0))
     async with await Client.open(port.url) as watcher:
         # a socket that shakes hands, advertises a topic, and then is as dead as behind a pulled cable
         _, writer = await open_raw(port.server.port)
