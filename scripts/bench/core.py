@@ -1,0 +1,119 @@
+"""The core alone: a tick's bytes in, its bytes out, without sockets, loop or clock.
+
+One peer with one subscription, of `/Ego_topic`, calls `/SyncModeWaitForTick` over and over in a world of one ego and 20
+objects (the demo scene and what it takes to make 20). What is timed is all that the program does between the
+frame's arrival and the moment when the topic's message and the answer stand in the outbox, in the wire's bytes.
+
+    ./.venv/bin/python scripts/bench/core.py [--objects N] [--rounds N] [--json FILE]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import sys
+import time
+from pathlib import Path
+from statistics import median, quantiles
+
+import orjson
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.peer import Peer
+from rosbridge_sim.morai.convert import LENIENCY
+from rosbridge_sim.morai.node import Node, NodeSettings
+from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
+from rosbridge_sim.protocol.session import Session
+from rosbridge_sim.schema.store import Store
+from rosbridge_sim.shell.storage import DiskLibrary, read_definitions
+from rosbridge_sim.world.state import Kind, World
+from scripts.bench.program import machine
+
+__all__ = ["Core"]
+
+TICKS_PER_ROUND = 1_000
+
+
+class Core:
+    """A world in synchronous mode and one client of it, with nothing between them but the core."""
+
+    def __init__(self, num_objects: int) -> None:
+        library = DiskLibrary()
+        bus = Bus(Store(read_definitions("22.R2"), leniency=LENIENCY))
+        self.world = World(0)
+        node = Node(bus, self.world, library, library.opening_scenario("demo"), NodeSettings(start="sync"))
+        self._outbox = Outbox(OutboxLimits(), _nothing, _nothing)
+        self._peer = Peer(bus, Session(self._outbox, _ignore))
+        start = {"user_id": "bench", "start_sync_mode": True, "time_step": 20}
+        self._send({"op": "call_service", "service": "/SyncModeCmd", "args": {"request": start}})
+        self._send({"op": "subscribe", "topic": "/Ego_topic"})
+        for i in range(num_objects - self.num_objects):
+            new = {"name": "2016_Hyundai_Ioniq", "position": {"x": 10.0 * i, "y": 500.0, "z": 0.0}, "frame": 0}
+            self._send({"op": "publish", "topic": "/SyncModeAddObj", "type": "morai_msgs/SyncModeAddObj", "msg": new})
+        tick = {"request": {"user_id": "bench", "frame": 1}}
+        self._frame = orjson.dumps(
+            {"op": "call_service", "service": "/SyncModeWaitForTick", "id": "tick", "args": tick}
+        )
+        self._outbox.take(2**30)
+        topic, answer = (orjson.loads(frame) for frame in self.tick())
+        assert topic["op"] == "publish", topic
+        assert answer["values"]["response"]["tick_status"], answer
+        assert self.num_objects == num_objects, f"{self.num_objects} objects in place of {num_objects}"
+        assert node.num_ticks == 1
+
+    @property
+    def num_objects(self) -> int:
+        """Vehicles, pedestrians and obstacles, the ego not among them."""
+        return sum(len(self.world.rows(kind)) for kind in Kind if kind is not Kind.EGO)
+
+    def tick(self) -> list[bytes]:
+        """One tick: the frames that it sent."""
+        self._peer.receive(self._frame, 0.0)
+        return self._outbox.take(2**30)
+
+    def _send(self, op: dict[str, object]) -> None:
+        self._peer.receive(orjson.dumps(op), 0.0)
+
+
+def _ignore(_due: float) -> None:
+    """Nothing is throttled."""
+
+
+def _nothing() -> None:
+    """No socket waits for what is in the outbox."""
+
+
+def main() -> None:
+    """Measure, print, write JSON if asked."""
+    parser = argparse.ArgumentParser(description="Ticks a second without sockets")
+    parser.add_argument("--objects", type=int, default=20, help="beside the ego; at least what the demo scene has")
+    parser.add_argument("--rounds", type=int, default=20, help=f"of {TICKS_PER_ROUND} ticks each")
+    parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures here too")
+    args = parser.parse_args()
+    logging.disable(logging.WARNING)
+    core = Core(args.objects)
+    latencies: list[float] = []
+    rates: list[float] = []
+    for _ in range(args.rounds):
+        started = time.process_time()
+        for _ in range(TICKS_PER_ROUND):
+            before = time.perf_counter()
+            core.tick()
+            latencies.append(time.perf_counter() - before)
+        rates.append(TICKS_PER_ROUND / (time.process_time() - started))
+    cuts = quantiles(latencies, n=100)
+    print(machine())
+    print(
+        f"1 ego and {args.objects} objects, one subscriber of /Ego_topic: {median(rates):,.0f} ticks per second of CPU"
+        f" ({min(rates):,.0f}..{max(rates):,.0f}); a tick p50 {cuts[49] * 1e6:.1f} us, p99 {cuts[98] * 1e6:.1f} us"
+    )
+    if args.json:
+        figures = {"ticks_per_second": median(rates), "p50_us": cuts[49] * 1e6, "p99_us": cuts[98] * 1e6}
+        args.json.write_text(json.dumps({"machine": machine(), "objects": args.objects} | figures, indent=1))
+
+
+if __name__ == "__main__":
+    main()
