@@ -15,6 +15,7 @@ import asyncio
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from http import HTTPStatus
 from typing import Any
 
@@ -65,9 +66,21 @@ class ServerLimits:
 
 
 class _Socket(ServerConnection):
-    """A connection that says when its transport takes bytes again."""
+    """A connection that says when its transport takes bytes again, and stands in a table for as long as it is open."""
 
     on_room: Callable[[], None] | None = None
+
+    def __init__(self, table: dict[_Socket, None], *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - the library's own
+        super().__init__(*args, **kwargs)
+        self._table = table
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._table[self] = None
+        super().connection_made(transport)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._table.pop(self, None)
+        super().connection_lost(exc)
 
     def resume_writing(self) -> None:
         super().resume_writing()
@@ -168,6 +181,7 @@ class Server:
         self._limits = limits
         self._on_change = on_change
         self._server: WebSocketServer | None = None
+        self._sockets: dict[_Socket, None] = {}
 
     async def start(self, host: str, port: int) -> None:
         """Listen; port 0 takes a free one.
@@ -180,7 +194,7 @@ class Server:
             self._serve,
             host,
             port,
-            create_connection=_Socket,
+            create_connection=partial(_Socket, self._sockets),  # type: ignore[arg-type] # it is only ever called
             process_request=self._process_request,
             compression="deflate" if limits.is_compressing else None,
             max_size=limits.max_frame_size,
@@ -199,9 +213,9 @@ class Server:
             try:
                 async with asyncio.timeout(CLOSE_TIMEOUT):
                     await self._server.wait_closed()
-            except TimeoutError:  # some do not read, not even that we go
-                for client in self.clients:
-                    client.socket.transport.abort()
+            except TimeoutError:  # some do not read, not even that we go; some never said what they want
+                for socket in self._sockets:
+                    socket.transport.abort()
                 await self._server.wait_closed()
 
     async def _serve(self, socket: ServerConnection) -> None:

@@ -275,6 +275,19 @@ async def test_a_stop_does_not_wait_for_who_does_not_read(listen: Listen) -> Non
     lazy.transport.abort()
 
 
+@pytest.mark.slow
+async def test_a_stop_does_not_wait_for_who_never_says_what_he_wants(listen: Listen) -> None:
+    port = await listen()
+    mute = [await asyncio.open_connection("127.0.0.1", port.server.port) for _ in range(2)]
+    mute[1][1].write(b"GET / HTTP/1.1\r\nHost: localhost\r\n")  # and no more
+    async with await Client.open(port.url) as client:
+        await client.settle()
+    async with asyncio.timeout(5):  # the handshake's own patience is 10 s
+        await port.server.stop()
+    for _, writer in mute:
+        writer.transport.abort()
+
+
 async def read_to_the_end(socket: ClientConnection) -> None:
     async with asyncio.timeout(PATIENCE):
         while True:
