@@ -16,7 +16,7 @@ from pathlib import Path
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.mgeo import FILES, RoadMap, read_map
 from rosbridge_sim.morai.scenario import Scenario, read_scenario
-from rosbridge_sim.schema.parse import parse_message, parse_service
+from rosbridge_sim.schema.parse import parse_action, parse_message, parse_service
 from rosbridge_sim.shell.sources import looks_like_path
 
 __all__ = ["DiskLibrary", "Texts", "read_definitions"]
@@ -46,14 +46,15 @@ MAX_FOLDERS = 20_000
 
 # Definitions
 
-_KINDS = {"msg": ".msg", "srv": ".srv"}
+_KINDS = {"msg": ".msg", "srv": ".srv", "action": ".action"}
+_PARSERS = {"msg": parse_message, "srv": parse_service, "action": parse_action}
 _PACKAGE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _MANIFEST_NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 _IGNORE_MARKS = ("CATKIN_IGNORE", "COLCON_IGNORE", "AMENT_IGNORE")
 
 
 def read_definitions(release: str, folders: Sequence[str | Path] = ()) -> Texts:
-    """Every message and service definition that the server knows of its own, then those of the user's folders.
+    """Every message, service and action definition that the server knows of its own, then those of the user's folders.
 
     A folder may be a package (with `msg/` or `srv/` in it), hold packages, or be a whole catkin or colcon tree.
     Where a package holds releases (`morai_msgs/22.R2/msg`), the chosen one is read. What comes later replaces what
@@ -89,8 +90,7 @@ def _read_own(root: Path, release: str) -> Texts:
                 _log.warning("%s: ignored, since %s defines the same type", path, sources[key])
                 continue
             _, kind, name = key
-            parse = parse_message if kind == "msg" else parse_service
-            parse(f"{package}/{name}", text, str(path))
+            _PARSERS[kind](f"{package}/{name}", text, str(path))
             texts[key] = text
             sources[key] = path
     if not texts:

@@ -20,7 +20,7 @@ SCHEMAS = Path(__file__).parents[2] / "schemas"
 def make_store() -> Store:
     """All types of `schemas/`, one release of morai_msgs; made once, for nothing changes it."""
     texts = {}
-    for path in sorted(SCHEMAS.glob("*/**/*.???")):
+    for path in sorted(p for p in SCHEMAS.glob("*/**/*") if p.suffix in {".msg", ".srv", ".action"}):
         package, *release, kind, _ = path.relative_to(SCHEMAS).parts
         if release in ([], ["22.R2"]):
             texts[package, kind, path.stem] = path.read_text()
