@@ -52,7 +52,8 @@ def test_built_in_definitions_are_those_of_the_release() -> None:
     assert ("morai_msgs", "srv", "MoraiWaitForTickSrv") in texts
     assert {package for package, _, _ in texts} >= {"morai_msgs", "rosapi"}
     assert not any(package[0].isdigit() for package, _, _ in texts)
-    assert len(texts) == sum(1 for path in SCHEMAS.rglob("*") if path.suffix in {".msg", ".srv"})
+    of_the_release = [path for path in SCHEMAS.rglob("*") if not {"24.R2", "26.R1"} & set(path.parts)]
+    assert len(texts) == sum(path.suffix in {".msg", ".srv", ".action"} for path in of_the_release)
 
 
 @pytest.mark.parametrize(
