@@ -69,7 +69,7 @@ async def _run(simulator: Simulator) -> int:
     await simulator.start()
     stopped = _on_signals()
     print(f"rosbridge-sim listening on {simulator.url}", flush=True)  # noqa: T201 - the one line on stdout
-    gc.freeze()
+    gc.freeze()  # a full collection takes 12 ms with all that was built in it, and next to nothing without
     gc.enable()
     failed = asyncio.ensure_future(simulator.wait())
     await asyncio.wait({stopped, failed}, return_when=asyncio.FIRST_COMPLETED)
