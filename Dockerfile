@@ -1,5 +1,5 @@
 # The server as an image: docker build -t rosbridge-sim . && docker run -p 9090:9090 rosbridge-sim
-# Any base with Python 3.11 or newer and its venv module will do.
+# Arguments after the image's name are the server's flags. Any base with Python 3.11 or newer and its venv module will do.
 ARG BASE_IMAGE=python:3.12-slim
 
 FROM ${BASE_IMAGE} AS build
@@ -19,4 +19,5 @@ ENV PATH=/opt/rosbridge-sim/bin:$PATH \
 USER 10001
 EXPOSE 9090
 HEALTHCHECK --interval=10s --timeout=3s --start-period=5s CMD ["python3", "-c", "import os, urllib.request; urllib.request.urlopen('http://127.0.0.1:' + os.environ['ROSBRIDGE_SIM_PORT'] + '/healthz', timeout=2)"]
-CMD ["rosbridge-sim", "serve"]
+ENTRYPOINT ["rosbridge-sim"]
+CMD ["serve"]

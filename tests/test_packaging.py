@@ -58,6 +58,11 @@ def health_check() -> list[str]:
     return command_of(re.sub(r"^(--\S+\s+)*", "", instruction("HEALTHCHECK")))
 
 
+def image_command(*words: str) -> list[str]:
+    """What `docker run IMAGE` runs, or `docker run IMAGE words`."""
+    return [*command_of(instruction("ENTRYPOINT")), *(words or command_of(instruction("CMD")))]
+
+
 def test_image_listens_for_everybody_on_the_port_it_names_and_has_an_ordinary_user() -> None:
     settings = environment()
     assert settings["ROSBRIDGE_SIM_HOST"] == "0.0.0.0"  # noqa: S104 - an image is of no use otherwise
@@ -149,7 +154,7 @@ def user_of(process: subprocess.Popen[str]) -> int:
 
 async def test_image_command_serves_is_healthy_and_stops(place: Place, connect: Connect) -> None:
     loopback = {"ROSBRIDGE_SIM_HOST": "127.0.0.1", "ROSBRIDGE_SIM_PORT": "0"}
-    process = place.popen(command_of(instruction("CMD")), **loopback)
+    process = place.popen(image_command(), **loopback)
     try:
         line = read_line(process)
         match = re.fullmatch(r"rosbridge-sim listening on (ws://127\.0\.0\.1:(\d+))\n", line)
@@ -175,6 +180,13 @@ async def test_image_command_serves_is_healthy_and_stops(place: Place, connect: 
     finally:
         process.kill()
         process.communicate()
+
+
+def test_words_after_the_name_of_the_image_are_flags(place: Place) -> None:
+    done = place.run(image_command("--seed", "77", "--print-config"))
+    assert done.returncode == 0, done.stderr
+    assert "\nseed = 77\n" in done.stdout
+    assert 'host = "0.0.0.0"\n' in done.stdout
 
 
 def test_installed_package_is_what_python_imports(place: Place) -> None:
