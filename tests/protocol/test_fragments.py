@@ -1,0 +1,105 @@
+"""Long frames in pieces, at any size and in any order, within bounds."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rosbridge_sim.errors import FrameError
+from rosbridge_sim.protocol.codec import decode_frame
+from rosbridge_sim.protocol.fragments import MAX_AGE, MAX_OPEN, MAX_PIECES, Defragmenter, fragment_frames
+from rosbridge_sim.protocol.ops import Fragment
+
+
+def piece(op_id: str | int, num: float, total: float, data: str) -> Fragment:
+    return Fragment(id=op_id, num=num, total=total, data=data)
+
+
+def read(frame: bytes) -> Fragment:
+    (op,) = decode_frame(frame)
+    assert isinstance(op, Fragment)
+    return op
+
+
+@given(st.text(min_size=1, max_size=300), st.integers(1, 100), st.randoms(use_true_random=False))
+def test_cut_and_joined_at_any_size_in_any_order(text: str, size: int, random: object) -> None:
+    frame = json.dumps({"op": "publish", "msg": text}, ensure_ascii=False).encode()
+    frames = fragment_frames(frame, size, "frag:1")
+    if frames == [frame]:
+        return
+    assert all(len(json.loads(f)["data"]) <= max(size, 10) for f in frames)
+    assert [type(json.loads(f)["num"]) for f in frames] == [int] * len(frames)
+    random.shuffle(frames)  # type: ignore[attr-defined] # a random.Random
+    defragmenter = Defragmenter(10_000)
+    *most, last = [defragmenter.add(read(f), 0.0) for f in frames]
+    assert most == [None] * len(most)
+    assert last == frame
+
+
+@given(st.text(min_size=1, max_size=80), st.integers(1, 20))
+def test_pieces_cut_by_javascript_in_the_middle_of_a_character_are_joined(text: str, size: int) -> None:
+    units = text.encode("utf-16-le")
+    cuts = [units[i : i + 2 * size] for i in range(0, len(units), 2 * size)]
+    defragmenter = Defragmenter(10_000)
+    whole = None
+    for num, cut in enumerate(cuts):
+        data = cut.decode("utf-16-le", "surrogatepass")  # JSON.stringify escapes a half: "\\ud83d"
+        frame = json.dumps({"op": "fragment", "id": "x", "num": num, "total": len(cuts), "data": data}).encode()
+        whole = defragmenter.add(read(frame), 0.0)
+    assert whole == text.encode()
+
+
+def test_a_short_frame_stays_whole() -> None:
+    assert fragment_frames(b'{"op":1}', 100, "frag:1") == [b'{"op":1}']
+    accented = '{"é":"éééééé"}'.encode()
+    assert fragment_frames(accented, 14, "frag:1") == [accented]  # 14 characters, 21 bytes
+
+
+def test_two_messages_at_once() -> None:
+    defragmenter = Defragmenter(100)
+    assert defragmenter.add(piece("a", 0, 2, "1"), 0.0) is None
+    assert defragmenter.add(piece("b", 1, 2, "4"), 0.0) is None
+    assert defragmenter.add(piece("a", 1, 2, "2"), 0.0) == b"12"
+    assert defragmenter.add(piece("b", 0, 2, "3"), 0.0) == b"34"
+    assert defragmenter.add(piece("a", 0, 1, "again"), 0.0) == b"again"
+
+
+@pytest.mark.parametrize(
+    ("num", "total"),
+    [(-1, 2), (2, 2), (0, 0), (0, -1), (float("nan"), 2), (0, float("inf")), (0, MAX_PIECES + 1)],
+)
+def test_impossible_numbers(num: float, total: float) -> None:
+    with pytest.raises(FrameError, match="is not possible"):
+        Defragmenter(100).add(piece("a", num, total, "x"), 0.0)
+
+
+def test_a_contradiction_forgets_the_message_and_the_next_one_is_fine() -> None:
+    defragmenter = Defragmenter(100)
+    for wrong in (piece("a", 0, 2, "x"), piece("a", 1, 3, "x")):
+        defragmenter.add(piece("a", 0, 2, "x"), 0.0)
+        with pytest.raises(FrameError, match="does not go with those before"):
+            defragmenter.add(wrong, 0.0)
+    assert defragmenter.add(piece("a", 0, 1, "ok"), 0.0) == b"ok"
+
+
+def test_bounds() -> None:
+    defragmenter = Defragmenter(10)
+    defragmenter.add(piece("a", 0, 2, "x" * 6), 0.0)
+    with pytest.raises(FrameError, match="more than 10 characters"):
+        defragmenter.add(piece("b", 0, 2, "x" * 6), 0.0)
+    assert defragmenter.add(piece("a", 1, 2, "x" * 4), 0.0) == b"x" * 10
+    for i in range(MAX_OPEN):
+        defragmenter.add(piece(i, 0, 2, ""), 0.0)
+    with pytest.raises(FrameError, match="under way at once"):
+        defragmenter.add(piece("one more", 0, 2, ""), 0.0)
+
+
+def test_what_is_never_finished_is_forgotten() -> None:
+    defragmenter = Defragmenter(100)
+    for i in range(MAX_OPEN):
+        defragmenter.add(piece(i, 0, 2, "x"), 0.0)
+    assert defragmenter.add(piece("new", 0, 1, "ok"), MAX_AGE + 1.0) == b"ok"
+    assert defragmenter.add(piece(0, 1, 2, "late"), MAX_AGE + 1.0) is None
