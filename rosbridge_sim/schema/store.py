@@ -29,7 +29,11 @@ _FieldDesc = tuple[Any, Any]
 
 _TYPE_NAME = re.compile(r"([A-Za-z]\w*)/(?:(?:msg|srv|action)/)?([A-Za-z]\w*)", re.ASCII)
 
-_RENAMED_PACKAGES = {"rosapi_msgs": "rosapi"}
+_RENAMED_PACKAGES = {
+    "rosapi_msgs": "rosapi",
+    "tf2_web_republisher_interfaces": "tf2_web_republisher",
+    "tf2_web_republisher_msgs": "tf2_web_republisher",
+}
 """Packages that the ROS 2 generation renamed: the types of the one serve for the other."""
 
 _RENAMED_FIELDS = {"rosapi/GetParamRequest": {"default_value": "default"}}

@@ -215,7 +215,7 @@ def _element(slot: Slot, *, is_odd: bool) -> st.SearchStrategy[Any]:
         return _time(kind, is_odd=is_odd)
     if kind == "float32":
         return _FLOATS32
-    if kind == "string":
+    if kind in {"string", "wstring"}:
         most = slot.field.max_chars
         return st.text(_CHARS, max_size=12 if most is None else most)
     return st.booleans() if kind == "bool" else _FLOATS

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from rosbridge_sim.schema.parse import Definition, parse_message, parse_service
+from rosbridge_sim.schema.parse import Definition, parse_action, parse_message, parse_service
 from rosbridge_sim.schema.store import Store
 from tests.schema.strategies import SCHEMAS, read_texts, shared_store
 
-FILES = sorted(path for path in SCHEMAS.rglob("*") if path.suffix in {".msg", ".srv"})
+FILES = sorted(path for path in SCHEMAS.rglob("*") if path.suffix in {".msg", ".srv", ".action"})
 
 RELEASE = (Path(__file__).parent / "morai_22.R2.txt").read_text().splitlines()
 """`msg Name type:field ...` or `srv Name type:field --- type:field`, in wire order, as the release has it."""
@@ -19,7 +19,9 @@ RELEASE = (Path(__file__).parent / "morai_22.R2.txt").read_text().splitlines()
 def read(path: Path) -> tuple[Definition, ...]:
     name = f"{path.relative_to(SCHEMAS).parts[0]}/{path.stem}"
     text = path.read_text()
-    return (parse_message(name, text),) if path.suffix == ".msg" else parse_service(name, text)
+    if path.suffix == ".msg":
+        return (parse_message(name, text),)
+    return parse_service(name, text) if path.suffix == ".srv" else parse_action(name, text)
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
