@@ -355,11 +355,12 @@ class Peer:
             goal.end(GoalStatus.ABORTED, values)
             return
         try:
+            status = GoalStatus.SUCCEEDED if op.status is None else _read_status(op.status)
             values = decode_body(result_type, op.values, self._bus.stamp_ns)
         except PeerError as error:
             goal.fail(str(error))
             raise
-        goal.end(GoalStatus.SUCCEEDED if op.status is None else op.status, values)
+        goal.end(status, values)
 
     def _goal_at_work(self, op: ops.ActionFeedback | ops.ActionResult) -> Goal | None:
         """The goal that this client works on under that id; None if nobody waits for it any more."""
@@ -386,6 +387,13 @@ class Peer:
         num_topics = len(self._publications) + len(self._listenings)
         if num_topics + len(self._provisions) + len(self._performances) >= MAX_HELD:
             raise GraphError(f"At most {MAX_HELD} topics, services and actions can be held by one client")
+
+
+def _read_status(number: int) -> GoalStatus:
+    try:
+        return GoalStatus(number)
+    except ValueError:
+        raise GraphError(f"action_result: {number} is no status of action_msgs/GoalStatus") from None
 
 
 def _read_refusal(values: Any) -> object:  # noqa: ANN401 - JSON text of a stranger
