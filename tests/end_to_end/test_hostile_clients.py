@@ -72,7 +72,33 @@ OPS: list[dict[str, Any]] = [
     {"op": "status", "level": "error", "msg": "from a client"},
     {"op": "auth", "mac": "", "client": "", "t": 0},
     {"op": "fragment", "id": "f", "num": 0, "total": 2, "data": '{"op":'},
-    {"op": "send_action_goal", "action": "/fib", "action_type": "example_interfaces/Fibonacci", "args": {"order": 5}},
+    {"op": "fragment", "id": "f", "num": 1, "total": 2, "data": '"set_level","level":"none"}'},
+    {
+        "op": "png",
+        "data": "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVR4nGP4z8AAAAMBAQDJ/pLvAAAAAElFTkSuQmCC",
+    },
+    {"op": "subscribe", "topic": "/t", "id": 1, "throttle_rate": 10, "queue_length": 3, "compression": "png"},
+    {"op": "subscribe", "topic": "/Object_topic", "id": 2, "compression": "cbor", "fragment_size": 100},
+    {
+        "op": "subscribe",
+        "topic": "/clock",
+        "id": 3,
+        "compression": "cbor-raw",
+        "qos": {"depth": 1, "history": "keep_last"},
+    },
+    {"op": "advertise_action", "action": "/fib", "type": "example_interfaces/Fibonacci"},
+    {
+        "op": "send_action_goal",
+        "action": "/fib",
+        "action_type": "example_interfaces/Fibonacci",
+        "args": {"order": 5},
+        "feedback": True,
+        "id": "g",
+    },
+    {"op": "cancel_action_goal", "action": "/fib", "id": "g"},
+    {"op": "action_feedback", "action": "/fib", "id": "action_goal:/fib:1", "values": {"sequence": [0, 1]}},
+    {"op": "action_result", "action": "/fib", "id": "action_goal:/fib:1", "values": {}, "status": 4, "result": True},
+    {"op": "unadvertise_action", "action": "/fib"},
 ]
 
 ODD: list[Any] = [
