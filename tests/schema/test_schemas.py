@@ -12,8 +12,16 @@ from tests.schema.strategies import SCHEMAS, read_texts, shared_store
 
 FILES = sorted(path for path in SCHEMAS.rglob("*") if path.suffix in {".msg", ".srv", ".action"})
 
-RELEASE = (Path(__file__).parent / "morai_22.R2.txt").read_text().splitlines()
-"""`msg Name type:field ...` or `srv Name type:field --- type:field`, in wire order, as the release has it."""
+RELEASES = {"22.R2": (52, 12), "26.R1": (91, 19)}
+"""How many messages and services each release of MORAI's has."""
+
+
+def release(name: str) -> list[str]:
+    """`msg Name type:field ...` or `srv Name type:field --- type:field`, in wire order, as the release has it."""
+    return (Path(__file__).parent / f"morai_{name}.txt").read_text().splitlines()
+
+
+LINES = [(name, line) for name in RELEASES for line in release(name)]
 
 
 def read(path: Path) -> tuple[Definition, ...]:
@@ -35,11 +43,14 @@ def test_a_file_starts_with_what_it_is_and_is_tidy(path: Path) -> None:
     assert read(path)
 
 
-def test_every_definition_compiles() -> None:
-    store = Store(read_texts())
+@pytest.mark.parametrize("name", RELEASES)
+def test_every_definition_compiles(name: str) -> None:
+    texts = read_texts(name)
+    store = Store(texts)
     store.verify()
     assert len(store.names("msg")) > 180
-    assert len(read_texts()) == len(FILES)
+    others = [path for path in FILES if "morai_msgs" in path.parts and name not in path.parts]
+    assert len(texts) == len(FILES) - len(others)
 
 
 def test_every_field_of_the_simulator_says_what_it_is() -> None:
@@ -48,22 +59,23 @@ def test_every_field_of_the_simulator_says_what_it_is() -> None:
         assert all("  # " in line for line in lines if line not in {"", "---"}), path.name
 
 
-def test_the_release_has_its_messages_and_services() -> None:
-    assert len([line for line in RELEASE if line.startswith("msg ")]) == 52
-    assert len([line for line in RELEASE if line.startswith("srv ")]) == 12
-    names = sorted(f"{line.split()[0]} {line.split()[1]}" for line in RELEASE)
-    assert sorted(f"{kind} {name}" for package, kind, name in read_texts() if package == "morai_msgs") == names
+@pytest.mark.parametrize("name", RELEASES)
+def test_a_release_has_its_messages_and_services(name: str) -> None:
+    names = [" ".join(line.split()[:2]) for line in release(name)]
+    assert tuple(sum(one.startswith(kind) for one in names) for kind in ("msg", "srv")) == RELEASES[name]
+    found = [f"{kind} {short}" for package, kind, short in read_texts(name) if package == "morai_msgs"]
+    assert sorted(found) == sorted(names)
 
 
-@pytest.mark.parametrize("line", RELEASE, ids=lambda line: str(line.split()[1]))
-def test_the_release_has_its_fields_in_wire_order(line: str) -> None:
-    kind, name, *expected = line.split()
+@pytest.mark.parametrize(("name", "line"), LINES, ids=lambda text: " ".join(str(text).split()[:2]))
+def test_a_release_has_its_fields_in_wire_order(name: str, line: str) -> None:
+    kind, short, *expected = line.split()
     found: list[str] = []
-    for definition in read(SCHEMAS / "morai_msgs" / "22.R2" / kind / f"{name}.{kind}"):
+    for definition in read(SCHEMAS / "morai_msgs" / name / kind / f"{short}.{kind}"):
         found += ["---"] if definition.name.endswith("Response") and kind == "srv" else []
         for field in definition.fields:
-            short = field.full_type.removeprefix("morai_msgs/").replace("std_msgs/Header", "Header")
-            found.append(f"{short}:{field.name}")
+            type_name = field.full_type.removeprefix("morai_msgs/").replace("std_msgs/Header", "Header")
+            found.append(f"{type_name}:{field.name}")
         assert not definition.constants
     assert found == expected
 
