@@ -58,6 +58,7 @@ PURE_MODULES = frozenset(
         "dataclasses",
         "decimal",
         "enum",
+        "fnmatch",
         "fractions",
         "functools",
         "hashlib",

@@ -2,6 +2,8 @@
 
 Each service is a row of one table: its name, its type, and a method from request to response fields. Clients
 of both ROS generations find the names they know; lists are in order of name, and parallel where rosapi says so.
+Where a policy keeps clients from some names, what they may not use is not listed, and asked for by its name it is not
+there; a parameter that they may not use is refused.
 
 Parameters live in memory for as long as the process, by absolute name; values are JSON texts on the wire.
 """
@@ -15,6 +17,7 @@ import orjson
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.bus import Bus, Call, Owner, Service, Topic, resolve
+from rosbridge_sim.graph.policy import OPEN, Policy
 
 __all__ = ["NODE_NAME", "Rosapi"]
 
@@ -40,9 +43,10 @@ class Rosapi:
 
     name = NODE_NAME
 
-    def __init__(self, bus: Bus) -> None:
-        """Offer all services on `bus`."""
+    def __init__(self, bus: Bus, policy: Policy = OPEN) -> None:
+        """Offer all services on `bus`, and show there what `policy` lets clients use."""
         self._bus = bus
+        self._policy = policy
         table: dict[str, tuple[str, Callable[[_Request], _Fields]]] = {
             "topics": ("Topics", self._topics),
             "topics_for_type": ("TopicsForType", self._topics_for_type),
@@ -73,7 +77,13 @@ class Rosapi:
     # Topics
 
     def _sorted_topics(self) -> list[Topic]:
-        return [topic for _, topic in sorted(self._bus.topics.items()) if topic.publishers or topic.subscriptions]
+        may_see = self._policy.may_see
+        topics = (t for name, t in sorted(self._bus.topics.items()) if may_see(name))
+        return [topic for topic in topics if topic.publishers or topic.subscriptions]
+
+    def _find_topic(self, name: str) -> Topic | None:
+        topic = self._bus.find_topic(name)
+        return topic if topic is not None and self._policy.may_see(topic.name) else None
 
     def _topics(self, _request: _Request) -> _Fields:
         topics = self._sorted_topics()
@@ -84,28 +94,32 @@ class Rosapi:
         return {"topics": [t.name for t in self._sorted_topics() if t.type.name == wanted]}
 
     def _topic_type(self, request: _Request) -> _Fields:
-        topic = self._bus.find_topic(request.topic)
+        topic = self._find_topic(request.topic)
         return {"type": topic.type.name if topic else ""}
 
     def _publishers(self, request: _Request) -> _Fields:
-        topic = self._bus.find_topic(request.topic)
+        topic = self._find_topic(request.topic)
         return {"publishers": _node_names(topic.publishers if topic else ())}
 
     def _subscribers(self, request: _Request) -> _Fields:
-        topic = self._bus.find_topic(request.topic)
+        topic = self._find_topic(request.topic)
         return {"subscribers": _node_names(s.owner for s in (topic.subscriptions if topic else ()))}
 
     # Services
 
+    def _sorted_services(self) -> list[Service]:
+        return [service for name, service in sorted(self._bus.services.items()) if self._policy.may_call(name)]
+
     def _find_service(self, name: str) -> Service | None:
-        return self._bus.services.get(resolve(name))
+        service = self._bus.services.get(resolve(name))
+        return service if service is not None and self._policy.may_call(service.name) else None
 
     def _services(self, _request: _Request) -> _Fields:
-        return {"services": sorted(self._bus.services)}
+        return {"services": [service.name for service in self._sorted_services()]}
 
     def _services_for_type(self, request: _Request) -> _Fields:
         wanted = self._bus.store.canonical(request.type)
-        return {"services": [name for name, s in sorted(self._bus.services.items()) if s.type.name == wanted]}
+        return {"services": [s.name for s in self._sorted_services() if s.type.name == wanted]}
 
     def _service_type(self, request: _Request) -> _Fields:
         service = self._find_service(request.service)
@@ -113,12 +127,11 @@ class Rosapi:
 
     def _service_providers(self, request: _Request) -> _Fields:
         """The providers of a *type*, though the field is called `service`; a service's own name is understood too."""
-        services = self._bus.services.values()
         named = self._find_service(request.service)
         if named is not None:
             return {"providers": [named.owner.name]}
         wanted = self._bus.store.canonical(request.service)
-        return {"providers": _node_names(s.owner for s in services if s.type.name == wanted)}
+        return {"providers": _node_names(s.owner for s in self._sorted_services() if s.type.name == wanted)}
 
     def _service_node(self, request: _Request) -> _Fields:
         service = self._find_service(request.service)
@@ -135,7 +148,7 @@ class Rosapi:
         return {
             "subscribing": [t.name for t in topics if any(s.owner.name == node for s in t.subscriptions)],
             "publishing": [t.name for t in topics if any(o.name == node for o in t.publishers)],
-            "services": [name for name, s in sorted(self._bus.services.items()) if s.owner.name == node],
+            "services": [s.name for s in self._sorted_services() if s.owner.name == node],
         }
 
     # Time and parameters
@@ -143,13 +156,29 @@ class Rosapi:
     def _get_time(self, _request: _Request) -> _Fields:
         return {"time": self._bus.store.time_value(self._bus.stamp_ns)}
 
+    def _parameter_name(self, given: str) -> str:
+        """The absolute name of a parameter that clients may use."""
+        self._policy.check_parameter(given)
+        return resolve(given)
+
+    def _below(self, name: str) -> dict[str, object]:
+        """What clients may use below a namespace, nested as in ROS 1: `/a` of `/a/b` = 1 is {"b": 1}."""
+        prefix = name.rstrip("/") + "/"
+        admits = self._policy.parameter.admits
+        parameters = self._bus.parameters.items()
+        return _tree({key[len(prefix) :]: value for key, value in parameters if key.startswith(prefix) and admits(key)})
+
+    def _is_set(self, name: str) -> bool:
+        return name in self._bus.parameters or bool(self._below(name))
+
     def _set_param(self, request: _Request) -> _Fields:
         parameters = self._bus.parameters
-        name = resolve(request.name)
+        name = self._parameter_name(request.name)
         try:
             value = orjson.loads(request.value)
         except orjson.JSONDecodeError:
             raise GraphError(_BAD_VALUE) from None
+        _to_text(value)
         if name not in parameters and len(parameters) >= MAX_PARAMETERS:
             raise GraphError(f"At most {MAX_PARAMETERS} parameters can be kept")
         parameters[name] = value
@@ -157,20 +186,20 @@ class Rosapi:
 
     def _get_param(self, request: _Request) -> _Fields:
         parameters = self._bus.parameters
-        name = resolve(request.name)
+        name = self._parameter_name(request.name)
         if name in parameters:
-            return {"value": orjson.dumps(parameters[name]).decode()}
-        below = _tree(parameters, name)
-        return {"value": orjson.dumps(below).decode() if below else request.default}
+            return {"value": _to_text(parameters[name])}
+        below = self._below(name)
+        return {"value": _to_text(below) if below else request.default}
 
     def _has_param(self, request: _Request) -> _Fields:
-        name = resolve(request.name)
-        return {"exists": name in self._bus.parameters or bool(_tree(self._bus.parameters, name))}
+        return {"exists": self._is_set(self._parameter_name(request.name))}
 
     def _delete_param(self, request: _Request) -> _Fields:
         parameters = self._bus.parameters
-        name = resolve(request.name)
-        gone = [key for key in parameters if key == name or key.startswith(name + "/")]
+        name = self._parameter_name(request.name)
+        admits = self._policy.parameter.admits
+        gone = [key for key in parameters if key == name or (key.startswith(name + "/") and admits(key))]
         if not gone:
             raise GraphError(f"Parameter {name} is not set")
         for key in gone:
@@ -179,12 +208,11 @@ class Rosapi:
 
     def _search_param(self, request: _Request) -> _Fields:
         """The parameter that a node would find from its namespace; clients have none, so the root's."""
-        name = resolve(request.name)
-        is_there = name in self._bus.parameters or bool(_tree(self._bus.parameters, name))
-        return {"global_name": name if is_there else ""}
+        name = self._parameter_name(request.name)
+        return {"global_name": name if self._is_set(name) else ""}
 
     def _get_param_names(self, _request: _Request) -> _Fields:
-        return {"names": sorted(self._bus.parameters)}
+        return {"names": sorted(filter(self._policy.parameter.admits, self._bus.parameters))}
 
 
 def _handler(respond: Callable[[_Request], _Fields]) -> Callable[[Call, float], None]:
@@ -199,17 +227,27 @@ def _node_names(owners: Iterable[Owner]) -> list[str]:
     return sorted({owner.name for owner in owners})
 
 
-def _tree(parameters: dict[str, object], name: str) -> dict[str, object]:
-    """What lies below a namespace, nested as in ROS 1: `/a` of `/a/b` = 1 is {"b": 1}."""
-    prefix = name.rstrip("/") + "/"
+def _to_text(value: object) -> str:
+    """A parameter's value as JSON text.
+
+    Raises:
+        GraphError: it is nested too deeply to be written again, though it could be read.
+    """
+    try:
+        return orjson.dumps(value).decode()
+    except orjson.JSONEncodeError:
+        raise GraphError("The value is nested too deeply") from None
+
+
+def _tree(parameters: dict[str, object]) -> dict[str, object]:
+    """Values by relative name as values by path: `b/c` = 1 is {"b": {"c": 1}}."""
     root: dict[str, Any] = {}
     for key, value in parameters.items():
-        if key.startswith(prefix):
-            *path, last = key[len(prefix) :].split("/")
-            node = root
-            for part in path:
-                if not isinstance(node.get(part), dict):
-                    node[part] = {}
-                node = node[part]
-            node[last] = value
+        *path, last = key.split("/")
+        node = root
+        for part in path:
+            inner = node.get(part)
+            node[part] = dict(inner) if isinstance(inner, dict) else {}  # a copy: it may be a parameter's own value
+            node = node[part]
+        node[last] = value
     return root
