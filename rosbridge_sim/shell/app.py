@@ -27,6 +27,7 @@ from rosbridge_sim.morai.convert import LENIENCY, choose_profile
 from rosbridge_sim.morai.node import Node, NodeSettings
 from rosbridge_sim.protocol.flow import OutboxLimits
 from rosbridge_sim.schema.store import Store
+from rosbridge_sim.shell.reports import Reports
 from rosbridge_sim.shell.server import Server, ServerLimits
 from rosbridge_sim.shell.settings import Settings
 from rosbridge_sim.shell.sources import check_options
@@ -77,6 +78,7 @@ class Simulator:
         self.node: Node | None = None
         self._server: Server | None = None
         self._clockwork: Clockwork | None = None
+        self._reports: Reports | None = None
         self._stopping: asyncio.Task[None] | None = None
 
     @property
@@ -127,6 +129,7 @@ class Simulator:
             await server.start(settings.host, settings.port)
         except (OSError, UnicodeError) as error:
             raise AddressError(_why_not(settings, error)) from None
+        self._reports = Reports(bus, server, asyncio.get_running_loop())
         self.bus, self.node, self._server, self._clockwork = bus, node, server, clockwork
         clockwork.look()
 
@@ -134,6 +137,8 @@ class Simulator:
         """Close every connection (code 1001) and stop the world; within two seconds, and twice is no error."""
         if self._clockwork is not None:
             self._clockwork.stop()
+        if self._reports is not None:
+            self._reports.stop()
         if self._server is not None:
             await self._server.stop()
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -31,7 +32,7 @@ from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.protocol.flow import BinaryFrame, Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 
-__all__ = ["Server", "ServerLimits"]
+__all__ = ["Client", "Server", "ServerLimits"]
 
 _log = logging.getLogger("rosbridge_sim.server")
 
@@ -88,8 +89,14 @@ class _Socket(ServerConnection):
             self.on_room()
 
 
-class _Client:
-    """One connected client: its socket, its outbox, its peer on the bus."""
+class Client:
+    """One connected client: its socket, its outbox, its peer on the bus.
+
+    Attributes:
+        host: the address it comes from, without the port.
+        connected_ns: since when [ns, the time of day].
+        num_bytes_sent: what the transport was given [bytes].
+    """
 
     def __init__(self, socket: _Socket, bus: Bus, limits: ServerLimits) -> None:
         self.socket = socket
@@ -98,6 +105,9 @@ class _Client:
             self.outbox, self._set_alarm, max_frame_size=limits.max_frame_size, is_talkative=limits.is_talkative
         )
         address = socket.remote_address
+        self.host = str(address[0]) if address else ""
+        self.connected_ns = time.time_ns()
+        self.num_bytes_sent = 0
         self.peer = Peer(bus, session, f"{address[0]}:{address[1]}" if address else "")
         self._is_woken = False
         self._alarm: asyncio.TimerHandle | None = None
@@ -142,7 +152,9 @@ class _Client:
                     protocol.send_binary(frame)
                 else:
                     protocol.send_text(frame)
-            socket.transport.write(b"".join(protocol.data_to_send()))
+            data = b"".join(protocol.data_to_send())
+            self.num_bytes_sent += len(data)
+            socket.transport.write(data)
         if outbox.is_overfull and self._closing is None:
             _log.warning("%s reads too slowly: %d bytes wait; closing", self.peer.address, outbox.num_bytes)
             outbox.close()
@@ -162,6 +174,7 @@ class Server:
 
     Attributes:
         clients: who is connected now, in order of arrival.
+        on_clients: called when somebody has come or gone.
         num_bugs: frames whose handling failed by a fault of ours; each is in the log with its traceback.
         port: the real port, once started.
     """
@@ -174,7 +187,8 @@ class Server:
             limits: for each connection.
             on_change: called after each frame and each departure: the world may be due earlier than planned.
         """
-        self.clients: dict[_Client, None] = {}
+        self.clients: dict[Client, None] = {}
+        self.on_clients: Callable[[], None] = lambda: None
         self.num_bugs = 0
         self.port = 0
         self._bus = bus
@@ -220,10 +234,11 @@ class Server:
 
     async def _serve(self, socket: ServerConnection) -> None:
         assert isinstance(socket, _Socket)
-        client = _Client(socket, self._bus, self._limits)
+        client = Client(socket, self._bus, self._limits)
         peer = client.peer
         clock = socket.loop.time
         self.clients[client] = None
+        self.on_clients()
         _log.info("%s connected; %d connected now", peer.address, len(self.clients))
         num_frames = 0
         try:
@@ -243,6 +258,7 @@ class Server:
             _log.debug("%s: %s", peer.address, closed)
         finally:
             del self.clients[client]
+            self.on_clients()
             client.leave()
             self._on_change()
             _log.info("%s left; %d connected now", peer.address, len(self.clients))

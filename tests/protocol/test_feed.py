@@ -121,6 +121,13 @@ def test_qos() -> None:
     assert read_qos({"durability": "volatile", "depth": 0}) == Qos(depth=1, is_latching=False)
     assert read_qos({"history": "keep_all"}).depth == MAX_DEPTH
     assert read_qos({"deadline": {"secs": 1, "nsecs": 0}, "lifespan": "infinite"}) == Qos()
-    for bad in ({"speed": 1}, {"durability": "forever"}, {"depth": -1}, {"depth": "7"}, {"depth": True}):
+    wrong: list[dict[str, object]] = [
+        {"speed": 1},
+        {"durability": "forever"},
+        {"depth": -1},
+        {"depth": "7"},
+        {"depth": True},
+    ]
+    for bad in wrong:
         with pytest.raises(FrameError):
             read_qos(bad)

@@ -1,0 +1,143 @@
+"""What the server says of itself on topics: who is connected, what they leave unread, what is in its log.
+
+    /client_count        how many clients are connected; latched, at each change
+    /connected_clients   who they are and since when; latched, at each change
+    /sim/clients         what each has sent, was given and leaves unread; once a second while somebody listens
+    /rosout              the log lines of this process, from level info on; clients may write there too
+
+The first two are rosbridge_suite's. The server is the node `/rosbridge_websocket` here, as its clients are.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from typing import Any
+
+from rosbridge_sim.graph.bus import Bus, Topic
+from rosbridge_sim.graph.peer import NODE_NAME
+from rosbridge_sim.schema.store import Message
+from rosbridge_sim.shell.server import Client, Server
+
+__all__ = ["Reports"]
+
+PERIOD = 1.0
+"""Between two messages on /sim/clients [s]."""
+
+_LEVELS = ((logging.CRITICAL, 16), (logging.ERROR, 8), (logging.WARNING, 4), (logging.INFO, 2))
+"""Our levels, from the gravest on, as rosgraph_msgs/Log counts them."""
+
+
+class Reports:
+    """The topics on which a server speaks of itself."""
+
+    name = NODE_NAME
+
+    def __init__(self, bus: Bus, server: Server, loop: asyncio.AbstractEventLoop) -> None:
+        """Advertise the topics and follow the server's clients and this process's log, until `stop`."""
+        self._bus = bus
+        self._server = server
+        self._loop = loop
+        self._count = self._advertise("/client_count", "std_msgs/Int32", depth=1, is_exclusive=True)
+        self._connected = self._advertise(
+            "/connected_clients", "rosbridge_msgs/ConnectedClients", depth=1, is_exclusive=True
+        )
+        self._clients = self._advertise("/sim/clients", "rosbridge_sim_msgs/Clients", is_exclusive=True)
+        self._log = _LogTopic(self, self._advertise("/rosout", "rosgraph_msgs/Log"), loop)
+        logging.getLogger("rosbridge_sim").addHandler(self._log)
+        server.on_clients = self.tell_clients
+        self._timer = loop.call_later(PERIOD, self._tick)
+        self.tell_clients()
+
+    def stop(self) -> None:
+        """Say nothing more."""
+        self._timer.cancel()
+        logging.getLogger("rosbridge_sim").removeHandler(self._log)
+
+    def tell(self, level: str, text: str) -> None:
+        """Nobody reads what the server is told; it asks for nothing."""
+
+    def publish(self, topic: Topic, **fields: Any) -> None:  # noqa: ANN401 - each field of its own type
+        """Send a message made from its fields."""
+        self._bus.publish(self, topic, Message(topic.type, self._struct(topic)(**fields)), self._loop.time())
+
+    def tell_clients(self) -> None:
+        """Somebody has come or gone."""
+        store = self._bus.store
+        client_struct = store.message("rosbridge_msgs/ConnectedClient").struct
+        clients = [
+            client_struct(ip_address=client.host, connection_time=store.time_value(client.connected_ns))
+            for client in self._server.clients
+        ]
+        self.publish(self._count, data=len(clients))
+        self.publish(self._connected, clients=clients)
+
+    def stamp(self) -> Any:  # noqa: ANN401 - a generated struct
+        """A header with the time of day: these topics are about this process, not about the world in it."""
+        store = self._bus.store
+        return store.message("std_msgs/Header").struct(stamp=store.time_value(time.time_ns()))
+
+    def _advertise(self, name: str, type_name: str, *, depth: int = 0, is_exclusive: bool = False) -> Topic:
+        return self._bus.advertise(self, name, type_name, depth=depth, is_exclusive=is_exclusive)
+
+    def _struct(self, topic: Topic) -> Any:  # noqa: ANN401 - a class that is generated
+        return self._bus.store.message(topic.type.name).struct
+
+    def _tick(self) -> None:
+        self._timer = self._loop.call_later(PERIOD, self._tick)
+        if self._clients.has_listener:
+            self.publish(self._clients, header=self.stamp(), clients=list(map(self._status, self._server.clients)))
+
+    def _status(self, client: Client) -> Any:  # noqa: ANN401 - a generated struct
+        store = self._bus.store
+        session, outbox = client.peer.session, client.outbox
+        dropped = sorted((topic, count) for topic, count in outbox.dropped.items() if count)
+        return store.message("rosbridge_sim_msgs/ClientStatus").struct(
+            address=client.peer.address,
+            connection_time=store.time_value(client.connected_ns),
+            frames_received=session.num_received,
+            frames_refused=session.num_refused + client.peer.num_errors,
+            messages_sent=session.num_sent,
+            bytes_sent=client.num_bytes_sent,
+            bytes_waiting=outbox.num_bytes + client.socket.transport.get_write_buffer_size(),
+            dropped_topics=[topic for topic, _ in dropped],
+            dropped_counts=[count for _, count in dropped],
+        )
+
+
+class _LogTopic(logging.Handler):
+    """Sends log records to `/rosout`."""
+
+    def __init__(self, reports: Reports, topic: Topic, loop: asyncio.AbstractEventLoop) -> None:
+        super().__init__(logging.INFO)
+        self._reports = reports
+        self._topic = topic
+        self._loop = loop
+        self._is_sending = False
+
+    def emit(self, record: logging.LogRecord) -> None:
+        # what sending itself logs would never come to an end; another thread must not touch the bus
+        if self._is_sending or not self._topic.has_listener or not self._is_here():
+            return
+        self._is_sending = True
+        try:
+            self._reports.publish(
+                self._topic,
+                header=self._reports.stamp(),
+                level=next((number for level, number in _LEVELS if record.levelno >= level), 1),
+                name="/" + record.name.replace(".", "/"),
+                msg=record.getMessage(),
+                file=record.filename,
+                function=record.funcName or "",
+                line=record.lineno,
+                topics=[],
+            )
+        finally:
+            self._is_sending = False
+
+    def _is_here(self) -> bool:
+        try:
+            return asyncio.get_running_loop() is self._loop
+        except RuntimeError:
+            return False

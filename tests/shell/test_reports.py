@@ -1,0 +1,74 @@
+"""What the server says of itself, seen by its clients."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+from collections.abc import AsyncIterator
+
+import pytest_asyncio
+
+from rosbridge_sim.shell.app import Simulator
+from tests.support import PATIENCE, Client, mask, open_raw
+
+
+@pytest_asyncio.fixture
+async def sim() -> AsyncIterator[Simulator]:
+    async with Simulator(port=0, world=False) as sim:
+        yield sim
+
+
+async def test_who_is_connected_is_latched_and_follows_each_change(sim: Simulator) -> None:
+    async with await Client.open(sim.url) as first:
+        await first.send("subscribe", topic="/client_count")
+        await first.send("subscribe", topic="/connected_clients")
+        assert (await first.message("/client_count"))["data"] == 1
+        async with await Client.open(sim.url):
+            assert (await first.message("/client_count"))["data"] == 2
+        assert (await first.message("/client_count"))["data"] == 1
+        (entry,) = (await first.message("/connected_clients"))["clients"]
+        assert entry["ip_address"] == "127.0.0.1"
+        assert entry["connection_time"]["secs"] > 1_700_000_000
+
+
+async def test_the_log_is_a_topic_and_clients_may_write_there_too(sim: Simulator) -> None:
+    async with await Client.open(sim.url) as client:
+        assert (await client.values("/rosapi/topic_type", {"topic": "/rosout"})) == {"type": "rosgraph_msgs/Log"}
+        await client.subscribe("/rosout")
+        await client.settle()
+        logging.getLogger("rosbridge_sim.test").warning("a line with %s", "a value")
+        line = await client.message_where("/rosout", lambda log: log["msg"] == "a line with a value")
+        assert (line["level"], line["name"], line["file"]) == (4, "/rosbridge_sim/test", "test_reports.py")
+        assert line["header"]["stamp"]["secs"] > 1_700_000_000
+        logging.getLogger("rosbridge_sim.test").debug("below info")
+        await client.send("advertise", topic="/rosout", type="rosgraph_msgs/Log")
+        await client.send("publish", topic="/rosout", msg={"msg": "mine", "level": 2})
+        assert (await client.message("/rosout"))["msg"] == "mine"
+
+
+async def test_a_client_that_does_not_read_shows_on_sim_clients_and_nobody_else_notices() -> None:
+    async with Simulator(port=0, world=False, outbox_burst=10, outbox_size=100_000) as sim:
+        reader, writer = await open_raw(sim.port)  # nobody ever reads from it
+        writer.write(mask(json.dumps({"op": "subscribe", "topic": "/big", "type": "std_msgs/String"})))
+        async with await Client.open(sim.url) as live:
+            await live.subscribe("/big", type="std_msgs/String")
+            await live.send("advertise", topic="/big", type="std_msgs/String")
+            assert sim.bus is not None
+            while len(sim.bus.topics["/big"].subscriptions) < 2:
+                await live.settle()
+            for i in range(400):
+                await live.send("publish", topic="/big", msg={"data": f"{i}:" + "x" * 50_000})
+                assert (await live.message("/big"))["data"].startswith(f"{i}:")
+            await live.subscribe("/sim/clients")
+            async with asyncio.timeout(PATIENCE):
+                status = await live.message("/sim/clients")
+            stalled, reading = status["clients"]
+            assert stalled["dropped_topics"] == ["/big"]
+            assert 100 < stalled["dropped_counts"][0] < 400
+            assert 0 < stalled["bytes_waiting"] < 20_000_000
+            assert (reading["dropped_topics"], reading["frames_refused"]) == ([], 0)
+            assert reading["messages_sent"] >= 400
+            assert reading["bytes_sent"] > 20_000_000
+        writer.transport.abort()
+        assert reader is not None
