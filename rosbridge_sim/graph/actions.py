@@ -18,10 +18,7 @@ from rosbridge_sim.graph.owner import Body, Owner, decode_body, resolve
 from rosbridge_sim.schema.compile import ActionType
 from rosbridge_sim.schema.store import Message, Store
 
-__all__ = ["MAX_GOALS", "Action", "Actions", "Goal", "GoalStatus", "Outcome"]
-
-MAX_GOALS = 1_000
-"""Goals that one caller may have under way."""
+__all__ = ["Action", "Actions", "Goal", "GoalStatus", "Outcome"]
 
 
 class GoalStatus(IntEnum):
@@ -127,9 +124,10 @@ class _Clock(Protocol):
 class Actions:
     """The actions of one bus."""
 
-    def __init__(self, bus: _Clock) -> None:
-        """No actions yet; the bus tells who leaves."""
+    def __init__(self, bus: _Clock, max_goals: int) -> None:
+        """No actions yet; the bus tells who leaves. One caller may have `max_goals` under way."""
         self._bus = bus
+        self.max_goals = max_goals
         self.by_name: dict[str, Action] = {}
         self._goals: dict[Owner, dict[Goal, None]] = {}
 
@@ -184,8 +182,8 @@ class Actions:
                 raise GraphError(f"Action {name} does not exist")
             request = decode_body(action.type.goal, args, self._bus.stamp_ns)
             held = self._goals.setdefault(caller, {})
-            if len(held) >= MAX_GOALS:
-                raise GraphError(f"Too many goals under way: at most {MAX_GOALS}")
+            if len(held) >= self.max_goals:
+                raise GraphError(f"Too many goals under way: at most {self.max_goals}")
         except PeerError as error:
             on_outcome(Outcome(is_ok=False, status=GoalStatus.UNKNOWN, values=str(error)))
             return None

@@ -51,7 +51,7 @@ TYPE_MEMORY = 10.0
 """How long a topic's type is remembered without publishers and subscribers [s] (`unregister_timeout`)."""
 
 MAX_CALLS = 1_000
-"""Calls that one caller may have in flight: ten times what the busiest known client has."""
+"""Calls, and goals, that one caller may have in flight by default: ten times what the busiest known client has."""
 
 _log = logging.getLogger("rosbridge_sim.graph")
 
@@ -196,17 +196,26 @@ class Bus:
         parameters: the parameter server, by absolute name; JSON values.
         watchers: called with `(owner, now)` after an owner has left.
         is_strict: refuse types of packages that nobody knows, in place of relaying them unchecked.
+        max_calls: calls that one caller may have in flight, and as many goals.
         num_published, num_calls: counters since the start.
     """
 
-    def __init__(self, store: Store, *, is_strict: bool = False, service_timeout: float | None = None) -> None:
+    def __init__(
+        self,
+        store: Store,
+        *,
+        is_strict: bool = False,
+        service_timeout: float | None = None,
+        max_calls: int = MAX_CALLS,
+    ) -> None:
         self.store = store
         self.stamp_ns = 0
-        self.actions = Actions(self)
+        self.actions = Actions(self, max_calls)
         self.parameters: dict[str, object] = {}
         self.watchers: list[Callable[[Owner, float], None]] = []
         self.is_strict = is_strict
         self.service_timeout = service_timeout
+        self.max_calls = max_calls
         self.num_published = 0
         self.num_calls = 0
         self.topics: dict[str, Topic] = {}
@@ -376,8 +385,8 @@ class Bus:
                 raise GraphError(f"Service {name} does not exist")
             request = decode_body(service.type.request, args, self.stamp_ns)
             held = self._held(caller).calls
-            if len(held) >= MAX_CALLS:
-                raise GraphError(f"Too many calls in flight: at most {MAX_CALLS}")
+            if len(held) >= self.max_calls:
+                raise GraphError(f"Too many calls in flight: at most {self.max_calls}")
         except PeerError as error:
             on_answer(Answer(is_ok=False, values=str(error)))
             return

@@ -20,8 +20,9 @@ from typing import Any
 import orjson
 
 from rosbridge_sim.errors import GraphError, PeerError
-from rosbridge_sim.graph.actions import MAX_GOALS, Goal, GoalStatus, Outcome
-from rosbridge_sim.graph.bus import MAX_CALLS, Answer, Bus, Call, Owner, Subscription, Topic, decode_body, resolve
+from rosbridge_sim.graph.actions import Goal, GoalStatus, Outcome
+from rosbridge_sim.graph.bus import Answer, Bus, Call, Owner, Subscription, Topic, decode_body, resolve
+from rosbridge_sim.graph.policy import OPEN, Policy
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.codec import is_absent
 from rosbridge_sim.protocol.feed import read_qos, read_terms
@@ -36,8 +37,8 @@ NODE_NAME = "/rosbridge_websocket"
 _IMPLICIT = object()
 """The key of the advertisement that a bare publish makes; no client can spell it."""
 
-MAX_HELD = 10_000
-"""Advertisements, subscriptions and services that one client may hold: far beyond any program, far below memory."""
+MAX_ID = 1_024
+"""Longest id of what is held [characters]; any other id is only echoed."""
 
 _log = logging.getLogger("rosbridge_sim.graph")
 
@@ -84,11 +85,21 @@ class Peer:
 
     name = NODE_NAME
 
-    def __init__(self, bus: Bus, session: Session, address: str = "") -> None:
+    def __init__(self, bus: Bus, session: Session, address: str = "", policy: Policy = OPEN) -> None:
+        """A client that holds nothing yet.
+
+        Args:
+            bus: where it meets the others.
+            session: its wire.
+            address: where it comes from.
+            policy: what it may do.
+        """
         self.session = session
         self.address = address
         self.num_errors = 0
         self._bus = bus
+        self._policy = policy
+        self._num_ids = 0
         self._actions = bus.actions
         self._publications: dict[str, Topic] = {}
         self._listenings: dict[str, _Listening] = {}
@@ -133,6 +144,18 @@ class Peer:
             self.num_errors += 1
             self.session.remark("error", str(error), op.id)
 
+    def refuse(self, op: ops.Op, why: str) -> bool:
+        """Answer an op that is not to be done, if it waits for an answer; else False, and nothing is said."""
+        self.num_errors += 1
+        if isinstance(op, ops.CallService):
+            self.session.answer(op.service, _split_id(op)[1], why, is_ok=False)
+        elif isinstance(op, ops.SendActionGoal):
+            status = GoalStatus.UNKNOWN
+            self.session.say("action_result", {}, action=op.action, id=op.id, status=status, result=False, values=why)
+        else:
+            return False
+        return True
+
     def tell(self, level: str, text: str) -> None:
         """Remark something that answers no request."""
         self.session.remark(level, text)
@@ -146,19 +169,34 @@ class Peer:
         self._provisions.clear()
         self._performances.clear()
         self._goals.clear()
+        self._num_ids = 0
         self._bus.leave(self, now)
 
     # Topics
 
     def _advertise(self, op: ops.Advertise, _now: float) -> None:
-        self._check_room()
+        self._policy.check_publish(op.topic)
+        self._publications[op.topic] = self._claim(op, op.type, op.id)
+
+    def _claim(self, op: ops.Advertise | ops.Publish, type_name: str, key: object) -> Topic:
+        """The topic, with this client as a publisher of it."""
+        self._check_room(op.id)
         qos = read_qos(op.qos)
         depth = qos.depth if op.latch or qos.is_latching else 0
-        topic = self._bus.advertise(self, op.topic, op.type, depth=depth, key=op.id)
-        self._publications[op.topic] = topic
+        num_keys = self._num_keys(op.topic)
+        topic = self._bus.advertise(self, op.topic, type_name, depth=depth, key=key)
+        self._num_ids += self._num_keys(op.topic) - num_keys
+        return topic
+
+    def _num_keys(self, name: str) -> int:
+        """How often this client has advertised a topic."""
+        topic = self._bus.find_topic(name)
+        return len(topic.publishers.get(self, ())) if topic is not None else 0
 
     def _unadvertise(self, op: ops.Unadvertise, now: float) -> None:
+        num_keys = self._num_keys(op.topic)
         self._bus.unadvertise(self, op.topic, now, key=op.id)
+        self._num_ids += self._num_keys(op.topic) - num_keys
         self._publications = {s: t for s, t in self._publications.items() if self in t.publishers}
 
     def _publish(self, op: ops.Publish, now: float) -> None:
@@ -172,23 +210,23 @@ class Peer:
 
     def _advertise_implicitly(self, op: ops.Publish) -> Topic:
         """A publish without an advertise is one, where the type is known or given."""
-        self._check_room()
+        self._policy.check_publish(op.topic)
         known = self._bus.find_topic(op.topic)
         type_name = op.type or (known and known.type.name)
         if not type_name:
             raise GraphError(f"Cannot infer topic type for topic {op.topic} as it is not yet advertised")
-        qos = read_qos(op.qos)
-        depth = qos.depth if op.latch or qos.is_latching else 0
-        topic = self._bus.advertise(self, op.topic, type_name, depth=depth, key=_IMPLICIT)
-        self._publications[op.topic] = topic
+        topic = self._publications[op.topic] = self._claim(op, type_name, _IMPLICIT)
         return topic
 
     def _subscribe(self, op: ops.Subscribe, _now: float) -> None:
+        self._policy.check_subscribe(op.topic)
         qos = read_qos(op.qos)
         bus = self._bus
         listening = self._listenings.get(op.topic)
+        is_new = listening is None or op.id not in listening.feed.ids
+        if is_new:
+            self._check_room(op.id)
         if listening is None:
-            self._check_room()
             feed = Feed(self.session, op.topic)
 
             def deliver(_topic: Topic, message: Message, _sender: Owner, now: float) -> None:
@@ -199,8 +237,8 @@ class Peer:
         elif op.type is not None:
             bus.check_type(op.topic, op.type)
         feed = listening.feed
-        is_new = op.id not in feed.ids
         feed.set_terms(op.id, read_terms(op))
+        self._num_ids += is_new
         if is_new and qos.is_latching is not False:
             for message in listening.subscription.topic.latched:
                 feed.send(message, bus.stamp_ns)
@@ -212,17 +250,22 @@ class Peer:
         ids = listening.feed.ids
         if op.id is None or set(ids) == {op.id}:
             del self._listenings[op.topic]
+            self._num_ids -= len(ids)
             self.session.drop_feed(listening.feed)
             self._bus.unsubscribe(listening.subscription, now)
         elif op.id in ids:
+            self._num_ids -= 1
             listening.feed.set_terms(op.id, None)
 
     # Services
 
     def _call(self, op: ops.CallService, now: float) -> None:
-        service, op_id = op.service, op.id
-        if op_id is None and "#" in service:  # an old form: `service#id`
-            service, _, op_id = service.partition("#")
+        service, op_id = _split_id(op)
+        try:
+            self._policy.check_call(service)
+        except GraphError as error:
+            self.refuse(op, str(error))
+            return
 
         def on_answer(answer: Answer) -> None:
             self.session.answer(op.service, op_id, answer.values, is_ok=answer.is_ok, fragment_size=op.fragment_size)
@@ -230,14 +273,16 @@ class Peer:
         self._bus.call(self, service, op.args, on_answer, now=now, timeout=op.timeout)
 
     def _advertise_service(self, op: ops.AdvertiseService, _now: float) -> None:
+        self._policy.check_offer(op.service)
         self._check_room()
         provision = _Provision("", op.service)
 
         def handle(call: Call, _now: float) -> None:
-            if len(provision.calls) >= MAX_CALLS:  # what timed out or was abandoned is kept for its late answer
+            limit = self._bus.max_calls
+            if len(provision.calls) >= limit:  # what timed out or was abandoned is kept for its late answer
                 provision.calls = {i: c for i, c in provision.calls.items() if not c.is_done}
-                if len(provision.calls) >= MAX_CALLS:
-                    raise GraphError(f"Service {provision.name} has {MAX_CALLS} calls waiting already")
+                if len(provision.calls) >= limit:
+                    raise GraphError(f"Service {provision.name} has {limit} calls waiting already")
             provision.num_calls += 1
             call_id = f"service_request:{provision.spelling}:{provision.num_calls}"
             provision.calls[call_id] = call
@@ -275,13 +320,14 @@ class Peer:
     # Actions
 
     def _advertise_action(self, op: ops.AdvertiseAction, _now: float) -> None:
+        self._policy.check_offer(op.action)
         self._check_room()
         performance = _Performance(op.action, op.type)
 
         def take(goal: Goal) -> None:
             performance.goals = {i: g for i, g in performance.goals.items() if not g.is_done}
-            if len(performance.goals) >= MAX_GOALS:
-                raise GraphError(f"Action {op.action} has {MAX_GOALS} goals under way already")
+            if len(performance.goals) >= self._actions.max_goals:
+                raise GraphError(f"Action {op.action} has {self._actions.max_goals} goals under way already")
             performance.num_goals += 1
             goal_id = f"action_goal:{op.action}:{performance.num_goals}"
             performance.goals[goal_id] = goal
@@ -321,12 +367,15 @@ class Peer:
             else:
                 self.session.say("action_result", {}, op.fragment_size, values=outcome.values, **end)
 
-        if op.action_type is not None:
-            known = self._actions.by_name.get(resolve(op.action))
-            if known is not None and self._bus.store.canonical(op.action_type) != known.type.name:
-                text = f"Action {op.action} is of type {known.type.name}, not {op.action_type}"
-                on_outcome(Outcome(is_ok=False, status=GoalStatus.UNKNOWN, values=text))
-                return
+        try:
+            self._policy.check_call(op.action)
+            if op.action_type is not None:
+                known = self._actions.by_name.get(resolve(op.action))
+                if known is not None and self._bus.store.canonical(op.action_type) != known.type.name:
+                    raise GraphError(f"Action {op.action} is of type {known.type.name}, not {op.action_type}")
+        except PeerError as error:
+            self.refuse(op, str(error))
+            return
         goal = self._actions.send(self, op.action, op.args, on_outcome, on_feedback if op.feedback else None)
         if goal is not None and op.id is not None:
             self._goals[key] = goal
@@ -383,10 +432,21 @@ class Peer:
     def _auth(self, op: ops.Auth, _now: float) -> None:
         """Nothing to check: no token is wanted here."""
 
-    def _check_room(self) -> None:
-        num_topics = len(self._publications) + len(self._listenings)
-        if num_topics + len(self._provisions) + len(self._performances) >= MAX_HELD:
-            raise GraphError(f"At most {MAX_HELD} topics, services and actions can be held by one client")
+    def _check_room(self, op_id: ops.Id = None) -> None:
+        """Raise GraphError if the client may not hold one more thing, under that id."""
+        if isinstance(op_id, str) and len(op_id) > MAX_ID:
+            raise GraphError(f"The id of a topic has at most {MAX_ID} characters")
+        limit = self._policy.max_held
+        if self._num_ids + len(self._provisions) + len(self._performances) >= limit:
+            raise GraphError(f"At most {limit} topics, services and actions can be held by one client")
+
+
+def _split_id(op: ops.CallService) -> tuple[str, ops.Id]:
+    """The name and the id of a call; an old form has both in one: `service#id`."""
+    if op.id is None and "#" in op.service:
+        service, _, op_id = op.service.partition("#")
+        return service, op_id
+    return op.service, op.id
 
 
 def _read_status(number: int) -> GoalStatus:
@@ -401,6 +461,10 @@ def _read_refusal(values: Any) -> object:  # noqa: ANN401 - JSON text of a stran
     if is_absent(values):
         return ""
     try:
-        return orjson.loads(bytes(values))
+        reason: object = orjson.loads(bytes(values))
+        orjson.dumps(reason)
     except orjson.JSONDecodeError:
         return "The provider failed, with a reason that is not valid JSON"
+    except orjson.JSONEncodeError:  # deeper than can be written again
+        return "The provider failed, with a reason that is nested too deeply"
+    return reason

@@ -49,6 +49,7 @@ _CLASSES: dict[str, tuple[type, ...]] = {
     "feedback": (bool,),
     "status": (int,),
     "data": (str,),
+    "token": (str,),
     "num": (int, float),
     "total": (int, float),
     "qos": (dict,),

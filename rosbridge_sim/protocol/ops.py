@@ -218,7 +218,9 @@ class Status(_Op, frozen=True, tag="status", kw_only=True):
 
 
 class Auth(_Op, frozen=True, tag="auth", kw_only=True):
-    """rosauth's first message, which roslibpy can send; nothing is checked where no token is wanted."""
+    """Who I am, as the first message. rosauth's own, which roslibpy can send, has other fields and no token."""
+
+    token: str | None = None
 
 
 Op: TypeAlias = (

@@ -6,7 +6,8 @@ import json
 from typing import Any
 
 from rosbridge_sim.graph.bus import MAX_CALLS, TYPE_MEMORY
-from rosbridge_sim.graph.peer import MAX_HELD, Peer
+from rosbridge_sim.graph.peer import Peer
+from rosbridge_sim.graph.policy import Policy
 from rosbridge_sim.protocol.flow import Outbox
 from tests.graph.room import make_bus, make_peer
 
@@ -67,7 +68,7 @@ def test_a_provider_that_never_answers_holds_a_bounded_number_of_calls() -> None
 def test_one_client_cannot_hold_the_whole_graph() -> None:
     bus = make_bus()
     peer, outbox = make_peer(bus)
-    for i in range(MAX_HELD):
+    for i in range(Policy().max_held):
         do(peer, op="subscribe", topic=f"/t{i}", type="std_msgs/String")
     assert got(outbox) == []
     do(peer, op="advertise", topic="/one_more", type="std_msgs/String", id=1)
