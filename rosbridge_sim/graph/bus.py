@@ -53,6 +53,9 @@ TYPE_MEMORY = 10.0
 MAX_CALLS = 1_000
 """Calls, and goals, that one caller may have in flight by default: ten times what the busiest known client has."""
 
+MAX_REMEMBERED = 10_000
+"""Topics without publishers, and types that nobody knows, that are kept for their next user: the newest."""
+
 _log = logging.getLogger("rosbridge_sim.graph")
 
 
@@ -432,10 +435,7 @@ class Bus:
         for topic in list(self._orphans):
             if topic.orphaned_at is None or topic.orphaned_at + TYPE_MEMORY > now:
                 break
-            del self._orphans[topic]
-            topic.latched = deque(maxlen=0)
-            if not topic.subscriptions and self.topics.get(topic.name) is topic:
-                del self.topics[topic.name]
+            self._forget(topic)
 
     def leave(self, owner: Owner, now: float) -> None:
         """Take away all that `owner` holds, answer those who wait for it, tell the watchers. Twice is no error."""
@@ -492,6 +492,9 @@ class Bus:
         canonical = self.store.canonical(name)
         opaque = self._opaque_types.get(canonical)
         if opaque is None:
+            resolve(canonical)  # as long as a name may be
+            if len(self._opaque_types) >= MAX_REMEMBERED:
+                self._opaque_types = {t.type.name: t.type for t in self.topics.values() if type(t.type) is OpaqueType}
             opaque = self._opaque_types[canonical] = OpaqueType(canonical)
             _log.warning("%s: its package is unknown; messages of this type are relayed unchecked", canonical)
         return opaque
@@ -515,6 +518,15 @@ class Bus:
             topic.orphaned_at = now
             self._orphans.pop(topic, None)
             self._orphans[topic] = None
+            if len(self._orphans) > MAX_REMEMBERED:
+                self._forget(next(iter(self._orphans)))
+
+    def _forget(self, topic: Topic) -> None:
+        """Forget a topic without publishers, its type too if nobody waits there."""
+        del self._orphans[topic]
+        topic.latched = deque(maxlen=0)
+        if not topic.subscriptions and self.topics.get(topic.name) is topic:
+            del self.topics[topic.name]
 
     def _drop_service(self, service: Service, why: str) -> None:
         if self.services.get(service.name) is service:
