@@ -184,3 +184,15 @@ async def test_a_gear_by_the_frame_of_the_info(serve: Serve, connect: Connect) -
         state = await client.ask("/Service_MoraiEventCmd", option=0, gear=-1)
         assert state["gear"] == gear
     await stop(client, "gear", 0)
+
+
+async def test_the_topics_of_a_tick_come_before_its_answer(serve: Serve, connect: Connect) -> None:
+    client = await connect(serve("--start", "sync").url)
+    await client.subscribe("/Ego_topic", type="morai_msgs/EgoVehicleStatus")
+    await start(client, "master", 60)
+    for i in range(20):
+        await tick(client, "master", 0)
+        frames = list(client.inbox)  # what came on the way to the answer
+        client.inbox.clear()
+        assert [frame["topic"] for frame in frames] == ["/Ego_topic"] * 3
+        assert [frame["msg"]["header"]["seq"] for frame in frames] == [3 * i + 1, 3 * i + 2, 3 * i + 3]
