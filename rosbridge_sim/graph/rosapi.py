@@ -11,13 +11,16 @@ Parameters live in memory for as long as the process, by absolute name; values a
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import asdict
 from typing import Any, TypeAlias
 
 import orjson
 
-from rosbridge_sim.errors import GraphError
+from rosbridge_sim.errors import GraphError, TypeNameError
 from rosbridge_sim.graph.bus import Bus, Call, Owner, Service, Topic, resolve
 from rosbridge_sim.graph.policy import OPEN, Policy
+from rosbridge_sim.schema.compile import MessageType
+from rosbridge_sim.schema.typedefs import typedefs
 
 __all__ = ["NODE_NAME", "Rosapi"]
 
@@ -30,6 +33,12 @@ _BAD_VALUE = (
 
 MAX_PARAMETERS = 100_000
 """Parameters kept; a client that sets names in a loop is told, and memory stays bounded."""
+
+_ACTIONLIB = ("cancel", "feedback", "result", "status")
+"""What an action server of ROS 1 has beside `goal`."""
+
+_DISTROS = {1: "noetic", 2: "jazzy"}
+"""The distributions whose standard definitions we have."""
 
 _Request: TypeAlias = Any
 """A struct that is made from a definition at run time: no checker can know its fields."""
@@ -60,6 +69,18 @@ class Rosapi:
             "service_node": ("ServiceNode", self._service_node),
             "nodes": ("Nodes", self._nodes),
             "node_details": ("NodeDetails", self._node_details),
+            "service_host": ("ServiceHost", self._service_host),
+            "topics_and_raw_types": ("TopicsAndRawTypes", self._topics_and_raw_types),
+            "message_details": ("MessageDetails", self._message_details),
+            "service_request_details": ("ServiceRequestDetails", self._request_details),
+            "service_response_details": ("ServiceResponseDetails", self._response_details),
+            "interfaces": ("Interfaces", self._interfaces),
+            "action_servers": ("GetActionServers", self._action_servers),
+            "action_type": ("ActionType", self._action_type),
+            "action_goal_details": ("ActionGoalDetails", self._goal_details),
+            "action_result_details": ("ActionResultDetails", self._result_details),
+            "action_feedback_details": ("ActionFeedbackDetails", self._feedback_details),
+            "get_ros_version": ("GetROSVersion", self._ros_version),
             "get_time": ("GetTime", self._get_time),
             "set_param": ("SetParam", self._set_param),
             "get_param": ("GetParam", self._get_param),
@@ -137,6 +158,9 @@ class Rosapi:
         service = self._find_service(request.service)
         return {"node": service.owner.name if service else ""}
 
+    def _service_host(self, request: _Request) -> _Fields:
+        return {"host": "localhost" if self._find_service(request.service) else ""}
+
     # Nodes
 
     def _nodes(self, _request: _Request) -> _Fields:
@@ -150,6 +174,70 @@ class Rosapi:
             "publishing": [t.name for t in topics if any(o.name == node for o in t.publishers)],
             "services": [s.name for s in self._sorted_services() if s.owner.name == node],
         }
+
+    # Types
+
+    def _topics_and_raw_types(self, _request: _Request) -> _Fields:
+        """What Lichtblick builds its readers from; a type that nobody knows has a comment for a definition."""
+        topics = self._sorted_topics()
+        return {
+            "topics": [t.name for t in topics],
+            "types": [t.type.name for t in topics],
+            "typedefs_full_text": [self._full_text(t.type.name) for t in topics],
+        }
+
+    def _full_text(self, name: str) -> str:
+        try:
+            return self._bus.store.full_text(name)
+        except TypeNameError as error:
+            return f"# failed to get full definition text for {name}: {error}"
+
+    def _describe(self, message_type: MessageType) -> _Fields:
+        make = self._bus.store.message("rosapi/TypeDef").struct
+        return {"typedefs": [make(**asdict(typedef)) for typedef in typedefs(message_type.shape)]}
+
+    def _message_details(self, request: _Request) -> _Fields:
+        return self._describe(self._bus.store.message(request.type))
+
+    def _request_details(self, request: _Request) -> _Fields:
+        return self._describe(self._bus.store.service(request.type).request)
+
+    def _response_details(self, request: _Request) -> _Fields:
+        return self._describe(self._bus.store.service(request.type).response)
+
+    def _goal_details(self, request: _Request) -> _Fields:
+        return self._describe(self._bus.store.action(request.type).goal)
+
+    def _result_details(self, request: _Request) -> _Fields:
+        return self._describe(self._bus.store.action(request.type).result)
+
+    def _feedback_details(self, request: _Request) -> _Fields:
+        return self._describe(self._bus.store.action(request.type).feedback)
+
+    def _interfaces(self, _request: _Request) -> _Fields:
+        store = self._bus.store
+        return {"interfaces": sorted({*store.names("msg"), *store.names("srv"), *store.names("action")})}
+
+    def _ros_version(self, _request: _Request) -> _Fields:
+        return {"version": self._bus.store.ros, "distro": _DISTROS[self._bus.store.ros]}
+
+    # Actions
+
+    def _action_servers(self, _request: _Request) -> _Fields:
+        """Servers of both kinds: actions of the bus, and five topics of actionlib below one name."""
+        names = {topic.name for topic in self._sorted_topics()}
+        by_topics = {
+            name.removesuffix("/goal")
+            for name in names
+            if name.endswith("/goal") and all(name.removesuffix("goal") + part in names for part in _ACTIONLIB)
+        }
+        own = {name for name in self._bus.actions.by_name if self._policy.may_call(name)}
+        return {"action_servers": sorted(by_topics | own)}
+
+    def _action_type(self, request: _Request) -> _Fields:
+        name = resolve(request.action)
+        action = self._bus.actions.by_name.get(name) if self._policy.may_call(name) else None
+        return {"type": action.type.name if action else ""}
 
     # Time and parameters
 

@@ -107,6 +107,7 @@ class Store:
         leniency = leniency or Leniency()
         self._dialect = {1: ROS1}[ros]
         self._encoders = Encoders(ros)
+        self.ros: Literal[1, 2] = ros
         self._texts = dict(texts)
         self._leniency = Leniency(
             types=leniency.types,

@@ -110,3 +110,51 @@ def test_a_parameter_that_is_no_json_is_refused_in_rosapis_words(bus: Bus) -> No
 
 def test_deleting_what_is_not_there_is_refused(bus: Bus) -> None:
     assert call(bus, "delete_param", name="/a")["values"] == "Parameter /a is not set"
+
+
+def test_types_with_their_whole_text(busy: Bus) -> None:
+    values = ask(busy, "topics_and_raw_types")
+    assert values["topics"] == ["/a", "/b"]
+    assert values["types"] == ["std_msgs/Int32", "std_msgs/String"]
+    assert values["typedefs_full_text"] == ["int32 data", "string data"]
+
+
+def test_a_type_that_nobody_knows_has_a_comment_for_a_text(bus: Bus) -> None:
+    peer, _ = make_peer(bus)
+    peer.receive(b'{"op":"advertise","topic":"/x","type":"my_msgs/Thing"}', 0.0)
+    (text,) = ask(bus, "topics_and_raw_types")["typedefs_full_text"]
+    assert text.startswith("# failed to get full definition text for my_msgs/Thing: ")
+
+
+def test_details_of_messages_services_and_actions(bus: Bus) -> None:
+    twist, vector = ask(bus, "message_details", type="geometry_msgs/msg/Twist")["typedefs"]
+    assert (twist["type"], vector["type"]) == ("geometry_msgs/Twist", "geometry_msgs/Vector3")
+    assert (twist["fieldnames"], twist["fieldarraylen"]) == (["linear", "angular"], [-1, -1])
+    (request,) = ask(bus, "service_request_details", type="rospy_tutorials/AddTwoInts")["typedefs"]
+    (response,) = ask(bus, "service_response_details", type="rospy_tutorials/srv/AddTwoInts")["typedefs"]
+    assert (request["fieldnames"], response["fieldnames"]) == (["a", "b"], ["sum"])
+    for part, field in (("goal", "order"), ("result", "sequence"), ("feedback", "sequence")):
+        (typedef,) = ask(bus, f"action_{part}_details", type="example_interfaces/action/Fibonacci")["typedefs"]
+        assert typedef["fieldnames"] == [field]
+    assert call(bus, "message_details", type="my_msgs/Thing")["result"] is False
+
+
+def test_action_servers_of_both_kinds(bus: Bus) -> None:
+    peer, _ = make_peer(bus)
+    for part in ("goal", "cancel", "feedback", "result", "status"):
+        frame = {"op": "advertise", "topic": f"/old/{part}", "type": "std_msgs/String"}
+        peer.receive(json.dumps(frame).encode(), 0.0)
+    peer.receive(b'{"op":"advertise","topic":"/half/goal","type":"std_msgs/String"}', 0.0)
+    peer.receive(b'{"op":"advertise_action","action":"/new","type":"example_interfaces/Fibonacci"}', 0.0)
+    assert ask(bus, "action_servers") == {"action_servers": ["/new", "/old"]}
+    assert ask(bus, "action_type", action="new") == {"type": "example_interfaces/Fibonacci"}
+    assert ask(bus, "action_type", action="/old") == {"type": ""}
+
+
+def test_the_rest(busy: Bus) -> None:
+    assert ask(busy, "get_ros_version") == {"version": 1, "distro": "noetic"}
+    assert ask(busy, "service_host", service="/add") == {"host": "localhost"}
+    assert ask(busy, "service_host", service="/none") == {"host": ""}
+    interfaces = ask(busy, "interfaces")["interfaces"]
+    assert {"std_msgs/String", "rosapi/Topics", "morai_msgs/CtrlCmd"} <= set(interfaces)
+    assert interfaces == sorted(set(interfaces))
