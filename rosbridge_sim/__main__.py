@@ -1,4 +1,4 @@
-"""The command line: `rosbridge-sim [serve] [flags]`.
+"""The command line: `rosbridge-sim [serve] [flags]`; the tools beside it are in `shell/commands.py`.
 
 The first line on stdout says where it listens; everything else goes to stderr. Whatever a person can get wrong is one
 line there and exit code 2; a bug of ours is a traceback and exit code 1; a wished end is 0.
@@ -109,7 +109,22 @@ def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
     return uvloop.new_event_loop
 
 
-_COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {"serve": _serve}
+# The tools
+
+
+def _tool(name: str) -> Callable[[Sequence[str]], int]:
+    def run(argv: Sequence[str]) -> int:
+        from rosbridge_sim.shell.commands import TOOLS  # noqa: PLC0415 - serve does without
+
+        return TOOLS[name](argv)
+
+    return run
+
+
+_COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
+    "serve": _serve,
+    **{name: _tool(name) for name in ("topic", "service", "schema")},
+}
 
 
 # The log

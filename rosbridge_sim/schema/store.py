@@ -149,8 +149,8 @@ class Store:
         """The names of all packages with a known type, in order."""
         return sorted(self._packages | set(_standard()))
 
-    def names(self, kind: Literal["msg", "srv"]) -> list[str]:
-        """The names of all known messages or services, in order."""
+    def names(self, kind: Literal["msg", "srv", "action"]) -> list[str]:
+        """The names of all known messages, services or actions, in order."""
         own = {f"{package}/{name}" for package, k, name in self._texts if k == kind}
         if kind == "msg":
             own |= {f"{package}/{name}" for package, names in _standard().items() for name in names}

@@ -22,9 +22,12 @@ from rosbridge_sim.shell.settings import FIELDS, FOLDERS, RATES, SWITCH, Setting
 
 __all__ = [
     "PREFIX",
+    "Parser",
     "SettingError",
     "check_options",
     "format_config",
+    "hint",
+    "layout",
     "looks_like_path",
     "read_settings",
     "strange_variables",
@@ -172,6 +175,7 @@ def _show(value: object) -> str:
 
 
 def hint(name: str, known: Collection[str], cutoff: float = 0.7) -> str:
+    """` (did you mean ...?)`, or nothing where no known name comes near."""
     close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=cutoff)
     return f" (did you mean {close[0]}?)" if close else ""
 
@@ -179,10 +183,15 @@ def hint(name: str, known: Collection[str], cutoff: float = 0.7) -> str:
 # Flags
 
 
-class _Parser(argparse.ArgumentParser):
+class Parser(argparse.ArgumentParser):
     """Raises where the library would print its usage and leave."""
 
     def error(self, message: str) -> NoReturn:
+        """What the library calls at a mistake.
+
+        Raises:
+            SettingError: always.
+        """
         raise SettingError(message.removeprefix("argument "))
 
 
@@ -202,17 +211,17 @@ def _from_flags(argv: Sequence[str]) -> dict[str, object]:
 
 
 def _make_parser() -> argparse.ArgumentParser:
-    parser = _Parser(
+    parser = Parser(
         prog="rosbridge-sim serve",
         usage="rosbridge-sim [serve] [flags]",
         description="A rosbridge v2 server that needs no ROS, with a driving world inside that answers like MORAI SIM:"
-        " Drive.",
+        " Drive. Other commands look at any rosbridge: rosbridge-sim topic, service and schema (with --help).",
         epilog="Each flag is also an environment variable (--sync-lease is ROSBRIDGE_SIM_SYNC_LEASE) and a key of the"
         " TOML file (sync-lease). A flag beats the environment, the environment beats the file. In the environment,"
         f" folders are separated by {os.pathsep!r} and rates by ','.",
         allow_abbrev=False,
         argument_default=argparse.SUPPRESS,
-        formatter_class=_layout,
+        formatter_class=layout,
     )
     groups: dict[str, argparse._ArgumentGroup] = {}  # the library has no public name for it
     for key, field in FIELDS.items():
@@ -238,7 +247,8 @@ _ASIDES = {
 """Flags that are no settings: the command line looks for them itself."""
 
 
-def _layout(prog: str) -> argparse.HelpFormatter:
+def layout(prog: str) -> argparse.HelpFormatter:
+    """How all our help looks."""
     return argparse.HelpFormatter(prog, max_help_position=28, width=min(shutil.get_terminal_size().columns, 110))
 
 

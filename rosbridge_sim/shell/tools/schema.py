@@ -1,0 +1,150 @@
+"""`schema list` and `show`: the definitions that we know of our own and from the user's folders; no server is asked."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from typing import Literal
+
+from rosbridge_sim.errors import TypeNameError
+from rosbridge_sim.morai.convert import LENIENCY
+from rosbridge_sim.schema.parse import Definition, qualified_text
+from rosbridge_sim.schema.store import Store
+from rosbridge_sim.shell.settings import Settings
+from rosbridge_sim.shell.sources import PREFIX, hint, read_settings
+from rosbridge_sim.shell.storage import read_definitions
+from rosbridge_sim.shell.tools.faults import RefusedError
+from rosbridge_sim.shell.tools.text import put, put_json, put_table, safe
+
+__all__ = ["list_types", "open_store", "show_type"]
+
+Kind = Literal["msg", "srv", "action"]
+
+KINDS: tuple[Kind, ...] = ("msg", "srv", "action")
+
+_VARIABLES = frozenset(PREFIX + name for name in ("CONFIG", "RELEASE", "SCHEMA_PATH"))
+"""What of the environment has to do with definitions; a mistake in the rest is none of ours."""
+
+
+def open_store(release: str | None = None, folders: Sequence[str] = ()) -> Store:
+    """Everything that a server started with these settings would know.
+
+    Args:
+        release: of `morai_msgs`; None is the one of the environment, or the default.
+        folders: the user's; none are those of the environment.
+
+    Raises:
+        DocumentError: a setting, a folder or a file that cannot be used.
+    """
+    settings = _settings(release, folders)
+    return Store(read_definitions(settings.release, settings.schema_path), leniency=LENIENCY)
+
+
+def _settings(release: str | None, folders: Sequence[str]) -> Settings:
+    flags = [] if release is None else [f"--release={release}"]
+    flags += [f"--schema-path={folder}" for folder in folders]
+    return read_settings(flags, {name: value for name, value in os.environ.items() if name in _VARIABLES})
+
+
+# list
+
+
+def list_types(package: str | None, release: str | None, folders: Sequence[str], *, is_json: bool) -> int:
+    """Every type, or those of one package, by name."""
+    store = open_store(release, folders)
+    if package is not None and package not in store.packages():
+        raise RefusedError(f"no package {safe(package)} is known{hint(package, store.packages())}")
+    types = sorted(
+        (name, kind)
+        for kind in KINDS
+        for name in store.names(kind)
+        if package is None or name.partition("/")[0] == package
+    )
+    if is_json:
+        put_json([{"type": name, "kind": kind} for name, kind in types])
+    else:
+        put_table(("TYPE", "KIND"), types)
+    return 0
+
+
+# show
+
+
+def show_type(name: str, release: str | None, folders: Sequence[str], *, is_full: bool, is_json: bool) -> int:
+    """The text of a definition; of all that have the name, where it names no package or no kind."""
+    store = open_store(release, folders)
+    found = list(_find(store, name))
+    if not found:
+        raise RefusedError(_why_not(store, name))
+    accounts = [
+        {"type": type_name, "kind": kind, "text": _text(store, type_name, kind, is_full=is_full)}
+        for type_name, kind in found
+    ]
+    if is_json:
+        put_json(accounts[0] if len(accounts) == 1 else accounts)
+        return 0
+    for i, account in enumerate(accounts):
+        if len(accounts) > 1:
+            package, _, short = account["type"].partition("/")
+            put(f"{chr(10) if i else ''}[{package}/{account['kind']}/{short}]")
+        put(account["text"])
+    return 0
+
+
+_NAME = re.compile(r"(?:(?P<package>\w+)/)?(?:(?P<kind>msg|srv|action)/)?(?P<short>\w+)")
+
+
+def _find(store: Store, name: str) -> Iterator[tuple[str, Kind]]:
+    """Type and kind of each definition that a name can mean: `Type`, `pkg/Type`, `pkg/msg/Type`."""
+    match = _NAME.fullmatch(name)
+    if match is None:
+        return
+    wanted = store.canonical(name) if match["package"] else ""  # that knows the other names of a type
+    for kind in KINDS:
+        if match["kind"] in {None, kind}:
+            for one in store.names(kind):
+                if one == wanted or (not wanted and one.partition("/")[2] == match["short"]):
+                    yield one, kind
+
+
+def _why_not(store: Store, name: str) -> str:
+    known = [one for kind in KINDS for one in store.names(kind)]
+    if "/" not in name:
+        return f"no type {safe(name)} is known{hint(name, [one.partition('/')[2] for one in known])}"
+    try:
+        canonical = store.canonical(name)
+    except TypeNameError as error:
+        return safe(str(error))
+    return f"no type {safe(name)} is known{hint(canonical, known)}"
+
+
+def _text(store: Store, name: str, kind: Kind, *, is_full: bool) -> str:
+    """The definition as it is written, its parts divided by `---`; `is_full` adds those of all types in it."""
+    parts = _parts(store, name, kind)
+    text = "\n---\n".join((qualified_text(part) if is_full else part.text).strip("\n") for part in parts)
+    if not is_full:
+        return text
+    nested: dict[str, Definition] = {}
+    for part in parts:
+        _collect(store, part, nested)
+    border = "=" * 80
+    return "\n".join([text, *(f"{border}\nMSG: {one.name}\n{qualified_text(one).strip()}" for one in nested.values())])
+
+
+def _parts(store: Store, name: str, kind: Kind) -> list[Definition]:
+    if kind == "msg":
+        return [store.message(name).definition]
+    if kind == "srv":
+        service = store.service(name)
+        return [service.request.definition, service.response.definition]
+    action = store.action(name)
+    return [action.goal.definition, action.result.definition, action.feedback.definition]
+
+
+def _collect(store: Store, definition: Definition, nested: dict[str, Definition]) -> None:
+    """Add each message within, once, depth first."""
+    for field in definition.fields:
+        if "/" in field.type and field.type not in nested:
+            inner = nested[field.type] = store.message(field.type).definition
+            _collect(store, inner, nested)
