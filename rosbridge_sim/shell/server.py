@@ -13,11 +13,13 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import ssl
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from http import HTTPStatus
+from ipaddress import ip_address
 from typing import Any
 
 from websockets.asyncio.server import Server as WebSocketServer
@@ -29,8 +31,10 @@ from websockets.protocol import State
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer
+from rosbridge_sim.graph.policy import OPEN, Policy
 from rosbridge_sim.protocol.flow import BinaryFrame, Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
+from rosbridge_sim.shell.access import Access, Warden
 
 __all__ = ["Client", "Server", "ServerLimits"]
 
@@ -56,6 +60,8 @@ class ServerLimits:
         is_compressing: accept permessage-deflate from clients that offer it.
         is_talkative: send status frames.
         outbox: what a client may leave unread.
+        access: who may connect, and how fast a client may talk.
+        policy: what a client may do.
     """
 
     max_frame_size: int = 16 * 2**20
@@ -64,12 +70,19 @@ class ServerLimits:
     is_compressing: bool = False
     is_talkative: bool = True
     outbox: OutboxLimits = field(default_factory=OutboxLimits)
+    access: Access = field(default_factory=Access)
+    policy: Policy = OPEN
 
 
 class _Socket(ServerConnection):
-    """A connection that says when its transport takes bytes again, and stands in a table for as long as it is open."""
+    """A connection that says when its transport takes bytes again, and stands in a table for as long as it is open.
+
+    Attributes:
+        is_proven: its handshake has shown the token, if one is wanted.
+    """
 
     on_room: Callable[[], None] | None = None
+    is_proven = False
 
     def __init__(self, table: dict[_Socket, None], *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - the library's own
         super().__init__(*args, **kwargs)
@@ -96,6 +109,7 @@ class Client:
         host: the address it comes from, without the port.
         connected_ns: since when [ns, the time of day].
         num_bytes_sent: what the transport was given [bytes].
+        receive: does what a frame asks, as `Peer.receive`.
     """
 
     def __init__(self, socket: _Socket, bus: Bus, limits: ServerLimits) -> None:
@@ -104,15 +118,36 @@ class Client:
         session = Session(
             self.outbox, self._set_alarm, max_frame_size=limits.max_frame_size, is_talkative=limits.is_talkative
         )
-        address = socket.remote_address
-        self.host = str(address[0]) if address else ""
+        self.host = str(socket.remote_address[0]) if socket.remote_address else ""
         self.connected_ns = time.time_ns()
         self.num_bytes_sent = 0
-        self.peer = Peer(bus, session, f"{address[0]}:{address[1]}" if address else "")
+        self.peer = Peer(bus, session, _address_of(socket), limits.policy)
+        self.receive = self.peer.receive
+        self._access = limits.access
+        self._deadline: asyncio.TimerHandle | None = None
         self._is_woken = False
         self._alarm: asyncio.TimerHandle | None = None
         self._closing: asyncio.Task[None] | None = None
         socket.on_room = self.carry
+        if not socket.is_proven or limits.access.max_rate is not None:
+            self._post_warden(limits.access)
+
+    def _post_warden(self, access: Access) -> None:
+        """Have frames looked at before they reach the peer."""
+        loop, is_proven = self.socket.loop, self.socket.is_proven
+        warden = Warden(
+            self.peer, access, loop.time(), is_proven=is_proven, on_proven=self._welcome, close=self._close_politely
+        )
+        self.receive = warden.receive
+        if not is_proven:
+            self._deadline = loop.call_later(access.patience, warden.expire)
+
+    def _welcome(self) -> None:
+        """The token was shown: no deadline any more, and no warden but for the rate."""
+        if self._deadline is not None:
+            self._deadline.cancel()
+        if self._access.max_rate is None:
+            self.receive = self.peer.receive
 
     def _wake(self) -> None:
         if not self._is_woken:
@@ -133,8 +168,9 @@ class Client:
 
     def leave(self) -> None:
         """Take the client off the bus, whatever was on its way to it."""
-        if self._alarm is not None:
-            self._alarm.cancel()
+        for timer in (self._alarm, self._deadline):
+            if timer is not None:
+                timer.cancel()
         self.outbox.close()
         self.peer.leave(self.socket.loop.time())
 
@@ -158,13 +194,22 @@ class Client:
         if outbox.is_overfull and self._closing is None:
             _log.warning("%s reads too slowly: %d bytes wait; closing", self.peer.address, outbox.num_bytes)
             outbox.close()
-            self._closing = socket.loop.create_task(self._close_overfull())
+            self._start_closing("answers were left unread for too long")
 
-    async def _close_overfull(self) -> None:
+    def _close_politely(self, reason: str) -> None:
+        """Close with code 1008, after what the client was told."""
+        self.carry()
+        self._start_closing(reason)
+
+    def _start_closing(self, reason: str) -> None:
+        if self._closing is None:
+            self._closing = self.socket.loop.create_task(self._close(reason))
+
+    async def _close(self, reason: str) -> None:
         """Close with a reason; a socket that takes no more bytes would keep the closing itself waiting."""
         try:
             async with asyncio.timeout(CLOSE_TIMEOUT):
-                await self.socket.close(CloseCode.POLICY_VIOLATION, "answers were left unread for too long")
+                await self.socket.close(CloseCode.POLICY_VIOLATION, reason)
         except TimeoutError:
             self.socket.transport.abort()
 
@@ -177,6 +222,7 @@ class Server:
         on_clients: called when somebody has come or gone.
         num_bugs: frames whose handling failed by a fault of ours; each is in the log with its traceback.
         port: the real port, once started.
+        is_loopback: it can be reached from this machine alone.
     """
 
     def __init__(self, bus: Bus, limits: ServerLimits, on_change: Callable[[], None]) -> None:
@@ -196,9 +242,10 @@ class Server:
         self._on_change = on_change
         self._server: WebSocketServer | None = None
         self._sockets: dict[_Socket, None] = {}
+        self.is_loopback = False
 
-    async def start(self, host: str, port: int) -> None:
-        """Listen; port 0 takes a free one.
+    async def start(self, host: str, port: int, tls: ssl.SSLContext | None = None) -> None:
+        """Listen, with a certificate at wss://; port 0 takes a free one.
 
         Raises:
             OSError: the address cannot be had.
@@ -208,6 +255,7 @@ class Server:
             self._serve,
             host,
             port,
+            ssl=tls,
             create_connection=partial(_Socket, self._sockets),  # type: ignore[arg-type] # it is only ever called
             process_request=self._process_request,
             compression="deflate" if limits.is_compressing else None,
@@ -218,7 +266,9 @@ class Server:
             server_header=None,
             logger=_quiet,
         )
-        self.port = next(iter(self._server.sockets)).getsockname()[1]
+        addresses = [socket.getsockname() for socket in self._server.sockets]
+        self.port = addresses[0][1]
+        self.is_loopback = all(ip_address(address[0]).is_loopback for address in addresses)
 
     async def stop(self) -> None:
         """Close every connection with code 1001 and stop listening; takes a second and a half at most."""
@@ -245,7 +295,7 @@ class Server:
             while True:
                 frame = await socket.recv(decode=False)
                 try:
-                    peer.receive(frame, clock())
+                    client.receive(frame, clock())
                 except Exception:  # noqa: BLE001 - our own bug: this frame is lost, everybody goes on
                     self.num_bugs += 1
                     _log.exception("a frame of %s could not be handled", peer.address)
@@ -270,7 +320,24 @@ class Server:
             return connection.respond(HTTPStatus.OK, "ok\n")
         if path not in {"", "/"}:
             return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; rosbridge is at /\n")
-        return None
+        if "Upgrade" not in request.headers:
+            return None  # a browser that looks what is here: the library tells it
+        access = self._limits.access
+        refusal = access.judge(request, len(self.clients), is_loopback=self.is_loopback)
+        if refusal is None:
+            assert isinstance(connection, _Socket)
+            connection.is_proven = access.is_shown(request)
+            return None
+        _log.info("%s refused: %s", _address_of(connection), refusal.text.rstrip())
+        response = connection.respond(refusal.status, refusal.text)
+        if refusal.status is HTTPStatus.UNAUTHORIZED:
+            response.headers["WWW-Authenticate"] = "Bearer"
+        return response
+
+
+def _address_of(connection: ServerConnection) -> str:
+    address = connection.remote_address
+    return f"{address[0]}:{address[1]}" if address else ""
 
 
 class _Quiet(logging.LoggerAdapter[Any]):
