@@ -30,6 +30,7 @@ __all__ = [
     "MAX_COORDINATE",
     "MAX_SPEED",
     "MAX_UID",
+    "NO_CONTACTS",
     "STEP_NS",
     "Body",
     "BoolArray",
@@ -55,6 +56,7 @@ T = TypeVar("T")
 
 
 NOBODY: Final = Body()  # in the rows that nobody has
+NO_CONTACTS: Final[IntArray] = np.empty((0, 2), dtype=np.int64)
 
 # Columns of float64. The order is not free: what `dynamics` reads is one run, what it writes is a run inside it, and so
 # for `traffic`; so a gather is one call. Runs are named by their first and last column in those modules.
@@ -70,6 +72,8 @@ FLOATS: Final = (
     *("z", "arc", "leg_start", "leg_end", "leg_x", "leg_y", "leg_z", "leg_dx", "leg_dy", "leg_dz"),
     # neither
     *("path_length", "roll", "pitch", "speed_cmd", "accel_cmd", "max_steer", "speed_accel", "speed_decel"),
+    # read by contacts
+    *("half_length", "half_width", "height", "centre"),
 )
 LEG_COLUMNS: Final = ("leg_start", "leg_end", *("leg_x", "leg_y", "leg_z"), *("leg_dx", "leg_dy", "leg_dz"), "yaw")
 _BODY_COLUMNS: Final = {
@@ -83,6 +87,7 @@ _BODY_COLUMNS: Final = {
     "speed_accel": "speed_mode_accel",
     "speed_decel": "speed_mode_decel",
 }
+_BOX_COLUMNS: Final = ("half_length", "half_width", "height", "centre")
 _GEAR_DRIVE: Final = {Gear.PARK: 0.0, Gear.REVERSE: -1.0, Gear.NEUTRAL: 0.0, Gear.DRIVE: 1.0}
 INTS: Final = ("uid", "kind", "gear", "mode", "path_base", "label")
 BOOLS: Final = ("alive", "has_path", "is_loop")
@@ -102,6 +107,7 @@ class Snapshot:
     ints: IntArray
     bools: BoolArray
     paths: PathsSnapshot
+    contacts: IntArray
     rng_state: dict[str, Any]  # numpy's own, whose shape depends on the generator
 
 
@@ -136,6 +142,8 @@ class World:
         arc: distance along the path; without a path, since the row was put where it is; 0 for driven rows [m].
         has_path, is_loop: follows a path; begins again at its end, bool.
         path_length: of the path, 0 for rows without one [m].
+
+        contacts: (m, 2) int64, ids of those who touched during the last step; see `contacts`.
 
         The other columns (target, sense, drive, hold, leg_*, ...) follow from these and are the working memory of
         `dynamics` and `traffic`, who explain them.
@@ -183,6 +191,10 @@ class World:
     max_steer: FloatArray
     speed_accel: FloatArray
     speed_decel: FloatArray
+    half_length: FloatArray
+    half_width: FloatArray
+    height: FloatArray
+    centre: FloatArray
     uid: IntArray
     kind: IntArray
     gear: IntArray
@@ -198,6 +210,7 @@ class World:
         self.names: list[str] = []
         self.bodies: list[Body] = []
         self.paths = Paths()
+        self.contacts = NO_CONTACTS
         self._rows: dict[int, int] = {}  # uid -> row, in order of spawning
         self._derived: dict[object, object] = {}
         self._floats, self._ints, self._bools = _blocks(MIN_CAPACITY)
@@ -263,6 +276,10 @@ class World:
         self.names[row], self.bodies[row] = name, body
         self.alive[row], self.uid[row], self.kind[row], self.label[row] = True, uid, kind, _label(name, body)
         self.gear[row], self.mode[row] = gear, Mode.PEDALS
+        for column, value in zip(
+            _BOX_COLUMNS, (body.length / 2, body.width / 2, body.height, body.centre), strict=True
+        ):
+            getattr(self, column)[row] = value
         self.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
         if kind == Kind.EGO:
             for column in _BODY_COLUMNS:
@@ -287,6 +304,8 @@ class World:
         self._ints[:, row] = 0
         self._bools[:, row] = False
         self.names[row], self.bodies[row] = "", NOBODY
+        if len(self.contacts):
+            self.contacts = self.contacts[(self.contacts != uid).all(axis=1)]
         if row == self.n - 1:
             alive = np.flatnonzero(self.alive)
             self._bind(int(alive[-1]) + 1 if len(alive) else 0)
@@ -295,6 +314,7 @@ class World:
     def clear(self) -> None:
         """Take everything out. Frame, chance and the count of ids go on."""
         self._rows = {}
+        self.contacts = NO_CONTACTS
         self.paths.clear()
         self._floats, self._ints, self._bools = _blocks(MIN_CAPACITY)
         self._bind(0)
@@ -353,6 +373,7 @@ class World:
             ints=self._ints[:, : self.n].copy(),
             bools=self._bools[:, : self.n].copy(),
             paths=self.paths.snapshot(),
+            contacts=self.contacts.copy(),
             rng_state=dict(self.rng.bit_generator.state),
         )
 
@@ -366,6 +387,7 @@ class World:
         self.names, self.bodies = list(saved.names), list(saved.bodies)
         self._rows = dict(saved.uids)
         self.paths.restore(saved.paths)
+        self.contacts = saved.contacts.copy()
         self.frame, self.seed, self._next_uid = saved.frame, saved.seed, saved.next_uid
         self.rng = np.random.Generator(np.random.PCG64(saved.seed))
         self.rng.bit_generator.state = saved.rng_state
@@ -378,6 +400,7 @@ class World:
         state.update(repr((counts, list(self._rows.items()), self.rng.bit_generator.state)).encode())
         for block in (self._floats, self._ints, self._bools):
             state.update(block[:, : self.n].tobytes())
+        state.update(self.contacts.tobytes())
         state.update(self.paths.digest())
         return state.hexdigest()
 

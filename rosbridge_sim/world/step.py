@@ -8,16 +8,18 @@ the arrays, and because everybody sees the same half-finished world at the same 
    judges by what he saw a moment ago.
 2. *driven rows* (`dynamics.drive`): the commands in force are carried out for exactly one step. A command that came
    between two steps counts for the whole of the next one, and the state that a client reads after it already shows it.
-3. *bookkeeping*: the frame counter, last, so that whoever finds frame f finds the world of frame f.
+3. *contacts* (`contacts.find`): when all stand where they stand at the end of the step, who has touched whom on the
+   way there. It moves nobody.
+4. *bookkeeping*: the frame counter, last, so that whoever finds frame f finds the world of frame f.
 
-Traffic lights will come before the agents, who look at them; contacts after the driven rows, when all stand where they
-stand at the end of the step.
+Traffic lights will come before the agents, who look at them.
 
 A step draws no random number, reads no clock and allocates nothing that stays.
 """
 
 from __future__ import annotations
 
+from rosbridge_sim.world import contacts
 from rosbridge_sim.world.dynamics import drive
 from rosbridge_sim.world.state import DT, World
 from rosbridge_sim.world.traffic import walk
@@ -27,6 +29,8 @@ __all__ = ["step"]
 
 def step(world: World) -> None:
     """Move the world from its frame to the next one: exactly 20 ms. Writes in place."""
+    before = contacts.remember(world)
     walk(world, DT)
     drive(world, DT)
+    contacts.find(world, before)
     world.frame += 1

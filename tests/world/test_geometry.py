@@ -4,10 +4,18 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rosbridge_sim.world.geometry import arc_lengths, nearest_on_polyline, point_at, to_body, to_map, wrap_angle
+from rosbridge_sim.world.geometry import (
+    arc_lengths,
+    do_boxes_meet,
+    nearest_on_polyline,
+    point_at,
+    to_body,
+    to_map,
+    wrap_angle,
+)
 
 ANGLES = st.floats(-1e4, 1e4)
 CORNER = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]])
@@ -100,3 +108,63 @@ def test_a_point_of_the_polyline_is_its_own_nearest(arc: float) -> None:
 
 def test_no_query_is_no_answer() -> None:
     assert nearest_on_polyline(CORNER, [], []).arc.shape == (0,)
+
+
+# Boxes
+
+BOX = st.tuples(st.floats(0.0, 6.0), st.floats(0.0, 6.0), st.floats(-math.pi, math.pi))
+PLACE = st.complex_numbers(max_magnitude=15.0, allow_nan=False, allow_infinity=False)
+
+
+def meet(first: complex, last: complex, one: tuple[float, float, float], other: tuple[float, float, float]) -> bool:
+    heading = np.exp(1j * np.array([[one[2]], [other[2]]]))
+    half = np.array([[one[:2]], [other[:2]]])
+    return bool(do_boxes_meet(np.array([first]), np.array([last]), heading, half)[0])
+
+
+def corners(box: tuple[float, float, float], middle: complex) -> list[complex]:
+    a, b, yaw = box
+    return [middle + complex(u * a, v * b) * np.exp(1j * yaw) for u, v in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
+
+
+def gap(one: list[complex], other: list[complex]) -> float:
+    """The widest strip between two sets of points, of those across the lines through any two of them; < 0: none."""
+    points = [*one, *other]
+    widest = -math.inf
+    for i, point in enumerate(points):
+        for following in points[i + 1 :]:
+            if abs(following - point) < 1e-3:
+                continue
+            normal = (following - point) * 1j / abs(following - point)
+            mine, theirs = ([(c * normal.conjugate()).real for c in box] for box in (one, other))
+            widest = max(widest, min(mine) - max(theirs), min(theirs) - max(mine))
+    return widest
+
+
+@settings(max_examples=60, deadline=None)
+@given(PLACE, PLACE, BOX, BOX)
+def test_sliding_boxes_meet_where_their_trace_overlaps(
+    first: complex, last: complex, one: tuple[float, float, float], other: tuple[float, float, float]
+) -> None:
+    # What a box passes on a straight line is the hull of where it begins and where it ends.
+    wide = gap(corners(one, 0.0), corners(other, first) + corners(other, last))
+    if abs(wide) > 1e-3:
+        assert meet(first, last, one, other) == (wide < 0.0)
+
+
+@given(PLACE, PLACE, BOX, BOX)
+def test_to_meet_is_mutual_and_has_no_direction(
+    first: complex, last: complex, one: tuple[float, float, float], other: tuple[float, float, float]
+) -> None:
+    answer = meet(first, last, one, other)
+    assert meet(-first, -last, other, one) == answer
+    assert meet(last, first, one, other) == answer
+
+
+def test_boxes_without_breadth_meet_and_miss() -> None:
+    needle, across = (1.0, 0.0, 0.0), (1.0, 0.0, math.pi / 2)
+    assert meet(0.5j, 0.5j, needle, across)
+    assert not meet(1.5j, 1.5j, needle, across)
+    assert meet(5.0 + 3.0j, 5.0 - 300.0j, needle, (9.0, 0.0, 0.0))
+    assert not meet(15.0 + 3.0j, 15.0 - 300.0j, needle, (9.0, 0.0, 0.0))
+    assert meet(-300.0 - 300.0j, 300.0 + 300.0j, needle, across)

@@ -1,0 +1,301 @@
+"""Who touches whom: oriented boxes, swept over the whole of a step, so that nobody passes through anybody unseen.
+
+What counts. Two entities touch in a step if their boxes (`Body.length` x `width`, turned by the yaw, from the ground
+up to `height`) overlap at any moment of it, and one of them is a car: what people and boxes do among themselves is
+nobody's business here. Boxes that stand edge to edge do not touch. `World.contacts` holds the pairs of the last step.
+
+What a contact does: it is reported, and nothing else. Bodies go through each other. MORAI documents no effect on
+motion; an ego that is stopped, thrown back or bent by a model of our own would surprise everyone who uses a collision
+to end an episode, and would make the way there depend on that model.
+
+How it is exact at any speed. Within a step the boxes slide along the straight line from where they stood to where they
+stand, at the heading that they have at the end: `geometry.do_boxes_meet` decides that for the whole line at once. Who
+turns so much that a corner strays by more than `GRAIN` is taken in smaller pieces. So the places where a step ends are
+judged exactly, all others to `GRAIN`. The heights are judged coarsely, by all that a body passes within the step.
+
+How it is cheap. Most of the time nobody is near to anybody. A *list* holds the pairs that could meet within the next
+`LIFE` steps if everybody went on as he does, or strayed from that by less than a margin; whoever strays by more ends
+the list. It is made by the same judgement as above, of boxes that are larger by the margins. While it is empty, a step
+costs a few comparisons of whole arrays. The list decides what is looked at and never what is found.
+
+Nothing depends on rows or on the order of spawning: all goes by id.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.world.geometry import BoolArray, ComplexArray, FloatArray, IntArray, do_boxes_meet, wrap_angle
+from rosbridge_sim.world.state import NO_CONTACTS, Kind, World
+
+__all__ = ["Watch", "find", "remember"]
+
+GRAIN: Final = 0.02
+"""How far a corner may stray from its place because its box turns [m]: less than the thinnest post."""
+
+MAX_PIECES: Final = 256
+"""Into how many a step is cut at most: half a turn of a car at once still goes by 3 cm."""
+
+EDGE: Final = 1e-6
+"""What two boxes must overlap by [m]: coordinates of a map are rounded at 1e-9 and less."""
+
+LIFE: Final = 25
+"""Steps that a list lasts at most. More is fewer lists and more pairs on each; half a second is what it takes to brake
+or steer away from what was foreseen."""
+
+MARGIN: Final = 0.3
+"""What anybody may stray from his foreseen place, either way east and either way north [m]: 3 m/s^2 for LIFE steps."""
+
+TURN_MARGIN: Final = 0.1
+"""The same for his corners, because his heading is not the foreseen one [m]."""
+
+SMALL: Final = 64
+"""A world of so few needs no cells: everybody is compared with everybody."""
+
+MAX_WIDE: Final = 8
+"""In a larger one those with the widest reach, and the egos, are compared with everybody; the others by cells as large
+as the widest of them needs."""
+
+MAX_PAIRS: Final = 1 << 18
+"""Pairs of others than egos that are compared for one list. More is a heap of hundreds of cars in one place: of that
+a part is judged."""
+
+COLUMN: Final = 1 << 32
+"""From a cell to its eastern neighbour, in numbers of cells; to its northern one it is 1."""
+
+X, Y, YAW, SPEED, Z = range(5)  # of a pose
+
+
+class Watch:
+    """Who is where in the arrays, where they stood as the step began, and who might come to touch whom.
+
+    Lives until somebody comes or goes (or does anything else that is a `touch`).
+
+    Attributes:
+        poses: (2, 5, n) as the step began and as it ended: x, y, yaw, speed, z.
+    """
+
+    __slots__ = (
+        *("_centre", "_drift", "_half", "_is_out", "_chord", "_life", "_margin", "_now", "_pairs", "_places"),
+        *("_rate", "_reach", "_rows", "_seen", "_uid", "_world", "poses"),
+    )
+
+    def __init__(self, world: World) -> None:
+        n = world.n
+        rows = np.flatnonzero(world.alive)
+        self._world = world
+        self._uid = world.uid.copy()
+        self._rows = rows[self._uid[rows].argsort()]
+        # Around the reference point, whichever way the box is turned.
+        self._reach = np.hypot(world.half_length + np.abs(world.centre), world.half_width)
+        self.poses: FloatArray = np.zeros((2, 5, n))
+        self._now = world.block("x", "z")
+        # Of x, y, yaw, as the step began and as it ended: where they are, were foreseen, and how far they may be off.
+        self._places = self.poses[:, : YAW + 1]
+        self._seen: FloatArray = np.zeros((2, 3, n))
+        self._rate: FloatArray = np.zeros((3, n))
+        self._margin: FloatArray = np.zeros((3, n))
+        self._drift = np.empty((2, 3, n))
+        self._is_out = np.empty((2, 3, n), dtype=bool)
+        self._life = 0
+        self._list(np.empty((2, 0), dtype=np.int64))
+
+    def keep(self) -> None:
+        """Remember where everybody stands."""
+        np.copyto(self.poses[0], self._now)
+
+    def take_over(self, other: Watch) -> None:
+        """Remember what another one did, of all who were there then and are there now."""
+        self.keep()
+        n = min(len(self._uid), len(other._uid))
+        is_same = self._uid[:n] == other._uid[:n]
+        self.poses[0, :, :n][:, is_same] = other.poses[0, :, :n][:, is_same]
+
+    def find(self) -> IntArray:
+        """The contacts from what is remembered to now, (m, 2) ids, the lower one first, in rising order."""
+        np.copyto(self.poses[1], self._now)
+        np.add(self._seen, self._rate, self._seen)
+        np.subtract(self._places, self._seen, self._drift)
+        np.absolute(self._drift, self._drift)
+        np.greater(self._drift, self._margin, self._is_out)
+        if self._life <= 0 or np.count_nonzero(self._is_out):
+            self._look_around()
+        self._life -= 1
+        return self._judge() if self._pairs.size else NO_CONTACTS
+
+    # The list
+
+    def _look_around(self) -> None:
+        """Make the list anew: for this step and `LIFE` more."""
+        world, rows = self._world, self._rows
+        start, end = self._places
+        self._life = LIFE
+        self._seen = self._places.copy()
+        self._rate = end - start
+        turn = np.abs(wrap_angle(self._rate[YAW]))
+        self._rate[YAW] = 0.0
+        way = np.abs(self._rate[:YAW]).max(axis=0)
+        # Whoever turns now may go on to do so.
+        self._margin[:YAW] = MARGIN + 0.5 * LIFE * LIFE * way * turn
+        self._margin[YAW] = TURN_MARGIN / np.maximum(self._reach, EDGE) + LIFE * turn
+        extra = math.sqrt(2.0) * self._margin[X] + self._margin[YAW] * self._reach
+
+        first = start[:YAW, rows]
+        last = end[:YAW, rows] + LIFE * self._rate[:YAW, rows]
+        span = 0.5 * np.abs(last - first) + (self._reach + extra)[rows]
+        kind = world.kind[rows]
+        is_ego, is_car = kind == Kind.EGO, kind <= Kind.VEHICLE
+        pairs = rows[_near_pairs(0.5 * (first + last), span, is_car, is_ego)]
+        if pairs.size:
+            heading = _unit(end[YAW, rows])
+            at = np.zeros(world.n, dtype=np.int64)
+            at[rows] = np.arange(len(rows))
+            i = at[pairs]
+            middle = heading * world.centre[rows]
+            half = np.stack([world.half_length[pairs], world.half_width[pairs]], axis=-1) + extra[pairs][..., None]
+            sides = [middle + place[X] + 1j * place[Y] for place in (first, last)]
+            apart = [side[i[1]] - side[i[0]] for side in sides]
+            pairs = pairs[:, do_boxes_meet(apart[0], apart[1], heading[i], half)]
+        self._list(pairs)
+
+    def _list(self, pairs: IntArray) -> None:
+        world = self._world
+        self._pairs = pairs
+        half = np.stack([world.half_length[pairs], world.half_width[pairs]], axis=-1)
+        self._half = np.maximum(half - EDGE / 2, 0.0)
+        self._centre = world.centre[pairs]
+        # A chord of this length on the unit circle is what a heading may change by without a corner straying.
+        self._chord = GRAIN / np.maximum(np.hypot(half[..., 0], half[..., 1]), GRAIN)
+
+    # The judgement
+
+    def _judge(self) -> IntArray:
+        """Which pairs of the list touch, as ids."""
+        pairs = self._pairs
+        poses = self.poses[:, :, pairs]  # (2, 5, 2, m)
+        heading = _unit(poses[:, YAW])
+        middle = heading * self._centre
+        middle.real += poses[:, X]
+        middle.imag += poses[:, Y]
+        apart = middle[:, 1] - middle[:, 0]
+        is_hit = do_boxes_meet(apart[0], apart[1], heading[1], self._half)
+        stray = np.abs(heading[1] - heading[0]) / self._chord
+        if np.count_nonzero(stray > 1.0):
+            is_turning = (stray > 1.0).any(axis=0)
+            num = min(MAX_PIECES, math.ceil(stray.max()))
+            is_hit[is_turning] = self._judge_turning(poses[..., is_turning], is_turning, num)
+        if not np.count_nonzero(is_hit):
+            return NO_CONTACTS
+        pairs, z = pairs[:, is_hit], poses[:, Z][..., is_hit]
+        low, high = z.min(axis=0), z.max(axis=0) + self._world.height[pairs]
+        pairs = pairs[:, (low < high[::-1] - EDGE).all(axis=0)]
+        return np.ascontiguousarray(self._uid[pairs].T)
+
+    def _judge_turning(self, poses: FloatArray, of: BoolArray, num: int) -> BoolArray:
+        """Which of these pairs touch, the step being cut into so many pieces."""
+        start, end = poses
+        part = np.linspace(0.0, 1.0, num + 1)[:, None, None]
+        heading = _unit(start[YAW] + part * wrap_angle(end[YAW] - start[YAW]))  # (pieces + 1, 2, m)
+        middle = heading * self._centre[:, of]
+        middle.real += start[X] + part * (end[X] - start[X])
+        middle.imag += start[Y] + part * (end[Y] - start[Y])
+        apart = middle[:, 1] - middle[:, 0]
+        half = self._half[:, None, of]
+        is_hit = do_boxes_meet(apart[:-1], apart[1:], heading[1:].swapaxes(0, 1), half)
+        return np.asarray(is_hit.any(axis=0))
+
+
+def remember(world: World) -> Watch:
+    """Keep where everybody stands as a step begins; give it to `find` as it ends."""
+    watch = world.derived(Watch)
+    watch.keep()
+    return watch
+
+
+def find(world: World, watch: Watch) -> None:
+    """Set `world.contacts` to those who have touched since `remember`."""
+    now = world.derived(Watch)
+    if now is not watch:  # somebody has come, gone or stopped within the step
+        now.take_over(watch)
+    world.contacts = now.find()
+
+
+def _unit(yaw: FloatArray) -> ComplexArray:
+    """Headings as complex unit vectors."""
+    unit = np.empty(yaw.shape, dtype=np.complex128)
+    np.cos(yaw, unit.real)
+    np.sin(yaw, unit.imag)
+    return unit
+
+
+# Near pairs
+
+
+def _near_pairs(place: FloatArray, span: FloatArray, is_car: BoolArray, is_ego: BoolArray) -> IntArray:
+    """Return the pairs whose rectangles overlap and that have a car among them.
+
+    Args:
+        place: (2, k) middles of the rectangles, east and north [m].
+        span: (2, k) half of their sides [m].
+        is_car: (k,) bool.
+        is_ego: (k,) bool: of these no pair is left out, whatever `MAX_PAIRS` says.
+
+    Returns:
+        (2, m) indices, the lower one first, in rising order.
+    """
+    k = place.shape[1]
+    if k <= SMALL:
+        return _near_of_all(place, span, is_car)
+    widest = span.max(axis=0)
+    limit = np.partition(widest, k - 1 - MAX_WIDE)[k - 1 - MAX_WIDE]
+    is_wide = is_ego | (widest > limit)
+    wide, rest = is_wide.nonzero()[0], (~is_wide).nonzero()[0]
+    parts = [_near_of_wide(place, span, is_car, wide)]
+    if len(rest):
+        parts.append(rest[_near_by_cells(place[:, rest], span[:, rest], is_car[rest])])
+    pairs = np.concatenate(parts, axis=1)
+    low, high = np.minimum(pairs[0], pairs[1]), np.maximum(pairs[0], pairs[1])
+    order = (low * k + high).argsort()
+    return np.stack([low[order], high[order]])
+
+
+def _near_of_all(place: FloatArray, span: FloatArray, is_car: BoolArray) -> IntArray:
+    """The same, everybody against everybody."""
+    is_near = (np.abs(place[:, :, None] - place[:, None]) <= span[:, :, None] + span[:, None]).all(axis=0)
+    is_near &= is_car[:, None] | is_car
+    return np.stack(np.triu(is_near, 1).nonzero())
+
+
+def _near_of_wide(place: FloatArray, span: FloatArray, is_car: BoolArray, wide: IntArray) -> IntArray:
+    """The same, some against everybody."""
+    is_near = (np.abs(place[:, wide, None] - place[:, None]) <= span[:, wide, None] + span[:, None]).all(axis=0)
+    is_near &= is_car[wide, None] | is_car
+    # Two of them are a pair once, from the lower one on.
+    is_near[:, wide] &= wide[:, None] < wide
+    i, j = is_near.nonzero()
+    return np.stack([wide[i], j])
+
+
+def _near_by_cells(place: FloatArray, span: FloatArray, is_car: BoolArray) -> IntArray:
+    """The same by a grid whose cells are as large as the largest two need; each pair once, in no order."""
+    column, line = np.floor(place / (2.0 * span.max())).astype(np.int64)
+    number = column * COLUMN + line
+    order = number.argsort(kind="stable")
+    number = number[order]
+    # Partners: whoever comes later in the same cell or stands in the one north of it, and the three cells east.
+    here = np.arange(len(number))
+    starts = np.stack([here + 1, number.searchsorted(number + (COLUMN - 1), side="left")])
+    ends = number.searchsorted(np.stack([number + 1, number + (COLUMN + 1)]), side="right")
+    count = (ends - starts).ravel()
+    count[count.cumsum() > MAX_PAIRS] = 0
+    owner = np.tile(here, 2).repeat(count)
+    partner = np.arange(len(owner)) + (starts.ravel() - (count.cumsum() - count)).repeat(count)
+    pairs = order[np.stack([owner, partner])]
+    (x, y), (x_span, y_span) = place[:, order], span[:, order]
+    is_near = np.abs(x[owner] - x[partner]) <= x_span[owner] + x_span[partner]
+    is_near &= np.abs(y[owner] - y[partner]) <= y_span[owner] + y_span[partner]
+    is_near &= is_car[pairs].any(axis=0)
+    return np.asarray(pairs[:, is_near])
