@@ -7,6 +7,9 @@ A vector is one JSON line: an id of our own, the source of its claim, what it sa
                                       is a regular expression for that place
     {"a-": "close"}                   `a` goes away
 
+A binary frame is written {"$hex": "..."} where it is sent, and {"$cbor": ...} where it is got: the CBOR value in it,
+with byte strings as {"$hex": ...} and tagged ones as {"$tag": number, "$hex": ...}.
+
 When the steps are over, no client may have got anything else.
 """
 
@@ -18,7 +21,9 @@ from collections import deque
 from pathlib import Path
 from typing import Any, Protocol
 
-__all__ = ["Clients", "load_vectors", "play"]
+import cbor2
+
+__all__ = ["Clients", "load_vectors", "play", "read_frame"]
 
 FOLDER = Path(__file__).parent / "vectors"
 
@@ -26,12 +31,35 @@ FOLDER = Path(__file__).parent / "vectors"
 class Clients(Protocol):
     """Named clients of one server; each comes to life when it is first named."""
 
-    async def send(self, name: str, frame: str) -> None: ...
+    async def send(self, name: str, frame: str | bytes) -> None: ...
 
-    async def received(self, name: str) -> list[str]:
-        """All that has come for this client since it was last asked."""
+    async def received(self, name: str) -> list[Any]:
+        """All that has come for this client since it was last asked, read by `read_frame`."""
 
     async def close(self, name: str) -> None: ...
+
+
+def read_frame(frame: str | bytes) -> Any:  # noqa: ANN401 - any JSON value
+    """What a frame of the server's says: the value of a text frame, or of a binary one under `$cbor`."""
+    return {"$cbor": _plain(cbor2.loads(frame))} if isinstance(frame, bytes) else json.loads(frame)
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401 - any CBOR value to any JSON value
+    if isinstance(value, cbor2.CBORTag):
+        return {"$tag": value.tag, **_plain(value.value)}
+    if isinstance(value, bytes):
+        return {"$hex": value.hex()}
+    if isinstance(value, dict):
+        return {key: _plain(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_plain(inner) for inner in value]
+    return "NaN" if value != value else value  # noqa: PLR0124 - only NaN differs from itself
+
+
+def _write_frame(value: Any) -> str | bytes:  # noqa: ANN401 - any JSON value
+    if isinstance(value, dict) and value.keys() == {"$hex"}:
+        return bytes.fromhex(value["$hex"])
+    return value if isinstance(value, str) else json.dumps(value)
 
 
 def load_vectors() -> list[dict[str, Any]]:
@@ -47,11 +75,11 @@ async def play(vector: dict[str, Any], clients: Clients) -> None:
         name, action = key[:-1], key[-1]
         waiting.setdefault(name, deque())
         if action == ">":
-            await clients.send(name, value if isinstance(value, str) else json.dumps(value))
+            await clients.send(name, _write_frame(value))
         elif action == "-":
             await clients.close(name)
         for known, frames in waiting.items():
-            frames.extend(json.loads(frame) for frame in await clients.received(known))
+            frames.extend(await clients.received(known))
         if action == "<":
             assert waiting[name], f"step {number}: {name} got nothing, expected {value}"
             frame = waiting[name].popleft()

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 
 import orjson
 
-from rosbridge_sim.errors import FrameError
+from rosbridge_sim.errors import FrameError, PeerError
 from rosbridge_sim.protocol.codec import (
     Encoded,
     decode_frame,
@@ -192,7 +192,7 @@ class Feed:
         ids: the terms of each subscription.
     """
 
-    __slots__ = ("_head", "_session", "_terms", "ids", "pace", "spelling")
+    __slots__ = ("_head", "_is_plain", "_is_warned", "_session", "_terms", "ids", "pace", "spelling")
 
     def __init__(self, session: Session, spelling: str) -> None:
         self.spelling = spelling
@@ -200,6 +200,8 @@ class Feed:
         self.ids: dict[Id, Terms] = {}
         self._session = session
         self._terms = Terms()
+        self._is_plain = True
+        self._is_warned = False
         self._head = publish_head(spelling)
 
     def set_terms(self, sub_id: Id, terms: Terms | None) -> None:
@@ -210,6 +212,8 @@ class Feed:
             self.ids[sub_id] = terms
         merged = self._terms = merge_terms(self.ids.values())
         self.pace.set_terms(merged)
+        self._is_plain = merged.compression == "none" and merged.fragment_size is None
+        self._is_warned = False
         is_binary = merged.compression.startswith("cbor")
         self._head = cbor_head(self.spelling) if is_binary else publish_head(self.spelling)
         if merged.queue_length and merged.interval == 0.0:
@@ -232,19 +236,29 @@ class Feed:
             self.send(message, stamp_ns)
 
     def send(self, message: Encoded, stamp_ns: int) -> None:
-        """Send a message, in the encoding that was asked for."""
-        terms, session = self._terms, self._session
+        """Send a message, in the encoding that was asked for; where it has none in it, the listener is told once."""
+        session = self._session
+        if self._is_plain:
+            session.num_sent += 1
+            session.outbox.offer(self.spelling, message.framed(self._head))
+            return
+        try:
+            frames = self._encode(message, stamp_ns)
+        except PeerError as error:
+            if not self._is_warned:
+                self._is_warned = True
+                session.remark("error", f"{self.spelling}: {error}")
+            return
         session.num_sent += 1
-        compression = terms.compression
-        if compression == "none":
-            frame = message.framed(self._head)
-            if terms.fragment_size is None:
-                session.outbox.offer(self.spelling, frame)
-            else:
-                session.outbox.offer(self.spelling, *session.pieces(frame, terms.fragment_size))
-        elif compression == "cbor":
-            session.outbox.offer(self.spelling, BinaryFrame(self._head + message.cbor))
-        elif compression == "cbor-raw":
-            session.outbox.offer(self.spelling, BinaryFrame(cbor_raw_frame(self._head, stamp_ns, message.raw)))
-        else:
-            session.outbox.offer(self.spelling, png_frame(message.framed(self._head)))
+        session.outbox.offer(self.spelling, *frames)
+
+    def _encode(self, message: Encoded, stamp_ns: int) -> list[bytes]:
+        terms = self._terms
+        if terms.compression == "cbor":
+            return [BinaryFrame(self._head + message.cbor)]
+        if terms.compression == "cbor-raw":
+            return [BinaryFrame(cbor_raw_frame(self._head, stamp_ns, message.raw))]
+        frame = message.framed(self._head)
+        if terms.compression == "png":
+            return [png_frame(frame)]
+        return self._session.pieces(frame, terms.fragment_size)

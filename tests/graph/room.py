@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer
-from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
+from rosbridge_sim.protocol.flow import BinaryFrame, Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.schema.store import Store
+from tests.vector_player import read_frame
 
 __all__ = ["MemoryClients", "make_bus", "make_peer", "make_store"]
 
@@ -50,11 +52,12 @@ class MemoryClients:
             self._clients[name] = make_peer(self._bus)
         return self._clients[name]
 
-    async def send(self, name: str, frame: str) -> None:
-        self._client(name)[0].receive(frame.encode(), 0.0)
+    async def send(self, name: str, frame: str | bytes) -> None:
+        self._client(name)[0].receive(frame if isinstance(frame, bytes) else frame.encode(), 0.0)
 
-    async def received(self, name: str) -> list[str]:
-        return [frame.decode() for frame in self._client(name)[1].take(2**40)]
+    async def received(self, name: str) -> list[Any]:
+        frames = self._client(name)[1].take(2**40)
+        return [read_frame(frame if isinstance(frame, BinaryFrame) else frame.decode()) for frame in frames]
 
     async def close(self, name: str) -> None:
         self._client(name)[0].leave(0.0)

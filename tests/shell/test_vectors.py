@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 from collections.abc import AsyncIterator
 from typing import Any
 
@@ -31,17 +30,17 @@ class SocketClients:
             self._heard[name] = []
         return self._clients[name]
 
-    async def send(self, name: str, frame: str) -> None:
+    async def send(self, name: str, frame: str | bytes) -> None:
         """Come back once the server has carried the frame to its end: then all that follows from it is on its way."""
         client = await self._client(name)
         await client.send_raw(frame)
         self._heard[name] += await client.settle()
 
-    async def received(self, name: str) -> list[str]:
+    async def received(self, name: str) -> list[Any]:
         client = self._clients.get(name)
         if client is not None:
             self._heard[name] += await client.settle()
-        heard = [json.dumps(frame) for frame in self._heard.get(name, [])]
+        heard = self._heard.get(name, [])
         self._heard[name] = []
         return heard
 
