@@ -50,7 +50,7 @@ def finish(process: subprocess.Popen[str]) -> dict[str, Any]:
 @pytest.mark.parametrize("library", LIBRARIES)
 def test_a_client_finds_its_way_and_drives_the_car(server: ServerProcess, library: str) -> None:
     seen = finish(start(library, server.port, "drive"))
-    assert {"/Ego_topic", "/Object_topic", "/ctrl_cmd", "/SyncModeInfo", "/clock"} <= set(seen["topics"])
+    assert {"/Ego_topic", "/Object_topic", "/ctrl_cmd", "/SyncModeInfo", "/clock", "/rosout"} <= set(seen["topics"])
     assert seen["topic_type"] == "morai_msgs/EgoVehicleStatus"
     assert {"/SyncModeCmd", "/SyncModeWaitForTick", "/rosapi/topics"} <= set(seen["services"])
     assert "/morai_sim" in seen["nodes"]
