@@ -22,11 +22,13 @@ from typing import Self
 
 from rosbridge_sim.errors import DocumentError, RosbridgeSimError
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.morai.convert import LENIENCY, choose_profile
 from rosbridge_sim.morai.node import Node, NodeSettings
 from rosbridge_sim.protocol.flow import OutboxLimits
 from rosbridge_sim.schema.store import Store
+from rosbridge_sim.shell.access import Access, load_certificate
 from rosbridge_sim.shell.reports import Reports
 from rosbridge_sim.shell.server import Server, ServerLimits
 from rosbridge_sim.shell.settings import Settings
@@ -90,7 +92,8 @@ class Simulator:
     def url(self) -> str:
         """Where clients connect."""
         host = self.settings.host
-        return f"ws://[{host}]:{self.port}" if ":" in host else f"ws://{host}:{self.port}"
+        scheme = "ws" if self.settings.certfile is None else "wss"
+        return f"{scheme}://[{host}]:{self.port}" if ":" in host else f"{scheme}://{host}:{self.port}"
 
     @property
     def num_bugs(self) -> int:
@@ -118,17 +121,26 @@ class Simulator:
             AddressError: host and port cannot be had.
         """
         settings = self.settings
+        certificate = load_certificate(settings.certfile, settings.keyfile)
         store = Store(read_definitions(settings.release, settings.schema_path), leniency=LENIENCY)
         make_bus = Bus if settings.world else _WallClockBus
-        bus = make_bus(store, is_strict=settings.strict_types, service_timeout=settings.service_timeout)
-        Rosapi(bus)
+        bus = make_bus(
+            store,
+            is_strict=settings.strict_types,
+            service_timeout=settings.service_timeout,
+            max_calls=settings.max_calls,
+        )
+        limits = _limits(settings)
+        Rosapi(bus, limits.policy)
         node = _make_node(bus, settings) if settings.world else None
         clockwork = Clockwork(asyncio.get_running_loop(), bus, node, self._give_up)
-        server = Server(bus, _limits(settings), clockwork.look)
+        server = Server(bus, limits, clockwork.look)
         try:
-            await server.start(settings.host, settings.port)
+            await server.start(settings.host, settings.port, certificate)
         except (OSError, UnicodeError) as error:
             raise AddressError(_why_not(settings, error)) from None
+        if settings.token is None and not server.is_loopback:
+            _log.warning("whoever reaches %s port %d is let in; --token asks for one", settings.host, server.port)
         self._reports = Reports(bus, server, asyncio.get_running_loop())
         self.bus, self.node, self._server, self._clockwork = bus, node, server, clockwork
         clockwork.look()
@@ -186,6 +198,19 @@ def _limits(settings: Settings) -> ServerLimits:
         is_compressing=settings.compression,
         is_talkative=settings.status,
         outbox=OutboxLimits(settings.outbox_burst, settings.outbox_size, settings.outbox_limit),
+        access=Access(
+            token=settings.token,
+            origins=settings.allow_origin,
+            max_clients=settings.max_clients,
+            max_rate=settings.max_rate,
+        ),
+        policy=Policy(
+            publish=Rule(settings.allow_publish, settings.deny_publish),
+            subscribe=Rule(settings.allow_subscribe, settings.deny_subscribe),
+            service=Rule(settings.allow_service, settings.deny_service),
+            parameter=Rule(settings.allow_param, settings.deny_param),
+            max_held=settings.max_held,
+        ),
     )
 
 

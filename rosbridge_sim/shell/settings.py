@@ -18,7 +18,7 @@ from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal, TypeVar, cast
 
-__all__ = ["FIELDS", "FOLDERS", "RATES", "SWITCH", "Flag", "Kind", "Settings", "flag_of", "show_size"]
+__all__ = ["FIELDS", "FILE", "FOLDERS", "RATES", "SECRET", "SWITCH", "Flag", "Kind", "Settings", "flag_of", "show_size"]
 
 T = TypeVar("T")
 
@@ -34,11 +34,13 @@ class Kind:
         expects: what a person should write, to stand after "expected".
         read: text, or a value of a TOML file or of Python -> the value; raises ValueError or TypeError.
         sign: how the value is called in `--help`.
+        separator: of the parts of a value in the environment; the flag may then be repeated. Empty where there is one.
     """
 
     expects: str
     read: Callable[[object], object]
     sign: str
+    separator: str = ""
 
 
 def _text(expects: str, sign: str) -> Kind:
@@ -129,6 +131,8 @@ def _is_word(value: object, *words: str) -> bool:
     return isinstance(value, str) and value.strip().lower() in words
 
 
+FILE = _or_none(_text("a file", "FILE"), "none")
+
 _SIZE = re.compile(r"(\d+(?:\.\d+)?)\s*(?:([kmg])(i)?)?b?", re.IGNORECASE)
 
 
@@ -168,7 +172,29 @@ def _read_folders(value: object) -> tuple[str, ...]:
     return folders
 
 
-FOLDERS = Kind("folders", _read_folders, "DIR")
+FOLDERS = Kind("folders", _read_folders, "DIR", os.pathsep)
+
+
+def _read_patterns(value: object) -> tuple[str, ...]:
+    texts = [value] if isinstance(value, str) else cast("Sequence[str]", value)
+    patterns = tuple(text.strip() for text in texts)
+    if not all(pattern.isprintable() and pattern and " " not in pattern for pattern in patterns):
+        raise ValueError
+    return patterns
+
+
+_PATTERNS = Kind("patterns without blanks, such as /camera/*", _read_patterns, "PATTERN", ",")
+
+_ORIGINS = Kind("origins without blanks, such as https://*.example.org", _read_patterns, "ORIGIN", ",")
+
+
+def _read_token(value: object) -> str:
+    if not isinstance(value, str) or not re.fullmatch(r"[!-~]+", value):
+        raise ValueError
+    return value
+
+
+SECRET = _or_none(Kind("printable ASCII without blanks", _read_token, "TOKEN"), "none")
 
 
 def _read_rates(value: object) -> dict[str, float]:
@@ -187,7 +213,7 @@ def _read_rates(value: object) -> dict[str, float]:
 _MAX_RATE = 120
 """What MORAI's own panel allows [Hz]."""
 
-RATES = Kind(f"TOPIC=HZ with at most {_MAX_RATE} Hz, such as /Ego_topic=10", _read_rates, "TOPIC=HZ")
+RATES = Kind(f"TOPIC=HZ with at most {_MAX_RATE} Hz, such as /Ego_topic=10", _read_rates, "TOPIC=HZ", ",")
 
 
 # The settings
@@ -207,10 +233,11 @@ def _flag(default: T, group: str, kind: Kind, text: str) -> T:
     metadata = {"flag": Flag(group, kind, text)}
     if isinstance(default, dict):
         return field(default_factory=lambda: dict(default), metadata=metadata)  # type: ignore[return-value]
-    return field(default=default, metadata=metadata)
+    return field(default=default, metadata=metadata, repr=kind is not SECRET)
 
 
 _LISTEN = "where it listens"
+_ACCESS = "who may connect, and what clients may do"
 _WORLD = "the world"
 _FACE = "what MORAI calls things"
 _SYNC = "synchronous mode"
@@ -231,6 +258,50 @@ class Settings:
 
     host: str = _flag("127.0.0.1", _LISTEN, _text("a host name or address", "HOST"), "address; 0.0.0.0 is every one")
     port: int = _flag(9090, _LISTEN, _whole(0, 65_535), "TCP port; 0 takes a free one")
+    certfile: str | None = _flag(None, _LISTEN, FILE, "certificate in PEM: clients then connect to wss://")
+    keyfile: str | None = _flag(None, _LISTEN, FILE, "its private key in PEM, if the same file does not hold it")
+
+    token: str | None = _flag(
+        None,
+        _ACCESS,
+        SECRET,
+        "what every client must show; set as a variable or in the file, no list of processes has it",
+    )
+    allow_origin: tuple[str, ...] = _flag(
+        (),
+        _ACCESS,
+        _ORIGINS,
+        "web pages that may connect, in place of all on loopback, else of the same host; repeatable",
+    )
+    allow_publish: tuple[str, ...] = _flag(
+        (), _ACCESS, _PATTERNS, "topics to which clients may publish, in place of all; repeatable"
+    )
+    deny_publish: tuple[str, ...] = _flag(
+        (), _ACCESS, _PATTERNS, "topics to which they may not, even if allowed; repeatable"
+    )
+    allow_subscribe: tuple[str, ...] = _flag(
+        (), _ACCESS, _PATTERNS, "topics to which clients may subscribe, in place of all; repeatable"
+    )
+    deny_subscribe: tuple[str, ...] = _flag((), _ACCESS, _PATTERNS, "topics to which they may not; repeatable")
+    allow_service: tuple[str, ...] = _flag(
+        (),
+        _ACCESS,
+        _PATTERNS,
+        "services and actions that clients may call and offer, in place of all; /rosapi/* stays; repeatable",
+    )
+    deny_service: tuple[str, ...] = _flag((), _ACCESS, _PATTERNS, "services and actions that they may not; repeatable")
+    allow_param: tuple[str, ...] = _flag(
+        (), _ACCESS, _PATTERNS, "parameters that clients may use, in place of all; repeatable"
+    )
+    deny_param: tuple[str, ...] = _flag((), _ACCESS, _PATTERNS, "parameters that they may not; repeatable")
+    max_clients: int | None = _flag(1_000, _ACCESS, _or_none(_whole(1, 1_000_000), "none"), "clients at once")
+    max_rate: int | None = _flag(
+        None, _ACCESS, _or_none(_whole(1, 1_000_000), "none"), "frames a second from one client, after a burst"
+    )
+    max_held: int = _flag(
+        10_000, _ACCESS, _whole(1, 1_000_000), "subscriptions, advertisements and services of one client"
+    )
+    max_calls: int = _flag(1_000, _ACCESS, _whole(1, 1_000_000), "calls of one client in flight, and goals")
 
     world: bool = _flag(
         default=True, group=_WORLD, kind=SWITCH, text="have the driving world inside; without it this is a bare gateway"

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.shell.settings import FIELDS, FOLDERS, RATES, SWITCH, Settings, flag_of, show_size
+from rosbridge_sim.shell.settings import FIELDS, FILE, FOLDERS, RATES, SECRET, SWITCH, Settings, flag_of, show_size
 
 __all__ = [
     "PREFIX",
@@ -158,7 +158,8 @@ def _read(key: str, value: object, where: str) -> object:
     try:
         return kind.read(value)
     except (ValueError, TypeError, KeyError, OverflowError, AttributeError):
-        raise SettingError(f"{where}: expected {kind.expects}; got {_show(value)}") from None
+        shown = "something else" if kind is SECRET else _show(value)
+        raise SettingError(f"{where}: expected {kind.expects}; got {shown}") from None
 
 
 def _read_key(key: str, value: object, where: str) -> tuple[str, object]:
@@ -218,7 +219,7 @@ def _make_parser() -> argparse.ArgumentParser:
         " Drive. Other commands look at any rosbridge: rosbridge-sim topic, service and schema (with --help).",
         epilog="Each flag is also an environment variable (--sync-lease is ROSBRIDGE_SIM_SYNC_LEASE) and a key of the"
         " TOML file (sync-lease). A flag beats the environment, the environment beats the file. In the environment,"
-        f" folders are separated by {os.pathsep!r} and rates by ','.",
+        f" folders are separated by {os.pathsep!r}, rates, patterns and origins by ','.",
         allow_abbrev=False,
         argument_default=argparse.SUPPRESS,
         formatter_class=layout,
@@ -233,7 +234,7 @@ def _make_parser() -> argparse.ArgumentParser:
         if flag.kind is SWITCH:
             group.add_argument(f"--{key}", action=argparse.BooleanOptionalAction, help=text)
         else:
-            action = "append" if flag.kind in (FOLDERS, RATES) else "store"
+            action = "append" if flag.kind.separator else "store"
             group.add_argument(f"--{key}", action=action, metavar=flag.kind.sign, help=text)
     for key, text in _ASIDES.items():
         parser.add_argument(f"--{key}", action="store_true", help=text)
@@ -255,7 +256,7 @@ def layout(prog: str) -> argparse.HelpFormatter:
 def _show_default(key: str, default: object) -> str:
     """The default as it stands behind a flag's help."""
     kind = flag_of(key).kind
-    if kind in (FOLDERS, RATES, SWITCH) or key == "config":
+    if kind is SWITCH or kind.separator or key == "config":
         return f" [{'on' if default else 'off'}]" if kind is SWITCH else ""
     if default is None:
         return f" [{kind.sign.rpartition('|')[2] if '|' in kind.sign else 'none'}]"
@@ -280,10 +281,8 @@ def _from_environment(environ: Mapping[str, str]) -> dict[str, object]:
             continue  # Kubernetes sets ROSBRIDGE_SIM_PORT so for a service named rosbridge-sim
         kind = flag_of(key).kind if key in FIELDS else SWITCH
         value: object = text
-        if kind is FOLDERS:
-            value = [folder for folder in text.split(os.pathsep) if folder]
-        elif kind is RATES:
-            value = [rate for rate in text.split(",") if rate.strip()]
+        if kind.separator:
+            value = [part for part in text.split(kind.separator) if part.strip()]
         base, checked = _read_key(key, value, name)
         _add(values, base, checked, name)
     return values
@@ -356,6 +355,8 @@ def _beside(key: str, value: object, folder: Path) -> object:
     """The value with its paths taken from `folder`, so that a file means the same wherever the server starts."""
     if flag_of(key).kind is FOLDERS and isinstance(value, tuple):
         return tuple(str(folder / one) for one in value)
+    if flag_of(key).kind is FILE and isinstance(value, str):
+        return str(folder / value)
     if key in {"scenario", "map"} and isinstance(value, str) and looks_like_path(value):
         return str(folder / value)
     return value

@@ -45,6 +45,14 @@ def read(key: str, value: object) -> object:
         ("config", Path("a.toml"), "a.toml"),
         ("rate", ["/Ego_topic=10", "clock=0.5"], {"/Ego_topic": 10.0, "/clock": 0.5}),
         ("rate", {"Ego_topic": 120}, {"/Ego_topic": 120.0}),
+        ("token", "abc", "abc"),
+        ("token", "none", None),
+        ("certfile", Path("a.pem"), "a.pem"),
+        ("allow-publish", "/a*", ("/a*",)),
+        ("deny-param", ["/a ", "*"], ("/a", "*")),
+        ("allow-origin", ["null", "https://a.b:1"], ("null", "https://a.b:1")),
+        ("max-clients", "none", None),
+        ("max-rate", 50, 50),
     ],
 )
 def test_value_is_read(key: str, given_value: object, value: object) -> None:
@@ -90,6 +98,18 @@ def test_value_is_read(key: str, given_value: object, value: object) -> None:
         ("rate", {"a": "fast"}),
         ("rate", {"a": True}),
         ("rate", 10),
+        ("token", ""),
+        ("token", "two words"),
+        ("token", "ö"),
+        ("token", 7),
+        ("allow-publish", [""]),
+        ("allow-publish", ["/a /b"]),
+        ("allow-publish", ["/a\0"]),
+        ("allow-publish", 3),
+        ("max-clients", 0),
+        ("max-rate", 0.5),
+        ("max-held", 0),
+        ("max-calls", "none"),
     ],
 )
 def test_value_is_refused(key: str, value: object) -> None:

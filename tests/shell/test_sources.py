@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rosbridge_sim.shell.settings import FIELDS, SWITCH, Settings, flag_of
+from rosbridge_sim.shell.settings import FIELDS, FILE, FOLDERS, SWITCH, Settings, flag_of
 from rosbridge_sim.shell.sources import (
     PREFIX,
     SettingError,
@@ -21,6 +21,22 @@ from rosbridge_sim.shell.sources import (
 OTHER: dict[str, object] = {
     "host": "::1",
     "port": 8000,
+    "certfile": "a.pem",
+    "keyfile": "b c.pem",
+    "token": "s3cret+/=",
+    "allow_origin": ("https://*.example.org", "http://[::1]:8080"),
+    "allow_publish": ("/a/*", "b"),
+    "deny_publish": ("/[cd]",),
+    "allow_subscribe": ("*",),
+    "deny_subscribe": ("/e?",),
+    "allow_service": ("/f",),
+    "deny_service": ("/rosapi/set_param", "/g"),
+    "allow_param": ("/h/*",),
+    "deny_param": ("/i",),
+    "max_clients": None,
+    "max_rate": 100,
+    "max_held": 5,
+    "max_calls": 6,
     "world": False,
     "scenario": "loop",
     "map": "track",
@@ -65,9 +81,9 @@ def as_words(key: str, value: object) -> list[str]:
     return [f"--{key}", "none" if value is None else str(value)]
 
 
-def as_variable(value: object) -> str:
+def as_variable(key: str, value: object) -> str:
     if isinstance(value, tuple):
-        return os.pathsep.join(value)
+        return flag_of(key).kind.separator.join(value)
     if isinstance(value, dict):
         return ",".join(f"{name}={rate}" for name, rate in value.items())
     return "none" if value is None else str(value)
@@ -109,14 +125,17 @@ def test_every_setting_is_a_flag_a_variable_a_key_and_an_option(name: str, tmp_p
     words = as_words(key, value) + (["--outbox-size", "1KiB"] if quiet else [])
     assert read_settings(words, {}) == wanted
 
-    variables = {PREFIX + name.upper(): as_variable(value)} | ({PREFIX + "OUTBOX_SIZE": "1024"} if quiet else {})
+    variables = {PREFIX + name.upper(): as_variable(key, value)} | ({PREFIX + "OUTBOX_SIZE": "1024"} if quiet else {})
     assert read_settings([], variables) == wanted
 
     file = tmp_path / "s.toml"
     file.write_text(format_config(wanted))
     from_file = read_settings(["--config", str(file)], {})
-    if isinstance(value, tuple):  # paths are taken from the file's folder
-        value = tuple(str(tmp_path / one) for one in value)
+    kind = flag_of(key).kind
+    if kind is FOLDERS or kind is FILE:  # paths are taken from the file's folder
+        paths = value if isinstance(value, tuple) else (value,)
+        beside = tuple(str(tmp_path / str(path)) for path in paths)
+        value = beside if kind is FOLDERS else beside[0]
     assert getattr(from_file, name) == value
 
 
@@ -186,11 +205,16 @@ def test_names_in_a_file_stay_names(tmp_path: Path) -> None:
 
 def test_printed_config_gives_the_settings_back(tmp_path: Path) -> None:
     file = tmp_path / "s.toml"
-    settings = check_options({**OTHER, "scenario_path": ("/a",), "schema_path": ('/x"\\\n',)})
-    file.write_text(format_config(settings))
-    assert read_settings(["--config", str(file)], {}) == check_options(
-        {**OTHER, "scenario_path": ("/a",), "schema_path": ('/x"\\\n',), "config": str(file)}
-    )
+    paths = {"scenario_path": ("/a",), "schema_path": ('/x"\\\n',), "certfile": "/c.pem", "keyfile": "/k.pem"}
+    file.write_text(format_config(check_options({**OTHER, **paths})))
+    assert read_settings(["--config", str(file)], {}) == check_options({**OTHER, **paths, "config": str(file)})
+
+
+def test_bad_token_is_not_shown() -> None:
+    said = "expected printable ASCII without blanks, or none; got something else"
+    assert mistake(["--token", "my secret"]) == f"--token: {said}"
+    assert mistake([], {"ROSBRIDGE_SIM_TOKEN": "geheimniß"}) == f"ROSBRIDGE_SIM_TOKEN: {said}"
+    assert "geheim" not in repr(check_options({"token": "geheim"}))
 
 
 def test_help_names_every_flag_its_unit_and_where_else_it_can_be_set(capsys: pytest.CaptureFixture[str]) -> None:
