@@ -21,18 +21,20 @@ import numpy as np
 import orjson
 
 from rosbridge_sim.errors import FieldError
+from rosbridge_sim.schema.names import Generation, printable
 from rosbridge_sim.schema.parse import INT_RANGES, MAX_FLOAT32, Definition, Field
 
 __all__ = [
     "ROS1",
+    "ROS2",
     "Dialect",
     "Duration",
     "Leniency",
     "Shape",
     "Slot",
     "Time",
+    "Time2",
     "check",
-    "printable",
     "round32",
     "round32_list",
 ]
@@ -55,17 +57,28 @@ class Duration(msgspec.Struct, frozen=True, forbid_unknown_fields=True, gc=False
     nsecs: _Int32 = 0
 
 
+class Time2(msgspec.Struct, frozen=True, forbid_unknown_fields=True, gc=False):
+    """A point in time, or a span of it, as ROS 2 writes both [s, ns]."""
+
+    sec: _Int32 = 0
+    nanosec: _UInt32 = 0
+
+
 @dataclass(frozen=True, slots=True)
 class Dialect:
     """What differs between the personalities of the two ROS generations.
 
     Attributes:
+        ros: the generation.
         times: the structs of `time` and `duration`; their two fields are the spelling that goes out.
+        time_parts: the integer types of their two fields.
         ints: least and greatest value of each integer type, `byte` and `char` included.
         no_stamp: the default of a header's stamp, known by identity: it stands until the time of now takes its place.
     """
 
+    ros: Generation
     times: Mapping[str, type[msgspec.Struct]]
+    time_parts: Mapping[str, tuple[str, str]]
     ints: Mapping[str, tuple[int, int]]
     no_stamp: msgspec.Struct
 
@@ -75,10 +88,21 @@ class Dialect:
 
 
 ROS1 = Dialect(
+    ros=1,
     times={"time": Time, "duration": Duration},
+    time_parts={"time": ("uint32", "uint32"), "duration": ("int32", "int32")},
     # In ROS 1 `byte` is an old name of int8 and `char` of uint8.
     ints={**INT_RANGES, "byte": INT_RANGES["int8"], "char": INT_RANGES["uint8"]},
     no_stamp=Time(),
+)
+
+ROS2 = Dialect(
+    ros=2,
+    times={"time": Time2, "duration": Time2},
+    time_parts={"time": ("int32", "uint32"), "duration": ("int32", "uint32")},
+    # In ROS 2 both are a byte without a sign.
+    ints={**INT_RANGES, "byte": INT_RANGES["uint8"], "char": INT_RANGES["uint8"]},
+    no_stamp=Time2(),
 )
 
 _SPELLINGS = (("secs", "sec"), ("nsecs", "nanosec"))
@@ -163,16 +187,6 @@ def check(shape: Shape, value: object, stamp_ns: int, root: str | None = None) -
     except _Misfit as misfit:
         path = "".join(reversed(misfit.path)).removeprefix(".")
         raise FieldError(misfit.say(root, printable(path))) from None
-
-
-def printable(text: str) -> str:
-    """A text of a peer's as an error text may repeat it: not endless, and without half surrogate pairs."""
-    shown = text if len(text) <= _MAX_SHOWN else text[:_MAX_SHOWN] + "..."
-    return shown.encode("utf-8", "backslashreplace").decode()
-
-
-_MAX_SHOWN = 200
-"""Characters of a path or a type name in an error text: far more than any real one has."""
 
 
 class _Misfit(Exception):  # noqa: N818 - never leaves this module
@@ -306,13 +320,12 @@ class _Check:
             return self.dialect.time(self.stamp_ns)
         if not isinstance(value, dict):
             raise _wrong_type(kind, value)
-        bounds = self.dialect.ints["uint32" if kind == "time" else "int32"]
         parts = []
-        for spellings in _SPELLINGS:
+        for spellings, part in zip(_SPELLINGS, self.dialect.time_parts[kind], strict=True):
             name = next((spelling for spelling in spellings if spelling in value), None)
             item = None if name is None else value[name]
             try:
-                parts.append(0 if item is None else _integer("uint32" if kind == "time" else "int32", item, bounds))
+                parts.append(0 if item is None else _integer(part, item, INT_RANGES[part]))
             except _Misfit as misfit:
                 misfit.path.append(f".{name}")
                 raise

@@ -19,7 +19,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from types import GenericAlias
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import msgspec
 import numpy as np
@@ -28,6 +28,7 @@ import orjson
 from rosbridge_sim.errors import DefinitionError, FieldError
 from rosbridge_sim.schema.cbor import CborWriters
 from rosbridge_sim.schema.check import Dialect, Leniency, Shape, Slot, check, round32, round32_list
+from rosbridge_sim.schema.names import Generation, ros2_names
 from rosbridge_sim.schema.parse import Definition, Field
 
 if TYPE_CHECKING:
@@ -128,8 +129,8 @@ class Encoders:
         ros: the generation whose bytes are written.
     """
 
-    def __init__(self, ros: Literal[1, 2] = 1) -> None:
-        self._ros_generation: Literal[1, 2] = ros
+    def __init__(self, ros: Generation = 1) -> None:
+        self._ros_generation = ros
         self.cbor = CborWriters()
 
     @cached_property
@@ -340,6 +341,8 @@ def compile_message(
     aliases = {
         alias: wire for alias, wire in leniency.fields.get(name, {}).items() if wire in slots and alias not in slots
     }
+    for other, own in ros2_names([*slots, *aliases]).items():
+        aliases.setdefault(other, aliases.get(own, own))
     shape = Shape(name, definition, dialect, struct, slots, aliases, is_header)
     return MessageType(shape, _make_after(shape, afters), encoders)
 

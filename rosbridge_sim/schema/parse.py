@@ -1,9 +1,9 @@
-"""Definition text to fields and constants: the grammar of .msg and .srv files.
+"""Definition text to fields and constants: the grammar of .msg, .srv and .action files.
 
 It reads the ROS 1 grammar, and of the ROS 2 one whatever ROS 1 text cannot mean otherwise: bounded arrays and
-strings, default values, three-part type names. Every type name comes out as `pkg/Type`; the old short names
-`Header`, `time` and `duration` are understood here and nowhere else. What is wrong with a text is said with its
-line and column.
+strings, default values, three-part type names. The one thing that both say and mean differently is a text constant:
+quotes around it belong to it in ROS 1. Every type name comes out as `pkg/Type`; the old short names `Header`, `time`
+and `duration` are understood here and nowhere else. What is wrong with a text is said with its line and column.
 """
 
 from __future__ import annotations
@@ -15,18 +15,20 @@ from dataclasses import dataclass, field, replace
 from typing import NoReturn
 
 from rosbridge_sim.errors import DefinitionError
+from rosbridge_sim.schema.names import Generation
 
 __all__ = [
     "BASE_TYPES",
     "INT_RANGES",
     "MAX_FLOAT32",
+    "NAME_TOKEN",
+    "TYPE_TOKEN",
     "Constant",
     "Definition",
     "Field",
     "parse_action",
     "parse_message",
     "parse_service",
-    "qualified_text",
 ]
 
 INT_RANGES = {f"int{n}": (-(2 ** (n - 1)), 2 ** (n - 1) - 1) for n in (8, 16, 32, 64)} | {
@@ -47,10 +49,10 @@ MAX_FLOAT32 = 3.4028235677973366e38
 MAX_LENGTH = 1 << 24
 """The longest fixed array: its default value alone would take 128 MB."""
 
-_TYPE = re.compile(
+TYPE_TOKEN = re.compile(
     r"(?P<base>[A-Za-z]\w*(?:/\w+)*)(?:<=(?P<chars>\d+))?(?P<array>\[(?P<bound><=)?(?P<count>\d*)\])?(?=\s)", re.ASCII
 )
-_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+NAME_TOKEN = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _SPACE = re.compile(r"\s*")
 _QUALIFIED = re.compile(r"(?P<package>[A-Za-z]\w*)/(?:msg/)?(?P<type>[A-Za-z]\w*)", re.ASCII)
 _OLD_NAMES = {
@@ -103,12 +105,14 @@ class Constant:
     Attributes:
         type: a base type.
         value: converted; `text` is how the definition writes it.
+        line: where it stands, counted from 1.
     """
 
     type: str
     name: str
     value: object
     text: str
+    line: int = field(default=0, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,41 +138,52 @@ class Definition:
         return self.name.partition("/")[0]
 
 
-def parse_message(name: str, text: str, source: str | None = None) -> Definition:
+def parse_message(name: str, text: str, source: str | None = None, ros: Generation = 1) -> Definition:
     """The definition that a .msg text holds.
 
     Args:
         name: `pkg/Type`; unqualified names in the text belong to its package.
         text: the whole file.
         source: what error messages call the text; the name when None.
+        ros: the generation whose rule counts where the two differ.
 
     Raises:
         DefinitionError: the text breaks the grammar; with line and column.
     """
-    return _parse(name, text, source or name, 1)
+    return _parse(name, text, source or name, 1, ros)
 
 
-def parse_service(name: str, text: str, source: str | None = None) -> tuple[Definition, Definition]:
+def parse_service(
+    name: str, text: str, source: str | None = None, ros: Generation = 1
+) -> tuple[Definition, Definition]:
     """The request `<name>Request` and the response `<name>Response` that a .srv text holds.
 
     Raises:
         DefinitionError: the text breaks the grammar, or has not exactly one `---` line.
     """
-    request, response = _parse_parts(name, text, source or name, "a service", ("Request", "Response"))
+    request, response = _parse_parts(
+        name, text, source or name, ros, what="a service", suffixes=("Request", "Response")
+    )
     return request, response
 
 
-def parse_action(name: str, text: str, source: str | None = None) -> tuple[Definition, Definition, Definition]:
+def parse_action(
+    name: str, text: str, source: str | None = None, ros: Generation = 1
+) -> tuple[Definition, Definition, Definition]:
     """The goal `<name>Goal`, the result `<name>Result` and the feedback `<name>Feedback` of a .action text.
 
     Raises:
         DefinitionError: the text breaks the grammar, or has not exactly two `---` lines.
     """
-    goal, result, feedback = _parse_parts(name, text, source or name, "an action", ("Goal", "Result", "Feedback"))
+    goal, result, feedback = _parse_parts(
+        name, text, source or name, ros, what="an action", suffixes=("Goal", "Result", "Feedback")
+    )
     return goal, result, feedback
 
 
-def _parse_parts(name: str, text: str, source: str, what: str, suffixes: tuple[str, ...]) -> list[Definition]:
+def _parse_parts(
+    name: str, text: str, source: str, ros: Generation, *, what: str, suffixes: tuple[str, ...]
+) -> list[Definition]:
     """The definitions between the `---` lines, named by the suffixes."""
     lines = text.split("\n")
     borders = [i for i, line in enumerate(lines) if line.strip() == "---"]
@@ -180,22 +195,9 @@ def _parse_parts(name: str, text: str, source: str, what: str, suffixes: tuple[s
     starts = [0, *(border + 1 for border in borders)]
     ends = [*borders, len(lines)]
     return [
-        _parse(name + suffix, "\n".join(lines[start:end]), source, start + 1)
+        _parse(name + suffix, "\n".join(lines[start:end]), source, start + 1, ros)
         for suffix, start, end in zip(suffixes, starts, ends, strict=True)
     ]
-
-
-def qualified_text(definition: Definition) -> str:
-    """The definition's text with every nested type by its full name, as readers of typedefs need it."""
-    nested = {f.line: f.full_type for f in definition.fields if "/" in f.type}
-    lines = definition.text.split("\n")
-    for number, full_type in nested.items():
-        line = lines[number - definition.first_line]
-        match = _TYPE.match(line, _skip_space(line, 0))
-        if match is None:
-            raise AssertionError(f"{definition.name}: line {number} was parsed before")
-        lines[number - definition.first_line] = line[: match.start()] + full_type + line[match.end() :]
-    return "\n".join(lines)
 
 
 def _skip_space(line: str, at: int) -> int:
@@ -203,13 +205,13 @@ def _skip_space(line: str, at: int) -> int:
     return match.end() if match else at
 
 
-def _parse(name: str, text: str, source: str, first_line: int) -> Definition:
+def _parse(name: str, text: str, source: str, first_line: int, ros: Generation) -> Definition:
     fields: list[Field] = []
     constants: list[Constant] = []
     names: set[str] = set()
     text = text.removeprefix("\ufeff").replace("\r\n", "\n")
     for number, line in enumerate(text.split("\n"), first_line):
-        item = _Line(source, number, line, name.partition("/")[0]).parse()
+        item = _Line(source, number, line, name.partition("/")[0], ros).parse()
         if item is None:
             continue
         if item.name in names:
@@ -230,6 +232,7 @@ class _Line:
     number: int
     line: str
     package: str
+    ros: Generation
 
     def fail(self, at: int, text: str) -> NoReturn:
         raise DefinitionError(self.source, self.number, at + 1, text)
@@ -240,11 +243,11 @@ class _Line:
         start = _skip_space(line, 0)
         if line[start : start + 1] in {"", "#"}:
             return None
-        type_match = _TYPE.match(line, start)
+        type_match = TYPE_TOKEN.match(line, start)
         if type_match is None:
             self.fail(start, f"expected a type and a name, found {line[start:].strip()!r}")
         at = _skip_space(line, type_match.end())
-        name_match = _NAME.match(line, at)
+        name_match = NAME_TOKEN.match(line, at)
         if name_match is None:
             self.fail(at, f"expected the name of a field, found {line[at:].strip() or 'the end of the line'!r}")
         at = _skip_space(line, name_match.end())
@@ -297,9 +300,18 @@ class _Line:
         if base in {"string", "wstring"}:
             # Everything behind the sign belongs to the text, `#` too; quotes are part of it, as in ROS 1.
             text = self.line[at:].strip()
-            return Constant(base, name, text, text)
-        text = self.line[at:].partition("#")[0].strip()
-        return Constant(base, name, self.convert(base, text, at), text)
+            value: object = self.quoted(base, text, at) if self.ros != 1 else text
+        else:
+            text = self.line[at:].partition("#")[0].strip()
+            value = self.convert(base, text, at)
+        return Constant(base, name, value, text, line=self.number)
+
+    def quoted(self, base: str, text: str, at: int) -> str:
+        """A text constant as ROS 2 reads it: without quotes and comment; with quotes that do not match, as it is."""
+        try:
+            return self.literal(base, at) if text else ""
+        except DefinitionError:
+            return text
 
     def default(self, plain: Field, at: int) -> object:
         """The value behind a field's name, as ROS 2 text may have it."""

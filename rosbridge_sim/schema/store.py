@@ -1,43 +1,45 @@
 """Every type by its name: texts in, compiled types out, each made once and at its first use.
 
 A store is given definition texts (what lies in `schemas/` and in the user's folders); the standard packages beyond them
-come from rosbags, which is imported when the first type is asked for that the texts lack. Both `pkg/Type` and
-`pkg/msg/Type` are understood everywhere; the former goes out.
+come from rosbags, which is imported when the first type is asked for that the texts lack. From the text of an action
+the seven messages come too by which actionlib speaks of it. Both `pkg/Type` and `pkg/msg/Type` are understood
+everywhere; `pkg/Type` is the name of a type here, and `spelled` is what the personality writes.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Mapping
-from functools import cache
-from typing import Any, Literal
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import msgspec
 
 from rosbridge_sim.errors import DefinitionError, TypeNameError, UnknownPackageError
-from rosbridge_sim.schema.check import ROS1, Leniency, printable
+from rosbridge_sim.schema.check import ROS1, ROS2, Leniency
 from rosbridge_sim.schema.compile import ActionType, Encoders, MessageType, OpaqueType, ServiceType, compile_message
-from rosbridge_sim.schema.parse import Definition, Field, parse_action, parse_message, parse_service, qualified_text
+from rosbridge_sim.schema.names import (
+    RENAMED_FIELDS,
+    RENAMED_PACKAGES,
+    Generation,
+    Kind,
+    spelled,
+    split_name,
+)
+from rosbridge_sim.schema.parse import Definition, Field, parse_action, parse_message, parse_service
+from rosbridge_sim.schema.standard import PACKAGES, ros2_text, standard_names, standard_text
+from rosbridge_sim.schema.typedefs import full_text
 
 __all__ = ["Leniency", "Message", "Store"]
 
-_Fielddefs = tuple[list[Any], list[Any]]
-"""What rosbags holds of a message: constants and fields."""
-
-_FieldDesc = tuple[Any, Any]
-"""What rosbags holds of a field's type: the kind of node, and what that kind needs."""
-
-_TYPE_NAME = re.compile(r"([A-Za-z]\w*)/(?:(?:msg|srv|action)/)?([A-Za-z]\w*)", re.ASCII)
-
-_RENAMED_PACKAGES = {
-    "rosapi_msgs": "rosapi",
-    "tf2_web_republisher_interfaces": "tf2_web_republisher",
-    "tf2_web_republisher_msgs": "tf2_web_republisher",
+_ACTIONLIB = {
+    "ActionGoal": "Header header\nactionlib_msgs/GoalID goal_id\n{name}Goal goal\n",
+    "ActionResult": "Header header\nactionlib_msgs/GoalStatus status\n{name}Result result\n",
+    "ActionFeedback": "Header header\nactionlib_msgs/GoalStatus status\n{name}Feedback feedback\n",
+    "Action": "{name}ActionGoal action_goal\n{name}ActionResult action_result\n{name}ActionFeedback action_feedback\n",
 }
-"""Packages that the ROS 2 generation renamed: the types of the one serve for the other."""
+"""What ROS 1 makes of an action: the messages of its topics, and one that holds them all."""
 
-_RENAMED_FIELDS = {"rosapi/GetParamRequest": {"default_value": "default"}}
-"""Fields that the ROS 2 generation renamed."""
+_PARTS = ("Goal", "Result", "Feedback")
+"""What a text of an action itself defines."""
 
 
 class Message:
@@ -99,24 +101,28 @@ class Store:
         texts: definition texts by (package, `msg` or `srv` or `action`, name).
         leniency: other names and shapes to accept.
         ros: the personality.
+
+    Attributes:
+        ros: the same.
     """
 
     def __init__(
-        self, texts: Mapping[tuple[str, str, str], str], *, leniency: Leniency | None = None, ros: Literal[1] = 1
+        self, texts: Mapping[tuple[str, str, str], str], *, leniency: Leniency | None = None, ros: Generation = 1
     ) -> None:
         leniency = leniency or Leniency()
-        self._dialect = {1: ROS1}[ros]
+        self.ros = ros
+        self._dialect = {1: ROS1, 2: ROS2}[ros]
         self._encoders = Encoders(ros)
-        self.ros: Literal[1, 2] = ros
         self._texts = dict(texts)
         self._leniency = Leniency(
             types=leniency.types,
-            fields={**_RENAMED_FIELDS, **leniency.fields},
+            fields=_joined(RENAMED_FIELDS, leniency.fields),
             scalars=leniency.scalars,
             numerals=leniency.numerals,
         )
         self._packages = {package for package, _, _ in self._texts}
         self._definitions: dict[str, Definition] = {}
+        self._parts: dict[str, tuple[Definition, Definition, Definition]] = {}
         self._messages: dict[str, MessageType] = {}
         self._services: dict[str, ServiceType] = {}
         self._actions: dict[str, ActionType] = {}
@@ -134,26 +140,34 @@ class Store:
         known = self._spellings.get(name)
         if known is not None:
             return known
-        match = _TYPE_NAME.fullmatch(name)
-        if match is None:
-            raise TypeNameError(f"{printable(name)} is not a valid type string")
-        package, short = match.groups()
+        package, short = split_name(name)
         if package not in self._packages:
-            package = _RENAMED_PACKAGES.get(package, package)
+            package = RENAMED_PACKAGES.get(package, package)
         full = f"{package}/{short}"
         # A type that is really there is no other's misspelt name.
-        is_there = (package, "msg", short) in self._texts or (package, "srv", short) in self._texts
+        is_there = any((package, kind, short) in self._texts for kind in ("msg", "srv", "action"))
         return full if is_there else self._leniency.types.get(full, full)
+
+    def spelled(self, name: str, kind: Kind) -> str:
+        """A type's name as the personality writes it: `pkg/Type` for ROS 1, `pkg/msg/Type` for ROS 2.
+
+        Raises:
+            TypeNameError: the name is malformed.
+        """
+        return spelled(self.canonical(name), kind, self.ros)
 
     def packages(self) -> list[str]:
         """The names of all packages with a known type, in order."""
-        return sorted(self._packages | set(_standard()))
+        return sorted(self._packages | PACKAGES[self.ros])
 
-    def names(self, kind: Literal["msg", "srv", "action"]) -> list[str]:
+    def names(self, kind: Kind) -> list[str]:
         """The names of all known messages, services or actions, in order."""
         own = {f"{package}/{name}" for package, k, name in self._texts if k == kind}
         if kind == "msg":
-            own |= {f"{package}/{name}" for package, names in _standard().items() for name in names}
+            own.update(standard_names(self.ros))
+            if self.ros == 1:
+                actions = [f"{package}/{name}" for package, k, name in self._texts if k == "action"]
+                own.update(action + suffix for action in actions for suffix in (*_ACTIONLIB, *_PARTS))
         return sorted(own)
 
     # Types
@@ -213,16 +227,10 @@ class Store:
         canonical = self.canonical(name)
         compiled = self._actions.get(canonical)
         if compiled is None:
-            package, _, short = canonical.partition("/")
-            text = self._texts.get((package, "action", short))
-            if text is None:
-                raise self._unknown(package, canonical, "action", "action")
             try:
-                parts = parse_action(canonical, text, f"{package}/action/{short}.action")
-                goal, result, feedback = map(self._compile, parts)
+                compiled = self._actions[canonical] = self._action(canonical)
             except DefinitionError as error:
                 raise TypeNameError(f"Unable to resolve type {canonical}: {error}") from None
-            compiled = self._actions[canonical] = ActionType(canonical, goal, result, feedback)
         return compiled
 
     def verify(self, packages: Iterable[str] | None = None) -> None:
@@ -239,9 +247,11 @@ class Store:
                 self._message(f"{package}/{name}")
             elif kind == "srv":
                 self._service(f"{package}/{name}")
+            else:
+                self._action(f"{package}/{name}")
 
     def full_text(self, name: str) -> str:
-        """A message's text with those of all types in it, as rosapi gives it.
+        """A message's text with those of all types in it, as rosapi gives it; in the personality's grammar.
 
         The root's text, then for each distinct nested type, depth first: 80 equal signs, `MSG: pkg/Type`, its text.
         Nested names are written in full.
@@ -249,10 +259,7 @@ class Store:
         Raises:
             TypeNameError: as for `message`.
         """
-        root = self.message(name).definition
-        border = "=" * 80
-        nested = [f"{border}\nMSG: {d.name}\n{qualified_text(d).strip()}" for d in self._nested(root, {root.name})]
-        return "\n".join([qualified_text(root).strip(), *nested])
+        return full_text(self.message(name).shape)
 
     def time_value(self, stamp_ns: int) -> msgspec.Struct:
         """The value of a `time` field at that time [ns]."""
@@ -281,9 +288,29 @@ class Store:
             text = self._texts.get((package, "srv", short))
             if text is None:
                 raise self._unknown(package, name, "srv", "service")
-            request, response = parse_service(name, text, f"{package}/srv/{short}.srv")
+            request, response = parse_service(name, text, f"{package}/srv/{short}.srv", self.ros)
             compiled = self._services[name] = ServiceType(name, self._compile(request), self._compile(response))
         return compiled
+
+    def _action(self, name: str) -> ActionType:
+        parts = self._action_parts(name)
+        if parts is None:
+            raise self._unknown(name.partition("/")[0], name, "action", "action")
+        goal, result, feedback = (
+            self._message(part.name) if self._definition(part.name) is part else self._compile(part) for part in parts
+        )
+        return ActionType(name, goal, result, feedback)
+
+    def _action_parts(self, name: str) -> tuple[Definition, Definition, Definition] | None:
+        """Goal, result and feedback of an action's text; None when there is none."""
+        known = self._parts.get(name)
+        if known is None:
+            package, _, short = name.partition("/")
+            text = self._texts.get((package, "action", short))
+            if text is None:
+                return None
+            known = self._parts[name] = parse_action(name, text, f"{package}/action/{short}.action", self.ros)
+        return known
 
     def _compile(self, definition: Definition) -> MessageType:
         def nested(f: Field) -> MessageType:
@@ -307,69 +334,43 @@ class Store:
             return known
         package, _, short = name.partition("/")
         text = self._texts.get((package, "msg", short))
+        if self.ros != 1:
+            text = ros2_text(package, short) or text
         if text is None:
-            text = _standard_text(package, short)
-        if text is None:
+            definition = self._of_action(name)
+            if definition is None:
+                text = standard_text(self.ros, package, short)
+        if text is not None:
+            definition = parse_message(name, text, f"{package}/msg/{short}.msg", self.ros)
+        if definition is None:
             raise self._unknown(package, name, "msg", "message")
-        definition = self._definitions[name] = parse_message(name, text, f"{package}/msg/{short}.msg")
+        self._definitions[name] = definition
         return definition
 
+    def _of_action(self, name: str) -> Definition | None:
+        """The message that ROS 1 would make from the text of an action; None when there is no such text."""
+        for suffix, text in _ACTIONLIB.items():
+            action = name.removesuffix(suffix)
+            if action != name and self._action_parts(action) is not None:
+                source = f"{action.replace('/', '/action/')}.action"
+                return parse_message(name, text.format(name=action), source, self.ros)
+        for i, suffix in enumerate(_PARTS):
+            action = name.removesuffix(suffix)
+            parts = self._action_parts(action) if action != name else None
+            if parts is not None:
+                return parts[i]
+        return None
+
     def _unknown(self, package: str, name: str, kind: str, what: str) -> TypeNameError:
-        if package in self._packages or package in _standard():
+        if package in self._packages or package in PACKAGES[1] or package in PACKAGES[2]:
             return TypeNameError(f"Unable to resolve type {name}: package {package} has no such {what}")
         return UnknownPackageError(
             f"Unable to import {package}.{kind} from package {package}. Caused by: no folder of definitions has it"
         )
 
-    def _nested(self, definition: Definition, seen: set[str]) -> Iterator[Definition]:
-        for f in definition.fields:
-            if "/" in f.type and f.type not in seen:
-                seen.add(f.type)
-                inner = self._definition(f.type)
-                yield inner
-                yield from self._nested(inner, seen)
 
-
-# The standard packages
-
-
-@cache
-def _standard() -> Mapping[str, Mapping[str, _Fielddefs]]:
-    """The standard definitions of ROS 1 that rosbags knows: package -> name -> fields."""
-    # 50 to 100 ms, and a session that sticks to the types in schemas/ never needs it.
-    from rosbags.typesys.stores import ros1_noetic  # noqa: PLC0415
-
-    packages: dict[str, dict[str, _Fielddefs]] = {}
-    for full, definition in ros1_noetic.FIELDDEFS.items():
-        package, _, name = full.split("/")
-        if package != "builtin_interfaces":  # `time` and `duration` of ROS 1, in the clothes of ROS 2
-            packages.setdefault(package, {})[name] = definition
-    return packages
-
-
-def _standard_text(package: str, name: str) -> str | None:
-    """The definition text of a standard message; None when there is no such message."""
-    definition = _standard().get(package, {}).get(name)
-    if definition is None:
-        return None
-    constants, fields = definition
-    lines = [f"{kind} {constant}={value}" for constant, kind, value in constants]
-    # rosbags fills empty messages with a byte, as DDS does; ROS 1 does not.
-    lines += [f"{_standard_type(desc)} {f}" for f, desc in fields if f != "structure_needs_at_least_one_member"]
-    return "".join(f"{line}\n" for line in lines)
-
-
-def _standard_type(desc: _FieldDesc) -> str:
-    """A field's type as a definition writes it; rosbags has (node type, ...) tuples."""
-    kind, detail = desc
-    if kind in {_ARRAY, _SEQUENCE}:
-        element, count = detail
-        return f"{_standard_type(element)}[{count or ''}]"
-    if kind == _NAME:
-        package, _, name = detail.split("/")
-        return name.lower() if package == "builtin_interfaces" else f"{package}/{name}"
-    return str(detail[0])
-
-
-_NAME, _ARRAY, _SEQUENCE = 2, 3, 4
-"""`rosbags.interfaces.Nodetype`, whose import is what we put off."""
+def _joined(
+    first: Mapping[str, Mapping[str, str]], second: Mapping[str, Mapping[str, str]]
+) -> dict[str, Mapping[str, str]]:
+    """Both tables; where both have a row the second's entries count."""
+    return {key: {**first.get(key, {}), **second.get(key, {})} for key in [*first, *second]}

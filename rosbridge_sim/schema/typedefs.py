@@ -1,24 +1,41 @@
-"""Types as rosapi describes them: for each message its field names, their types and lengths, and an example."""
+"""What rosapi tells of a type: its fields as parallel lists, and its text with those of all types in it.
+
+Tools build their readers from the text (Lichtblick cannot do without), so it is written in the grammar of the
+personality, whichever one the definition was written in: ROS 1 knows no bounds, defaults and wide strings, ROS 2 no
+upper case in a field's name and no time but `builtin_interfaces`. Nested names are written in full.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from rosbridge_sim.schema.check import Shape
+from rosbridge_sim.schema.names import Generation, ros2_names, snake_case
+from rosbridge_sim.schema.parse import TYPE_TOKEN, Constant, Definition, Field
 
-__all__ = ["TypeDef", "typedefs"]
+__all__ = ["TypeDef", "full_text", "typedefs"]
+
+_TIMES = {
+    1: {"time": "time", "duration": "duration"},
+    2: {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"},
+}
+"""What each generation calls the two types that are a base type for the one and a message for the other."""
+
+_BORDER = "=" * 80
 
 
 @dataclass(frozen=True, slots=True)
 class TypeDef:
-    """One message type; the lists but for the constants' are parallel. Field names are those of rosapi/TypeDef.
+    """One type as rosapi/TypeDef has it; lists of one kind run in parallel.
 
     Attributes:
         type: `pkg/Type`.
-        fieldarraylen: -1 for a single value, 0 for any number, N for exactly N.
-        examples: the default as text; `[]` for arrays, `{}` for messages.
-        constnames, constvalues: those that the definition has, and no others.
+        fieldarraylen: -1 no array, 0 any length (bounded or not), else the length.
+        examples: a default value as text; `[]` for arrays, `{}` for messages.
+        constnames, constvalues: what the definition names.
     """
 
     type: str
@@ -30,33 +47,124 @@ class TypeDef:
     constvalues: list[str]
 
 
-def typedefs(shape: Shape) -> list[TypeDef]:
-    """A type, then each type within it once, depth first."""
-    return list(_walk(shape, set()))
+def typedefs(root: Shape) -> list[TypeDef]:
+    """A type, then each type in it once, depth first."""
+    return list(_typedefs(root, set()))
 
 
-def _walk(shape: Shape, seen: set[str]) -> Iterator[TypeDef]:
+def _typedefs(shape: Shape, seen: set[str]) -> Iterator[TypeDef]:
     seen.add(shape.name)
-    definition = shape.definition
-    fields = definition.fields
+    times = _TIMES[shape.dialect.ros]
+    fields = [slot.field for slot in shape.slots.values()]
     yield TypeDef(
         type=shape.name,
         fieldnames=[f.name for f in fields],
-        fieldtypes=[f.type for f in fields],
+        fieldtypes=[times.get(f.type, f.type) for f in fields],
         fieldarraylen=[-1 if f.array is None else 0 if f.is_bounded else f.array for f in fields],
-        examples=[_example(shape, f.name) for f in fields],
-        constnames=[c.name for c in definition.constants],
-        constvalues=[c.text for c in definition.constants],
+        examples=[_example(f, slot.make) for f, slot in zip(fields, shape.slots.values(), strict=True)],
+        constnames=[c.name for c in shape.definition.constants],
+        constvalues=[str(c.value) for c in shape.definition.constants],
     )
-    for slot in shape.slots.values():
-        if slot.shape is not None and slot.shape.name not in seen:
-            yield from _walk(slot.shape, seen)
+    for f, slot in zip(fields, shape.slots.values(), strict=True):
+        if slot.shape is not None:
+            if slot.shape.name not in seen:
+                yield from _typedefs(slot.shape, seen)
+        elif f.type in times and times[f.type] not in seen:
+            seen.add(times[f.type])
+            names = list(shape.dialect.times[f.type].__struct_fields__)
+            parts = list(shape.dialect.time_parts[f.type])
+            yield TypeDef(times[f.type], names, parts, [-1, -1], ["0", "0"], [], [])
 
 
-def _example(shape: Shape, name: str) -> str:
-    slot = shape.slots[name]
-    if slot.field.array is not None:
+def _example(f: Field, make: Callable[[], object]) -> str:
+    if f.array is not None:
         return "[]"
-    if slot.shape is not None or slot.field.type in shape.dialect.times:
-        return "{}"
-    return str(slot.make())
+    return "{}" if "/" in f.type or f.type in _TIMES[1] else str(make())
+
+
+# Texts
+
+
+def full_text(root: Shape) -> str:
+    """A type's text, then for each type in it, depth first: 80 equal signs, `MSG: pkg/Type`, its text."""
+    parts = dict(_texts(root, root.dialect.ros))
+    return "\n".join([parts.pop(root.name), *(f"{_BORDER}\nMSG: {name}\n{text}" for name, text in parts.items())])
+
+
+def _texts(shape: Shape, ros: Generation) -> Iterator[tuple[str, str]]:
+    """Name and text of a type and of those in it; some come twice."""
+    yield shape.name, _text(shape.definition, ros)
+    for slot in shape.slots.values():
+        if slot.shape is not None:
+            yield from _texts(slot.shape, ros)
+        elif ros != 1 and slot.field.type in _TIMES[2]:
+            yield _TIMES[2][slot.field.type], "int32 sec\nuint32 nanosec"
+
+
+def _text(definition: Definition, ros: Generation) -> str:
+    """A definition's text with those lines written anew that a reader of that grammar would not understand."""
+    lines = definition.text.split("\n")
+    names = {name: other for other, name in ros2_names(f.name for f in definition.fields).items()} if ros != 1 else {}
+    for f in definition.fields:
+        at = f.line - definition.first_line
+        lines[at] = _field_line(lines[at], f, names.get(f.name, f.name), ros)
+    for constant in definition.constants:
+        at = constant.line - definition.first_line
+        lines[at] = _constant_line(lines[at], constant, ros)
+    return "\n".join(lines).strip()
+
+
+def _field_line(line: str, f: Field, name: str, ros: Generation) -> str:
+    start = len(line) - len(line.lstrip())
+    kind = TYPE_TOKEN.match(line, start)
+    if kind is None:
+        raise AssertionError(f"this line was parsed before: {line}")
+    gap = len(line) - len(line[kind.end() :].lstrip())
+    tail = line[gap + len(f.name) :]
+    if f.default is not None:
+        default = _literal(f.default) if ros != 1 else None
+        tail = ("" if default is None else f" {default}") + ("" if _is_text(f) else _comment(tail))
+    return f"{line[:start]}{_type_text(f, ros)}{line[kind.end() : gap]}{name}{tail}"
+
+
+def _type_text(f: Field, ros: Generation) -> str:
+    base = _TIMES[ros].get(f.type, f.type)
+    if ros != 1:
+        return base + f.full_type.removeprefix(f.type)
+    base = "string" if base == "wstring" else base
+    if f.array is None:
+        return base
+    return f"{base}[]" if f.is_bounded or not f.array else f"{base}[{f.array}]"
+
+
+def _constant_line(line: str, constant: Constant, ros: Generation) -> str:
+    name, value = constant.name, constant.text
+    if isinstance(constant.value, float) and not math.isfinite(constant.value):
+        return f"# {line.strip()}"  # neither reader knows a word for it
+    if isinstance(constant.value, int) and not isinstance(constant.value, bool):
+        value = str(constant.value)
+    if ros != 1:
+        name = name if name.isupper() else snake_case(name).upper()
+        value = _literal(constant.value) or value
+    kind = "string" if constant.type == "wstring" and ros == 1 else constant.type
+    return f"{kind} {name}={value}" + ("" if isinstance(constant.value, str) else _comment(line))
+
+
+def _literal(value: object) -> str | None:
+    """A value as ROS 2 text writes it; None for what its readers have no word for."""
+    if isinstance(value, tuple):
+        texts = [_literal(item) or "#" for item in value]
+        # what a reader would take for an empty list or for a comment
+        return f"[{', '.join(texts)}]" if texts and "#" not in "".join(texts) else None
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return json.dumps(value, ensure_ascii=False)  # quotes, `true`, and numbers as anybody writes them
+
+
+def _is_text(f: Field) -> bool:
+    return f.type in {"string", "wstring"}
+
+
+def _comment(text: str) -> str:
+    _, sign, comment = text.partition("#")
+    return f"  #{comment}" if sign else ""

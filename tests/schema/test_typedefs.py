@@ -16,7 +16,8 @@ TEXTS = {
 
 def test_root_first_then_each_type_once_depth_first() -> None:
     described = typedefs(Store(TEXTS).message("a_msgs/Root").shape)
-    assert [d.type for d in described] == ["a_msgs/Root", "std_msgs/Header", "a_msgs/Inner", "geometry_msgs/Point"]
+    names = ["a_msgs/Root", "std_msgs/Header", "time", "a_msgs/Inner", "geometry_msgs/Point"]
+    assert [d.type for d in described] == names
 
 
 def test_fields_lengths_examples_and_constants() -> None:

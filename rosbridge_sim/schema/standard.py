@@ -1,0 +1,116 @@
+"""The standard packages, as definition texts: what rosbags knows of either ROS generation, read when it is needed.
+
+Each import costs some 80 ms, and a session that sticks to the types in `schemas/` never pays it. A type that only the
+other generation has is found there (`rcl_interfaces/Log` where ROS 1 is spoken): its clients come too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from importlib import import_module
+from typing import Any, Final, TypeAlias
+
+from rosbridge_sim.schema.names import Generation
+
+__all__ = ["PACKAGES", "ros2_text", "standard_names", "standard_text"]
+
+_Fielddefs: TypeAlias = tuple[list[Any], list[Any]]
+"""What rosbags holds of a message: constants and fields."""
+
+_FieldDesc: TypeAlias = tuple[Any, Any]
+"""What rosbags holds of a field's type: the kind of node, and what that kind needs."""
+
+_SHARED: Final = frozenset(
+    {"actionlib_msgs", "diagnostic_msgs", "geometry_msgs", "nav_msgs", "rosgraph_msgs", "sensor_msgs", "shape_msgs"}
+    | {"std_msgs", "stereo_msgs", "trajectory_msgs", "visualization_msgs", "example_interfaces"}
+)
+
+PACKAGES: Final[Mapping[Generation, frozenset[str]]] = {
+    1: _SHARED | {"actionlib", "bond", "dynamic_reconfigure", "roscpp"},
+    2: _SHARED
+    | {"action_msgs", "builtin_interfaces", "lifecycle_msgs", "rcl_interfaces", "rmw_dds_common", "rosbag2_interfaces"}
+    | {"service_msgs", "statistics_msgs", "tf2_msgs", "type_description_interfaces", "unique_identifier_msgs"},
+}
+"""Written down, so that a name that nobody knows does not cost an import; a test compares."""
+
+_TEXTS_OF_ROS2: Final[Mapping[str, str]] = {
+    "std_msgs/Header": "# When and where a message was made.\n\n"
+    "builtin_interfaces/Time stamp  # when [s, ns]\nstring frame_id                # the frame of what is in it\n",
+    # rosbags leaves default values out; these are the only ones in a package of everyday
+    "geometry_msgs/Quaternion": "# An orientation.\n\nfloat64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n",
+}
+"""What differs from the text of ROS 1 in `schemas/`, and counts instead of it."""
+
+_EXAMPLES: Final = "example_interfaces"
+"""A package whose messages are copies of those in std_msgs, for ROS 2's tutorials."""
+
+_NOT_EXAMPLES: Final = frozenset({"ColorRGBA", "Duration", "Header", "Time"})
+
+
+def standard_text(ros: Generation, package: str, name: str) -> str | None:
+    """The definition text of a standard message; None when there is no such message."""
+    for generation in (ros, _OTHER[ros]):
+        if package in PACKAGES[generation]:
+            text = _text(generation, package, name)
+            if text is not None:
+                return text
+    return None
+
+
+def ros2_text(package: str, name: str) -> str | None:
+    """The text of a message whose ROS 2 form is another one than that in `schemas/`; None for all others."""
+    return _TEXTS_OF_ROS2.get(f"{package}/{name}")
+
+
+def standard_names(ros: Generation) -> list[str]:
+    """`pkg/Type` of each standard message of a generation."""
+    found = [f"{package}/{name}" for package, names in _packages(ros).items() for name in names]
+    return found + [f"{_EXAMPLES}/{name}" for name in _packages(ros)["std_msgs"] if name not in _NOT_EXAMPLES]
+
+
+_OTHER: Final[Mapping[Generation, Generation]] = {1: 2, 2: 1}
+
+
+@cache
+def _packages(ros: Generation) -> Mapping[str, Mapping[str, _Fielddefs]]:
+    """The standard definitions of a generation: package -> name -> fields."""
+    store = import_module(f"rosbags.typesys.stores.{'ros1_noetic' if ros == 1 else 'ros2_jazzy'}")
+    packages: dict[str, dict[str, _Fielddefs]] = {}
+    for full, definition in store.FIELDDEFS.items():
+        package, _, name = full.split("/")
+        if package in PACKAGES[ros]:  # ROS 1's `time` and `duration` come in the clothes of ROS 2
+            packages.setdefault(package, {})[name] = definition
+    return packages
+
+
+def _text(ros: Generation, package: str, name: str) -> str | None:
+    if package == _EXAMPLES and name not in _NOT_EXAMPLES:
+        text = _text(ros, "std_msgs", name)
+        return text and text.replace("std_msgs/", f"{_EXAMPLES}/")
+    definition = _packages(ros).get(package, {}).get(name)
+    if definition is None:
+        return None
+    constants, fields = definition
+    lines = [f"{kind} {constant}={value}" for constant, kind, value in constants]
+    # rosbags fills empty messages with a byte, as DDS does; their definitions have none.
+    lines += [f"{_type(desc)} {f}" for f, desc in fields if f != "structure_needs_at_least_one_member"]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _type(desc: _FieldDesc) -> str:
+    """A field's type as a definition writes it; rosbags has (node type, ...) tuples."""
+    kind, detail = desc
+    if kind in {_ARRAY, _SEQUENCE}:
+        element, count = detail
+        bound = "<=" if kind == _SEQUENCE and count else ""
+        return f"{_type(element)}[{bound}{count or ''}]"
+    if kind == _NAME:
+        package, _, name = detail.split("/")
+        return name.lower() if package == "builtin_interfaces" else f"{package}/{name}"
+    base, most = detail
+    return f"{base}<={most}" if most else str(base)
+
+
+_NAME, _ARRAY, _SEQUENCE = 2, 3, 4
+"""`rosbags.interfaces.Nodetype`, whose import is what we put off."""
