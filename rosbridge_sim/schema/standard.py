@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
-from importlib import import_module
 from typing import Any, Final, TypeAlias
 
 from rosbridge_sim.schema.names import Generation
@@ -75,9 +74,18 @@ _OTHER: Final[Mapping[Generation, Generation]] = {1: 2, 2: 1}
 @cache
 def _packages(ros: Generation) -> Mapping[str, Mapping[str, _Fielddefs]]:
     """The standard definitions of a generation: package -> name -> fields."""
-    store = import_module(f"rosbags.typesys.stores.{'ros1_noetic' if ros == 1 else 'ros2_jazzy'}")
+    if ros == 1:
+        from rosbags.typesys.stores import ros1_noetic  # noqa: PLC0415 - see above
+
+        return _by_package(ros, ros1_noetic.FIELDDEFS)
+    from rosbags.typesys.stores import ros2_jazzy  # noqa: PLC0415 - see above
+
+    return _by_package(ros, ros2_jazzy.FIELDDEFS)
+
+
+def _by_package(ros: Generation, found: Mapping[str, _Fielddefs]) -> Mapping[str, Mapping[str, _Fielddefs]]:
     packages: dict[str, dict[str, _Fielddefs]] = {}
-    for full, definition in store.FIELDDEFS.items():
+    for full, definition in found.items():
         package, _, name = full.split("/")
         if package in PACKAGES[ros]:  # ROS 1's `time` and `duration` come in the clothes of ROS 2
             packages.setdefault(package, {})[name] = definition
