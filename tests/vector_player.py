@@ -23,7 +23,7 @@ from typing import Any, Protocol
 
 import cbor2
 
-__all__ = ["Clients", "load_vectors", "play", "read_frame"]
+__all__ = ["FOLDER", "Clients", "load_vectors", "play", "read_frame"]
 
 FOLDER = Path(__file__).parent / "vectors"
 

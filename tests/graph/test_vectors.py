@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi import Rosapi
 from tests.graph.room import MemoryClients, make_bus
-from tests.vector_player import load_vectors, play
+from tests.vector_player import FOLDER, load_vectors, play
 
 
 @pytest.mark.parametrize("vector", load_vectors(), ids=lambda vector: vector["id"])
@@ -32,3 +33,20 @@ def assert_nothing_is_left(bus: Bus) -> None:
 def test_every_vector_has_an_id_of_its_own() -> None:
     ids = [vector["id"] for vector in load_vectors()]
     assert len(ids) == len(set(ids)) > 100
+
+
+def test_every_row_of_the_protocol_has_its_vector() -> None:
+    """`rows.json` names each row of the protocol's tables by an id of ours: section, table, row -> vectors."""
+    rows: dict[str, list[str]] = json.loads((FOLDER / "rows.json").read_text())
+    known = {vector["id"] for vector in load_vectors()}
+    assert len(rows) > 170
+    assert {row: ids for row, ids in rows.items() if not ids or not known.issuperset(ids)} == {}
+    assert known - {id_ for ids in rows.values() for id_ in ids} == set(), "vectors that belong to no row"
+
+
+@pytest.mark.parametrize("vector", load_vectors(), ids=lambda vector: vector["id"])
+def test_a_vector_says_where_its_claim_comes_from(vector: dict[str, Any]) -> None:
+    assert vector.keys() == {"id", "source", "says", "steps"}
+    assert vector["source"]
+    assert vector["says"]
+    assert all(next(iter(step))[-1] in "<>-" for step in vector["steps"])
