@@ -1,4 +1,4 @@
-"""The roads as lanes: which lane is here, how far along it, where it leads.
+"""The roads as lanes: which lane is here, how far along it, where it leads, what lies beside it.
 
 A lane is a polyline in driving direction. All lanes lie end to end in one set of arrays, so that a question about
 many places is a handful of numpy calls. Where a map comes from is not known here.
@@ -14,15 +14,19 @@ fast, but grows with the area of the map and has nothing to say off the road.)
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from hashlib import blake2b
+from typing import TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
 
-from rosbridge_sim.world.geometry import FloatArray, IntArray
+from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
 
 __all__ = ["Places", "Roads"]
+
+T = TypeVar("T")
 
 BLOCK = 32
 """Segments in a block: about the root of their number on a small map, and 16 to 32 m of road."""
@@ -65,29 +69,46 @@ class Roads:
         length: (l,) [m].
         width: (l,) [m].
         speed_limit: (l,) [m/s]; 0 means none given.
+        turn: (l,) by how much the lane turns from its start to its end, left positive; more than pi for a loop [rad].
+        left, right: (l,) int64, rows of the lanes beside that one may change into; -1 where there is none.
+        is_stop: (l,) bool, a stop line lies across the lane's end.
+        border: (n, 2) how far the lane's edges lie to the left and to the right of each point, half a width where
+            the map does not say [m].
+        first_successor, successor: (l + 1,) and (k,) int64; `successor[first_successor[i]:first_successor[i + 1]]`
+            are the rows of the lanes that begin where lane `i` ends.
+        base, chain: (l,) and (n,) one scale for all lanes: the place `s` on lane `i` is `base[i] + s`, and `chain` has
+            the points' places, rising; between two lanes lies a metre of nothing [m].
+        digest: 16 bytes that stand for all of it.
     """
 
     __slots__ = (
-        "_base",
         "_block_first",
         "_block_high",
         "_block_low",
         "_block_middle",
         "_block_size",
-        "_chain",
+        "_derived",
         "_rows",
         "_segment_direction",
         "_segment_lane",
         "_segment_length",
         "_segment_point",
-        "_successor",
-        "_successor_first",
+        "base",
+        "border",
+        "chain",
+        "digest",
         "first",
+        "first_successor",
         "ids",
+        "is_stop",
+        "left",
         "length",
         "points",
+        "right",
         "s",
         "speed_limit",
+        "successor",
+        "turn",
         "width",
     )
 
@@ -98,6 +119,11 @@ class Roads:
         successors: Sequence[Sequence[int]] = (),
         width: Sequence[float] = (),
         speed_limit: Sequence[float] = (),
+        *,
+        left: Sequence[int] | None = None,
+        right: Sequence[int] | None = None,
+        is_stop: Sequence[bool] | None = None,
+        borders: Mapping[int, FloatArray] | None = None,
     ) -> None:
         """Lay the lanes out; without arguments, a place without roads.
 
@@ -107,17 +133,28 @@ class Roads:
             successors: for each lane the rows of the lanes that go on where it ends.
             width: for each lane [m].
             speed_limit: for each lane [m/s].
+            left: for each lane the row of the one to its left, or -1; None: nowhere is one.
+            right: the same to the right.
+            is_stop: for each lane whether it ends at a stop line; None: none does.
+            borders: for some lanes (k, 2) the distances to the left and right edge at each point of its line [m].
 
         Raises:
             ValueError: the lengths differ, a name comes twice or a line has no length.
         """
         if not len(ids) == len(lines) == len(successors) == len(width) == len(speed_limit):
             raise ValueError("every lane needs a name, a line, successors, a width and a speed limit")
+        num = len(ids)
+        self.left = np.array([-1] * num if left is None else left, dtype=np.int64)
+        self.right = np.array([-1] * num if right is None else right, dtype=np.int64)
+        self.is_stop = np.array([False] * num if is_stop is None else is_stop, dtype=bool)
+        if not len(self.left) == len(self.right) == len(self.is_stop) == num:
+            raise ValueError("what lies beside and at the end of the lanes is told for each of them")
         self.ids = tuple(ids)
         self._rows = {name: i for i, name in enumerate(self.ids)}
         if len(self._rows) != len(self.ids):
             raise ValueError("two lanes have one name")
-        clean = [_without_repeats(line) for line in lines]
+        kept = [_is_new(line) for line in lines]
+        clean = [np.asarray(line, dtype=np.float64)[mask] for line, mask in zip(lines, kept, strict=True)]
         short = next((i for i, line in enumerate(clean) if len(line) < 2), None)  # noqa: PLR2004  # a line's two ends
         if short is not None:
             raise ValueError(f"lane {self.ids[short]!r} has no length")
@@ -125,10 +162,15 @@ class Roads:
         self.first = np.concatenate([[0], np.cumsum([len(line) for line in clean], dtype=np.int64)]).astype(np.int64)
         self.width = np.array(width, dtype=np.float64)
         self.speed_limit = np.array(speed_limit, dtype=np.float64)
-        self._successor_first = np.concatenate([[0], np.cumsum([len(row) for row in successors])]).astype(np.int64)
-        self._successor = np.array([lane for row in successors for lane in row], dtype=np.int64)
+        self.first_successor = np.concatenate([[0], np.cumsum([len(row) for row in successors])]).astype(np.int64)
+        self.successor = np.array([lane for row in successors for lane in row], dtype=np.int64)
+        self.border = np.repeat(0.5 * self.width, np.diff(self.first))[:, None].repeat(2, axis=1)
+        for lane, distances in (borders or {}).items():
+            self.border[self.first[lane] : self.first[lane + 1]] = distances[kept[lane]]
         self._measure()
         self._lay_blocks()
+        self._derived: dict[object, object] = {}
+        self.digest = self._hash()
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -143,7 +185,14 @@ class Roads:
 
     def successors(self, lane: int) -> IntArray:
         """(k,) rows of the lanes that begin where this one ends, in the map's order; empty at a dead end."""
-        return self._successor[self._successor_first[lane] : self._successor_first[lane + 1]]
+        return self.successor[self.first_successor[lane] : self.first_successor[lane + 1]]
+
+    def derived(self, make: Callable[[Roads], T]) -> T:
+        """`make(roads)`, made at the first call and kept."""
+        value = self._derived.get(make)
+        if value is None:
+            value = self._derived[make] = make(self)
+        return cast("T", value)  # the key says what the value is
 
     def at(self, lane: npt.ArrayLike, s: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Points on lanes.
@@ -156,13 +205,33 @@ class Roads:
             (n, 3) points east, north, up [m] and (n,) the lanes' directions there, (-pi, pi] [rad].
         """
         lane = np.atleast_1d(np.asarray(lane, dtype=np.int64))
-        along = self._base[lane] + np.clip(np.asarray(s, dtype=np.float64), 0.0, self.length[lane])
-        point = np.searchsorted(self._chain, along, side="right") - 1
-        point = np.clip(point, self.first[lane], self.first[lane + 1] - 2)
-        segment = point - lane  # each lane before has one segment fewer than it has points
-        share = (along - self._chain[point]) / self._segment_length[segment]
+        point, share = self._locate(lane, np.asarray(s, dtype=np.float64))
         start = self.points[point]
-        return start + share[:, None] * (self.points[point + 1] - start), self._yaw(segment)
+        # Each lane before has one segment fewer than it has points.
+        return start + share[:, None] * (self.points[point + 1] - start), self._yaw(point - lane)
+
+    def beside(self, places: Places) -> tuple[FloatArray, FloatArray]:
+        """How far the edges of their lanes are from given places.
+
+        Args:
+            places: from `nearest`.
+
+        Returns:
+            (n,) to the left edge and (n,) to the right one, negative beyond it; inf where there is no lane [m].
+        """
+        far = np.full(len(places.lane), np.inf)
+        if len(self) == 0:
+            return far, far.copy()
+        point, share = self._locate(places.lane, places.s)
+        border = self.border[point] + share[:, None] * (self.border[point + 1] - self.border[point])
+        return border[:, 0] - places.lateral, border[:, 1] + places.lateral
+
+    def _locate(self, lane: IntArray, s: FloatArray) -> tuple[IntArray, FloatArray]:
+        """(n,) the point before each place, and (n,) the share of the way from it to the next one."""
+        along = self.base[lane] + np.clip(s, 0.0, self.length[lane])
+        point = np.searchsorted(self.chain, along, side="right") - 1
+        point = np.clip(point, self.first[lane], self.first[lane + 1] - 2)
+        return point, (along - self.chain[point]) / self._segment_length[point - lane]
 
     def nearest(self, x: npt.ArrayLike, y: npt.ArrayLike, yaw: npt.ArrayLike | None = None) -> Places:
         """The lane nearest to each point, and where on it.
@@ -259,10 +328,14 @@ class Roads:
         gap = np.ones(len(self.points))
         gap[self._segment_point] = self._segment_length
         end = np.cumsum(gap)
-        self._chain = end - gap
-        self._base = self._chain[self.first[:-1]]
-        self.s = self._chain - self._base[lane_of_point]
+        self.chain = end - gap
+        self.base = self.chain[self.first[:-1]]
+        self.s = self.chain - self.base[lane_of_point]
         self.length = self.s[self.first[1:] - 1]
+
+        yaw = self._yaw(np.arange(len(self._segment_lane)))
+        bend = np.where(self._segment_lane[1:] == self._segment_lane[:-1], wrap_angle(np.diff(yaw)), 0.0)
+        self.turn = np.bincount(self._segment_lane[1:], weights=bend, minlength=len(self))
 
     def _lay_blocks(self) -> None:
         """Cut each lane into blocks of at most `BLOCK` segments."""
@@ -281,18 +354,25 @@ class Roads:
         self._block_low = np.minimum.reduceat(np.minimum(a, b), self._block_first)
         self._block_high = np.maximum.reduceat(np.maximum(a, b), self._block_first)
 
+    def _hash(self) -> bytes:
+        state = blake2b(repr(self.ids).encode(), digest_size=16)
+        columns = (self.points, self.border, self.first, self.width, self.speed_limit, self.left, self.right)
+        for column in (*columns, self.is_stop, self.first_successor, self.successor):
+            state.update(column.tobytes())
+        return state.digest()
+
 
 def _length(vector: FloatArray) -> FloatArray:
     """Lengths of plane vectors (..., 2)."""
     return np.asarray(np.sqrt(vector[..., 0] * vector[..., 0] + vector[..., 1] * vector[..., 1]))
 
 
-def _without_repeats(line: FloatArray) -> FloatArray:
-    """(k, 3) the line without points that stand where the one before them stands (in the plane)."""
+def _is_new(line: FloatArray) -> npt.NDArray[np.bool_]:
+    """(k,) False for the points of a line that stand where the one before them stands (in the plane)."""
     line = np.asarray(line, dtype=np.float64)
     is_new = np.ones(len(line), dtype=bool)
     is_new[1:] = (line[1:, 0] != line[:-1, 0]) | (line[1:, 1] != line[:-1, 1])
-    return np.asarray(line[is_new])
+    return is_new
 
 
 def _ranges(start: IntArray, count: IntArray) -> IntArray:

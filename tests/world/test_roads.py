@@ -174,3 +174,63 @@ def test_many_at_once_are_as_one_by_one(
         assert alone.lane[0] == together.lane[i]
         assert alone.s[0] == together.s[i]
         assert alone.lateral[0] == together.lateral[i]
+
+
+# What lies beside and at the ends
+
+
+def test_lanes_know_their_neighbours_and_stop_lines() -> None:
+    lines = [straight((0, 0), (50, 0)), straight((0, 3), (50, 3))]
+    sides: dict[str, list[int]] = {"left": [1, -1], "right": [-1, 0]}
+    roads = Roads(["a", "b"], lines, [[], []], [3.0, 3.0], [10.0, 0.0], **sides, is_stop=[True, False])
+    assert (roads.left.tolist(), roads.right.tolist(), roads.is_stop.tolist()) == ([1, -1], [-1, 0], [True, False])
+    plain = make(*lines)
+    assert (plain.left.tolist(), plain.right.tolist(), plain.is_stop.tolist()) == ([-1, -1], [-1, -1], [False, False])
+    with pytest.raises(ValueError, match="told for each"):
+        Roads(["a", "b"], lines, [[], []], [3.0, 3.0], [10.0, 0.0], left=[1])
+
+
+def test_edges_lie_half_a_width_away_where_nothing_else_is_known() -> None:
+    roads = make(straight((0, 0), (50, 0)))
+    left, right = roads.beside(roads.nearest([10.0, 20.0], [0.5, -3.0]))
+    assert (left.tolist(), right.tolist()) == ([1.25, 4.75], [2.25, -1.25])
+
+
+def test_edges_widen_along_a_lane() -> None:
+    line = straight((0, 0), (0, 0), (40, 0))  # a repeated point takes its distances with it
+    borders = {0: np.array([[2.0, 1.5], [9.0, 9.0], [4.0, 1.5]])}
+    roads = Roads(["a"], [line], [[]], [3.0], [10.0], borders=borders)
+    left, right = roads.beside(roads.nearest([0.0, 20.0, 40.0], [0.0, 1.0, 0.0]))
+    assert (left.tolist(), right.tolist()) == ([2.0, 2.0, 4.0], [1.5, 2.5, 1.5])
+
+
+def test_nothing_lies_beside_where_there_is_no_road() -> None:
+    left, right = Roads().beside(Roads().nearest(1.0, 2.0))
+    assert (left.tolist(), right.tolist()) == ([math.inf], [math.inf])
+
+
+def test_turns_are_counted_from_end_to_end() -> None:
+    angles = np.linspace(0.0, 1.5 * math.pi, 200)
+    arc = np.stack((np.cos(angles), np.sin(angles), 0 * angles), axis=-1)
+    roads = make(straight((0, 0), (5, 0), (5, -5)), arc, straight((0, 0), (9, 9)))
+    assert roads.turn.tolist() == pytest.approx([-math.pi / 2, 1.5 * math.pi, 0.0], abs=0.03)
+
+
+def test_what_follows_from_roads_is_worked_out_once() -> None:
+    roads = make(straight((0, 0), (5, 0)))
+    calls: list[Roads] = []
+
+    def count(of: Roads) -> int:
+        calls.append(of)
+        return len(calls)
+
+    assert (roads.derived(count), roads.derived(count)) == (1, 1)
+    assert calls == [roads]
+
+
+def test_roads_that_differ_anywhere_have_another_digest() -> None:
+    def digest(x: float = 50.0, limit: float = 10.0, *, is_stop: bool = False) -> bytes:
+        return Roads(["a"], [straight((0, 0), (x, 0))], [[]], [3.0], [limit], is_stop=[is_stop]).digest
+
+    assert digest() == digest()
+    assert len({digest(), digest(51.0), digest(limit=9.0), digest(is_stop=True)}) == 4
