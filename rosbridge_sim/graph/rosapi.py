@@ -20,6 +20,7 @@ from rosbridge_sim.errors import GraphError, TypeNameError
 from rosbridge_sim.graph.bus import Bus, Call, Owner, Service, Topic, resolve
 from rosbridge_sim.graph.policy import OPEN, Policy
 from rosbridge_sim.schema.compile import MessageType
+from rosbridge_sim.schema.names import Kind
 from rosbridge_sim.schema.typedefs import typedefs
 
 __all__ = ["NODE_NAME", "Rosapi"]
@@ -33,6 +34,9 @@ _BAD_VALUE = (
 
 MAX_PARAMETERS = 100_000
 """Parameters kept; a client that sets names in a loop is told, and memory stays bounded."""
+
+MAX_PARAMETER_CHARS = 16 * 2**20
+"""JSON text of all their values together; a robot's description, the longest that is usual, has a million."""
 
 _ACTIONLIB = ("cancel", "feedback", "result", "status")
 """What an action server of ROS 1 has beside `goal`."""
@@ -56,6 +60,8 @@ class Rosapi:
         """Offer all services on `bus`, and show there what `policy` lets clients use."""
         self._bus = bus
         self._policy = policy
+        self._param_chars: dict[str, int] = {}
+        self._num_param_chars = 0
         table: dict[str, tuple[str, Callable[[_Request], _Fields]]] = {
             "topics": ("Topics", self._topics),
             "topics_for_type": ("TopicsForType", self._topics_for_type),
@@ -95,11 +101,16 @@ class Rosapi:
     def tell(self, level: str, text: str) -> None:
         """Nobody reads what rosapi is told; it asks for nothing."""
 
+    def _spelled(self, type_name: str, kind: Kind) -> str:
+        """A type's name as the personality writes it."""
+        return self._bus.store.spelled(type_name, kind)
+
     # Topics
 
     def _sorted_topics(self) -> list[Topic]:
         may_see = self._policy.may_see
-        topics = (t for name, t in sorted(self._bus.topics.items()) if may_see(name))
+        hides = self._bus.store.ros == 2  # noqa: PLR2004 - ROS 2 keeps names with /_ to itself
+        topics = (t for n, t in sorted(self._bus.topics.items()) if may_see(n) and not (hides and "/_" in n))
         return [topic for topic in topics if topic.publishers or topic.subscriptions]
 
     def _find_topic(self, name: str) -> Topic | None:
@@ -108,7 +119,7 @@ class Rosapi:
 
     def _topics(self, _request: _Request) -> _Fields:
         topics = self._sorted_topics()
-        return {"topics": [t.name for t in topics], "types": [t.type.name for t in topics]}
+        return {"topics": [t.name for t in topics], "types": [self._spelled(t.type.name, "msg") for t in topics]}
 
     def _topics_for_type(self, request: _Request) -> _Fields:
         wanted = self._bus.store.canonical(request.type)
@@ -116,7 +127,7 @@ class Rosapi:
 
     def _topic_type(self, request: _Request) -> _Fields:
         topic = self._find_topic(request.topic)
-        return {"type": topic.type.name if topic else ""}
+        return {"type": self._spelled(topic.type.name, "msg") if topic else ""}
 
     def _publishers(self, request: _Request) -> _Fields:
         topic = self._find_topic(request.topic)
@@ -144,7 +155,7 @@ class Rosapi:
 
     def _service_type(self, request: _Request) -> _Fields:
         service = self._find_service(request.service)
-        return {"type": service.type.name if service else ""}
+        return {"type": self._spelled(service.type.name, "srv") if service else ""}
 
     def _service_providers(self, request: _Request) -> _Fields:
         """The providers of a *type*, though the field is called `service`; a service's own name is understood too."""
@@ -182,7 +193,7 @@ class Rosapi:
         topics = self._sorted_topics()
         return {
             "topics": [t.name for t in topics],
-            "types": [t.type.name for t in topics],
+            "types": [self._spelled(t.type.name, "msg") for t in topics],
             "typedefs_full_text": [self._full_text(t.type.name) for t in topics],
         }
 
@@ -215,8 +226,9 @@ class Rosapi:
         return self._describe(self._bus.store.action(request.type).feedback)
 
     def _interfaces(self, _request: _Request) -> _Fields:
-        store = self._bus.store
-        return {"interfaces": sorted({*store.names("msg"), *store.names("srv"), *store.names("action")})}
+        store, spelled = self._bus.store, self._spelled
+        kinds: tuple[Kind, ...] = ("msg", "srv", "action")
+        return {"interfaces": sorted({spelled(name, kind) for kind in kinds for name in store.names(kind)})}
 
     def _ros_version(self, _request: _Request) -> _Fields:
         return {"version": self._bus.store.ros, "distro": _DISTROS[self._bus.store.ros]}
@@ -237,7 +249,7 @@ class Rosapi:
     def _action_type(self, request: _Request) -> _Fields:
         name = resolve(request.action)
         action = self._bus.actions.by_name.get(name) if self._policy.may_call(name) else None
-        return {"type": action.type.name if action else ""}
+        return {"type": self._spelled(action.type.name, "action") if action else ""}
 
     # Time and parameters
 
@@ -269,6 +281,11 @@ class Rosapi:
         _to_text(value)
         if name not in parameters and len(parameters) >= MAX_PARAMETERS:
             raise GraphError(f"At most {MAX_PARAMETERS} parameters can be kept")
+        num_chars = self._num_param_chars + len(request.value) - self._param_chars.get(name, 0)
+        if num_chars > MAX_PARAMETER_CHARS:
+            raise GraphError(f"All parameters together can have at most {MAX_PARAMETER_CHARS} characters")
+        self._num_param_chars = num_chars
+        self._param_chars[name] = len(request.value)
         parameters[name] = value
         return {}
 
@@ -292,6 +309,7 @@ class Rosapi:
             raise GraphError(f"Parameter {name} is not set")
         for key in gone:
             del parameters[key]
+            self._num_param_chars -= self._param_chars.pop(key)
         return {}
 
     def _search_param(self, request: _Request) -> _Fields:
