@@ -31,6 +31,7 @@ __all__ = [
     "Control",
     "Converter",
     "Profile",
+    "UniqueId",
     "choose_profile",
     "gear_of",
     "maker",
@@ -146,6 +147,10 @@ _LISTED: Final = (Kind.VEHICLE, Kind.PEDESTRIAN, Kind.OBSTACLE)
 """In the order of ObjectStatusList."""
 
 
+UniqueId = Callable[[int], int]
+"""The id on the wire of who is in a row: an ego's number, everybody else's id in the world."""
+
+
 @dataclass(frozen=True, slots=True)
 class Control:
     """A CtrlCmd in the world's units; the arguments of `dynamics.command`.
@@ -233,6 +238,13 @@ class Converter:
             *("header", "num_of_npcs", "num_of_pedestrian", "num_of_obstacle"),
             *("npc_list", "pedestrian_list", "obstacle_list"),
         )
+        self._collision = maker(
+            store,
+            "morai_msgs/CollisionData",
+            *("header", "global_offset_x", "global_offset_y", "global_offset_z", "collision_object"),
+        )
+        self._crash = maker(store, "morai_msgs/VehicleCollision", "crashed_vehicles")
+        self._crashes = maker(store, "morai_msgs/VehicleCollisionData", "header", "collisions")
         self._map_spec = maker(
             store,
             "morai_msgs/MapSpec",
@@ -301,6 +313,24 @@ class Converter:
             *(npcs, people, things),
         )
 
+    def collision_data(self, world: World, rows: IntArray, unique_id: UniqueId) -> Any:  # noqa: ANN401 - a generated struct
+        """What an ego touches, and where the first of these is.
+
+        Args:
+            world: read only.
+            rows: (k,) of all that it touches.
+            unique_id: a row's id on the wire.
+        """
+        touched = self._any_statuses(world, rows, unique_id)
+        place = touched[0].position if touched else self._at_rest
+        return self._collision(self.header(world.frame, "base_link"), place.x, place.y, place.z, touched)
+
+    def vehicle_collision_data(self, world: World, pairs: IntArray, unique_id: UniqueId) -> Any:  # noqa: ANN401 - as above
+        """Which vehicles touch each other, (k, 2) rows; a collision for each pair."""
+        both = self._any_statuses(world, pairs.ravel(), unique_id)
+        collisions = [self._crash(both[i : i + 2]) for i in range(0, len(both), 2)]
+        return self._crashes(self.header(world.frame, "VehicleCollisionData"), collisions)
+
     def vehicle_spec(self, body: Body | None) -> Any:  # noqa: ANN401 - a generated struct
         """The figures of a vehicle; all zeros for none. The size is (length, width, height) in any profile."""
         if body is None:
@@ -362,6 +392,14 @@ class Converter:
     def _size(self, body: Body) -> Any:  # noqa: ANN401 - a generated struct
         first, second = (body.width, body.length) if self._is_width_first else (body.length, body.width)
         return self._vector(first, second, body.height)
+
+    def _any_statuses(self, world: World, rows: IntArray, unique_id: UniqueId) -> list[Any]:
+        """An ObjectStatus for each row of any kind; hardly ever is there one."""
+        fixed = [
+            (unique_id(row), _OBJECT_TYPES[Kind(world.kind.item(row))], world.names[row], self._size(world.bodies[row]))
+            for row in rows.tolist()
+        ]
+        return self._object_statuses(world, rows, fixed)
 
     def _object_statuses(self, world: World, rows: IntArray, fixed: list[tuple[int, int, str, Any]]) -> list[Any]:
         """An ObjectStatus for each row. Structs that cannot differ are shared; nobody writes into a message."""

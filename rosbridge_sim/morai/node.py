@@ -29,6 +29,7 @@ from rosbridge_sim.morai.services import Services
 from rosbridge_sim.morai.stage import FIRST_EGO, Library, Load, Stage
 from rosbridge_sim.morai.sync import Effect, Outcome, Sync
 from rosbridge_sim.schema.store import Message
+from rosbridge_sim.world import contacts
 from rosbridge_sim.world.state import STEP_NS, Gear, World
 from rosbridge_sim.world.step import step
 
@@ -38,6 +39,9 @@ NODE_NAME: Final = "/morai_sim"
 
 MAX_FRAMES: Final = 5
 """Frames that one `advance` computes at most, so that catching up does not keep everybody else waiting."""
+
+MAX_CRASHES: Final = 1_000
+"""Pairs of vehicles in one VehicleCollisionData at most: 0.5 MB."""
 
 Command = Callable[[float], None]
 """What waits for its frame in synchronous mode; called with `now`."""
@@ -121,6 +125,8 @@ class Node:
         self._outputs.add("/clock", "rosgraph_msgs/Clock", lambda: self.convert.clock(world.frame))
         self._outputs.add("/Ego_topic", "morai_msgs/EgoVehicleStatus", self.egos[0].status)
         self._outputs.add("/Object_topic", "morai_msgs/ObjectStatusList", self._objects)
+        self._outputs.add("/CollisionData", "morai_msgs/CollisionData", self._collisions)
+        self._outputs.add("/VehicleCollisionData", "morai_msgs/VehicleCollisionData", self._crashes)
         self._outputs.check_rates()
         self._info_topic = bus.advertise(self, "/SyncModeInfo", "morai_msgs/SyncModeInfo", depth=1, is_exclusive=True)
         self._make_info = maker(bus.store, "morai_msgs/SyncModeInfo", "master_id", "status", "frame", "can_send_tick")
@@ -259,3 +265,14 @@ class Node:
 
     def _objects(self) -> Any:  # noqa: ANN401 - a generated struct
         return self.convert.object_status_list(self.world, self.egos[0].row)
+
+    def _collisions(self) -> Any:  # noqa: ANN401 - a generated struct
+        rows = contacts.find_touched(self.world, self.egos[0].uid)
+        return self.convert.collision_data(self.world, rows, self._unique_id)
+
+    def _crashes(self) -> Any:  # noqa: ANN401 - a generated struct
+        pairs = contacts.find_crashes(self.world, MAX_CRASHES)
+        return self.convert.vehicle_collision_data(self.world, pairs, self._unique_id)
+
+    def _unique_id(self, row: int) -> int:
+        return self.world.uid.item(row)

@@ -31,7 +31,7 @@ import numpy as np
 from rosbridge_sim.world.geometry import BoolArray, ComplexArray, FloatArray, IntArray, do_boxes_meet, wrap_angle
 from rosbridge_sim.world.state import NO_CONTACTS, Kind, World
 
-__all__ = ["Watch", "find", "remember"]
+__all__ = ["Watch", "find", "find_crashes", "find_touched", "remember"]
 
 GRAIN: Final = 0.02
 """How far a corner may stray from its place because its box turns [m]: less than the thinnest post."""
@@ -221,6 +221,29 @@ def find(world: World, watch: Watch) -> None:
     if now is not watch:  # somebody has come, gone or stopped within the step
         now.take_over(watch)
     world.contacts = now.find()
+
+
+def find_touched(world: World, uid: int) -> IntArray:
+    """Return the rows of all that somebody touched in the last step, (k,) in order of their ids."""
+    pairs = world.contacts
+    others = pairs[:, ::-1][pairs == uid]
+    return np.array([world.row(int(other)) for other in np.sort(others)], dtype=np.int64)
+
+
+def find_crashes(world: World, most: int) -> IntArray:
+    """Return the rows of the vehicles (no egos) that touched each other in the last step, (k, 2) in order of their ids.
+
+    Args:
+        world: read only.
+        most: of more pairs than that the first ones.
+    """
+    pairs = world.contacts
+    if not len(pairs):
+        return pairs
+    rows = world.alive.nonzero()[0]
+    rows = rows[world.uid[rows].argsort()]
+    found = rows[world.uid[rows].searchsorted(pairs)]
+    return np.asarray(found[(world.kind[found] == Kind.VEHICLE).all(axis=1)][:most])
 
 
 def _unit(yaw: FloatArray) -> ComplexArray:
