@@ -122,7 +122,7 @@ class Simulator:
         """
         settings = self.settings
         certificate = load_certificate(settings.certfile, settings.keyfile)
-        store = Store(read_definitions(settings.release, settings.schema_path), leniency=LENIENCY)
+        store = Store(read_definitions(settings.release, settings.schema_path), leniency=LENIENCY, ros=settings.ros)
         make_bus = Bus if settings.world else _WallClockBus
         bus = make_bus(
             store,

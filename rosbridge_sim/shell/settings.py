@@ -367,6 +367,10 @@ class Settings:
         default=False, group=_SYNC, kind=SWITCH, text="let others than the master stop the mode"
     )
 
+    ros: Literal[1, 2] = cast(
+        "Literal[1, 2]",
+        _flag(1, _TYPES, _whole(1, 2, "1|2"), "ROS generation whose names, times and bytes go out; both are taken in"),
+    )
     schema_path: tuple[str, ...] = _flag(
         (), _TYPES, FOLDERS, "folder with ROS packages whose messages are to be known; may be repeated"
     )
