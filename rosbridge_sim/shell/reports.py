@@ -13,7 +13,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from typing import Any
+from typing import Any, Literal
 
 from rosbridge_sim.graph.bus import Bus, Topic
 from rosbridge_sim.graph.peer import NODE_NAME
@@ -25,8 +25,14 @@ __all__ = ["Reports"]
 PERIOD = 1.0
 """Between two messages on /sim/clients [s]."""
 
-_LEVELS = ((logging.CRITICAL, 16), (logging.ERROR, 8), (logging.WARNING, 4), (logging.INFO, 2))
-"""Our levels, from the gravest on, as rosgraph_msgs/Log counts them."""
+_LOG_TYPES = {1: "rosgraph_msgs/Log", 2: "rcl_interfaces/Log"}
+"""The type of `/rosout` in each ROS generation; Lichtblick tells the two apart by it."""
+
+_LEVELS = {
+    1: ((logging.CRITICAL, 16), (logging.ERROR, 8), (logging.WARNING, 4), (logging.INFO, 2)),
+    2: ((logging.CRITICAL, 50), (logging.ERROR, 40), (logging.WARNING, 30), (logging.INFO, 20)),
+}
+"""Our levels, from the gravest on, as each of the two counts them."""
 
 
 class Reports:
@@ -44,7 +50,7 @@ class Reports:
             "/connected_clients", "rosbridge_msgs/ConnectedClients", depth=1, is_exclusive=True
         )
         self._clients = self._advertise("/sim/clients", "rosbridge_sim_msgs/Clients", is_exclusive=True)
-        self._log = _LogTopic(self, self._advertise("/rosout", "rosgraph_msgs/Log"), loop)
+        self._log = _LogTopic(self, self._advertise("/rosout", _LOG_TYPES[bus.store.ros]), bus.store.ros, loop)
         logging.getLogger("rosbridge_sim").addHandler(self._log)
         server.on_clients = self.tell_clients
         self._timer = loop.call_later(PERIOD, self._tick)
@@ -109,8 +115,9 @@ class Reports:
 class _LogTopic(logging.Handler):
     """Sends log records to `/rosout`."""
 
-    def __init__(self, reports: Reports, topic: Topic, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(self, reports: Reports, topic: Topic, ros: Literal[1, 2], loop: asyncio.AbstractEventLoop) -> None:
         super().__init__(logging.INFO)
+        self._ros = ros
         self._reports = reports
         self._topic = topic
         self._loop = loop
@@ -122,16 +129,17 @@ class _LogTopic(logging.Handler):
             return
         self._is_sending = True
         try:
+            # ROS 1 has a header and a list of topics, ROS 2 a bare stamp
+            own = {"header": self._reports.stamp()} if self._ros == 1 else {"stamp": self._reports.stamp().stamp}
             self._reports.publish(
                 self._topic,
-                header=self._reports.stamp(),
-                level=next((number for level, number in _LEVELS if record.levelno >= level), 1),
+                **own,
+                level=next((number for level, number in _LEVELS[self._ros] if record.levelno >= level), 1),
                 name="/" + record.name.replace(".", "/"),
                 msg=record.getMessage(),
                 file=record.filename,
                 function=record.funcName or "",
                 line=record.lineno,
-                topics=[],
             )
         finally:
             self._is_sending = False

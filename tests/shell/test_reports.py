@@ -47,6 +47,17 @@ async def test_the_log_is_a_topic_and_clients_may_write_there_too(sim: Simulator
         assert (await client.message("/rosout"))["msg"] == "mine"
 
 
+async def test_the_log_of_the_other_generation() -> None:
+    async with Simulator(port=0, world=False, ros=2) as sim, await Client.open(sim.url) as client:
+        topics = await client.values("/rosapi/topics")
+        assert dict(zip(topics["topics"], topics["types"], strict=True))["/rosout"] == "rcl_interfaces/msg/Log"
+        await client.subscribe("/rosout")
+        logging.getLogger("rosbridge_sim.test").error("a line")
+        line = await client.message("/rosout")
+        assert (line["level"], line["msg"]) == (40, "a line")
+        assert line["stamp"]["sec"] > 1_700_000_000
+
+
 async def test_a_client_that_does_not_read_shows_on_sim_clients_and_nobody_else_notices() -> None:
     async with Simulator(port=0, world=False, outbox_burst=10, outbox_size=100_000) as sim:
         reader, writer = await open_raw(sim.port)  # nobody ever reads from it
