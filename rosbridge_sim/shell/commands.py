@@ -214,7 +214,10 @@ def _show_topic(options: _Options) -> int:
 def _echo(options: _Options) -> int:
     from rosbridge_sim.shell.tools import topic  # noqa: PLC0415
 
-    path = None if options.field is None else topic.FieldPath(options.field)
+    try:
+        path = None if options.field is None else topic.FieldPath(options.field)
+    except ValueError:
+        raise SettingError(f"--field: expected a path such as a.b or list[0].c; got {options.field!r}") from None
     return _with_bridge(
         options,
         lambda bridge: topic.echo(bridge, options.name, options.type, path, options.count, is_json=options.json),

@@ -142,7 +142,7 @@ def _why_not(url: str, error: Exception, patience: float) -> str:
     return f"{url}: {why}"
 
 
-_DENIALS = {401: "it wants a token (--token)", 403: "it refuses us"}
+_DENIALS = {401: "it wants a token (--token)", 403: "it refuses us", 429: "it refuses us", 503: "it takes nobody now"}
 
 
 def _why_status(error: InvalidStatus) -> str:

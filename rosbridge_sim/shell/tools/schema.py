@@ -9,7 +9,7 @@ from typing import Literal
 
 from rosbridge_sim.errors import TypeNameError
 from rosbridge_sim.morai.convert import LENIENCY
-from rosbridge_sim.schema.parse import Definition, qualified_text
+from rosbridge_sim.schema.parse import Definition
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.settings import Settings
 from rosbridge_sim.shell.sources import PREFIX, hint, read_settings
@@ -122,14 +122,14 @@ def _why_not(store: Store, name: str) -> str:
 def _text(store: Store, name: str, kind: Kind, *, is_full: bool) -> str:
     """The definition as it is written, its parts divided by `---`; `is_full` adds those of all types in it."""
     parts = _parts(store, name, kind)
-    text = "\n---\n".join((qualified_text(part) if is_full else part.text).strip("\n") for part in parts)
+    text = "\n---\n".join(part.text.strip("\n") for part in parts)
     if not is_full:
         return text
     nested: dict[str, Definition] = {}
     for part in parts:
         _collect(store, part, nested)
     border = "=" * 80
-    return "\n".join([text, *(f"{border}\nMSG: {one.name}\n{qualified_text(one).strip()}" for one in nested.values())])
+    return "\n".join([text, *(f"{border}\nMSG: {one.name}\n{one.text.strip()}" for one in nested.values())])
 
 
 def _parts(store: Store, name: str, kind: Kind) -> list[Definition]:
