@@ -9,38 +9,29 @@ as a half float, which roslib cannot read; the few head bytes that we need are w
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Final
 
 import msgspec
-import numpy as np
 
+from rosbridge_sim.errors import FieldError
 from rosbridge_sim.schema.check import Shape, Slot
+from rosbridge_sim.schema.source import MAX_INLINE, MAX_STARRED, Source, code_of, count_fields, pack_numbers
 
-__all__ = ["CborWriters", "head"]
+__all__ = ["CborWriters", "encode_plain", "head"]
 
 _Write = Callable[[Any, list[bytes]], None]
-"""Appends a value's bytes; Any: a generated struct, or what its field holds."""
+"""Appends a value's bytes; Any: a generated struct."""
 
 _UNSIGNED, _NEGATIVE, _BYTES, _TEXT, _ARRAY, _MAP, _TAG = range(7)
 """The major types."""
 
-_ARRAY_TAGS: Final = {
-    "uint16": (69, "<u2"),
-    "uint32": (70, "<u4"),
-    "uint64": (71, "<u8"),
-    "int8": (72, "i1"),
-    "byte": (72, "i1"),
-    "int16": (77, "<i2"),
-    "int32": (78, "<i4"),
-    "int64": (79, "<i8"),
-    "float32": (85, "<f4"),
-    "float64": (86, "<f8"),
-}
-"""Element type -> tag and numpy type; uint8 and char are byte strings."""
+_ARRAY_TAGS: Final = {"B": 64, "H": 69, "I": 70, "Q": 71, "b": 72, "h": 77, "i": 78, "q": 79, "f": 85, "d": 86}
+"""The tags of little-endian arrays, by `struct`'s letters."""
 
 _FLOAT: Final = struct.Struct(">Bd")
+_FALSE, _TRUE, _NULL = b"\xf4", b"\xf5", b"\xf6"
 
 
 def head(major: int, number: int) -> bytes:
@@ -54,6 +45,20 @@ def head(major: int, number: int) -> bytes:
     raise ValueError(f"{number} has more than 64 bits")
 
 
+def encode_plain(value: object) -> bytes:
+    """The CBOR item of what JSON can hold, and of bytes; for values of types that nobody knows.
+
+    Raises:
+        FieldError: it holds something else.
+    """
+    out: list[bytes] = []
+    try:
+        _write_plain(value, out)
+    except (ValueError, RecursionError) as error:
+        raise FieldError(f"cannot be written as CBOR: {error}") from None
+    return b"".join(out)
+
+
 class CborWriters:
     """The writers of all types that were asked for; one for each store."""
 
@@ -61,9 +66,16 @@ class CborWriters:
         self._writers: dict[str, _Write] = {}
 
     def encode(self, shape: Shape, value: msgspec.Struct) -> bytes:
-        """The CBOR map of a value."""
+        """The CBOR map of a value.
+
+        Raises:
+            FieldError: the value does not fit its type.
+        """
         out: list[bytes] = []
-        self.writer(shape)(value, out)
+        try:
+            (self._writers.get(shape.name) or self.writer(shape))(value, out)
+        except (struct.error, ValueError, TypeError, OverflowError, AttributeError) as error:
+            raise FieldError(f"{shape.name}: cannot be written as CBOR: {error}") from None
         return b"".join(out)
 
     def writer(self, shape: Shape) -> _Write:
@@ -74,82 +86,173 @@ class CborWriters:
         return writer
 
 
+class _CborSource(Source):
+    """Collects constants and doubles that stand side by side into one call of `struct`."""
+
+    def __init__(self, nested: Callable[[Shape], _Write]) -> None:
+        super().__init__()
+        self.names.update(ints=_INTS, text=_text, bools=_bools, texts=_texts, head=head)
+        self._nested = nested
+        self._run: list[bytes | str] = []
+
+    def constant(self, data: bytes) -> None:
+        """Bytes that are always the same."""
+        last = self._run[-1] if self._run else None
+        if isinstance(last, bytes):
+            self._run[-1] = last + data
+        else:
+            self._run.append(data)
+
+    def double(self, expression: str) -> None:
+        """A number of 64 bits."""
+        self.constant(b"\xfb")
+        self._run.append(expression)
+
+    def piece(self, expression: str) -> None:
+        self._end_run()
+        super().piece(expression)
+
+    def flush(self) -> None:
+        self._end_run()
+        super().flush()
+
+    def _end_run(self) -> None:
+        run, self._run = self._run, []
+        if not run:
+            return
+        if len(run) == 1 and isinstance(run[0], bytes):
+            super().piece(self.bind("c", run[0]))
+            return
+        layout = ">" + "".join(f"{len(item)}s" if isinstance(item, bytes) else "d" for item in run)
+        parts = [self.bind("c", item) if isinstance(item, bytes) else item for item in run]
+        super().piece(f"{self.bind('pack', struct.Struct(layout).pack)}({', '.join(parts)})")
+
+    def message(self, shape: Shape, value: str) -> None:
+        """The map of a message that `value` stands for."""
+        self.constant(head(_MAP, len(shape.slots)))
+        for wire, slot in shape.slots.items():
+            self.constant(_text(wire))
+            item = f"{value}.{slot.attribute}"
+            if slot.field.array is not None:
+                self.array(slot, shape, self.keep(item))
+            elif slot.shape is None:
+                self.scalar(slot.field.type, shape, item)
+            elif count_fields(slot.shape) <= MAX_INLINE:
+                self.message(slot.shape, self.keep(item))
+            else:
+                self.flush()
+                self.line(f"{self.bind('write', self._nested(slot.shape))}({item}, out)")
+
+    def scalar(self, kind: str, shape: Shape, item: str) -> None:
+        if kind in {"float32", "float64"}:
+            self.double(item)
+        elif kind in {"string", "wstring"}:
+            self.piece(f"text({item})")
+        elif kind == "bool":
+            names = self.bind("c", _TRUE), self.bind("c", _FALSE)
+            self.piece(f"{names[0]} if {item} else {names[1]}")
+        elif kind in shape.dialect.times:
+            time = self.keep(item)
+            parts = shape.dialect.times[kind].__struct_fields__
+            self.constant(head(_MAP, len(parts)))
+            for part in parts:
+                self.constant(_text(part))
+                self.piece(f"ints[{time}.{part}]")
+        else:
+            self.piece(f"ints[{item}]")
+
+    def array(self, slot: Slot, shape: Shape, item: str) -> None:
+        kind = slot.field.type
+        if slot.field.is_bytes:
+            data = self.keep(f"bytes({item})")
+            self.piece(f"head({_BYTES}, len({data}))")
+            self.piece(data)
+        elif slot.shape is not None:
+            self.piece(f"head({_ARRAY}, len({item}))")
+            self.flush()
+            self.line(f"for item in {item}: {self.bind('write', self._nested(slot.shape))}(item, out)")
+        elif kind in shape.dialect.times:
+            parts = shape.dialect.times[kind].__struct_fields__
+            self.piece(f"{self.bind('times', partial(_times, parts))}({item})")
+        elif kind in {"string", "wstring"}:
+            self.piece(f"texts({item})")
+        elif kind == "bool":
+            self.piece(f"bools({item})")
+        else:
+            code = code_of(kind, shape.dialect.ros)
+            self.constant(head(_TAG, _ARRAY_TAGS[code]))
+            count = 0 if slot.field.is_bounded else slot.field.array
+            if count and count <= MAX_STARRED:
+                layout = struct.Struct(f"<{count}{code}")
+                self.constant(head(_BYTES, layout.size))
+                self.piece(f"{self.bind('pack', layout.pack)}(*{item})")
+            else:
+                self.piece(f"{self.bind('numbers', partial(_numbers, code))}({item})")
+
+
 def _compile(shape: Shape, nested: Callable[[Shape], _Write]) -> _Write:
-    opening = head(_MAP, len(shape.slots))
-    parts = [(_text(wire), slot.attribute, _writer(slot, shape, nested)) for wire, slot in shape.slots.items()]
-
-    def write(value: Any, out: list[bytes]) -> None:  # noqa: ANN401 - a generated struct
-        out.append(opening)
-        for key, attribute, write_field in parts:
-            out.append(key)
-            write_field(getattr(value, attribute), out)
-
-    return write
+    source = _CborSource(nested)
+    source.message(shape, "value")
+    return source.build("value, out", f"cbor of {shape.name}")
 
 
-def _writer(slot: Slot, shape: Shape, nested: Callable[[Shape], _Write]) -> _Write:
-    kind, is_array = slot.field.type, slot.field.array is not None
-    if slot.shape is not None:
-        write = nested(slot.shape)
-    elif kind in shape.dialect.times:
-        write = partial(_write_time, [_text(name) for name in shape.dialect.times[kind].__struct_fields__])
-    elif kind == "bool":
-        write = _write_bool
-    elif kind in {"string", "wstring"}:
-        write = _write_text
-    elif kind in {"float32", "float64"}:
-        write = _write_float
-    else:
-        write = _write_int
-    if not is_array:
-        return write
-    if isinstance(slot.make(), bytes):
-        return _write_bytes
-    if kind in _ARRAY_TAGS:
-        tag, dtype = _ARRAY_TAGS[kind]
-        return partial(_write_numbers, head(_TAG, tag), np.dtype(dtype))
-    return partial(_write_list, write)
+class _Ints(dict[int, bytes]):
+    """Integers to their bytes: the small ones are there, the others are written when they are asked for."""
+
+    def __missing__(self, number: int) -> bytes:
+        number = int(number)
+        return head(_UNSIGNED, number) if number >= 0 else head(_NEGATIVE, -1 - number)
+
+
+_INTS: Final = _Ints()
+_INTS.update((number, _INTS[number]) for number in range(-24, 256))
+
+_TEXT_HEADS: Final = [head(_TEXT, length) for length in range(256)]
 
 
 def _text(value: str) -> bytes:
     data = value.encode()
-    return head(_TEXT, len(data)) + data
+    return (_TEXT_HEADS[len(data)] if len(data) < len(_TEXT_HEADS) else head(_TEXT, len(data))) + data
 
 
-def _write_text(value: str, out: list[bytes]) -> None:
-    out.append(_text(value))
+def _texts(values: Sequence[str]) -> bytes:
+    return b"".join([head(_ARRAY, len(values)), *map(_text, values)])
 
 
-def _write_bool(value: bool, out: list[bytes]) -> None:  # noqa: FBT001 - it is the value
-    out.append(b"\xf5" if value else b"\xf4")
+def _bools(values: Sequence[bool]) -> bytes:
+    return b"".join([head(_ARRAY, len(values)), *(_TRUE if value else _FALSE for value in values)])
 
 
-def _write_float(value: float, out: list[bytes]) -> None:
-    out.append(_FLOAT.pack(0xFB, value))
+def _times(names: tuple[str, ...], values: Sequence[msgspec.Struct]) -> bytes:
+    first, second = (head(_MAP, len(names)) + _text(names[0]), _text(names[1]))
+    pairs = [msgspec.structs.astuple(value) for value in values]
+    return head(_ARRAY, len(values)) + b"".join([first + _INTS[a] + second + _INTS[b] for a, b in pairs])
 
 
-def _write_int(value: int, out: list[bytes]) -> None:
-    out.append(head(_UNSIGNED, value) if value >= 0 else head(_NEGATIVE, -1 - value))
+def _numbers(code: str, values: Any) -> bytes:  # noqa: ANN401 - a list or an array
+    data = pack_numbers(code, values)
+    return head(_BYTES, len(data)) + data
 
 
-def _write_time(keys: list[bytes], value: msgspec.Struct, out: list[bytes]) -> None:
-    out.append(head(_MAP, len(keys)))
-    for key, part in zip(keys, msgspec.structs.astuple(value), strict=True):
-        out.append(key)
-        _write_int(part, out)
-
-
-def _write_bytes(value: bytes, out: list[bytes]) -> None:
-    data = bytes(value)
-    out.append(head(_BYTES, len(data)) + data)
-
-
-def _write_numbers(tag: bytes, dtype: np.dtype[Any], value: Any, out: list[bytes]) -> None:  # noqa: ANN401 - list or array
-    data = np.asarray(value, dtype).tobytes()
-    out.append(tag + head(_BYTES, len(data)) + data)
-
-
-def _write_list(write: _Write, value: list[Any], out: list[bytes]) -> None:
-    out.append(head(_ARRAY, len(value)))
-    for element in value:
-        write(element, out)
+def _write_plain(value: object, out: list[bytes]) -> None:
+    if value is None or isinstance(value, bool):
+        out.append(_NULL if value is None else _TRUE if value else _FALSE)
+    elif isinstance(value, int):
+        out.append(_INTS[value])
+    elif isinstance(value, float):
+        out.append(_FLOAT.pack(0xFB, value))
+    elif isinstance(value, str):
+        out.append(_text(value))
+    elif isinstance(value, (bytes, bytearray, memoryview)):
+        out += (head(_BYTES, len(value)), bytes(value))
+    elif isinstance(value, dict):
+        out.append(head(_MAP, len(value)))
+        for key, item in value.items():
+            out.append(_text(key))
+            _write_plain(item, out)
+    elif isinstance(value, (list, tuple)):
+        out.append(head(_ARRAY, len(value)))
+        for item in value:
+            _write_plain(item, out)
+    else:
+        raise ValueError(f"{type(value)} is no JSON")

@@ -26,7 +26,7 @@ import numpy as np
 import orjson
 
 from rosbridge_sim.errors import DefinitionError, FieldError
-from rosbridge_sim.schema.cbor import CborWriters
+from rosbridge_sim.schema.cbor import CborWriters, encode_plain
 from rosbridge_sim.schema.check import Dialect, Leniency, Shape, Slot, check, round32, round32_list
 from rosbridge_sim.schema.names import Generation, ros2_names
 from rosbridge_sim.schema.parse import Definition, Field
@@ -136,7 +136,7 @@ class Encoders:
     @cached_property
     def ros(self) -> RosWire:
         """The writers of ROS's own bytes."""
-        from rosbridge_sim.schema.wire import RosWire  # noqa: PLC0415 - rosbags, for those who ask for its bytes
+        from rosbridge_sim.schema.wire import RosWire  # noqa: PLC0415 - for those who ask
 
         return RosWire(self._ros_generation)
 
@@ -211,9 +211,7 @@ class OpaqueType:
 
     def encode_cbor(self, value: Mapping[str, Any]) -> bytes:
         """The CBOR map of an object that was accepted; nothing is known of arrays, so none is typed."""
-        import cbor2  # noqa: PLC0415 - for a type that nobody knows in an encoding that few ask for
-
-        return cbor2.dumps(dict(value))
+        return encode_plain(value)
 
     def encode_raw(self, value: Mapping[str, Any]) -> bytes:  # noqa: ARG002 - as MessageType
         """Nobody knows its bytes.
