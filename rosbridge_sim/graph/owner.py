@@ -9,6 +9,8 @@ import msgspec
 import orjson
 
 from rosbridge_sim.errors import FieldError, GraphError
+from rosbridge_sim.protocol.codec import is_absent
+from rosbridge_sim.protocol.ops import ABSENT
 from rosbridge_sim.schema.compile import MessageType, OpaqueType
 
 __all__ = ["Body", "Owner", "decode_body", "resolve"]
@@ -53,15 +55,19 @@ def decode_body(message_type: MessageType | OpaqueType, body: Body, stamp_ns: in
         FieldError: it does not fit the type.
     """
     if isinstance(body, (bytes, msgspec.Raw)):
-        start = bytes(memoryview(body)[:4])
-        if start in {b"", b"null"}:
+        if body is ABSENT:
             return message_type.check({}, stamp_ns)
-        if start[:1] == b"[":
-            try:
-                return decode_body(message_type, orjson.loads(bytes(body)), stamp_ns)
-            except orjson.JSONDecodeError as error:
-                raise FieldError(f"{message_type.name}: {error}") from None
-        return message_type.decode_json(body, stamp_ns)
+        try:
+            return message_type.decode_json(body, stamp_ns)  # an object by name, as nearly always
+        except FieldError:
+            if is_absent(body):
+                return message_type.check({}, stamp_ns)
+            if bytes(memoryview(body)[:1]) != b"[":
+                raise
+        try:
+            body = orjson.loads(bytes(body))
+        except orjson.JSONDecodeError as error:
+            raise FieldError(f"{message_type.name}: {error}") from None
     if isinstance(body, list):
         names = [f.name for f in message_type.definition.fields] if isinstance(message_type, MessageType) else []
         if len(body) > len(names):

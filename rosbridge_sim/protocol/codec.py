@@ -22,12 +22,21 @@ import orjson
 from rosbridge_sim.errors import FrameError
 from rosbridge_sim.protocol.ops import ABSENT, OPS, Id, Op
 
-__all__ = ["Encoded", "decode_frame", "is_absent", "op_frame", "publish_head", "response_frame", "status_frame"]
+__all__ = [
+    "Encoded",
+    "decode_frame",
+    "decode_quickly",
+    "is_absent",
+    "op_frame",
+    "publish_head",
+    "response_frame",
+    "status_frame",
+]
 
 _SHOWN = 200
 """Characters of a stranger's text that an answer quotes: enough to recognise it, too few to be an amplifier."""
 
-_decoder = msgspec.json.Decoder(Op)
+_decode = msgspec.json.Decoder(Op).decode
 _scanner = json.JSONDecoder()
 
 _CLASSES: dict[str, tuple[type, ...]] = {
@@ -84,11 +93,21 @@ class Encoded(Protocol):
         """`head`, the body as JSON text, and a closing brace; the last such frame is kept for the next listener."""
 
 
+def decode_quickly(frame: bytes) -> Op | None:
+    """The one op that a clean frame holds; None where `decode_frame` has to look more closely. Never raises."""
+    try:
+        op: Op = _decode(frame)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return None
+    return op
+
+
 def decode_frame(frame: bytes) -> Iterator[Op | FrameError]:
     """The ops in a frame, in order; what is no op comes as the error to be told to its sender. Never raises."""
-    try:
-        yield _decoder.decode(frame)
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+    op = decode_quickly(frame)
+    if op is not None:
+        yield op
+    else:
         yield from _decode_slowly(frame)
 
 
@@ -205,7 +224,7 @@ def _shorten(text: str) -> str:
     return short.encode("utf-8", "replace").decode()
 
 
-def is_absent(body: msgspec.Raw) -> bool:
+def is_absent(body: msgspec.Raw | bytes) -> bool:
     """Whether a body was left out, or null, which means the same."""
     return body is ABSENT or bytes(body) in {b"", b"null"}
 

@@ -18,6 +18,7 @@ from rosbridge_sim.errors import FrameError, PeerError
 from rosbridge_sim.protocol.codec import (
     Encoded,
     decode_frame,
+    decode_quickly,
     op_frame,
     publish_head,
     response_frame,
@@ -82,6 +83,9 @@ class Session:
             now: monotonic time [s].
         """
         self.num_received += 1
+        quick = decode_quickly(frame)
+        if quick is not None and not isinstance(quick, (Fragment, Png)):
+            return [quick]
         ops: list[Op] = []
         for op in self._decode(frame):
             if isinstance(op, (Fragment, Png)):
