@@ -1,0 +1,110 @@
+"""Which JSON library reads and writes message bodies: the choice, by figures.
+
+Each way takes the text of a body and gives the text that goes to the listeners. msgspec goes through our own
+compiled types, so with all rules on: unknown fields refused, missing ones filled, ranges checked, float32 rounded.
+pydantic has models with the same fields and refuses unknown ones. orjson and the standard library check nothing.
+
+    ./.venv/bin/python scripts/bench/json_libraries.py [--json FILE]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import timeit
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import orjson
+from pydantic import BaseModel, ConfigDict, TypeAdapter, create_model
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from rosbridge_sim.morai.convert import LENIENCY
+from rosbridge_sim.schema.compile import MessageType
+from rosbridge_sim.schema.store import Store
+from rosbridge_sim.shell.storage import read_definitions
+from scripts.bench import bodies
+from scripts.bench.program import machine
+
+__all__ = ["BODIES", "ways"]
+
+BODIES = {
+    "morai_msgs/CtrlCmd": bodies.control(),
+    "morai_msgs/EgoVehicleStatus": bodies.ego(),
+    "morai_msgs/ObjectStatusList": bodies.objects(20),
+}
+
+REPEATS = 41
+SECONDS = 0.02
+"""Each repeat is about so long: long enough for the clock, short enough to fall between two of somebody else's."""
+
+_store = Store(read_definitions("22.R2"), leniency=LENIENCY)
+
+_SCALARS: dict[str, type] = {"string": str, "bool": bool, "float32": float, "float64": float}
+
+
+class _Stamp(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+    secs: int = 0
+    nsecs: int = 0
+
+
+@cache
+def _model(name: str) -> type[BaseModel]:
+    """The pydantic model of a message."""
+    fields: dict[str, Any] = {}  # pydantic's own signature
+    for f in _store.message(name).definition.fields:
+        kind: Any = _model(f.type) if "/" in f.type else _Stamp if f.type == "time" else _SCALARS.get(f.type, int)
+        if f.array is None:
+            fields[f.name] = (kind, kind())
+        else:
+            fields[f.name] = (list[kind], [])
+    model: type[BaseModel] = create_model(name.rpartition("/")[2], __config__=ConfigDict(extra="forbid"), **fields)
+    return model
+
+
+def ways(name: str, text: bytes) -> dict[str, Callable[[], object]]:
+    """Text of a body in, text out, by each library."""
+    message_type: MessageType = _store.message(name)
+    adapter: TypeAdapter[BaseModel] = TypeAdapter(_model(name))
+    return {
+        "msgspec, our types": lambda: message_type.encode_json(message_type.decode_json(text, 0)),
+        "pydantic model": lambda: adapter.dump_json(adapter.validate_json(text)),
+        "orjson, unchecked": lambda: orjson.dumps(orjson.loads(text)),
+        "json, unchecked": lambda: json.dumps(json.loads(text)).encode(),
+    }
+
+
+def _microseconds(way: Callable[[], object]) -> float:
+    """Median of many short runs [us]."""
+    num = max(1, int(SECONDS / timeit.timeit(way, number=10) * 10))
+    return median(timeit.repeat(way, number=num, repeat=REPEATS)) / num * 1e6
+
+
+def main() -> None:
+    """Measure, print, write JSON if asked."""
+    parser = argparse.ArgumentParser(description="Read and write message bodies with several JSON libraries")
+    parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures here too")
+    args = parser.parse_args()
+    figures: dict[str, dict[str, float]] = {}
+    print(machine())
+    print(f"decode and encode, median of {REPEATS} runs [us]")
+    for name, body in BODIES.items():
+        text = orjson.dumps(body)
+        for way, run in ways(name, text).items():
+            assert orjson.loads(run()) == body, f"{way} changed a {name}"  # type: ignore[arg-type] # bytes
+        figures[name] = {way: _microseconds(run) for way, run in ways(name, text).items()}
+        print(f"{name}, {len(text):,} bytes")
+        for way, value in figures[name].items():
+            print(f"  {way:20} {value:8.2f}")
+    if args.json:
+        args.json.write_text(json.dumps({"machine": machine(), "microseconds": figures}, indent=1))
+
+
+if __name__ == "__main__":
+    main()
