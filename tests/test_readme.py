@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -14,7 +15,8 @@ from rosbridge_sim.morai.catalogue import CATALOGUE
 from rosbridge_sim.morai.convert import FIELD, MANUAL
 from rosbridge_sim.morai.sync import TABLE
 from rosbridge_sim.world.state import Kind
-from tests.conftest import Connect
+from tests.conftest import Connect, Serve
+from tests.shell.tooling import run as run_tool
 from tests.support import PATIENCE, ROOT, ServerProcess, require_node_modules, require_tool
 
 README = (ROOT / "README.md").read_text()
@@ -69,6 +71,16 @@ def test_the_simulator_in_process_runs(tmp_path: Path) -> None:
     script.write_text(example("simulator"))
     out = run([sys.executable, str(script)], tmp_path)
     assert re.fullmatch(r"ws://127\.0\.0\.1:\d+/? has \d+ topics\n", out)
+
+
+@pytest.mark.slow
+def test_the_tools_do_what_is_said(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROSBRIDGE_SIM_URL", serve().url)
+    for line in example("tools").splitlines():
+        program, *words = shlex.split(line)
+        done = run_tool(*words)
+        is_pub = "pub" in words  # it has nothing to show, but something to say
+        assert (program, done.code, bool(done.out), bool(done.err)) == ("rosbridge-sim", 0, not is_pub, is_pub), done
 
 
 def rows(header: str) -> list[list[str]]:

@@ -22,6 +22,7 @@ from rosbridge_sim.shell.tools.text import note, read_body
 
 if TYPE_CHECKING:
     from rosbridge_sim.shell.tools.client import Bridge
+    from rosbridge_sim.shell.tools.schema import Choice
 
 __all__ = ["TOOLS"]
 
@@ -328,6 +329,7 @@ def _schema(argv: Sequence[str]) -> int:
 def _add_folders(parser: Parser) -> None:
     _add_json(parser)
     parser.add_argument("--release", help="MORAI SIM release whose messages are meant")
+    parser.add_argument("--ros", metavar="1|2", help="ROS generation whose standard messages are meant")
     parser.add_argument(
         "--schema-path", action="append", default=[], metavar="DIR", help="folder with ROS packages; may be repeated"
     )
@@ -336,15 +338,19 @@ def _add_folders(parser: Parser) -> None:
 def _list_types(options: _Options) -> int:
     from rosbridge_sim.shell.tools import schema  # noqa: PLC0415
 
-    return schema.list_types(options.package, options.release, options.schema_path, is_json=options.json)
+    return schema.list_types(options.package, _choice(options), is_json=options.json)
 
 
 def _show_type(options: _Options) -> int:
     from rosbridge_sim.shell.tools import schema  # noqa: PLC0415
 
-    return schema.show_type(
-        options.type, options.release, options.schema_path, is_full=options.full, is_json=options.json
-    )
+    return schema.show_type(options.type, _choice(options), is_full=options.full, is_json=options.json)
+
+
+def _choice(options: _Options) -> Choice:
+    from rosbridge_sim.shell.tools.schema import Choice  # noqa: PLC0415
+
+    return Choice(options.release, options.ros, tuple(options.schema_path))
 
 
 TOOLS: dict[str, Callable[[Sequence[str]], int]] = {"topic": _topic, "service": _service, "schema": _schema}

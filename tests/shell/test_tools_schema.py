@@ -58,6 +58,7 @@ def test_list_of_the_users_own(own: str, monkeypatch: pytest.MonkeyPatch) -> Non
         (("list", "std_srv"), 1, "no package std_srv is known (did you mean std_srvs?)"),
         (("list", "--schema-path", "/nowhere"), 2, "/nowhere: expected a folder with ROS packages; there is none"),
         (("list", "--release", "0.R0"), 2, "--release: expected 22.R2"),
+        (("list", "--ros", "3"), 2, "--ros: expected"),
         (("show", "CtrlCmmd"), 1, "no type CtrlCmmd is known (did you mean CtrlCmd?)"),
         (("show", "std_msgs/Sting"), 1, "no type std_msgs/Sting is known (did you mean std_msgs/String?)"),
         (("show", "std_msgs/srv/String"), 1, "no type std_msgs/srv/String is known"),
@@ -91,6 +92,14 @@ def test_service_has_both_halves(path: Path) -> None:
 def test_action_has_three_parts(own: str) -> None:
     done = run("schema", "show", "garage_msgs/Drive", "--schema-path", own)
     assert done.out == "float64 far\n---\nbool is_there\n---\nfloat64 left\n"
+
+
+def test_standard_messages_are_those_of_the_generation(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "uint32 seq" in run("schema", "show", "std_msgs/Header").out
+    flagged = run("schema", "show", "std_msgs/Header", "--ros", "2").out
+    monkeypatch.setenv("ROSBRIDGE_SIM_ROS", "2")
+    assert flagged == run("schema", "show", "std_msgs/Header").out
+    assert "seq" not in flagged
 
 
 def test_full_text_has_every_type_within_once(own: str) -> None:

@@ -4,55 +4,62 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Literal
 
 from rosbridge_sim.errors import TypeNameError
 from rosbridge_sim.morai.convert import LENIENCY
 from rosbridge_sim.schema.parse import Definition
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.shell.settings import Settings
 from rosbridge_sim.shell.sources import PREFIX, hint, read_settings
 from rosbridge_sim.shell.storage import read_definitions
 from rosbridge_sim.shell.tools.faults import RefusedError
 from rosbridge_sim.shell.tools.text import put, put_json, put_table, safe
 
-__all__ = ["list_types", "open_store", "show_type"]
+__all__ = ["Choice", "list_types", "open_store", "show_type"]
 
 Kind = Literal["msg", "srv", "action"]
 
 KINDS: tuple[Kind, ...] = ("msg", "srv", "action")
 
-_VARIABLES = frozenset(PREFIX + name for name in ("CONFIG", "RELEASE", "SCHEMA_PATH"))
+_VARIABLES = frozenset(PREFIX + name for name in ("CONFIG", "RELEASE", "ROS", "SCHEMA_PATH"))
 """What of the environment has to do with definitions; a mistake in the rest is none of ours."""
 
 
-def open_store(release: str | None = None, folders: Sequence[str] = ()) -> Store:
-    """Everything that a server started with these settings would know.
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What decides which definitions there are; None and nothing are what the environment says, or the default.
 
-    Args:
-        release: of `morai_msgs`; None is the one of the environment, or the default.
-        folders: the user's; none are those of the environment.
+    Attributes:
+        release: of `morai_msgs`.
+        ros: the generation whose standard messages are meant.
+        folders: the user's.
+    """
+
+    release: str | None = None
+    ros: str | None = None
+    folders: tuple[str, ...] = ()
+
+
+def open_store(choice: Choice) -> Store:
+    """Everything that a server started with these settings would know.
 
     Raises:
         DocumentError: a setting, a folder or a file that cannot be used.
     """
-    settings = _settings(release, folders)
-    return Store(read_definitions(settings.release, settings.schema_path), leniency=LENIENCY)
-
-
-def _settings(release: str | None, folders: Sequence[str]) -> Settings:
-    flags = [] if release is None else [f"--release={release}"]
-    flags += [f"--schema-path={folder}" for folder in folders]
-    return read_settings(flags, {name: value for name, value in os.environ.items() if name in _VARIABLES})
+    flags = [f"--{name}={value}" for name, value in (("release", choice.release), ("ros", choice.ros)) if value]
+    flags += [f"--schema-path={folder}" for folder in choice.folders]
+    settings = read_settings(flags, {name: value for name, value in os.environ.items() if name in _VARIABLES})
+    return Store(read_definitions(settings.release, settings.schema_path), leniency=LENIENCY, ros=settings.ros)
 
 
 # list
 
 
-def list_types(package: str | None, release: str | None, folders: Sequence[str], *, is_json: bool) -> int:
+def list_types(package: str | None, choice: Choice, *, is_json: bool) -> int:
     """Every type, or those of one package, by name."""
-    store = open_store(release, folders)
+    store = open_store(choice)
     if package is not None and package not in store.packages():
         raise RefusedError(f"no package {safe(package)} is known{hint(package, store.packages())}")
     types = sorted(
@@ -71,9 +78,9 @@ def list_types(package: str | None, release: str | None, folders: Sequence[str],
 # show
 
 
-def show_type(name: str, release: str | None, folders: Sequence[str], *, is_full: bool, is_json: bool) -> int:
+def show_type(name: str, choice: Choice, *, is_full: bool, is_json: bool) -> int:
     """The text of a definition; of all that have the name, where it names no package or no kind."""
-    store = open_store(release, folders)
+    store = open_store(choice)
     found = list(_find(store, name))
     if not found:
         raise RefusedError(_why_not(store, name))

@@ -112,10 +112,10 @@ def _read_fields(typedef: Mapping[str, object]) -> Fields:
 
 def _look_up(kind: str) -> Halves | None:
     """Both halves as our own definitions have them; None for a type that we do not know."""
-    from rosbridge_sim.shell.tools.schema import open_store  # noqa: PLC0415 - reads a hundred files
+    from rosbridge_sim.shell.tools.schema import Choice, open_store  # noqa: PLC0415 - reads a hundred files
 
     try:
-        store = open_store()
+        store = open_store(Choice())
         service = store.service(kind)
     except RosbridgeSimError:
         return None
