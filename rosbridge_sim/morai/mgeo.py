@@ -1,8 +1,8 @@
-"""MGeo maps: the JSON files of a map folder -> the figures of its projection and its lanes.
+"""MGeo maps: the JSON files of a map folder -> the figures of its projection, its lanes, lights and crosswalks.
 
-What is needed is `global_info.json`, `node_set.json` and `link_set.json`; other files of the folder may be handed in
-too and are not looked at. Lanes are the links with geometry of their own: the two-point links that MGeo keeps for
-lane changes (`lazy_init`) say that one may change, not where one drives.
+What is needed is `global_info.json`, `node_set.json` and `link_set.json`. The others of `MAP_FILES` are read where they
+are there: a map without them has no lights, or no crosswalks, or lanes whose edges are where their width says. Further
+files of the folder may be handed in too and are not looked at. Lanes are the business of `links`, lights of `lights`.
 """
 
 from __future__ import annotations
@@ -12,30 +12,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Final
 
-import numpy as np
 from pydantic import Field, TypeAdapter
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.documents import Coordinate, Document, Flag, Number, read_document
-from rosbridge_sim.world.geometry import FloatArray
+from rosbridge_sim.morai.documents import Coordinate, Document, read_document
+from rosbridge_sim.morai.lights import CROSSWALK_FILES, LIGHT_FILES, Crosswalk, read_crosswalks, read_lights
+from rosbridge_sim.morai.links import MAX_BYTES, read_lanes
+from rosbridge_sim.world.plan import Plan
 from rosbridge_sim.world.roads import Roads
 
-__all__ = ["FILES", "Projection", "RoadMap", "read_map"]
+__all__ = ["FILES", "MAP_FILES", "Projection", "RoadMap", "read_map", "read_projection"]
 
 FILES: Final = ("global_info.json", "node_set.json", "link_set.json")
-"""What `read_map` must be given; the shell reads at least these."""
+"""What `read_map` must be given."""
 
-MAX_BYTES: Final = 1 << 28
-"""256 MiB for each file: ten times the link_set of a large city."""
+BORDER_FILES: Final = ("lane_marking_set.json", "lane_boundary_set.json")
+"""The edges of lanes by their old and their new name. Where a folder has both, the old one counts."""
 
-MAX_LINKS: Final = 100_000
-MAX_POINTS: Final = 5_000_000
-
-LANE_WIDTH: Final = 3.5
-"""What MGeo means where no width is forced [m]."""
-
-KMH: Final = 1.0 / 3.6
-"""One km/h [m/s]."""
+MAP_FILES: Final = (*FILES, *BORDER_FILES, *LIGHT_FILES, *CROSSWALK_FILES)
+"""All that `read_map` looks at."""
 
 Text = Annotated[str, Field(max_length=1_000)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
@@ -46,24 +41,7 @@ class _GlobalInfo(Document):
     local_origin_in_global: Point = (0.0, 0.0, 0.0)
 
 
-class _Node(Document):
-    idx: Text
-
-
-class _Link(Document):
-    idx: Text
-    from_node_idx: Text | None = None
-    to_node_idx: Text | None = None
-    points: list[tuple[float, float, float]]
-    max_speed: Number | None = None
-    lazy_init: Flag | None = None
-    width_start: Number | None = None
-    force_width_start: Flag | None = None
-
-
 _GLOBAL_INFO: Final = TypeAdapter(_GlobalInfo)
-_NODES: Final = TypeAdapter(Annotated[list[_Node], Field(max_length=MAX_LINKS)])
-_LINKS: Final = TypeAdapter(Annotated[list[_Link], Field(max_length=MAX_LINKS)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,19 +80,25 @@ class RoadMap:
         projection: of its plane coordinates.
         origin: east, north and up of the map's (0, 0, 0) in that projection [m].
         roads: its lanes, in the order of the file.
+        plan: its traffic lights; None: it has none.
+        crosswalks: where people cross.
+        notes: what was read otherwise than written, or passed over: a line each, for the log.
     """
 
     name: str
     projection: Projection
     origin: tuple[float, float, float]
     roads: Roads
+    plan: Plan | None = None
+    crosswalks: tuple[Crosswalk, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def read_map(files: Mapping[str, bytes], source: str) -> RoadMap:
     """Read a map.
 
     Args:
-        files: contents by file name; `FILES` must be among them.
+        files: contents by file name; `FILES` must be among them, the others of `MAP_FILES` may.
         source: the map's folder, for errors; its last part is the map's name.
 
     Raises:
@@ -124,15 +108,31 @@ def read_map(files: Mapping[str, bytes], source: str) -> RoadMap:
     missing = next((file for file in FILES if file not in files), None)
     if missing is not None:
         raise DocumentError(f"{source}: {missing} is missing")
-    where = {file: f"{name}/{file}" for file in FILES}
-    info_file, node_file, link_file = FILES
-    info = read_document(_GLOBAL_INFO, files[info_file], where[info_file], MAX_BYTES)
-    projection = read_projection(info.global_coordinate_system, where[info_file])
-    nodes = read_document(_NODES, files[node_file], where[node_file], MAX_BYTES)
-    links = read_document(_LINKS, files[link_file], where[link_file], MAX_BYTES)
-    roads = _roads(links, {node.idx for node in nodes}, where[link_file])
-    return RoadMap(name, projection, info.local_origin_in_global, roads)
+    known = {file: (files[file], f"{name}/{file}") for file in MAP_FILES if file in files}
+    info_file, node_file, link_file = (known[file] for file in FILES)
+    info = read_document(_GLOBAL_INFO, *info_file, MAX_BYTES)
+    projection = read_projection(info.global_coordinate_system, info_file[1])
+    border_file = next((known[file] for file in BORDER_FILES if file in known), None)
+    lanes = read_lanes(node_file, link_file, border_file)
+    notes: list[str] = []
+    plan = read_lights(known, lanes, notes)
+    crosswalks = read_crosswalks(known, plan)
+    return RoadMap(
+        *(name, projection, info.local_origin_in_global, lanes.roads),
+        plan=plan if plan.lights else None,
+        crosswalks=crosswalks,
+        notes=tuple(_short(notes)),
+    )
 
+
+def _short(notes: list[str]) -> list[str]:
+    """The first few of many: a map that lacks one thing often lacks it everywhere."""
+    if len(notes) <= MAX_NOTES:
+        return notes
+    return [*notes[:MAX_NOTES], f"... and {len(notes) - MAX_NOTES} more of that kind"]
+
+
+MAX_NOTES: Final = 20
 
 _SHORT_UTM = re.compile(r"UTM[ _-]?(?P<zone>\d{1,2})(?P<half>[NS]?)", re.IGNORECASE)
 
@@ -186,51 +186,3 @@ def _figure(terms: Mapping[str, str], key: str, default: float, where: str) -> f
 
 
 _FIGURE = re.compile(r"[+-]?(\d{1,15}(\.\d*)?|\.\d+)([eE][+-]?\d{1,2})?")
-
-
-def _roads(links: list[_Link], nodes: set[str], source: str) -> Roads:
-    """The lanes among the links, joined where one ends at the node that another begins at."""
-    lanes = [(i, link) for i, link in enumerate(links) if not link.lazy_init]
-    if sum(len(link.points) for _, link in lanes) > MAX_POINTS:
-        raise DocumentError(f"{source}: expected at most {MAX_POINTS:,} points")
-    seen: set[str] = set()
-    starts: dict[str, list[int]] = {}
-    lines = []
-    for row, (i, link) in enumerate(lanes):
-        if link.idx in seen:
-            raise DocumentError(f"{source}: [{i}].idx: {link.idx!r} stands there twice")
-        seen.add(link.idx)
-        for key, node in (("from_node_idx", link.from_node_idx), ("to_node_idx", link.to_node_idx)):
-            if node is not None and node not in nodes:
-                raise DocumentError(f"{source}: [{i}].{key}: node_set.json has no node {node!r}")
-        if link.from_node_idx is not None:
-            starts.setdefault(link.from_node_idx, []).append(row)
-        lines.append(_line(link, f"{source}: [{i}].points"))
-    return Roads(
-        [link.idx for _, link in lanes],
-        lines,
-        [starts.get(link.to_node_idx, []) if link.to_node_idx is not None else [] for _, link in lanes],
-        [_width(link) for _, link in lanes],
-        [max(link.max_speed or 0.0, 0.0) * KMH for _, link in lanes],
-    )
-
-
-def _line(link: _Link, where: str) -> FloatArray:
-    """(k, 3) the centre line [m]."""
-    line = np.array(link.points, dtype=np.float64).reshape(-1, 3)
-    # Checked here for all points at once: a city has a million of them.
-    wild = np.flatnonzero(~(np.abs(line) <= MAX_COORDINATE).all(axis=1))
-    if len(wild):
-        raise DocumentError(f"{where}[{wild[0]}]: expected coordinates within {MAX_COORDINATE:,.0f} m")
-    if not (line[1:, :2] != line[:1, :2]).any():
-        raise DocumentError(f"{where}: expected two different points at least, got {len(line)} in one place")
-    return line
-
-
-MAX_COORDINATE: Final = 1e7
-"""Metres from the map's own origin: no map is that large, and arc lengths stay exact to the nanometre."""
-
-
-def _width(link: _Link) -> float:
-    is_given = link.force_width_start and link.width_start is not None and link.width_start > 0.0
-    return float(link.width_start or LANE_WIDTH) if is_given else LANE_WIDTH

@@ -14,7 +14,7 @@ from glob import escape
 from pathlib import Path
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.mgeo import FILES, RoadMap, read_map
+from rosbridge_sim.morai.mgeo import MAP_FILES, RoadMap, read_map
 from rosbridge_sim.morai.scenario import Scenario, read_scenario
 from rosbridge_sim.schema.parse import parse_action, parse_message, parse_service
 from rosbridge_sim.shell.sources import looks_like_path
@@ -291,4 +291,4 @@ def _find_scenario(folder: Path, parts: tuple[str, ...]) -> Path | None:
 
 def _read_folder(folder: Path) -> dict[str, bytes]:
     """Name -> content of the files of a map that are read; a city's folder holds many more, and large ones."""
-    return {name: _read(folder / name, MAX_DOCUMENT_SIZE) for name in FILES if (folder / name).exists()}
+    return {name: _read(folder / name, MAX_DOCUMENT_SIZE) for name in MAP_FILES if (folder / name).exists()}

@@ -201,7 +201,8 @@ class Plan:
             lights: of the map.
             controllers: of its intersections. A light that two of them name is the first one's.
             together: rows of lights that hang together without a controller.
-            passes: for each lane the lamps that let enter it; None: GREEN does, everywhere.
+            passes: for each lane the lamps that let enter it; None: GREEN does, everywhere. Where a lane's light never
+                shows any of them, GREEN does too.
 
         Raises:
             ValueError: a phase without a colour for each group, a yellow missing, a walk that belongs nowhere.
@@ -287,15 +288,19 @@ class Plan:
         self.pass_of_lane = np.array([_GREEN] * num if passes is None else passes, dtype=np.int64)
         self.light_of_lane = np.full(num, -1, dtype=np.int64)
         self.controller_of_lane = np.full(num, -1, dtype=np.int64)
+        ever = [self._ever(row) for row in range(len(self.lights))]
         for row, light in enumerate(self.lights):
             for lane in () if light.is_pedestrian else light.lanes:
-                before = self.light_of_lane[lane]
-                # Of several lights the first that can ever let one enter.
+                before = int(self.light_of_lane[lane])
                 wanted = int(self.pass_of_lane[lane])
-                if before < 0 or (not self.lights[before].lamps & wanted and light.lamps & wanted):
+                # Of several lights the first that lets one enter at any time.
+                if before < 0 or (not ever[before] & wanted and ever[row] & wanted):
                     self.light_of_lane[lane] = row
                 if self.controller[self.group[row]] >= 0 and self.controller_of_lane[lane] < 0:
                     self.controller_of_lane[lane] = self.controller[self.group[row]]
+        for lane in np.flatnonzero(self.light_of_lane >= 0).tolist():
+            if not ever[self.light_of_lane[lane]] & int(self.pass_of_lane[lane]):
+                self.pass_of_lane[lane] |= _GREEN
         # Turns without a light of their own, beside others that have one, lie in the same intersection.
         lit = np.flatnonzero(self.controller_of_lane >= 0).tolist()
         inside = {lane: int(self.controller_of_lane[lane]) for lane in lit}
@@ -305,6 +310,16 @@ class Plan:
             for other in beside if known else ():
                 if self.controller_of_lane[other] < 0:
                     self.controller_of_lane[other] = known[0]
+
+    def _ever(self, row: int) -> int:
+        """All that a light shows at some time; what it could show where nothing runs it."""
+        group = self.group[row]
+        controller = int(self.controller[group])
+        if controller < 0 or not self.num_phases[controller]:
+            return int(self.lights[row].lamps)
+        base = self.base[controller]
+        first, last = self.spell.searchsorted([base, base + self.cycle[controller]]).tolist()
+        return int(np.bitwise_or.reduce(self.colours[first:last, self.slot[group]]))
 
     def _hash(self) -> bytes:
         state = blake2b(repr((self.lights, self.controllers)).encode(), digest_size=16)

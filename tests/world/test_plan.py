@@ -209,13 +209,22 @@ def crossing() -> Roads:
 def test_lanes_know_their_light_and_their_intersection() -> None:
     roads = crossing()
     two = [Light("main", lanes=(1, 2)), Light("arrow", lamps=R | L, lanes=(2,)), Light("foot", is_pedestrian=True)]
-    controller = Controller("I5", 5, ((0,), (1,), (2,)), (Phase(5, (G, R, R)),), (3, 3, 3))
+    phases = (Phase(5, (G, R, R)), Phase(5, (R, R | L, R)))
+    controller = Controller("I5", 5, ((0,), (1,), (2,)), phases, (3, 3, 3))
     plan = Plan(roads, two, [controller], passes=[G, G, L, G, G])
     assert plan.light_of_lane.tolist() == [-1, 0, 1, -1, -1]  # of two lights the one that can let it go
     assert plan.controller_of_lane.tolist() == [-1, 0, 0, 0, -1]  # the turn without a light is inside, too
     assert plan.light("arrow") == 1
     with pytest.raises(KeyError):
         plan.light("none")
+
+
+def test_green_lets_turn_where_there_is_never_an_arrow() -> None:
+    roads = crossing()
+    arrow = [Light("main", lamps=R | Y | G | L, lanes=(1, 2))]
+    assert Plan(roads, arrow, passes=[L] * 5).pass_of_lane.tolist() == [L] * 5
+    never = Plan(roads, arrow, [simple((5, (G,)), (5, (R,)), yellow=(3,))], passes=[L] * 5)
+    assert never.pass_of_lane.tolist() == [L, L | G, L | G, L, L]
 
 
 def test_the_light_ahead_is_that_of_the_next_stop_line() -> None:

@@ -181,8 +181,8 @@ def test_many_at_once_are_as_one_by_one(
 
 def test_lanes_know_their_neighbours_and_stop_lines() -> None:
     lines = [straight((0, 0), (50, 0)), straight((0, 3), (50, 3))]
-    sides: dict[str, list[int]] = {"left": [1, -1], "right": [-1, 0]}
-    roads = Roads(["a", "b"], lines, [[], []], [3.0, 3.0], [10.0, 0.0], **sides, is_stop=[True, False])
+    limits = [10.0, 0.0]
+    roads = Roads(["a", "b"], lines, [[], []], [3.0, 3.0], limits, left=[1, -1], right=[-1, 0], is_stop=[True, False])
     assert (roads.left.tolist(), roads.right.tolist(), roads.is_stop.tolist()) == ([1, -1], [-1, 0], [True, False])
     plain = make(*lines)
     assert (plain.left.tolist(), plain.right.tolist(), plain.is_stop.tolist()) == ([-1, -1], [-1, -1], [False, False])

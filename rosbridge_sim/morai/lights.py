@@ -1,0 +1,382 @@
+"""The traffic lights of an MGeo map: lights, groups, controllers and schedules -> the world's plan.
+
+Five sets of documents have something to say, under more names than five, and a name does not always tell what is
+inside: there are maps whose `synced_traffic_light_set.json` holds the schedule. So every file is asked what its entries
+are. Whatever a set refers to and the map lacks is passed over with a note: a map with half its lights is better than
+none.
+
+Schedules count in seconds; the world in frames.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Final
+
+from pydantic import Field, TypeAdapter
+
+from rosbridge_sim.morai.documents import Coordinate, Document, Number, Whole, read_document
+from rosbridge_sim.morai.links import MAX_BYTES, MAX_ENTRIES, Identifier, Lanes, read_line
+from rosbridge_sim.world.geometry import FloatArray
+from rosbridge_sim.world.plan import Controller, Lamp, Light, Phase, Plan, Walk
+from rosbridge_sim.world.state import DT
+
+__all__ = ["CROSSWALK_FILES", "LIGHT_FILES", "Crosswalk", "colour_of", "light_type", "read_crosswalks", "read_lights"]
+
+LIGHT_FILES: Final = (
+    "traffic_light_set.json",
+    "synced_traffic_light_set.json",
+    "intersection_controller_set.json",
+    "intersection_controller_state.json",
+    "intersection_controller_data.json",
+    "synced_traffic_light_state.json",
+)
+"""All of them may be missing. Of several that hold one kind of entry the first that is not empty counts."""
+
+CROSSWALK_FILES: Final = ("singlecrosswalk_set.json", "crosswalk_set.json")
+
+YELLOW: Final = 3.0
+"""Where a schedule gives a group none [s]."""
+
+LEFT_TURN: Final = math.radians(40.0)
+"""A lane that turns by more than this and names no movement is a turn."""
+
+Seconds = Annotated[Number, Field(ge=0.0, le=100_000.0)]
+Names = Annotated[list[Identifier], Field(max_length=MAX_ENTRIES)]
+Point = tuple[Coordinate, Coordinate, Coordinate]
+
+
+class _Light(Document):
+    idx: Identifier
+    link_id_list: Names | None = None
+    type: Identifier | None = None
+    sub_type: Names | Identifier | None = None
+    point: Point | None = None
+    heading: Number | None = None
+
+
+class _Synced(Document):
+    idx: Identifier
+    signal_id_list: Names
+    intersection_controller_id: Identifier | None = None
+
+
+class _Controller(Document):
+    idx: Identifier
+    TL: Annotated[list[Names], Field(max_length=1_000)]
+
+
+class _Phase(Document):
+    duration: Seconds
+    lightcolor: Names
+
+
+class _Schedule(Document):
+    idx: Identifier
+    TLState: Annotated[list[_Phase], Field(max_length=1_000)]
+    yelloduration: Annotated[list[Seconds], Field(max_length=1_000)] | None = None
+    PSState: Annotated[list[tuple[Whole, Identifier, Seconds, Seconds, Seconds]], Field(max_length=1_000)] | None = None
+
+
+class _Crosswalk(Document):
+    idx: Identifier
+    single_crosswalk_list: Names | None = None
+    ref_traffic_light_list: Names | None = None
+
+
+class _Stripe(Document):
+    idx: Identifier
+    points: list[tuple[float, float, float]]
+    ref_crosswalk_id: Identifier | None = None
+
+
+_LIGHTS: Final = TypeAdapter(Annotated[list[_Light], Field(max_length=MAX_ENTRIES)])
+_SYNCED: Final = TypeAdapter(Annotated[list[_Synced], Field(max_length=MAX_ENTRIES)])
+_CONTROLLERS: Final = TypeAdapter(Annotated[list[_Controller], Field(max_length=MAX_ENTRIES)])
+_SCHEDULES: Final = TypeAdapter(Annotated[list[_Schedule], Field(max_length=MAX_ENTRIES)])
+_CROSSWALKS: Final = TypeAdapter(Annotated[list[_Crosswalk], Field(max_length=MAX_ENTRIES)])
+_STRIPES: Final = TypeAdapter(Annotated[list[_Stripe], Field(max_length=MAX_ENTRIES)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Crosswalk:
+    """Where people cross.
+
+    Attributes:
+        name: as the map spells it.
+        outlines: (k, 3) each, the corners of its parts [m].
+        lights: rows of the lights that belong to it.
+    """
+
+    name: str
+    outlines: tuple[FloatArray, ...]
+    lights: tuple[int, ...] = ()
+
+
+# Colours and types
+
+_COLOURS: Final[dict[str, int]] = {
+    "": 0,
+    "none": 0,
+    "off": 0,
+    "r": Lamp.RED,
+    "red": Lamp.RED,
+    "y": Lamp.YELLOW,
+    "yellow": Lamp.YELLOW,
+    "g": Lamp.GREEN,
+    "sg": Lamp.GREEN,  # straight green
+    "green": Lamp.GREEN,
+    "gleft": Lamp.LEFT,
+    "lg": Lamp.LEFT,
+    "left": Lamp.LEFT,
+    "gright": Lamp.RIGHT,
+    "rg": Lamp.RIGHT,
+    "guturn": Lamp.U_TURN,
+    "ug": Lamp.U_TURN,
+    "uturn": Lamp.U_TURN,
+    "gupleft": Lamp.UP_LEFT,
+    "gupright": Lamp.UP_RIGHT,
+    "gdownleft": Lamp.DOWN_LEFT,
+    "gdownright": Lamp.DOWN_RIGHT,
+}
+
+
+def colour_of(name: str) -> int | None:
+    """The sum of lamps that a schedule calls by a name (`R`, `SG`, `R_with_GLeft`) or by its number; else None."""
+    text = name.strip().casefold()
+    known = sum(int(lamp) for lamp in Lamp)
+    if text.isdecimal():
+        return int(text) if len(text) <= 4 and not int(text) & ~known else None  # noqa: PLR2004  # 4095 at most
+    lamps = [_COLOURS.get(part) for part in text.split("_with_")]
+    total = 0
+    for lamp in lamps:
+        if lamp is None:
+            return None
+        total |= lamp
+    return total
+
+
+def light_type(light: Light) -> int:
+    """`trafficLightType` on the wire: 0 red, yellow, green; 1 a left arrow for the green, 2 both; 100 all yellow."""
+    if light.is_warning:
+        return 100
+    if not light.lamps & Lamp.LEFT:
+        return 0
+    return 2 if light.lamps & Lamp.GREEN else 1
+
+
+_SUB_TYPES: Final = {
+    "red": Lamp.RED,
+    "yellow": Lamp.YELLOW,
+    "straight": Lamp.GREEN,
+    "green": Lamp.GREEN,
+    "left": Lamp.LEFT,
+    "right": Lamp.RIGHT,
+    "uturn": Lamp.U_TURN,
+    "upperleft": Lamp.UP_LEFT,
+    "upperright": Lamp.UP_RIGHT,
+    "lowerleft": Lamp.DOWN_LEFT,
+    "lowerright": Lamp.DOWN_RIGHT,
+}
+
+
+def _lamps(light: _Light) -> int:
+    """What a light has; where the map does not say, red, yellow and green."""
+    words = light.sub_type if isinstance(light.sub_type, list) else re.split(r"[,_\s]+", light.sub_type or "")
+    lamps = 0
+    for word in words:
+        lamps |= int(_SUB_TYPES.get(re.sub(r"[^a-z]", "", word.casefold()), 0))
+    return lamps or int(Lamp.RED | Lamp.YELLOW | Lamp.GREEN)
+
+
+# Files
+
+
+def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: list[str]) -> Plan:
+    """Read the lights of a map.
+
+    Args:
+        files: content, and what errors call it, by name; those of `LIGHT_FILES` that there are.
+        lanes: of the map.
+        notes: a line is added for each thing that was passed over.
+
+    Raises:
+        DocumentError: one line: which file, where in it, what was expected, what came.
+    """
+    sorted_files = _sort(files)
+    entries = read_document(_LIGHTS, *sorted_files["lights"], MAX_BYTES) if "lights" in sorted_files else []
+    rows: dict[str, int] = {}
+    lights: list[Light] = []
+    for entry in entries:
+        if entry.idx in rows:
+            notes.append(f"traffic light {entry.idx!r} stands there twice; the first one counts")
+            continue
+        rows[entry.idx] = len(lights)
+        lights.append(_light(entry, lanes))
+    synced = read_document(_SYNCED, *sorted_files["synced"], MAX_BYTES) if "synced" in sorted_files else []
+    groups = [_known(entry.signal_id_list, rows) for entry in synced]
+    plans = (
+        read_document(_CONTROLLERS, *sorted_files["controllers"], MAX_BYTES) if "controllers" in sorted_files else []
+    )
+    named = [(plan.idx, [_known(names, rows) for names in plan.TL]) for plan in plans]
+    controllers = named or list(_controllers_of(synced, groups))
+    schedules = read_document(_SCHEDULES, *sorted_files["schedules"], MAX_BYTES) if "schedules" in sorted_files else []
+    by_name = {schedule.idx: schedule for schedule in schedules}
+    synced_rows = {entry.idx: group for entry, group in zip(synced, groups, strict=True)}
+    laid = [_controller(name, members, by_name.pop(name, None), synced_rows, notes) for name, members in controllers]
+    notes += [f"schedule {name!r}: the map has no such intersection controller" for name in by_name]
+    return Plan(lanes.roads, lights, laid, together=groups, passes=list(_passes(lanes)))
+
+
+def _sort(files: Mapping[str, tuple[bytes, str]]) -> dict[str, tuple[bytes, str]]:
+    """What is in which file: by the key that only its kind of entry has."""
+    found: dict[str, tuple[bytes, str]] = {}
+    for name in LIGHT_FILES:
+        if name not in files:
+            continue
+        content = files[name][0]
+        # Without entries a file is asked nothing, but it must still be JSON: its name says how it is read.
+        kind = next((kind for key, kind in _MARKS if key in content), _BY_NAME.get(name, "schedules"))
+        if kind not in found or found[kind][0].strip() == b"[]":
+            found[kind] = files[name]
+    return found
+
+
+_MARKS: Final = (
+    (b'"TLState"', "schedules"),
+    (b'"TL"', "controllers"),
+    (b'"signal_id_list"', "synced"),
+    (b'"sub_type"', "lights"),
+)
+_BY_NAME: Final = {
+    "traffic_light_set.json": "lights",
+    "synced_traffic_light_set.json": "synced",
+    "intersection_controller_set.json": "controllers",
+}
+
+
+def _light(entry: _Light, lanes: Lanes) -> Light:
+    served = []
+    for name in entry.link_id_list or ():
+        try:
+            served.append(lanes.roads.row(name))
+        except KeyError:
+            continue  # a lane-change link, or one that was cut out of the map
+    x, y, z = entry.point or (0.0, 0.0, 0.0)
+    is_pedestrian = (entry.type or "").strip().casefold() == "pedestrian"
+    yaw = math.radians(math.remainder(entry.heading or 0.0, 360.0))
+    return Light(entry.idx, _lamps(entry), is_pedestrian, tuple(served), x, y, z, yaw)
+
+
+def _known(names: Iterable[str], rows: Mapping[str, int]) -> tuple[int, ...]:
+    return tuple(rows[name] for name in names if name in rows)
+
+
+def _controllers_of(
+    synced: Sequence[_Synced], groups: Sequence[tuple[int, ...]]
+) -> Iterator[tuple[str, list[tuple[int, ...]]]]:
+    """Controllers as the synced groups tell them, for maps without a set of their own; groups in the file's order."""
+    of: dict[str, list[tuple[int, ...]]] = {}
+    for entry, group in zip(synced, groups, strict=True):
+        if entry.intersection_controller_id:
+            of.setdefault(entry.intersection_controller_id, []).append(group)
+    yield from of.items()
+
+
+def _controller(
+    name: str,
+    groups: Sequence[tuple[int, ...]],
+    schedule: _Schedule | None,
+    synced: Mapping[str, tuple[int, ...]],
+    notes: list[str],
+) -> Controller:
+    number = re.search(r"\d+$", name)
+    plain = Controller(name, int(number[0]) % 2**31 if number else 0, tuple(groups))
+    if schedule is None or not schedule.TLState:
+        notes.append(f"intersection controller {name!r} has no schedule; its lights are not lit")
+        return plain
+    phases = []
+    for i, state in enumerate(schedule.TLState):
+        colours = [colour_of(colour) for colour in state.lightcolor[: len(groups)]]
+        where = f"schedule {name!r}, phase {i}"
+        for colour, text in zip(colours, state.lightcolor, strict=False):
+            if colour is None:
+                notes.append(f"{where}: {text[:40]!r} is no colour that is known; it is read as red")
+        if len(colours) < len(groups):
+            notes.append(f"{where}: {len(colours)} colours for {len(groups)} groups; the others are red")
+        lit = [int(Lamp.RED) if colour is None else colour for colour in colours]
+        lit += [int(Lamp.RED)] * (len(groups) - len(lit))
+        phases.append(Phase(max(1, _frames(state.duration)), tuple(lit)))
+    given = [_frames(seconds) for seconds in (schedule.yelloduration or ())[: len(groups)]]
+    yellow = given + [_frames(YELLOW)] * (len(groups) - len(given))
+    walks = []
+    for phase, target, *times in schedule.PSState or ():
+        group = _group_number(target, groups, synced)
+        if group is None or not 0 <= phase < len(phases):
+            notes.append(f"schedule {name!r}: PSState of phase {phase} and group {target!r}, which are not there")
+            continue
+        walks.append(Walk(phase, group, *map(_frames, times)))
+    return Controller(plain.name, plain.number, plain.groups, tuple(phases), tuple(yellow), tuple(walks))
+
+
+def _group_number(target: str, groups: Sequence[tuple[int, ...]], synced: Mapping[str, tuple[int, ...]]) -> int | None:
+    """Which of a controller's groups a number, or the name of a synced group, means."""
+    number = re.fullmatch(r"(\d{1,4})(\.0*)?", target)
+    if number:
+        return int(number[1]) if int(number[1]) < len(groups) else None
+    lights = set(synced.get(target, ()))
+    return next((i for i, group in enumerate(groups) if lights & set(group)), None)
+
+
+def _frames(seconds: float) -> int:
+    return round(seconds / DT)
+
+
+def _passes(lanes: Lanes) -> Iterator[int]:
+    """For each lane the lamps of its light that let enter it.
+
+    A left turn wants the arrow, unless the map says that it is not protected.
+    """
+    for signal, turn in zip(lanes.related_signal, lanes.roads.turn.tolist(), strict=True):
+        movement = signal or ("left" if turn > LEFT_TURN else "right" if turn < -LEFT_TURN else "straight")
+        if movement.startswith("left"):
+            yield Lamp.LEFT | (Lamp.GREEN if movement != "left" else 0)
+        elif movement.startswith("right"):
+            yield Lamp.RIGHT | Lamp.GREEN
+        elif movement.startswith("uturn"):
+            yield Lamp.U_TURN | Lamp.LEFT
+        else:
+            yield Lamp.GREEN | Lamp.UP_LEFT | Lamp.UP_RIGHT
+
+
+# Crosswalks
+
+
+def read_crosswalks(files: Mapping[str, tuple[bytes, str]], plan: Plan) -> tuple[Crosswalk, ...]:
+    """Read where people cross; each file is given as above, both may be missing.
+
+    Raises:
+        DocumentError: as above.
+    """
+    stripe_file, group_file = CROSSWALK_FILES
+    stripes = read_document(_STRIPES, *files[stripe_file], MAX_BYTES) if stripe_file in files else []
+    outlines: dict[str, FloatArray] = {}
+    for i, stripe in enumerate(stripes):
+        if len(stripe.points) > 2:  # noqa: PLR2004  # an area has three corners
+            outlines[stripe.idx] = read_line(stripe.points, f"{files[stripe_file][1]}: [{i}].points")
+    entries = read_document(_CROSSWALKS, *files[group_file], MAX_BYTES) if group_file in files else []
+    rows = {light.name: row for row, light in enumerate(plan.lights)}
+    crosswalks = []
+    taken: set[str] = set()
+    for entry in entries:
+        own = [stripe.idx for stripe in stripes if stripe.ref_crosswalk_id == entry.idx]
+        parts = [name for name in dict.fromkeys([*(entry.single_crosswalk_list or ()), *own]) if name in outlines]
+        taken.update(parts)
+        lights = _known(entry.ref_traffic_light_list or (), rows)
+        if parts:
+            crosswalks.append(Crosswalk(entry.idx, tuple(outlines[name] for name in parts), lights))
+    crosswalks += [Crosswalk(name, (outline,)) for name, outline in outlines.items() if name not in taken]
+    return tuple(crosswalks)

@@ -1,0 +1,241 @@
+"""The links of an MGeo map -> lanes: their lines, what they lead to, what lies beside them.
+
+Lanes are the links with geometry of their own. The two-point links that MGeo keeps for lane changes (`lazy_init`) say
+that one may change, not where one drives: they tell neighbours where the links themselves do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Final
+
+import numpy as np
+from pydantic import Field, TypeAdapter
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.morai.documents import Document, Flag, Number, read_document
+from rosbridge_sim.world.geometry import FloatArray, nearest_on_polyline
+from rosbridge_sim.world.roads import Roads
+
+__all__ = ["MAX_BYTES", "MAX_ENTRIES", "Identifier", "Lanes", "read_lanes", "read_line"]
+
+MAX_BYTES: Final = 1 << 28
+"""256 MiB for each file: ten times the link_set of a large city."""
+
+MAX_ENTRIES: Final = 100_000
+MAX_POINTS: Final = 5_000_000
+
+MAX_COORDINATE: Final = 1e7
+"""Metres from the map's own origin: no map is that large, and arc lengths stay exact to the nanometre."""
+
+LANE_WIDTH: Final = 3.5
+"""What MGeo means where no width is forced [m]."""
+
+MAX_BORDER: Final = 20.0
+"""An edge farther from a lane's line than this is some other lane's [m]."""
+
+KMH: Final = 1.0 / 3.6
+"""One km/h [m/s]."""
+
+Identifier = Annotated[str, Field(max_length=1_000)]
+Identifiers = Annotated[list[Identifier], Field(max_length=MAX_ENTRIES)]
+
+
+class _Node(Document):
+    idx: Identifier
+    on_stop_line: Flag | None = None
+
+
+class _Link(Document):
+    idx: Identifier
+    from_node_idx: Identifier | None = None
+    to_node_idx: Identifier | None = None
+    points: list[tuple[float, float, float]]
+    max_speed: Number | None = None
+    lazy_init: Flag | None = None
+    lane_ch_link_path: Identifiers | None = None
+    can_move_left_lane: Flag | None = None
+    can_move_right_lane: Flag | None = None
+    left_lane_change_dst_link_idx: Identifier | None = None
+    right_lane_change_dst_link_idx: Identifier | None = None
+    related_signal: Identifier | None = None
+    width_start: Number | None = None
+    force_width_start: Flag | None = None
+    lane_mark_left: Identifiers | None = None
+    lane_mark_right: Identifiers | None = None
+
+
+class _Border(Document):
+    idx: Identifier
+    points: list[tuple[float, float, float]]
+
+
+_NODES: Final = TypeAdapter(Annotated[list[_Node], Field(max_length=MAX_ENTRIES)])
+_LINKS: Final = TypeAdapter(Annotated[list[_Link], Field(max_length=MAX_ENTRIES)])
+_BORDERS: Final = TypeAdapter(Annotated[list[_Border], Field(max_length=MAX_ENTRIES)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lanes:
+    """The lanes of a map, and what the world's `Roads` has no word for.
+
+    Attributes:
+        roads: the lanes, in the order of the file.
+        related_signal: for each lane the movement that its light names ("straight", "left_unprotected", ...), or "".
+    """
+
+    roads: Roads
+    related_signal: tuple[str, ...]
+
+
+def read_lanes(
+    node_file: tuple[bytes, str], link_file: tuple[bytes, str], border_file: tuple[bytes, str] | None
+) -> Lanes:
+    """Read the lanes of a map; each file is given as its content and what errors call it.
+
+    Args:
+        node_file: `node_set.json`.
+        link_file: `link_set.json`.
+        border_file: `lane_boundary_set.json`, of old `lane_marking_set.json`; a map without it has lanes whose edges
+            lie half a width from their lines.
+
+    Raises:
+        DocumentError: one line: which file, where in it, what was expected, what came.
+    """
+    nodes = read_document(_NODES, *node_file, MAX_BYTES)
+    links = read_document(_LINKS, *link_file, MAX_BYTES)
+    borders = _read_borders(border_file)
+    source = link_file[1]
+    stops = {node.idx: bool(node.on_stop_line) for node in nodes}
+    lanes = [(i, link) for i, link in enumerate(links) if not link.lazy_init]
+    if sum(len(link.points) for _, link in lanes) > MAX_POINTS:
+        raise DocumentError(f"{source}: expected at most {MAX_POINTS:,} points")
+    rows: dict[str, int] = {}
+    starts: dict[str, list[int]] = {}
+    lines = []
+    for row, (i, link) in enumerate(lanes):
+        if link.idx in rows:
+            raise DocumentError(f"{source}: [{i}].idx: {link.idx!r} stands there twice")
+        rows[link.idx] = row
+        for key, node in (("from_node_idx", link.from_node_idx), ("to_node_idx", link.to_node_idx)):
+            if node is not None and node not in stops:
+                raise DocumentError(f"{source}: [{i}].{key}: node_set.json has no node {node!r}")
+        if link.from_node_idx is not None:
+            starts.setdefault(link.from_node_idx, []).append(row)
+        lines.append(read_line(link.points, f"{source}: [{i}].points"))
+    only = [link for _, link in lanes]
+    left, right = _neighbours(only, rows, lines, [link for link in links if link.lazy_init])
+    roads = Roads(
+        [link.idx for link in only],
+        lines,
+        [starts.get(link.to_node_idx, []) if link.to_node_idx is not None else [] for link in only],
+        [_width(link) for link in only],
+        [max(link.max_speed or 0.0, 0.0) * KMH for link in only],
+        left=left,
+        right=right,
+        is_stop=[link.to_node_idx is not None and stops[link.to_node_idx] for link in only],
+        borders=dict(_distances(only, lines, borders)),
+    )
+    return Lanes(roads, tuple((link.related_signal or "").strip().lower() for link in only))
+
+
+def read_line(points: Sequence[tuple[float, float, float]], where: str) -> FloatArray:
+    """(k, 3) a polyline with some length, without points that repeat the one before [m].
+
+    Raises:
+        DocumentError: a coordinate out of bounds, or all points in one place.
+    """
+    line = np.array(points, dtype=np.float64).reshape(-1, 3)
+    # Checked here for all points at once: a city has a million of them.
+    wild = np.flatnonzero(~(np.abs(line) <= MAX_COORDINATE).all(axis=1))
+    if len(wild):
+        raise DocumentError(f"{where}[{wild[0]}]: expected coordinates within {MAX_COORDINATE:,.0f} m")
+    if not (line[1:, :2] != line[:1, :2]).any():
+        raise DocumentError(f"{where}: expected two different points at least, got {len(line)} in one place")
+    is_new = (line[1:, :2] != line[:-1, :2]).any(axis=1)
+    return np.asarray(line[np.concatenate([[True], is_new])])
+
+
+def _width(link: _Link) -> float:
+    is_given = link.force_width_start and link.width_start is not None and link.width_start > 0.0
+    return float(link.width_start or LANE_WIDTH) if is_given else LANE_WIDTH
+
+
+# Beside
+
+
+def _neighbours(
+    lanes: Sequence[_Link], rows: Mapping[str, int], lines: Sequence[FloatArray], changes: Collection[_Link]
+) -> tuple[list[int], list[int]]:
+    """For each lane the rows of those to its left and right that one may change into, or -1.
+
+    A link names its neighbours itself. A map whose links do not may still have links for the change, whose
+    `lane_ch_link_path` runs over two lanes or more; on which side the second lies its line tells.
+    """
+    left, right = [-1] * len(lanes), [-1] * len(lanes)
+    for row, link in enumerate(lanes):
+        if link.can_move_left_lane is not False and link.left_lane_change_dst_link_idx is not None:
+            left[row] = rows.get(link.left_lane_change_dst_link_idx, -1)
+        if link.can_move_right_lane is not False and link.right_lane_change_dst_link_idx is not None:
+            right[row] = rows.get(link.right_lane_change_dst_link_idx, -1)
+    for change in changes:
+        for source, target in pairwise(change.lane_ch_link_path or ()):
+            here, there = rows.get(source, -1), rows.get(target, -1)
+            if here < 0 or there < 0 or here == there:
+                continue
+            middle = lines[there][len(lines[there]) // 2]
+            side = left if nearest_on_polyline(lines[here], middle[0], middle[1]).lateral[0] > 0.0 else right
+            may_change = lanes[here].can_move_left_lane if side is left else lanes[here].can_move_right_lane
+            if side[here] < 0 and may_change is not False:
+                side[here] = there
+    return left, right
+
+
+def _read_borders(border_file: tuple[bytes, str] | None) -> dict[str, FloatArray]:
+    """The edges of lanes by name; what has no length is none."""
+    if border_file is None:
+        return {}
+    entries = read_document(_BORDERS, *border_file, MAX_BYTES)
+    if sum(len(entry.points) for entry in entries) > MAX_POINTS:
+        raise DocumentError(f"{border_file[1]}: expected at most {MAX_POINTS:,} points")
+    borders = {}
+    for i, entry in enumerate(entries):
+        if any(point[:2] != entry.points[0][:2] for point in entry.points):
+            borders[entry.idx] = read_line(entry.points, f"{border_file[1]}: [{i}].points")
+    return borders
+
+
+def _distances(
+    lanes: Sequence[_Link], lines: Sequence[FloatArray], borders: Mapping[str, FloatArray]
+) -> Iterator[tuple[int, FloatArray]]:
+    """Row and (k, 2) distances to the left and right edge, for the lanes whose edges the map draws."""
+    for row, (link, line) in enumerate(zip(lanes, lines, strict=True)):
+        marks = [
+            [borders[name] for name in names or () if name in borders]
+            for names in (link.lane_mark_left, link.lane_mark_right)
+        ]
+        if not any(marks):
+            continue
+        step = np.gradient(line[:, :2], axis=0)
+        length = np.hypot(step[:, 0], step[:, 1])
+        # To the left; a line that turns back on itself has no direction at that point.
+        normal = np.stack((-step[:, 1], step[:, 0]), axis=-1) / np.where(length > 0.0, length, 1.0)[:, None]
+        half = 0.5 * _width(link)
+        sides = (normal, -normal)
+        yield row, np.stack([_distance(line, n, edge, half) for n, edge in zip(sides, marks, strict=True)], axis=-1)
+
+
+def _distance(line: FloatArray, normal: FloatArray, marks: Sequence[FloatArray], otherwise: float) -> FloatArray:
+    """(k,) how far along its normal each point of a line has the nearest of some marks, or `otherwise` [m]."""
+    best = np.full(len(line), np.inf)
+    for mark in marks:
+        near = nearest_on_polyline(mark, line[:, 0], line[:, 1])
+        away = np.stack((near.x, near.y), axis=-1) - line[:, :2]
+        across = (away * normal).sum(axis=1)
+        along = np.abs(away[:, 1] * normal[:, 0] - away[:, 0] * normal[:, 1])
+        # Only a mark that is beside the point counts, not the end of one that begins farther on.
+        is_beside = (across > 0.0) & (along < 0.5 * across) & (across <= MAX_BORDER)
+        best = np.fmin(best, np.where(is_beside, across, np.inf))
+    return np.where(np.isfinite(best), best, otherwise)
