@@ -84,11 +84,16 @@ OnAnswer = Callable[[Answer], None]
 
 @dataclass(eq=False, slots=True)
 class Subscription:
-    """One listener on one topic; the bus compares it by identity."""
+    """One listener on one topic; the bus compares it by identity.
+
+    Attributes:
+        is_idle: it overhears what is published anyhow, but nothing has to be published for its sake.
+    """
 
     topic: Topic
     owner: Owner
     deliver: Deliver
+    is_idle: bool = False
 
 
 @dataclass(eq=False, slots=True)
@@ -98,8 +103,11 @@ class Topic:
     Attributes:
         publishers: owner -> the keys under which it advertised, and how many messages each wants latched.
         subscriptions: in order of arrival; a tuple, so that a delivery may change it safely.
-        latched: the last messages, oldest first, as many as the advertiser who asked for most.
+        depth: how many messages of each publisher are kept for those who come late: what the advertiser who asked for
+            most asked for; 0 keeps none.
+        kept: publisher -> its last messages; whoever published last stands last.
         owner: the one owner that may publish, for the simulator's outputs; None where all may.
+        on_demand: the publishers that are silent while nobody listens.
         orphaned_at: when the last publisher left [s]; None while there is one.
     """
 
@@ -107,24 +115,43 @@ class Topic:
     type: MessageType | OpaqueType
     publishers: dict[Owner, dict[object, int]] = field(default_factory=dict)
     subscriptions: tuple[Subscription, ...] = ()
-    latched: deque[Message] = field(default_factory=lambda: deque(maxlen=0))
+    depth: int = 0
+    kept: dict[Owner, deque[Message]] = field(default_factory=dict)
     owner: Owner | None = None
+    on_demand: dict[Owner, None] = field(default_factory=dict)
     orphaned_at: float | None = None
 
     @property
     def is_latching(self) -> bool:
         """Whether messages are kept for those who come late."""
-        return bool(self.latched.maxlen)
+        return bool(self.depth)
+
+    @property
+    def latched(self) -> list[Message]:
+        """What is kept for those who come late: of each publisher the last messages, oldest first."""
+        return [message for messages in self.kept.values() for message in messages]
 
     @property
     def has_listener(self) -> bool:
-        """Whether a message would reach anybody now."""
-        return bool(self.subscriptions)
+        """Whether somebody waits for a message; who only overhears does not count."""
+        for subscription in self.subscriptions:  # noqa: SIM110 - asked for each output at each frame; `any` is slower
+            if not subscription.is_idle:
+                return True
+        return False
 
     @property
     def is_worth_publishing(self) -> bool:
         """Whether a message would reach anybody now or, latched, later."""
-        return self.is_latching or bool(self.subscriptions)
+        return self.is_latching or self.has_listener
+
+    def keep(self, sender: Owner, message: Message) -> None:
+        """Keep a message for those who come late (for the bus alone)."""
+        messages = self.kept.pop(sender, None)
+        if messages is None:
+            messages = deque(maxlen=self.depth)
+            self.kept = {owner: old for owner, old in self.kept.items() if owner in self.publishers}
+        messages.append(message)
+        self.kept[sender] = messages
 
 
 @dataclass(eq=False, slots=True)
@@ -240,6 +267,7 @@ class Bus:
         depth: int = 0,
         key: object = None,
         is_exclusive: bool = False,
+        is_on_demand: bool = False,
     ) -> Topic:
         """The topic, with `owner` as one of its publishers.
 
@@ -247,9 +275,11 @@ class Bus:
             owner: who will publish.
             name: may be relative.
             type_name: in any accepted spelling.
-            depth: keep so many of the last messages for those who come later; the topic keeps the highest asked for.
+            depth: keep so many of the last messages for those who come later, of each publisher as many as the one who
+                asks for most.
             key: tells several advertisements of one owner apart; the same key again replaces the old one.
             is_exclusive: nobody else may publish here.
+            is_on_demand: the owner publishes only while the topic has a listener.
 
         Raises:
             GraphError: type conflict, or the topic is somebody else's alone.
@@ -260,6 +290,8 @@ class Bus:
             topic.owner = owner
         elif topic.owner is not None and topic.owner is not owner:
             raise GraphError(f"Topic {topic.name} is published by {topic.owner.name} alone; others may only subscribe")
+        if is_on_demand:
+            topic.on_demand[owner] = None
         topic.publishers.setdefault(owner, {})[key] = depth
         topic.orphaned_at = None
         self._orphans.pop(topic, None)
@@ -288,8 +320,8 @@ class Bus:
             PeerError: what a listener found wrong with the message; all others have it all the same.
         """
         self.num_published += 1
-        if topic.latched.maxlen:
-            topic.latched.append(message)
+        if topic.depth:
+            topic.keep(sender, message)
         problem: PeerError | None = None
         for subscription in topic.subscriptions:
             try:
@@ -299,15 +331,24 @@ class Bus:
         if problem is not None:
             raise problem
 
-    def subscribe(self, owner: Owner, name: str, deliver: Deliver, *, type_name: str | None = None) -> Subscription:
+    def subscribe(
+        self, owner: Owner, name: str, deliver: Deliver, *, type_name: str | None = None, is_idle: bool = False
+    ) -> Subscription:
         """Listen to a topic. What is latched there is the caller's to fetch: `subscription.topic.latched`.
+
+        Args:
+            owner: who listens.
+            name: may be relative.
+            deliver: gets each message.
+            type_name: in any accepted spelling; None takes the topic's.
+            is_idle: overhear only; the subscription's own `is_idle` may be changed later.
 
         Raises:
             GraphError: type conflict, or no type given for a topic that nobody has advertised.
             TypeNameError: the type cannot be had.
         """
         topic = self._topic(name, type_name)
-        subscription = Subscription(topic, owner, deliver)
+        subscription = Subscription(topic, owner, deliver, is_idle)
         topic.subscriptions += (subscription,)
         self._held(owner).subscriptions[subscription] = None
         return subscription
@@ -502,11 +543,15 @@ class Bus:
     def _settle_latching(self, topic: Topic) -> None:
         if topic.publishers:  # what is latched outlives its publishers for as long as the type does
             depth = max(depth for keys in topic.publishers.values() for depth in keys.values())
-            if depth != topic.latched.maxlen:
-                topic.latched = deque(topic.latched, maxlen=depth)
+            if depth != topic.depth:
+                topic.depth = depth
+                topic.kept = {owner: deque(kept, maxlen=depth) for owner, kept in topic.kept.items() if depth}
 
     def _drop_publisher(self, owner: Owner, topic: Topic, now: float) -> None:
         topic.publishers.pop(owner, None)
+        topic.on_demand.pop(owner, None)
+        if topic.publishers:
+            topic.kept.pop(owner, None)
         if topic.owner is owner:
             topic.owner = None
         self._held(owner).published.pop(topic, None)
@@ -524,7 +569,8 @@ class Bus:
     def _forget(self, topic: Topic) -> None:
         """Forget a topic without publishers, its type too if nobody waits there."""
         del self._orphans[topic]
-        topic.latched = deque(maxlen=0)
+        topic.depth = 0
+        topic.kept = {}
         if not topic.subscriptions and self.topics.get(topic.name) is topic:
             del self.topics[topic.name]
 

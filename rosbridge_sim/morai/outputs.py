@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import heapq
 import logging
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
@@ -30,6 +31,8 @@ MAX_RATE: Final = 120.0
 """What MORAI allows for a publisher [Hz]."""
 
 _FRAME_RATE: Final = 50
+
+_FURTHER_EGO = re.compile(r"/Ego-\d+(?=/)")
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
@@ -73,26 +76,36 @@ class Outputs:
         self._ticket = count()
 
     def add(self, name: str, type_name: str, make: Callable[[], Any]) -> None:
-        """Publish a topic with every frame, or at its rate.
+        """Publish a topic with every frame, or at its rate; a further ego's at that of the first where it has none.
 
         Raises:
             DocumentError: its rate is none.
+            GraphError: somebody has given the topic another type.
         """
-        rate = self._rates.get(name, float(_FRAME_RATE))
-        if not 0.0 < rate <= MAX_RATE:
-            raise DocumentError(f"rate of {name}: expected more than 0 and at most {MAX_RATE:g} Hz; got {rate!r}")
+        rate = self._rates.get(name, self._rates.get(_of_first_ego(name), float(_FRAME_RATE)))
+        _check_rate(name, rate)
         topic = self._bus.advertise(self._owner, name, type_name, is_exclusive=True)
         self._feeds.append(Feed(topic, make, Fraction(rate).limit_denominator(10_000) / _FRAME_RATE))
 
+    def remove(self, prefix: str, now: float) -> None:
+        """Publish the topics under a prefix no longer."""
+        gone = {feed.topic: None for feed in self._feeds if feed.topic.name.startswith(prefix)}
+        self._feeds = [feed for feed in self._feeds if feed.topic not in gone]
+        self._repeats = [repeat for repeat in self._repeats if repeat[2] not in gone]
+        heapq.heapify(self._repeats)
+        for topic in gone:
+            self._bus.unadvertise(self._owner, topic.name, now)
+
     def check_rates(self) -> None:
-        """Refuse rates of topics that are not there, once all are.
+        """Refuse rates of topics that are not there, once all are; further egos' may come.
 
         Raises:
             DocumentError: names the first one.
         """
         known = [feed.topic.name for feed in self._feeds]
-        for name in self._rates:
-            if name not in known:
+        for name, rate in self._rates.items():
+            _check_rate(name, rate)
+            if _of_first_ego(name) not in known:
                 raise DocumentError(
                     f"rate of {name}: the simulator publishes {', '.join(known)} at a rate of one's own"
                 )
@@ -101,7 +114,7 @@ class Outputs:
         """Publish the world as it stands on every topic that somebody listens to."""
         for feed in self._feeds:
             topic = feed.topic
-            if topic.subscriptions:
+            if topic.has_listener:
                 self.publish(topic, Message(topic.type, feed.make()), now)
 
     def show_due(self, frame: int, shown_at: float, now: float) -> None:
@@ -115,7 +128,7 @@ class Outputs:
         for feed in self._feeds:
             num = feed.num_due(frame)
             topic = feed.topic
-            if not num or not topic.subscriptions:
+            if not num or not topic.has_listener:
                 continue
             message = Message(topic.type, feed.make())
             self.publish(topic, message, now)
@@ -131,7 +144,7 @@ class Outputs:
         """Publish again what is due by now."""
         while self._repeats and self._repeats[0][0] <= now:
             _, _, topic, message = heapq.heappop(self._repeats)
-            if topic.subscriptions:
+            if topic.has_listener:
                 self.publish(topic, message, now)
 
     def forget_repeats(self) -> None:
@@ -144,3 +157,13 @@ class Outputs:
             self._bus.publish(self._owner, topic, message, now)
         except PeerError as error:
             _log.warning("a listener of %s refused a message: %s", topic.name, error)
+
+
+def _of_first_ego(name: str) -> str:
+    """The first ego's topic that is what this one is of another ego; any other name as it is."""
+    return _FURTHER_EGO.sub("", name, count=1)
+
+
+def _check_rate(name: str, rate: float) -> None:
+    if not 0.0 < rate <= MAX_RATE:
+        raise DocumentError(f"rate of {name}: expected more than 0 and at most {MAX_RATE:g} Hz; got {rate!r}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import Any
 
 import pytest
@@ -115,10 +114,45 @@ def test_a_latched_message_outlives_its_publisher_as_long_as_the_type_does() -> 
     message = text(bus, "x")
     bus.publish(first, topic, message, 0.0)
     bus.leave(first, 0.0)
-    assert bus.subscribe(second, "/t", second.deliver).topic.latched == deque([message])
+    assert bus.subscribe(second, "/t", second.deliver).topic.latched == [message]
     bus.expire(TYPE_MEMORY)
     assert not topic.latched
     assert bus.find_topic("t") is topic
+
+
+def test_what_one_publisher_latched_is_not_pushed_out_by_another() -> None:
+    bus, first, second, third = make_bus(), Somebody(), Somebody(), Somebody()
+    topic = bus.advertise(first, "/t", STRING, depth=1)
+    bus.advertise(second, "/t", STRING)
+    one, two, three, four = (text(bus, data) for data in ("1", "2", "3", "4"))
+    bus.publish(first, topic, one, 0.0)
+    bus.publish(second, topic, two, 0.0)
+    bus.publish(second, topic, three, 0.0)
+    assert topic.latched == [one, three]
+    bus.publish(first, topic, four, 0.0)
+    assert topic.latched == [three, four]
+    bus.leave(second, 0.0)
+    assert topic.latched == [four]
+    bus.leave(first, 0.0)
+    bus.advertise(third, "/t", STRING, depth=2)
+    assert topic.latched == [four]  # it is still what was said last
+    bus.publish(third, topic, two, 0.0)
+    assert topic.latched == [two]
+
+
+def test_who_only_overhears_is_no_listener_but_hears() -> None:
+    bus, sender, listener = make_bus(), Somebody(), Somebody()
+    topic = bus.advertise(sender, "/t", STRING, is_on_demand=True)
+    subscription = bus.subscribe(listener, "/t", listener.deliver, is_idle=True)
+    assert not topic.has_listener
+    assert not topic.is_worth_publishing
+    assert list(topic.on_demand) == [sender]
+    bus.publish(sender, topic, text(bus, "x"), 0.0)
+    assert len(listener.heard) == 1
+    subscription.is_idle = False
+    assert topic.has_listener
+    bus.leave(sender, 0.0)
+    assert not topic.on_demand
 
 
 def test_a_call_is_given_up_at_its_deadline() -> None:
