@@ -139,10 +139,10 @@ class Simulator:
             await server.start(settings.host, settings.port, certificate)
         except (OSError, UnicodeError) as error:
             raise AddressError(_why_not(settings, error)) from None
-        if settings.token is None and not server.is_loopback:
-            _log.warning("whoever reaches %s port %d is let in; --token asks for one", settings.host, server.port)
         self._reports = Reports(bus, server, asyncio.get_running_loop())
         self.bus, self.node, self._server, self._clockwork = bus, node, server, clockwork
+        if settings.token is None and not server.is_loopback:
+            _log.warning("%s wants no token: whoever reaches it is let in; --token sets one", self.url)
         clockwork.look()
 
     async def stop(self) -> None:

@@ -1,0 +1,692 @@
+"""Who may connect and how fast a client may talk: whoever is refused is told, and nobody else notices."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import ssl
+import subprocess
+import sys
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import AsyncExitStack
+from datetime import UTC, datetime, timedelta
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Any
+
+import pytest
+import pytest_asyncio
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import NameOID
+from websockets.asyncio.client import connect as connect_socket
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
+from websockets.http11 import Request
+
+from rosbridge_sim import DocumentError, Simulator
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.peer import Peer
+from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
+from rosbridge_sim.protocol.session import Session
+from rosbridge_sim.shell.access import (
+    LEAST_BURST,
+    MAX_TRIES,
+    MAX_UNPROVEN_SIZE,
+    Access,
+    Bucket,
+    Refusal,
+    Warden,
+    load_certificate,
+)
+from rosbridge_sim.shell.server import Server, ServerLimits
+from tests.conftest import Connect, Serve
+from tests.graph.room import make_store
+from tests.support import PATIENCE, Client
+
+TOKEN = "s3cret/+="  # noqa: S105 - a test's own
+
+BEARER = {"Authorization": f"Bearer {TOKEN}"}
+
+
+async def enter(url: str, headers: dict[str, str] | None = None, context: ssl.SSLContext | None = None) -> Client:
+    """A client whose handshake has headers of its own."""
+    return Client(
+        await connect_socket(
+            url, additional_headers=headers, ssl=context, compression=None, ping_interval=None, proxy=None
+        )
+    )
+
+
+async def turned_away(url: str, **headers: str) -> tuple[int, str, dict[str, str]]:
+    """Status, text and headers with which a handshake is refused."""
+    with pytest.raises(InvalidStatus) as caught:
+        await enter(url, headers)
+    response = caught.value.response
+    assert response.body is not None
+    return response.status_code, response.body.decode(), dict(response.headers.raw_items())
+
+
+async def read_to_the_end(client: Client) -> list[dict[str, Any]]:
+    """All that still comes before the connection is closed."""
+    frames = list(client.inbox)
+    async with asyncio.timeout(PATIENCE):
+        try:
+            while True:
+                frames.append(json.loads(await client.socket.recv()))
+        except ConnectionClosed:
+            return frames
+
+
+class Pair:
+    """Two clients that are let in and talk to each other, whatever happens around them."""
+
+    def __init__(self, talker: Client, listener: Client) -> None:
+        self._talker = talker
+        self._listener = listener
+        self._count = 0
+
+    async def go_on(self) -> None:
+        """One more message goes from the one to the other, and neither has heard anything else."""
+        self._count += 1
+        await self._talker.send("publish", topic="/pair", type="std_msgs/Int32", msg={"data": self._count})
+        assert await self._listener.message("/pair") == {"data": self._count}
+        assert await self._talker.settle() == []
+        assert await self._listener.settle() == []
+
+
+Listen = Callable[..., Awaitable[tuple[str, Server]]]
+Pairs = Callable[..., Awaitable[Pair]]
+
+
+@pytest_asyncio.fixture
+async def listen() -> AsyncIterator[Listen]:
+    """Servers over a bus with nothing but rosapi on it, with rules of the test's own."""
+    async with AsyncExitStack() as stack:
+
+        async def start(**rules: Any) -> tuple[str, Server]:  # noqa: ANN401 - each rule of its own type
+            bus = Bus(make_store())
+            Rosapi(bus)
+            server = Server(bus, ServerLimits(access=Access(**rules)), lambda: None)
+            await server.start("127.0.0.1", 0)
+            stack.push_async_callback(server.stop)
+            return f"ws://127.0.0.1:{server.port}", server
+
+        yield start
+
+
+@pytest_asyncio.fixture
+async def pairs() -> AsyncIterator[Pairs]:
+    async with AsyncExitStack() as stack:
+
+        async def make(url: str, **headers: str) -> Pair:
+            talker, listener = [await stack.enter_async_context(await enter(url, headers)) for _ in range(2)]
+            await listener.subscribe("/pair", type="std_msgs/Int32")
+            return Pair(talker, listener)
+
+        yield make
+
+
+# The token
+
+
+async def test_a_wrong_token_in_the_handshake_is_told_and_nobody_else_notices(listen: Listen, pairs: Pairs) -> None:
+    url, server = await listen(token=TOKEN)
+    pair = await pairs(url, **BEARER)
+    for refused in (
+        await turned_away(url, Authorization="Bearer wrong"),
+        await turned_away(url, Authorization=f"bearer {TOKEN}x"),
+        await turned_away(f"{url}/?token=wrong"),
+        await turned_away(f"{url}?token={TOKEN[:-1]}&token="),
+    ):
+        status, text, headers = refused
+        assert (status, text) == (401, "The token is wrong\n")
+        assert headers["WWW-Authenticate"] == "Bearer"
+        await pair.go_on()
+    assert len(server.clients) == 2
+
+
+@pytest.mark.parametrize(
+    ("query", "headers"),
+    [
+        ("", BEARER),
+        ("", {"Authorization": f"bearer   {TOKEN}"}),
+        ("/?token=s3cret%2F%2B%3D", {}),
+        ("?a=b&token=s3cret/%2B=", {}),
+        ("/?token=s3cret/%2B=", {"Authorization": "Basic abc"}),
+        ("/?token=wrong", BEARER),
+    ],
+)
+async def test_the_token_in_the_handshake_lets_in(listen: Listen, query: str, headers: dict[str, str]) -> None:
+    url, _ = await listen(token=TOKEN)
+    async with await enter(url + query, headers) as client:
+        assert await client.settle() == []
+
+
+async def test_until_the_token_is_shown_each_op_is_refused_with_an_answer(listen: Listen, pairs: Pairs) -> None:
+    url, _ = await listen(token=TOKEN)
+    pair = await pairs(url, **BEARER)
+    async with await enter(url) as client:
+        await client.send("subscribe", topic="/pair", type="std_msgs/Int32", id="s")
+        status = await client.take("status", id="s")
+        assert "token" in status["msg"]
+        assert status["level"] == "error"
+        answer = await client.call("/rosapi/topics")
+        assert (answer["result"], answer["values"]) == (False, status["msg"])
+        await client.send("send_action_goal", action="/a", id="g")
+        assert (await client.take("action_result", id="g"))["result"] is False
+        await client.send("auth", mac="rosauth's", id="a")
+        assert (await client.take("status", id="a"))["msg"] == status["msg"]
+        await client.send("auth", token="wrong", id="a")  # noqa: S106 - a test's own
+        assert (await client.take("status", id="a"))["msg"] == "The token is wrong"
+        await pair.go_on()
+        assert not client.inbox
+
+        await client.send("auth", token=TOKEN)
+        await client.subscribe("/pair", type="std_msgs/Int32")
+        await pair.go_on()
+        assert (await client.message("/pair"))["data"] == 2
+
+
+async def test_what_is_glued_behind_the_token_is_done(listen: Listen) -> None:
+    url, _ = await listen(token=TOKEN)
+    async with await enter(url) as client:
+        ops = [
+            {"op": "auth", "token": TOKEN},
+            {"op": "subscribe", "topic": "/t", "type": "std_msgs/Int32"},
+            {"op": "publish", "topic": "/t", "msg": {"data": 1}},
+        ]
+        await client.send_raw("".join(map(json.dumps, ops)))
+        assert await client.message("/t") == {"data": 1}
+
+
+async def test_who_shows_no_token_is_told_and_closed_after_a_while(listen: Listen, pairs: Pairs) -> None:
+    url, _ = await listen(token=TOKEN, patience=0.05)
+    pair = await pairs(url, **BEARER)
+    client = await enter(url)
+    (status,) = await read_to_the_end(client)
+    assert "token" in status["msg"]
+    assert (client.socket.close_code, client.socket.close_reason) == (1008, "no token was shown in time")
+    await pair.go_on()
+
+
+async def test_who_keeps_guessing_is_closed(listen: Listen, pairs: Pairs) -> None:
+    url, _ = await listen(token=TOKEN)
+    pair = await pairs(url, **BEARER)
+    client = await enter(url)
+    for guess in range(MAX_TRIES + 2):
+        await client.send("auth", token=str(guess))
+    frames = await read_to_the_end(client)
+    assert [frame["msg"] for frame in frames] == ["The token is wrong"] * MAX_TRIES
+    assert (client.socket.close_code, client.socket.close_reason) == (1008, "wrong tokens")
+    await pair.go_on()
+
+
+async def test_where_no_token_is_wanted_any_is_welcome(listen: Listen) -> None:
+    url, _ = await listen()
+    async with await enter(f"{url}/?token=x", {"Authorization": "Bearer y"}) as client:
+        await client.send("auth", token="z")  # noqa: S106 - a test's own
+        await client.send("auth", mac="x", client="x", dest="x", rand="x", t=0, level="x", end=0)
+        assert await client.settle() == []
+
+
+@pytest.mark.client
+@pytest.mark.slow
+async def test_roslibpy_shows_its_token_in_a_header(listen: Listen) -> None:
+    _, server = await listen(token=TOKEN)
+    program = (
+        "import roslibpy, sys\n"
+        f"ros = roslibpy.Ros('127.0.0.1', {server.port}, headers={BEARER})\n"
+        "ros.run()\n"
+        "print(sorted(ros.get_services())[0])\n"
+        "ros.terminate()\n"
+    )
+    process = await asyncio.create_subprocess_exec(sys.executable, "-c", program, stdout=subprocess.PIPE)
+    async with asyncio.timeout(3 * PATIENCE):
+        out, _ = await process.communicate()
+    assert out.decode().startswith("/rosapi/")
+
+
+# Pages
+
+
+def judge(access: Access, *, is_loopback: bool, **headers: str) -> Refusal | None:
+    return access.judge(Request("/", Headers(headers.items())), 0, is_loopback=is_loopback)
+
+
+@pytest.mark.parametrize("is_loopback", [True, False])
+def test_what_is_no_page_has_no_origin_and_is_let_in(*, is_loopback: bool) -> None:
+    for origins in ((), ("https://a.example",)):
+        assert judge(Access(origins=origins), is_loopback=is_loopback, Host="x:9090") is None
+
+
+@pytest.mark.parametrize("origin", ["http://localhost:8080", "https://evil.example", "null", "file://", "http://[::1"])
+def test_on_loopback_any_page_is_let_in(origin: str) -> None:
+    assert judge(Access(), is_loopback=True, Origin=origin, Host="127.0.0.1:9090") is None
+
+
+@pytest.mark.parametrize(
+    ("origin", "host", "is_let_in"),
+    [
+        ("http://robot.local", "robot.local:9090", True),
+        ("https://Robot.local:8443", "robot.local:9090", True),
+        ("http://10.0.0.7:8080", "10.0.0.7:9090", True),
+        ("http://[fd00::1]:8080", "[fd00::1]:9090", True),
+        ("http://robot.local.evil.example", "robot.local:9090", False),
+        ("http://robot.local@evil.example", "robot.local:9090", False),
+        ("https://evil.example", "robot.local:9090", False),
+        ("null", "robot.local:9090", False),
+        ("null", "", False),
+        ("", "", False),
+        ("http://[::1", "[::1", False),
+    ],
+)
+def test_elsewhere_pages_of_the_same_host_are_let_in(origin: str, host: str, *, is_let_in: bool) -> None:
+    refusal = judge(Access(), is_loopback=False, Origin=origin, Host=host)
+    assert (refusal is None) is is_let_in
+    if refusal is not None:
+        assert refusal.status == 403
+        assert origin in refusal.text
+
+
+@pytest.mark.parametrize(
+    ("origin", "is_let_in"),
+    [
+        ("https://app.example.org", True),
+        ("https://APP.example.org", True),
+        ("http://app.example.org", False),
+        ("https://a.b.tools.example", True),
+        ("https://tools.example", False),
+        ("http://localhost:5173", True),
+        ("http://[::1]:8080", True),
+        ("null", False),
+        ("http://127.0.0.1:9090", False),
+    ],
+)
+@pytest.mark.parametrize("is_loopback", [True, False])
+def test_a_list_of_pages_stands_in_place_of_the_default(origin: str, *, is_let_in: bool, is_loopback: bool) -> None:
+    origins = ("https://app.example.org/", "https://*.tools.example", "http://localhost:*", "http://[::1]:8080")
+    refusal = judge(Access(origins=origins), is_loopback=is_loopback, Origin=origin, Host="127.0.0.1:9090")
+    assert (refusal is None) is is_let_in
+
+
+def test_two_origins_are_none() -> None:
+    headers = Headers([("Origin", "http://a"), ("Origin", "http://a"), ("Host", "a")])
+    refusal = Access().judge(Request("/", headers), 0, is_loopback=True)
+    assert refusal is not None
+
+
+async def test_a_page_that_may_not_is_told_and_nobody_else_notices(listen: Listen, pairs: Pairs) -> None:
+    url, server = await listen(origins=("https://app.example",))
+    pair = await pairs(url, Origin="https://app.example")
+    status, text, _ = await turned_away(url, Origin="https://evil.example")
+    assert status == 403
+    assert text == "Pages from https://evil.example may not connect here; --allow-origin would let them\n"
+    await pair.go_on()
+    assert len(server.clients) == 2
+
+
+async def test_loopback_is_known_by_where_the_server_really_listens() -> None:
+    for host, is_loopback in (("127.0.0.1", True), ("localhost", True), ("127.0.0.3", True), ("0.0.0.0", False)):  # noqa: S104
+        server = Server(Bus(make_store()), ServerLimits(), lambda: None)
+        await server.start(host, 0)
+        assert server.is_loopback is is_loopback
+        await server.stop()
+
+
+# Room
+
+
+async def test_one_too_many_is_told_and_comes_in_when_there_is_room(listen: Listen, pairs: Pairs) -> None:
+    url, server = await listen(max_clients=3)
+    pair = await pairs(url)
+    third = await enter(url)
+    status, text, _ = await turned_away(url)
+    assert status == 503
+    assert text == "There are 3 clients already, and no room for more; try again later\n"
+    await pair.go_on()
+    await third.close()
+    while len(server.clients) > 2:
+        await pair.go_on()
+    async with await enter(url) as fourth:
+        assert await fourth.settle() == []
+    await pair.go_on()
+
+
+async def test_who_all_come_at_once_are_counted_too(listen: Listen) -> None:
+    url, server = await listen(max_clients=5)
+    came = await asyncio.gather(*(enter(url) for _ in range(20)), return_exceptions=True)
+    inside = [client for client in came if isinstance(client, Client)]
+    assert len(inside) == len(server.clients) == 5
+    assert [one.response.status_code for one in came if isinstance(one, InvalidStatus)] == [503] * 15
+    for client in inside:
+        await client.close()
+
+
+async def test_health_is_told_without_a_token_and_when_all_is_full(listen: Listen) -> None:
+    url, server = await listen(token=TOKEN, max_clients=1)
+    async with await enter(url):
+        reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        writer.write(b"GET /healthz HTTP/1.1\r\nHost: x\r\nOrigin: http://evil.example\r\n\r\n")
+        async with asyncio.timeout(PATIENCE):
+            assert (await reader.read()).startswith(b"HTTP/1.1 200 ")
+        writer.close()
+        await writer.wait_closed()
+
+
+# Pace
+
+
+def test_a_bucket_gives_its_burst_and_then_its_rate() -> None:
+    bucket = Bucket(rate=2.0, burst=3.0, now=10.0)
+    assert [bucket.take(10.0) for _ in range(4)] == [True, True, True, False]
+    assert [bucket.take(10.5), bucket.take(10.5)] == [True, False]
+    assert [bucket.take(11.25), bucket.take(11.5), bucket.take(11.5)] == [True, True, False]
+    assert [bucket.take(1e6) for _ in range(4)] == [True, True, True, False]
+
+
+class Guarded:
+    """A client in memory behind a warden."""
+
+    def __init__(self, **rules: Any) -> None:  # noqa: ANN401 - each rule of its own type
+        self.bus = Bus(make_store())
+        Rosapi(self.bus)
+        self.outbox = Outbox(OutboxLimits(), lambda: None, lambda: None)
+        self.peer = Peer(self.bus, Session(self.outbox, lambda _due: None))
+        self.closed: list[str] = []
+        access = Access(**rules)
+        self.warden = Warden(
+            self.peer,
+            access,
+            0.0,
+            is_proven=access.token is None,
+            on_proven=lambda: None,
+            close=self.closed.append,
+        )
+
+    def says(self, now: float, *ops: dict[str, object]) -> list[dict[str, Any]]:
+        """What comes back for a frame of these ops."""
+        self.warden.receive("".join(map(json.dumps, ops)).encode(), now)
+        return [json.loads(frame) for frame in self.outbox.take(2**40)]
+
+
+HELLO: dict[str, object] = {"op": "publish", "topic": "/t", "type": "std_msgs/String", "id": "p"}
+
+
+def test_too_fast_is_told_once_a_second_and_what_is_above_is_refused() -> None:
+    client = Guarded(max_rate=200)
+    assert [client.says(0.0, HELLO) for _ in range(200)] == [[]] * 200
+    why = "Too fast: at most 200 frames a second are taken from one client"
+
+    def told(count: int) -> list[dict[str, Any]]:
+        return [{"op": "status", "level": "error", "msg": f"{why}; refused so far: {count}", "id": "p"}]
+
+    assert client.says(0.0, HELLO) == told(1)
+    assert [client.says(0.0, HELLO) for _ in range(99)] == [[]] * 99
+    assert client.bus.num_published == 200
+    assert client.says(0.5, *[HELLO] * 101) == []  # half a second's worth, and one above
+    assert client.bus.num_published == 300
+    assert client.says(1.0, *[HELLO] * 101) == told(102)
+    assert client.bus.num_published == 400
+    assert client.closed == []
+
+
+def test_what_waits_for_an_answer_gets_one_each_time() -> None:
+    client = Guarded(max_rate=1)
+    call: dict[str, object] = {"op": "call_service", "service": "/rosapi/get_time", "id": 1}
+    goal: dict[str, object] = {"op": "send_action_goal", "action": "/a", "id": "g"}
+    assert all(client.says(0.0, call)[0]["result"] for _ in range(LEAST_BURST))
+    answer, status = client.says(0.0, call)
+    assert (answer["op"], answer["id"], answer["result"]) == ("service_response", 1, False)
+    assert answer["values"].startswith("Too fast")
+    assert status["op"] == "status"
+    (answer,) = client.says(0.0, call)
+    assert answer["result"] is False
+    (end,) = client.says(0.0, goal)
+    assert (end["op"], end["result"], end["id"]) == ("action_result", False, "g")
+
+
+def test_answers_that_others_wait_for_are_never_refused() -> None:
+    client = Guarded(max_rate=1)
+    caller_outbox = Outbox(OutboxLimits(), lambda: None, lambda: None)
+    caller = Peer(client.bus, Session(caller_outbox, lambda _due: None))
+    client.says(0.0, {"op": "advertise_service", "service": "/s", "type": "std_srvs/Trigger"})
+    for _ in range(2 * LEAST_BURST):
+        caller.receive(b'{"op":"call_service","service":"/s"}', 0.0)
+    calls = [json.loads(frame) for frame in client.outbox.take(2**40)]
+    for call in calls:
+        answer = {"op": "service_response", "service": "/s", "id": call["id"], "result": True, "values": {}}
+        assert client.says(0.0, answer) == []
+    answers = [json.loads(frame) for frame in caller_outbox.take(2**40)]
+    assert [answer["result"] for answer in answers] == [True] * 2 * LEAST_BURST
+    assert client.says(0.0, HELLO)[0]["msg"].startswith("Too fast")  # but they count
+
+
+def test_pieces_and_rubbish_count() -> None:
+    client = Guarded(max_rate=1)
+    for _ in range(LEAST_BURST):
+        client.warden.receive(b"rubbish", 0.0)
+    client.outbox.take(2**40)
+    assert client.says(0.0, HELLO)[0]["msg"].startswith("Too fast")
+
+
+async def test_who_talks_too_fast_stays_connected_and_nobody_else_notices(listen: Listen, pairs: Pairs) -> None:
+    url, server = await listen(max_rate=200)
+    pair = await pairs(url)
+    async with await enter(url) as noisy:
+        for _ in range(20):
+            for _ in range(500):
+                await noisy.send("publish", topic="/noise", type="std_msgs/String", msg={})
+            await pair.go_on()
+        assert "Too fast" in (await noisy.take("status"))["msg"]
+        assert len(server.clients) == 3
+        while not (await noisy.call("/rosapi/get_time"))["result"]:
+            pass  # it is heard again as soon as its time has come
+
+
+# What a warden lets nobody do without the token
+
+
+def test_a_long_frame_is_not_read_before_the_token_is_shown() -> None:
+    client = Guarded(token=TOKEN)
+    (status,) = client.says(0.0, {"op": "auth", "token": TOKEN, "pad": "x" * MAX_UNPROVEN_SIZE})
+    assert "token" in status["msg"]
+    assert not client.warden.is_proven
+    assert client.says(0.0, {"op": "auth", "token": TOKEN}) == []
+    assert client.warden.is_proven
+
+
+def test_no_token_after_the_tries_are_used_up() -> None:
+    client = Guarded(token=TOKEN)
+    for _ in range(MAX_TRIES):
+        client.says(0.0, {"op": "auth", "token": "wrong"})
+    assert client.closed == ["wrong tokens"]
+    assert client.says(0.0, {"op": "auth", "token": TOKEN}) == []
+    assert not client.warden.is_proven
+
+
+@pytest.mark.parametrize("token", ["", "ö", "\udcff", "s3cret/+", TOKEN + "\0", TOKEN.upper()])
+def test_what_is_not_the_token(token: str) -> None:
+    assert not Access(token=TOKEN).is_token(token)
+
+
+def test_a_token_does_not_show_itself() -> None:
+    assert TOKEN not in repr(Access(token=TOKEN))
+
+
+def test_a_deadline_that_passes_after_the_token_was_shown_means_nothing() -> None:
+    client = Guarded(token=TOKEN)
+    client.says(0.0, {"op": "auth", "token": TOKEN})
+    client.warden.expire()
+    assert client.closed == []
+
+
+# TLS
+
+
+class Certificate:
+    """A certificate that vouches for itself, for 127.0.0.1, and its key, as files."""
+
+    def __init__(self, folder: Path) -> None:
+        key = ec.generate_private_key(ec.SECP256R1())
+        name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "rosbridge_sim test")])
+        now = datetime.now(UTC)
+        certificate = (
+            x509.CertificateBuilder()
+            .subject_name(name)
+            .issuer_name(name)
+            .public_key(key.public_key())
+            .serial_number(x509.random_serial_number())
+            .not_valid_before(now - timedelta(days=1))
+            .not_valid_after(now + timedelta(days=1))
+            .add_extension(x509.SubjectAlternativeName([x509.IPAddress(ip_address("127.0.0.1"))]), critical=False)
+            .sign(key, hashes.SHA256())
+        )
+        encoding, form = serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8
+        self.key_text = key.private_bytes(encoding, form, serialization.NoEncryption())
+        self.locked_key_text = key.private_bytes(encoding, form, serialization.BestAvailableEncryption(b"word"))
+        self.text = certificate.public_bytes(encoding)
+        self.certfile, self.keyfile = str(folder / "cert.pem"), str(folder / "key.pem")
+        Path(self.certfile).write_bytes(self.text)
+        Path(self.keyfile).write_bytes(self.key_text)
+
+    @property
+    def context(self) -> ssl.SSLContext:
+        """What a client needs who trusts this certificate and no other."""
+        return ssl.create_default_context(cafile=self.certfile)
+
+
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory: pytest.TempPathFactory) -> Certificate:
+    return Certificate(tmp_path_factory.mktemp("certificate"))
+
+
+async def test_with_a_certificate_it_is_wss(certificate: Certificate) -> None:
+    options: dict[str, object] = {"certfile": certificate.certfile, "keyfile": certificate.keyfile, "token": TOKEN}
+    async with Simulator(port=0, world=False, **options) as sim:
+        assert sim.url == f"wss://127.0.0.1:{sim.port}"
+        async with await enter(sim.url, headers=BEARER, context=certificate.context) as client:
+            await client.subscribe("/t", type="std_msgs/String")
+            text = "x" * 1_000_000
+            await client.send("publish", topic="/t", msg={"data": text})
+            assert (await client.message("/t"))["data"] == text
+
+
+async def test_who_speaks_plainly_to_a_port_with_a_certificate_disturbs_nobody(
+    certificate: Certificate, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with Simulator(port=0, world=False, certfile=certificate.certfile, keyfile=certificate.keyfile) as sim:
+        async with await enter(sim.url, context=certificate.context) as client:
+            with pytest.raises((OSError, WebSocketException)):
+                await enter(sim.url.replace("wss", "ws"))
+            assert await client.settle() == []
+        _, silent = await asyncio.open_connection("127.0.0.1", sim.port)  # and a stop does not wait for this one
+        async with asyncio.timeout(5):
+            await sim.stop()
+        silent.transport.abort()
+    assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
+
+
+@pytest.mark.slow
+def test_the_first_line_says_wss(serve: Serve, certificate: Certificate) -> None:
+    server = serve("--no-world", "--certfile", certificate.certfile, "--keyfile", certificate.keyfile)
+    assert server.url == f"wss://127.0.0.1:{server.port}"
+
+
+def test_key_and_certificate_may_share_a_file(certificate: Certificate, tmp_path: Path) -> None:
+    both = tmp_path / "both.pem"
+    both.write_bytes(certificate.key_text + certificate.text)
+    assert load_certificate(str(both), None) is not None
+    assert load_certificate(None, None) is None
+
+
+def test_a_certificate_that_cannot_be_used_is_one_readable_line(certificate: Certificate, tmp_path: Path) -> None:
+    def said(certfile: str | None, keyfile: str | None) -> str:
+        with pytest.raises(DocumentError) as caught:
+            load_certificate(certfile, keyfile)
+        text = str(caught.value)
+        assert "\n" not in text
+        return text.replace(str(tmp_path) + "/", "")
+
+    other = Certificate(tmp_path)
+    bad = str(tmp_path / "bad.pem")
+    Path(bad).write_text("no PEM")
+    locked = str(tmp_path / "locked.pem")
+    Path(locked).write_bytes(other.locked_key_text)
+    nowhere = str(tmp_path / "nowhere.pem")
+    wants = "expected a certificate and its private key in PEM, without a password"
+    assert said(nowhere, other.keyfile) == "nowhere.pem: cannot be read: No such file or directory"
+    assert said(other.certfile, nowhere) == "nowhere.pem: cannot be read: No such file or directory"
+    assert said(str(tmp_path), None) == f"{tmp_path}: cannot be read: Is a directory"
+    assert said(bad, other.keyfile) == f"bad.pem, key.pem: {wants}"
+    assert said(other.certfile, bad) == f"cert.pem, bad.pem: {wants}"
+    assert said(other.certfile, locked) == f"cert.pem, locked.pem: {wants}"
+    assert said(other.certfile, None) == f"cert.pem, without a keyfile: {wants}"
+    assert said(other.certfile, certificate.keyfile) == (
+        f"{certificate.keyfile}: expected the private key of cert.pem; got another"
+    )
+    assert said(None, other.keyfile) == "keyfile key.pem: expected a certfile beside it; got none"
+
+
+# The whole
+
+
+async def test_a_denied_topic_service_and_parameter_are_told_and_nobody_else_notices(
+    connect: Connect, pairs: Pairs
+) -> None:
+    async with Simulator(
+        port=0,
+        world=False,
+        deny_publish=["/brake"],
+        deny_subscribe=["/camera/*"],
+        deny_service=["/drop"],
+        allow_param=["/mine/*"],
+        max_held=3,
+        max_calls=1,
+    ) as sim:
+        pair = await pairs(sim.url)
+        client = await connect(sim.url)
+        for i, (op, fields) in enumerate(
+            (
+                ("advertise", {"topic": "/brake", "type": "std_msgs/Bool"}),
+                ("publish", {"topic": "/brake", "type": "std_msgs/Bool"}),
+                ("subscribe", {"topic": "/camera/front", "type": "std_msgs/String"}),
+                ("advertise_service", {"service": "/drop", "type": "std_srvs/Trigger"}),
+            )
+        ):
+            await client.send(op, id=i, **fields)
+            assert (await client.take("status", id=i))["msg"].startswith("Not allowed to ")
+            await pair.go_on()
+        for service, args in (("/drop", {}), ("/rosapi/set_param", {"name": "/theirs", "value": "1"})):
+            answer = await client.call(service, args)
+            assert (answer["result"], answer["values"][:15]) == (False, "Not allowed to ")
+            await pair.go_on()
+        await client.values("/rosapi/set_param", {"name": "/mine/x", "value": "1"})
+        for i in range(4):
+            await client.send("subscribe", topic=f"/t{i}", type="std_msgs/String", id=i)
+        assert "At most 3" in (await client.take("status", id=3))["msg"]
+        await pair.go_on()
+        provider = await connect(sim.url)
+        await provider.send("advertise_service", service="/slow", type="std_srvs/Trigger")
+        await provider.settle()
+        await client.send("call_service", service="/slow")
+        assert "at most 1" in (await client.call("/slow"))["values"]
+        await pair.go_on()
+
+
+async def test_listening_elsewhere_without_a_token_is_warned_of_once(caplog: pytest.LogCaptureFixture) -> None:
+    for options, num_lines in (
+        ({"host": "0.0.0.0"}, 1),  # noqa: S104 - what the warning is about
+        ({"host": "0.0.0.0", "token": TOKEN}, 0),  # noqa: S104
+        ({"host": "127.0.0.1"}, 0),
+        ({"host": "localhost"}, 0),
+    ):
+        caplog.clear()
+        async with Simulator(port=0, world=False, **options):
+            pass
+        warnings = [record.getMessage() for record in caplog.records if record.levelno >= logging.WARNING]
+        assert len(warnings) == num_lines, warnings
+        assert all("--token" in line for line in warnings)
