@@ -252,6 +252,7 @@ async def test_echo_says_when_nobody_answers_and_waits_on() -> None:
     assert done.complaint == f"{url}: no answer within {SHORT} s; is rosapi running there? Waiting for messages"
 
 
+@pytest.mark.slow
 async def test_publish_to_one_that_never_answers_is_told_as_that() -> None:
     heard: list[Frame] = []
 
@@ -285,6 +286,7 @@ async def test_status_about_the_level_that_we_ask_for_is_nothing() -> None:
 # Services there
 
 
+@pytest.mark.slow
 async def test_call_that_is_never_answered() -> None:
     heard: list[Frame] = []
 
