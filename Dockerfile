@@ -18,6 +18,6 @@ ENV PATH=/opt/rosbridge-sim/bin:$PATH \
     ROSBRIDGE_SIM_PORT=9090
 USER 10001
 EXPOSE 9090
-HEALTHCHECK --interval=10s --timeout=3s --start-period=5s CMD ["python3", "-c", "import os, urllib.request; urllib.request.urlopen('http://127.0.0.1:' + os.environ['ROSBRIDGE_SIM_PORT'] + '/healthz', timeout=2)"]
+HEALTHCHECK --interval=10s --timeout=3s --start-period=5s CMD ["python3", "-c", "import os, ssl, urllib.request; tls = ssl._create_unverified_context() if os.environ.get('ROSBRIDGE_SIM_CERTFILE') else None; urllib.request.urlopen(('https' if tls else 'http') + '://127.0.0.1:' + os.environ['ROSBRIDGE_SIM_PORT'] + '/healthz', timeout=2, context=tls)"]
 ENTRYPOINT ["rosbridge-sim"]
 CMD ["serve"]
