@@ -26,6 +26,7 @@ from rosbridge_sim.world.state import STEP_NS, Body, Gear, Kind, Mode, World
 
 __all__ = [
     "FIELD",
+    "KMH",
     "LENIENCY",
     "MANUAL",
     "Control",
@@ -136,7 +137,7 @@ def choose_profile(
     return replace({"manual": MANUAL, "field": FIELD}[name], **chosen)
 
 
-_KMH: Final = 3.6
+KMH: Final = 3.6
 """One m/s [km/h]."""
 
 _MODES: Final = {0: Mode.PEDALS, 1: Mode.PEDALS, 2: Mode.SPEED, 3: Mode.ACCEL}
@@ -257,7 +258,7 @@ class Converter:
         fields = store.message("morai_msgs/CtrlCmd").struct.__struct_fields__
         self._steering = "steering" if "steering" in fields else "front_steer"
         self._wheel_factor = math.degrees(1.0) if profile.wheel_angle_unit == "deg" else 1.0
-        self._speed_factor = _KMH if profile.object_velocity_unit == "km/h" else 1.0
+        self._speed_factor = KMH if profile.object_velocity_unit == "km/h" else 1.0
         self._is_width_first = profile.object_size_order == "width-length-height"
         self._at_rest = self._vector(0.0, 0.0, 0.0)
 
@@ -380,7 +381,7 @@ class Converter:
             steer=getattr(command, self._steering),
             throttle=command.accel,
             brake=command.brake,
-            speed=command.velocity / _KMH,
+            speed=command.velocity / KMH,
             accel=command.acceleration,
         )
 

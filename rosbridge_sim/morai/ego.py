@@ -7,11 +7,14 @@ object and a second set of names.
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from enum import IntEnum
 from typing import Any
 
+from rosbridge_sim.morai.commands import Pose
 from rosbridge_sim.morai.convert import Control, Converter
 from rosbridge_sim.world import dynamics
+from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import Gear, Mode, World
 
 __all__ = ["CtrlMode", "Ego"]
@@ -32,21 +35,48 @@ class Ego:
     """An ego vehicle; its row may be another one after a scenario was loaded.
 
     Attributes:
-        uid: in the world, and as `unique_id` on the wire.
+        index: its number among the egos, and its `unique_id` on the wire: 0, then 2, 3, ...
+        uid: in the world.
         ctrl_mode: who drives it outside synchronous mode.
         turn_signal: 0 none, 1 left, 2 right.
         emergency_signal: 0 off, 1 on.
     """
 
-    def __init__(self, world: World, convert: Converter, uid: int, ctrl_mode: CtrlMode) -> None:
+    def __init__(
+        self,
+        world: World,
+        convert: Converter,
+        uid: int,
+        ctrl_mode: CtrlMode,
+        *,
+        index: int | None = None,
+        roads: Callable[[], Roads] = Roads,
+    ) -> None:
+        """An ego that stands in the world already.
+
+        Args:
+            world: where it is.
+            convert: what makes its messages.
+            uid: in the world.
+            ctrl_mode: who drives.
+            index: None for the id in the world.
+            roads: gives the lanes that it drives on.
+        """
+        self.index = uid if index is None else index
         self.uid = uid
         self.ctrl_mode = ctrl_mode
         self.turn_signal = 0
         self.emergency_signal = 0
         self._world = world
         self._convert = convert
+        self._roads = roads
         self._status: Any = None  # a generated struct
         self._refused_gear: Gear | None = None
+
+    @property
+    def is_there(self) -> bool:
+        """Whether it stands in the world: a further ego goes when a scenario takes the stage."""
+        return self.uid in self._world
 
     @property
     def row(self) -> int:
@@ -66,7 +96,7 @@ class Ego:
     def status(self) -> Any:  # noqa: ANN401 - a generated struct
         """Its EgoVehicleStatus, made once for each state of the world."""
         if self._status is None:
-            self._status = self._convert.ego_vehicle_status(self._world, self.row, self.uid)
+            self._status = self._convert.ego_vehicle_status(self._world, self.row, self.index)
         return self._status
 
     def forget_status(self) -> None:
@@ -80,7 +110,9 @@ class Ego:
         self.forget_status()
 
     def control(self, control: Control) -> None:
-        """Drive like this from the next frame on."""
+        """Drive like this from the next frame on; the command of one who is gone is nobody's."""
+        if not self.is_there:
+            return
         dynamics.command(
             self._world,
             self.row,
@@ -90,6 +122,31 @@ class Ego:
             brake=control.brake,
             speed=control.speed,
             accel=control.accel,
+        )
+
+    def put(self, pose: Pose, gear: Gear | None = None) -> None:
+        """Stand somewhere else, with that speed, and in that gear whatever the speed was.
+
+        Raises:
+            ValueError: beyond all bounds. Nothing has moved.
+        """
+        if gear is not None and gear is not self.gear:
+            self._place(pose, speed=0.0)
+            dynamics.shift(self._world, self.row, gear)
+        self._place(pose, speed=pose.speed)
+        self.forget_status()
+
+    def _place(self, pose: Pose, speed: float) -> None:
+        dynamics.teleport(
+            self._world,
+            self.row,
+            x=pose.x,
+            y=pose.y,
+            z=pose.z,
+            yaw=pose.yaw,
+            speed=speed,
+            roll=pose.roll,
+            pitch=pose.pitch,
         )
 
     def hand_over(self, ctrl_mode: CtrlMode) -> None:
@@ -104,6 +161,8 @@ class Ego:
         Returns:
             None when it is in that gear now, else why not, for a person to read.
         """
+        if not self.is_there:
+            return f"gear {gear.name} refused: ego {self.index} is gone"
         row = self.row
         if dynamics.shift(self._world, row, gear):
             self._refused_gear = None

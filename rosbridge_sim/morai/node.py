@@ -15,18 +15,23 @@ same bytes on every run.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Final, Literal
 
+from rosbridge_sim.errors import FieldError, PeerError
 from rosbridge_sim.graph.bus import Bus, Owner
+from rosbridge_sim.morai.bindings import Bindings
+from rosbridge_sim.morai.commands import EgoSetting
 from rosbridge_sim.morai.convert import MANUAL, Converter, Profile, maker
 from rosbridge_sim.morai.ego import CtrlMode, Ego
+from rosbridge_sim.morai.inputs import Inputs
 from rosbridge_sim.morai.outputs import Outputs
 from rosbridge_sim.morai.pace import Pace
 from rosbridge_sim.morai.scenario import Scenario
 from rosbridge_sim.morai.services import Services
-from rosbridge_sim.morai.stage import FIRST_EGO, Library, Load, Stage
+from rosbridge_sim.morai.stage import FIRST_EGO, MAX_ENTITIES, Library, Load, Stage
 from rosbridge_sim.morai.sync import Effect, Outcome, Sync
 from rosbridge_sim.schema.store import Message
 from rosbridge_sim.world import contacts
@@ -39,6 +44,12 @@ NODE_NAME: Final = "/morai_sim"
 
 MAX_FRAMES: Final = 5
 """Frames that one `advance` computes at most, so that catching up does not keep everybody else waiting."""
+
+MAX_EGOS: Final = 32
+"""Egos at once. Each has a dozen topics and services of its own."""
+
+LAST_RESERVED: Final = 1
+"""MORAI's egos are 0, 2, 3, ...: nobody has seen a 1."""
 
 MAX_CRASHES: Final = 1_000
 """Pairs of vehicles in one VehicleCollisionData at most: 0.5 MB."""
@@ -80,7 +91,8 @@ class Node:
     Attributes:
         name: as rosapi shows it.
         bus, world, convert, stage, sync: its parts.
-        egos: in order; the first one has the bare names.
+        egos: in order; the first one has the bare names, ego 2 those under `/Ego-2/`.
+        camera_index: the ego that a client wants to be looked at, whether there is one or not.
         is_moving: a tick is being computed right now.
         num_ticks: ticks carried out.
     """
@@ -109,7 +121,9 @@ class Node:
         self.library = library
         self.convert = Converter(bus.store, settings.profile)
         self.stage = Stage(world, library, scenario, ego_gear=Gear.DRIVE if is_external else Gear.PARK)
-        self.egos = [Ego(world, self.convert, FIRST_EGO, CtrlMode.EXTERNAL if is_external else CtrlMode.KEYBOARD)]
+        self.camera_index = FIRST_EGO
+        self._ctrl_mode = CtrlMode.EXTERNAL if is_external else CtrlMode.KEYBOARD
+        self.egos: list[Ego] = [self._make_ego(FIRST_EGO, FIRST_EGO)]
         self.sync: Sync[Command] = Sync(
             is_on=settings.start == "sync",
             on_loss=settings.sync_on_loss,
@@ -123,14 +137,17 @@ class Node:
         self._told: dict[Owner, set[str]] = {}
         self._outputs = Outputs(self, bus, settings.rate)
         self._outputs.add("/clock", "rosgraph_msgs/Clock", lambda: self.convert.clock(world.frame))
-        self._outputs.add("/Ego_topic", "morai_msgs/EgoVehicleStatus", self.egos[0].status)
-        self._outputs.add("/Object_topic", "morai_msgs/ObjectStatusList", self._objects)
-        self._outputs.add("/CollisionData", "morai_msgs/CollisionData", self._collisions)
+        self._show_ego(self.egos[0], "/")
         self._outputs.add("/VehicleCollisionData", "morai_msgs/VehicleCollisionData", self._crashes)
         self._outputs.check_rates()
         self._info_topic = bus.advertise(self, "/SyncModeInfo", "morai_msgs/SyncModeInfo", depth=1, is_exclusive=True)
         self._make_info = maker(bus.store, "morai_msgs/SyncModeInfo", "master_id", "status", "frame", "can_send_tick")
-        self._services = Services(self)
+        self._services, self._inputs = Services(self), Inputs(self)
+        self._bindings: dict[int, Bindings] = {}  # of the further egos, by their number
+        bindings = Bindings(self, bus)
+        for part in (self._services, self._inputs):
+            part.bind(bindings)
+            part.bind_ego(self.egos[0], bindings)
         bus.watchers.append(self._see_off)
         bus.stamp_ns = world.frame * STEP_NS
         self._announce(0.0)
@@ -231,6 +248,71 @@ class Node:
         _log.warning("the master of synchronous mode is lost; %s", outcome.state.name)
         self.follow(outcome, now)
 
+    # Egos
+
+    @property
+    def followed(self) -> Ego:
+        """The ego that a page looks at."""
+        return self.find_ego(self.camera_index) or self.egos[0]
+
+    def find_ego(self, unique_id: int) -> Ego | None:
+        """The ego that a client calls by this number (-1 is the first one too), or None."""
+        wanted = FIRST_EGO if unique_id == -1 else unique_id
+        return next((ego for ego in self.egos if ego.index == wanted), None)
+
+    def add_egos(self, settings: Sequence[EgoSetting], now: float) -> None:
+        """Bring further egos into the world, each with topics and services of its own; all of them or none.
+
+        Raises:
+            FieldError: a number that no ego can have, or too many of them.
+            GraphError: a client has given one of the topics another type.
+        """
+        for setting in settings:
+            if setting.index <= LAST_RESERVED:
+                raise FieldError(f"ego_index: expected {FIRST_EGO}, {LAST_RESERVED + 1} or more, got {setting.index}")
+        if len(self.egos) + len(settings) > MAX_EGOS:
+            raise FieldError(f"ego_index: there are {MAX_EGOS} egos at most")
+        if len(self.world) + len(settings) > MAX_ENTITIES:
+            raise FieldError(f"ego_index: the world holds {MAX_ENTITIES:,} at most")
+        added: list[Ego] = []
+        try:
+            for setting in settings:
+                uid = self.stage.add_ego(self.egos[0].uid, setting.pose, setting.gear or self.egos[0].gear)
+                ego = self._make_ego(setting.index, uid)
+                added.append(ego)
+                self._bind_ego(ego)
+        except PeerError:
+            for ego in added:
+                self._drop_ego(ego, now)
+                self.world.remove(ego.uid)
+            raise
+        self.egos += added
+
+    def _make_ego(self, index: int, uid: int) -> Ego:
+        return Ego(self.world, self.convert, uid, self._ctrl_mode, index=index, roads=lambda: self.stage.road_map.roads)
+
+    def _bind_ego(self, ego: Ego) -> None:
+        """Give a further ego its names."""
+        bindings = self._bindings[ego.index] = Bindings(self, self.bus, f"/Ego-{ego.index}/")
+        self._show_ego(ego, bindings.prefix)
+        self._services.bind_ego(ego, bindings)
+        self._inputs.bind_ego(ego, bindings)
+        _log.info("ego %d has come: %s...", ego.index, bindings.prefix)
+
+    def _drop_ego(self, ego: Ego, now: float) -> None:
+        """Take a further ego's names away."""
+        bindings = self._bindings.pop(ego.index)
+        bindings.release(now)
+        self._outputs.remove(bindings.prefix, now)
+        _log.info("ego %d is gone: %s...", ego.index, bindings.prefix)
+
+    def _show_ego(self, ego: Ego, prefix: str) -> None:
+        """Publish what each ego has of its own."""
+        add = self._outputs.add
+        add(prefix + "Ego_topic", "morai_msgs/EgoVehicleStatus", ego.status)
+        add(prefix + "Object_topic", "morai_msgs/ObjectStatusList", partial(self._objects, ego))
+        add(prefix + "CollisionData", "morai_msgs/CollisionData", partial(self._collisions, ego))
+
     # For the services
 
     def refresh(self) -> None:
@@ -247,6 +329,10 @@ class Node:
         self.stage.carry_out(load)
         if load.egos:
             self.egos[0].renew()
+        for ego in self.egos:
+            if not ego.is_there:
+                self._drop_ego(ego, now)
+        self.egos = [ego for ego in self.egos if ego.is_there]
         self.refresh()
         if is_pausing:
             self.follow(self.sync.pause(), now)
@@ -263,11 +349,11 @@ class Node:
         """What the bus has to say to the simulator goes into the log."""
         _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)
 
-    def _objects(self) -> Any:  # noqa: ANN401 - a generated struct
-        return self.convert.object_status_list(self.world, self.egos[0].row)
+    def _objects(self, ego: Ego) -> Any:  # noqa: ANN401 - a generated struct
+        return self.convert.object_status_list(self.world, ego.row)
 
-    def _collisions(self) -> Any:  # noqa: ANN401 - a generated struct
-        rows = contacts.find_touched(self.world, self.egos[0].uid)
+    def _collisions(self, ego: Ego) -> Any:  # noqa: ANN401 - a generated struct
+        rows = contacts.find_touched(self.world, ego.uid)
         return self.convert.collision_data(self.world, rows, self._unique_id)
 
     def _crashes(self) -> Any:  # noqa: ANN401 - a generated struct
@@ -275,4 +361,5 @@ class Node:
         return self.convert.vehicle_collision_data(self.world, pairs, self._unique_id)
 
     def _unique_id(self, row: int) -> int:
-        return self.world.uid.item(row)
+        uid: int = self.world.uid.item(row)
+        return next((ego.index for ego in self.egos if ego.uid == uid), uid)

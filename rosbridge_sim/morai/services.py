@@ -1,4 +1,4 @@
-"""What clients can ask of the simulator: its services, and the topics that it listens to.
+"""What clients can ask of the simulator: its services, and the topics of synchronous mode.
 
 Each handler reads a request, lets `sync` or `stage` decide, and answers. Two kinds of "no" are kept apart:
 
@@ -20,13 +20,14 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError
-from rosbridge_sim.graph.bus import Call, Handle, Owner, Topic
+from rosbridge_sim.graph.bus import Call, Owner
+from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.catalogue import find_model
+from rosbridge_sim.morai.commands import lamps_of
 from rosbridge_sim.morai.convert import gear_of, maker, time_text
 from rosbridge_sim.morai.ego import CtrlMode, Ego
 from rosbridge_sim.morai.stage import Load, LoadOptions
 from rosbridge_sim.morai.sync import Effect, Outcome
-from rosbridge_sim.schema.store import Message
 from rosbridge_sim.world.state import Gear
 
 if TYPE_CHECKING:
@@ -38,18 +39,14 @@ __all__ = ["Services"]
 # at its word, 0x10 would still fit into the field and means nothing else, so it is gear as well.
 _MODE_BIT, _GEAR_BITS, _LAMP_BIT, _PAUSE_BIT = 1, 2 | 16, 4, 8
 
-_TURN_SIGNALS = (0, 1, 2)
-_EMERGENCY_SIGNALS = (0, 1)
-
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
 class Services:
-    """Binds a node's services and input topics. It holds no state: that is the parts' of the node."""
+    """A node's services, and the topics of synchronous mode. It holds no state: that is the parts' of the node."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._bus = node.bus
         store = node.bus.store
         self._make_cmd = maker(store, "morai_msgs/SyncModeCmdResponse", "user_id", "frame", "result", "time_step")
         self._make_tick = maker(
@@ -62,32 +59,22 @@ class Services:
         self._make_result = maker(store, "morai_msgs/SyncModeResultResponse", "result")
         self._make_load_result = maker(store, "morai_msgs/MoraiSrvResponse", "result")
 
-        self._provide("/SyncModeCmd", "MoraiSyncModeCmdSrv", self._sync_cmd)
-        self._provide("/SyncModeWaitForTick", "MoraiWaitForTickSrv", self._wait_for_tick)
-        self._provide("/SyncModeScenarioLoad", "MoraiSyncModeSLSrv", self._load_at_frame)
-        self._provide("/Service_MoraiSL", "MoraiScenarioLoadSrv", self._load_now)
-        self._provide("/Service_MoraiVehicleSpec", "MoraiVehicleSpecSrv", self._vehicle_spec)
-        self._provide("/Service_MoraiMapSpec", "MoraiMapSpecSrv", self._map_spec)
-        self._listen("/SyncModeAddObj", "SyncModeAddObj", self._add_object)
-        self._listen("/SyncModeRemoveObj", "SyncModeRemoveObj", self._remove_object)
-        self._bind_ego(node.egos[0], prefix="/", control_topics=("ctrl_cmd", "ctrl_cmd_0"))
+    def bind(self, bindings: Bindings) -> None:
+        """What the world has once."""
+        bindings.provide("SyncModeScenarioLoad", "MoraiSyncModeSLSrv", self._load_at_frame)
+        bindings.provide("Service_MoraiSL", "MoraiScenarioLoadSrv", self._load_now)
+        bindings.provide("Service_MoraiVehicleSpec", "MoraiVehicleSpecSrv", self._vehicle_spec)
+        bindings.provide("Service_MoraiMapSpec", "MoraiMapSpecSrv", self._map_spec)
+        bindings.listen("SyncModeAddObj", "SyncModeAddObj", self._add_object)
+        bindings.listen("SyncModeRemoveObj", "SyncModeRemoveObj", self._remove_object)
 
-    def _bind_ego(self, ego: Ego, *, prefix: str, control_topics: tuple[str, ...]) -> None:
-        """All that an ego has of its own; a further one gets another prefix."""
-        for name in control_topics:
-            self._listen(prefix + name, "CtrlCmd", partial(self._ctrl_cmd, ego))
-        self._provide(prefix + "SyncModeCtrlCmd", "MoraiSyncModeCtrlCmdSrv", partial(self._sync_ctrl_cmd, ego))
-        self._provide(prefix + "SyncModeSetGear", "MoraiSyncModeSetGearSrv", partial(self._sync_set_gear, ego))
-        self._provide(prefix + "Service_MoraiEventCmd", "MoraiEventCmdSrv", partial(self._event_cmd, ego))
-
-    def _provide(self, name: str, type_name: str, handle: Handle) -> None:
-        self._bus.provide(self._node, name, "morai_msgs/" + type_name, handle, is_exclusive=True)
-
-    def _listen(self, name: str, type_name: str, take: Callable[[Any, Owner, float], None]) -> None:
-        def deliver(_topic: Topic, message: Message, sender: Owner, now: float) -> None:
-            take(message.value, sender, now)
-
-        self._bus.subscribe(self._node, name, deliver, type_name="morai_msgs/" + type_name)
+    def bind_ego(self, ego: Ego, bindings: Bindings) -> None:
+        """What each ego has of its own. Synchronous mode is one for all: a tick of either moves the world."""
+        bindings.provide("SyncModeCmd", "MoraiSyncModeCmdSrv", self._sync_cmd)
+        bindings.provide("SyncModeWaitForTick", "MoraiWaitForTickSrv", partial(self._wait_for_tick, ego))
+        bindings.provide("SyncModeCtrlCmd", "MoraiSyncModeCtrlCmdSrv", partial(self._sync_ctrl_cmd, ego))
+        bindings.provide("SyncModeSetGear", "MoraiSyncModeSetGearSrv", partial(self._sync_set_gear, ego))
+        bindings.provide("Service_MoraiEventCmd", "MoraiEventCmdSrv", partial(self._event_cmd, ego))
 
     # Synchronous mode
 
@@ -104,24 +91,23 @@ class Services:
             what = f"on, master {user_id!r}, {sync.step_ms} ms a tick" if sync.is_on else "off"
             _log.info("synchronous mode %s, frame %d", what, node.world.frame)
         else:
-            call.caller.tell("warning", f"/SyncModeCmd: {outcome.why}")
+            call.caller.tell("warning", f"{call.service.name}: {outcome.why}")
         node.follow(outcome, now)
         _respond(call, self._make_cmd(user_id, node.world.frame, outcome.is_accepted, sync.step_ms))
 
-    def _wait_for_tick(self, call: Call, now: float) -> None:
+    def _wait_for_tick(self, ego: Ego, call: Call, now: float) -> None:
         request: Any = _request(call)
         node, sync = self._node, self._node.sync
         if node.is_moving:  # a listener of a tick's topics asks for the next one from within
-            raise GraphError("/SyncModeWaitForTick: a tick is in progress")
+            raise GraphError(f"{call.service.name}: a tick is in progress")
         outcome = sync.tick(request.user_id, request.frame, node.world.frame, call.caller, now)
         is_paused = sync.is_paused
         if Effect.MOVE in outcome.effects:
             node.tick(now)
         else:
-            call.caller.tell("warning", f"/SyncModeWaitForTick: {outcome.why}")
+            call.caller.tell("warning", f"{call.service.name}: {outcome.why}")
         frame = node.world.frame
-        status = node.egos[0].status()
-        _respond(call, self._make_tick(outcome.is_accepted, is_paused, frame, status, time_text(frame)))
+        _respond(call, self._make_tick(outcome.is_accepted, is_paused, frame, ego.status(), time_text(frame)))
 
     def _sync_ctrl_cmd(self, ego: Ego, call: Call, now: float) -> None:
         request: Any = _request(call)
@@ -144,7 +130,7 @@ class Services:
             def shift(_now: float) -> None:
                 why = None if gear is None else ego.shift(gear)
                 if why is not None:
-                    caller.tell("warning", f"/SyncModeSetGear: {why}")
+                    caller.tell("warning", f"{call.service.name}: {why}")
 
             return shift
 
@@ -226,17 +212,6 @@ class Services:
 
     # Real time
 
-    def _ctrl_cmd(self, ego: Ego, command: Any, sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
-        control = self._node.convert.control(command)
-        if self._node.sync.is_on:
-            self._node.tell_once(sender, "/ctrl_cmd is ignored in synchronous mode: use /SyncModeCtrlCmd")
-        elif ego.ctrl_mode is not CtrlMode.EXTERNAL:
-            self._node.tell_once(
-                sender, f"/ctrl_cmd is ignored: ctrl_mode is {ego.ctrl_mode.name}; set 3 by /Service_MoraiEventCmd"
-            )
-        else:
-            ego.control(control)
-
     def _load_now(self, call: Call, now: float) -> None:
         request: Any = _request(call)
         is_loaded = False
@@ -270,7 +245,7 @@ class Services:
         # Everything is read before anything is changed.
         ctrl_mode = _ctrl_mode(request.ctrl_mode) if option & _MODE_BIT else None
         gear: Gear | None = gear_of(request.gear) if option & _GEAR_BITS else None
-        lamps = _lamps(request.lamps) if option & _LAMP_BIT else None
+        lamps = lamps_of(request.lamps) if option & _LAMP_BIT else None
         if ctrl_mode is not None:
             ego.hand_over(ctrl_mode)
         if gear is not None:
@@ -297,7 +272,9 @@ class Services:
 
     def _vehicle_spec(self, call: Call, _now: float) -> None:
         request: Any = _request(call)
-        _respond(call, self._node.convert.vehicle_spec(self._node.stage.vehicle(request.unique_id)))
+        ego = self._node.find_ego(request.unique_id)
+        unique_id = request.unique_id if ego is None else ego.uid
+        _respond(call, self._node.convert.vehicle_spec(self._node.stage.vehicle(unique_id)))
 
     def _map_spec(self, call: Call, _now: float) -> None:
         _respond(call, self._node.convert.map_spec(self._node.stage.road_map))
@@ -336,16 +313,3 @@ def _ctrl_mode(number: int) -> CtrlMode | None:
     except ValueError:
         expected = ", ".join(f"{mode.value} ({mode.name.lower()})" for mode in CtrlMode)
         raise FieldError(f"ctrl_mode: expected {expected} or 0 to leave it, got {number}") from None
-
-
-def _lamps(lamps: Any) -> tuple[int, int]:  # noqa: ANN401 - a generated struct
-    """Turn and emergency signal.
-
-    Raises:
-        FieldError: a value that means no lamp.
-    """
-    if lamps.turnSignal not in _TURN_SIGNALS:
-        raise FieldError(f"lamps.turnSignal: expected 0, 1 or 2, got {lamps.turnSignal}")
-    if lamps.emergencySignal not in _EMERGENCY_SIGNALS:
-        raise FieldError(f"lamps.emergencySignal: expected 0 or 1, got {lamps.emergencySignal}")
-    return lamps.turnSignal, lamps.emergencySignal

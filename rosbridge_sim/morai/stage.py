@@ -16,6 +16,7 @@ from typing import Final, Protocol
 
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.morai.catalogue import DEFAULT_EGO, Model
+from rosbridge_sim.morai.commands import Pose
 from rosbridge_sim.morai.mgeo import RoadMap
 from rosbridge_sim.morai.scenario import Scenario, Spawn, place_on_roads
 from rosbridge_sim.world.state import Body, Gear, Kind, World
@@ -62,7 +63,7 @@ class LoadOptions:
     """What of a scenario is loaded, and what goes before.
 
     Attributes:
-        delete_all: everybody goes first; an ego only if a new one comes.
+        delete_all: everybody goes first; the egos only if a new one comes.
         ego, vehicles, pedestrians, obstacles: what comes.
     """
 
@@ -190,6 +191,30 @@ class Stage:
         self._next_uid += 1
         return uid
 
+    def add_ego(self, like: int, pose: Pose, gear: Gear) -> int:
+        """Put a further ego into the world and return its id there.
+
+        Args:
+            like: id of the ego whose model it is to be.
+            pose: where it stands.
+            gear: the one it is in.
+        """
+        world = self.world
+        row = world.row(like)
+        uid = world.spawn(
+            Kind.EGO,
+            world.bodies[row],
+            name=world.names[row],
+            x=pose.x,
+            y=pose.y,
+            z=pose.z,
+            yaw=pose.yaw,
+            uid=self._next_uid,
+            gear=gear,
+        )
+        self._next_uid += 1
+        return uid
+
     def remove(self, uid: int) -> None:
         """Take an object out of the world.
 
@@ -231,7 +256,7 @@ class Stage:
             world.clear()
         for uid in [int(world.uid[row]) for row in world.placed()]:
             is_ego = world.kind[world.row(uid)] == Kind.EGO
-            if load.egos if is_ego else load.is_clearing:
+            if (uid == FIRST_EGO and load.egos) if is_ego else load.is_clearing:
                 world.remove(uid)
         for ego in load.egos:
             _spawn(world, ego, FIRST_EGO, ego_gear or ego.gear)

@@ -1,0 +1,103 @@
+"""What clients tell the egos and vehicles by topics: control, lamps, places, ghosts.
+
+A message that is wrong is told to its sender and does nothing, not even in part. One that is right but not wanted now
+(the mode is synchronous, somebody else drives) is passed over, with one warning for each peer: such messages come fifty
+times a second.
+
+*Ghosts* are put where a client says, frame by frame, and stand there: no physics moves them, and the speed that they
+show is what was said. An ego is one from its first GhostMessage until the next CtrlCmd, teleport or change of its
+control mode; a vehicle, once it is one, stays so.
+"""
+
+from __future__ import annotations
+
+import logging
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
+
+from rosbridge_sim.errors import FieldError
+from rosbridge_sim.graph.bus import Owner
+from rosbridge_sim.morai.bindings import Bindings
+from rosbridge_sim.morai.commands import EgoSetting, ego_settings, lamps_of
+from rosbridge_sim.morai.ego import CtrlMode, Ego
+
+if TYPE_CHECKING:
+    from rosbridge_sim.morai.node import Node
+
+__all__ = ["Inputs"]
+
+_AUTO_MODE: Final = 16
+"""What MultiEgoSetting calls the mode in which a program drives."""
+
+_log = logging.getLogger("rosbridge_sim.morai")
+
+
+class Inputs:
+    """Binds a node's input topics, but for those of synchronous mode."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+
+    def bind(self, bindings: Bindings) -> None:
+        """What the world has once."""
+        bindings.listen("ego_setting", "MultiEgoSetting", self._ego_setting)
+
+    def bind_ego(self, ego: Ego, bindings: Bindings) -> None:
+        """What each ego has of its own; the first one has two names for its control."""
+        names = ("ctrl_cmd", "ctrl_cmd_0") if ego is self._node.egos[0] else ("ctrl_cmd",)
+        for name in names:
+            bindings.listen(name, "CtrlCmd", partial(self._ctrl_cmd, ego, bindings.prefix))
+        bindings.listen("lamps", "Lamps", partial(self._lamps, ego))
+
+    def _ctrl_cmd(self, ego: Ego, prefix: str, command: Any, sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
+        control = self._node.convert.control(command)
+        if self._is_external(ego, prefix, f"{prefix}ctrl_cmd", f"use {prefix}SyncModeCtrlCmd", sender):
+            ego.control(control)
+
+    def _is_external(self, ego: Ego, prefix: str, topic: str, instead: str, sender: Owner) -> bool:
+        """Whether a client may move this ego now; if not, tell why."""
+        if self._node.sync.is_on:
+            why = f"{topic} is ignored in synchronous mode: {instead}"
+        elif ego.ctrl_mode is not CtrlMode.EXTERNAL:
+            why = f"{topic} is ignored: ctrl_mode is {ego.ctrl_mode.name}; set 3 by {prefix}Service_MoraiEventCmd"
+        else:
+            return True
+        self._node.tell_once(sender, why)
+        return False
+
+    def _lamps(self, ego: Ego, message: Any, _sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
+        ego.turn_signal, ego.emergency_signal = lamps_of(message)
+
+    def _ego_setting(self, message: Any, _sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+        """Put egos somewhere; those whose number is new come into the world."""
+        settings = [(setting, _ctrl_mode(setting)) for setting in ego_settings(message)]
+        node = self._node
+        node.add_egos([setting for setting, _ in settings if node.find_ego(setting.index) is None], now)
+        for setting, ctrl_mode in settings:
+            ego = node.find_ego(setting.index)
+            assert ego is not None
+            if ctrl_mode is not None:
+                ego.hand_over(ctrl_mode)
+            ego.put(setting.pose, setting.gear)
+            if setting.lamps is not None:
+                ego.turn_signal, ego.emergency_signal = setting.lamps
+        node.camera_index = message.camera_index
+        node.refresh()
+
+
+def _ctrl_mode(setting: EgoSetting) -> CtrlMode | None:
+    """Who is to drive; None for 0, which leaves it.
+
+    Raises:
+        FieldError: there is no such mode.
+    """
+    if setting.ctrl_mode == 0:
+        return None
+    if setting.ctrl_mode == _AUTO_MODE:
+        return CtrlMode.EXTERNAL
+    try:
+        return CtrlMode(setting.ctrl_mode)
+    except ValueError:
+        raise FieldError(
+            f"morai_msgs/MultiEgoSetting.ctrl_mode: expected 1 (keyboard) or 16 (automatic), got {setting.ctrl_mode}"
+        ) from None

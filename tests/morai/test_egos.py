@@ -1,0 +1,296 @@
+"""MultiEgoSetting, and egos beside the first one."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from rosbridge_sim.errors import DocumentError, FieldError, GraphError
+from rosbridge_sim.morai.node import MAX_EGOS
+from rosbridge_sim.morai.stage import FIRST_EGO
+from rosbridge_sim.world.state import Kind
+from tests.morai.stand import ALL, Client, Stand
+
+SETTING = "morai_msgs/MultiEgoSetting"
+LISTS = {
+    "global_position_x": 0.0,
+    "global_position_y": 0.0,
+    "global_position_z": 0.0,
+    "global_roll": 0.0,
+    "global_pitch": 0.0,
+    "global_yaw": 0.0,
+    "velocity": 0.0,
+    "gear": 4,
+    "ctrl_mode": 16,
+}
+
+
+def setting(*egos: int, **lists: list[Any]) -> dict[str, Any]:
+    """A MultiEgoSetting for these egos; what is not said is 0, D and automatic."""
+    body: dict[str, Any] = {"number_of_ego_vehicle": len(egos), "camera_index": 0, "ego_index": list(egos)}
+    return body | {name: [value] * len(egos) for name, value in LISTS.items()} | lists
+
+
+def put(client: Client, *egos: int, **lists: Any) -> None:  # noqa: ANN401 - the message's own lists
+    client.send("/ego_setting", SETTING, **setting(*egos, **lists))
+
+
+def two_egos(**settings: Any) -> tuple[Stand, Client]:  # noqa: ANN401 - NodeSettings' own fields
+    stand = Stand("parked", **settings)
+    client = stand.client()
+    put(client, 2, global_position_y=[10.0])
+    return stand, client
+
+
+# The first ego
+
+
+def test_an_ego_is_put_where_the_message_says() -> None:
+    stand = Stand()
+    client = stand.client()
+    client.listen("/Ego_topic")
+    place = {"global_position_x": [100.0], "global_position_y": [-50.0], "global_position_z": [2.0]}
+    put(client, 0, **place, global_yaw=[450.0], global_roll=[1.0], global_pitch=[2.0], velocity=[36.0])
+    row = stand.world.row(FIRST_EGO)
+    assert stand.world.roll[row] == pytest.approx(math.radians(1.0))
+    assert stand.world.pitch[row] == pytest.approx(math.radians(2.0))
+    stand.run(0.021)
+    status = client.messages("/Ego_topic")[0]
+    assert status["position"]["x"] == pytest.approx(100.0)
+    assert status["position"]["y"] == pytest.approx(-50.0 + 0.2, abs=0.01)
+    assert status["position"]["z"] == 2.0
+    assert status["heading"] == pytest.approx(90.0)
+    assert status["velocity"]["x"] == pytest.approx(10.0, abs=0.02)
+
+
+def test_in_synchronous_mode_it_is_a_reset_between_two_ticks() -> None:
+    stand = Stand(start="sync")
+    client = stand.client()
+    client.start()
+    client.control(0, longlCmdType=1, accel=1.0)
+    for _ in range(100):
+        client.tick()
+    put(client, 0, global_position_x=[7.0], global_position_y=[8.0])
+    client.control(0, longlCmdType=1, brake=1.0)
+    status = client.tick()["vehicle_status"]
+    assert (status["position"]["x"], status["position"]["y"]) == (7.0, 8.0)
+    assert status["velocity"]["x"] == 0.0
+
+
+def test_the_gear_changes_at_any_speed_and_0_leaves_it() -> None:
+    stand = Stand()
+    client = stand.client()
+    put(client, 0, velocity=[-18.0], gear=[2])
+    ego = stand.node.egos[0]
+    assert ego.gear.name == "REVERSE"
+    assert stand.world.speed[ego.row] == pytest.approx(-5.0)
+    put(client, 0, gear=[0])
+    assert ego.gear.name == "REVERSE"
+
+
+def test_keyboard_mode_takes_the_wheel_from_the_client_and_automatic_gives_it_back() -> None:
+    stand = Stand()
+    client = stand.client()
+    client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
+    put(client, 0, ctrl_mode=[1])
+    client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
+    stand.run(1.0)
+    assert stand.world.speed[stand.world.row(FIRST_EGO)] == 0.0
+    assert client.ask("/Service_MoraiEventCmd", option=0)["ctrl_mode"] == 1
+    put(client, 0, ctrl_mode=[16])
+    assert client.ask("/Service_MoraiEventCmd", option=0)["ctrl_mode"] == 3
+    client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
+    stand.run(1.0)
+    assert stand.world.speed[stand.world.row(FIRST_EGO)] > 1.0
+
+
+@pytest.mark.parametrize("name", ["ego_index", *LISTS])
+@pytest.mark.parametrize("length", [0, 1, 3])
+def test_a_list_of_another_length_changes_nothing(name: str, length: int) -> None:
+    stand, client = two_egos()
+    before = stand.world.digest()
+    body = setting(0, 2, global_position_x=[50.0, 60.0])
+    body[name] = (body[name] * 2)[:length]
+    with pytest.raises(FieldError, match=rf"MultiEgoSetting\.{name}: expected 2 entries"):
+        client.send("/ego_setting", SETTING, **body)
+    assert stand.world.digest() == before
+
+
+@pytest.mark.parametrize(
+    ("lists", "text"),
+    [
+        ({"global_position_x": [0.0, None]}, "finite"),
+        ({"global_position_y": [0.0, 1e300]}, "finite"),
+        ({"global_yaw": [0.0, None]}, "finite"),
+        ({"velocity": [0.0, 1e9]}, "speed"),
+        ({"gear": [4, 7]}, "gear: expected"),
+        ({"ctrl_mode": [16, 5]}, "ctrl_mode: expected"),
+        ({"ego_index": [0, 0]}, "named twice"),
+        ({"ego_index": [0, 1]}, "expected 0, 2 or more, got 1"),
+        ({"ego_index": [0, -3]}, "expected 0, 2 or more, got -3"),
+    ],
+)
+def test_a_bad_entry_changes_nothing_of_the_others(lists: dict[str, Any], text: str) -> None:
+    stand, client = two_egos()
+    before = stand.world.digest()
+    with pytest.raises(FieldError, match=text):
+        client.send("/ego_setting", SETTING, **setting(0, 2, global_position_z=[5.0, 5.0]) | lists)
+    assert stand.world.digest() == before
+    assert len(stand.node.egos) == 2
+
+
+def test_a_message_about_nobody_is_fine() -> None:
+    stand = Stand()
+    put(stand.client())
+    assert stand.node.followed is stand.node.egos[0]
+
+
+def test_the_camera_follows_the_ego_that_is_named_while_there_is_one() -> None:
+    stand, client = two_egos()
+    client.send("/ego_setting", SETTING, **setting(0) | {"camera_index": 2})
+    assert stand.node.followed is stand.node.egos[1]
+    client.send("/ego_setting", SETTING, **setting(0) | {"camera_index": 77})
+    assert stand.node.followed is stand.node.egos[0]
+
+
+# Further egos
+
+
+def test_a_number_that_is_new_is_a_new_ego_with_topics_and_services_of_its_own() -> None:
+    stand, client = two_egos()
+    client.listen("/Ego_topic", "/Ego-2/Ego_topic", "/Ego-2/Object_topic", "/Ego-2/CollisionData")
+    client.send("/Ego-2/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
+    state = client.ask("/Ego-2/Service_MoraiEventCmd", option=6, gear=4, lamps={"turnSignal": 1, "emergencySignal": 1})
+    assert (state["gear"], state["lamps"]["turnSignal"], state["lamps"]["emergencySignal"]) == (4, 1, 1)
+    assert client.ask("/Service_MoraiEventCmd", option=0)["lamps"]["turnSignal"] == 0
+    stand.run(2.0)
+    first, second = client.messages("/Ego_topic")[-1], client.messages("/Ego-2/Ego_topic")[-1]
+    assert (first["unique_id"], first["velocity"]["x"], first["accel"]) == (0, 0.0, 0.0)
+    assert (second["unique_id"], second["accel"]) == (2, 1.0)
+    assert second["velocity"]["x"] > 5.0
+    assert second["position"]["y"] == 10.0
+    assert len(client.messages("/Ego-2/Object_topic")) == len(client.messages("/Ego-2/CollisionData")) == 100
+    spec = client.ask("/Service_MoraiVehicleSpec", unique_id=2)
+    assert spec == client.ask("/Service_MoraiVehicleSpec", unique_id=0)
+    assert spec["wheel_base"] > 0.0
+
+
+def test_its_number_is_its_own_even_if_an_object_has_the_same() -> None:
+    stand = Stand()  # objects have the ids 3, 4, 7 and 9
+    client = stand.client()
+    put(client, 7, global_position_x=[500.0])
+    client.listen("/Ego-7/Ego_topic", "/Object_topic")
+    stand.run(0.021)
+    assert client.messages("/Ego-7/Ego_topic")[0]["unique_id"] == 7
+    assert 7 in [npc["unique_id"] for npc in client.messages("/Object_topic")[0]["npc_list"]]
+
+
+def test_synchronous_mode_is_one_for_all_egos() -> None:
+    stand, client = two_egos(start="sync")
+    other = stand.client()
+    started = other.ask("/Ego-2/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)
+    assert started["result"]
+    assert not client.start("somebody else")["result"]
+    assert other.ask("/Ego-2/SyncModeSetGear", gear=4, frame=0)["result"]
+    for _ in range(10):
+        command = {"longlCmdType": 1, "accel": 1.0}
+        assert other.ask("/Ego-2/SyncModeCtrlCmd", frame=0, command=command)["result"]
+        answer = other.ask("/Ego-2/SyncModeWaitForTick", user_id="me", frame=0)
+        assert answer["tick_status"]
+    assert answer["vehicle_status"]["unique_id"] == 2
+    assert answer["vehicle_status"]["velocity"]["x"] > 0.0
+    answer = client.tick()
+    assert (answer["frame"], answer["vehicle_status"]["unique_id"]) == (11, 0)
+    assert answer["vehicle_status"]["velocity"]["x"] == 0.0
+    client.send("/Ego-2/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
+    assert "/Ego-2/ctrl_cmd is ignored in synchronous mode: use /Ego-2/SyncModeCtrlCmd" in client.told[-1][1]
+
+
+def test_egos_that_touch_hear_of_each_other() -> None:
+    stand, client = two_egos()
+    put(client, 2, global_position_x=[-5.0])
+    client.listen("/CollisionData", "/Ego-2/CollisionData", "/VehicleCollisionData")
+    stand.run(0.021)
+    (mine,) = client.messages("/CollisionData")[0]["collision_object"]
+    (its,) = client.messages("/Ego-2/CollisionData")[0]["collision_object"]
+    assert (mine["type"], mine["unique_id"]) == (-1, 2)
+    assert (its["type"], its["unique_id"]) == (-1, 0)
+    assert client.messages("/VehicleCollisionData")[0]["collisions"] == []
+
+
+def test_a_scenario_with_an_ego_that_clears_the_stage_takes_the_others_and_their_names() -> None:
+    stand, client = two_egos(start="sync")
+    client.listen("/Ego-2/Ego_topic")
+    client.start()
+    client.ask("/Ego-2/SyncModeCtrlCmd", frame=5, command={"longlCmdType": 1, "accel": 1.0})
+    client.ask("/Ego-2/SyncModeSetGear", frame=5, gear=4)
+    client.ask("/Service_MoraiSL", file_name="crowd", **ALL)
+    assert [ego.index for ego in stand.node.egos] == [0]
+    assert client.call("/Ego-2/SyncModeCmd", {}).is_ok is False
+    for _ in range(6):
+        client.tick()
+    assert client.messages("/Ego-2/Ego_topic") == []
+    assert any("ego 2 is gone" in text for _, text in client.told)
+    put(client, 2)
+    client.tick()
+    assert len(client.messages("/Ego-2/Ego_topic")) == 1
+
+
+@pytest.mark.parametrize("options", [{"delete_all": False}, {"load_ego_vehicle_data": False}])
+def test_other_loads_leave_the_other_egos(options: dict[str, bool]) -> None:
+    stand, client = two_egos()
+    assert client.ask("/Service_MoraiSL", file_name="crowd", **ALL | options)["result"]
+    assert [ego.index for ego in stand.node.egos] == [0, 2]
+    assert all(ego.is_there for ego in stand.node.egos)
+
+
+def test_the_number_of_egos_is_bounded() -> None:
+    stand = Stand()
+    client = stand.client()
+    put(client, *range(2, MAX_EGOS + 1))
+    with pytest.raises(FieldError, match=f"{MAX_EGOS} egos at most"):
+        put(client, MAX_EGOS + 1)
+    assert len(stand.node.egos) == MAX_EGOS
+
+
+def test_a_topic_that_somebody_gave_another_type_keeps_the_ego_out() -> None:
+    stand = Stand()
+    client = stand.client()
+    client.send("/Ego-3/ctrl_cmd", "std_msgs/String", data="mine")
+    before = len(stand.bus.services)
+    with pytest.raises(GraphError, match="already established"):
+        put(client, 2, 3)
+    assert [ego.index for ego in stand.node.egos] == [0]
+    assert len(stand.bus.services) == before
+    assert len(stand.world.rows(Kind.EGO)) == 1
+    put(client, 2)
+    assert [ego.index for ego in stand.node.egos] == [0, 2]
+
+
+def test_another_ego_has_the_rate_of_the_first_or_its_own() -> None:
+    stand, client = two_egos(rate={"/Ego_topic": 10.0, "/Ego-3/Ego_topic": 25.0})
+    put(client, 3)
+    client.listen("/Ego-2/Ego_topic", "/Ego-3/Ego_topic", "/Ego-3/Object_topic")
+    stand.run(1.0)
+    names = ("/Ego-2/Ego_topic", "/Ego-3/Ego_topic", "/Ego-3/Object_topic")
+    assert [len(client.messages(name)) for name in names] == [10, 25, 50]
+    for name in ("/Ego-2/VehicleCollision", "/Ego-x/Ego_topic"):
+        with pytest.raises(DocumentError, match=f"rate of {name}"):
+            Stand(rate={name: 10.0})
+    with pytest.raises(DocumentError, match="at most 120 Hz"):
+        Stand(rate={"/Ego-2/Ego_topic": 500.0})
+
+
+def test_many_comings_and_goings_of_egos_leave_nothing() -> None:
+    stand, client = two_egos()
+    client.ask("/Service_MoraiSL", file_name="parked", **ALL)
+    before = (len(stand.bus.topics), len(stand.bus.services))
+    for _ in range(20):
+        put(client, 2, 3, 4)
+        stand.run(0.1)
+        client.ask("/Service_MoraiSL", file_name="parked", **ALL)
+    stand.bus.expire(stand.now + 1_000.0)
+    assert len(stand.bus.services) == before[1]
+    assert len(stand.bus.topics) <= before[0]
