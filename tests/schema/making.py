@@ -9,17 +9,18 @@ import pytest
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.schema.compile import MessageType
+from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.store import Store
 from tests.schema.strategies import STAMP_NS
 
 __all__ = ["decode", "make", "refusal"]
 
 
-def make(text: str, **other: str) -> MessageType:
+def make(text: str, ros: Generation = 1, **other: str) -> MessageType:
     """The type `p/T` of that text, in a package where `other` types may be too."""
     texts = {("p", "msg", name): body for name, body in {"T": text, **other}.items()}
     texts["std_msgs", "msg", "Header"] = "uint32 seq\ntime stamp\nstring frame_id"
-    return Store(texts).message("p/T")
+    return Store(texts, ros=ros).message("p/T")
 
 
 def decode(message_type: MessageType, body: object) -> Any:  # noqa: ANN401 - a generated struct

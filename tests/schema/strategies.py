@@ -1,21 +1,24 @@
 """Messages grown from their types: whoever adds a definition has it tested without another line.
 
 `bodies` are JSON bodies as friendly clients send them, `odd_bodies` add what is tolerated, `broken_texts` are bodies
-that something has happened to. `values` are the structs that bodies stand for.
+that something has happened to. `values` are the structs that bodies stand for; in `wild_values` some numbers are none.
 """
 
 from __future__ import annotations
 
 import base64
 import json
+import math
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from hypothesis import strategies as st
 
-from rosbridge_sim.schema.check import ROS1, Shape, Slot
+from rosbridge_sim.schema.check import Dialect, Shape, Slot
 from rosbridge_sim.schema.compile import MessageType
+from rosbridge_sim.schema.names import Generation
+from rosbridge_sim.schema.parse import INT_RANGES
 from rosbridge_sim.schema.store import Store
 
 __all__ = [
@@ -28,6 +31,7 @@ __all__ = [
     "read_texts",
     "shared_store",
     "values",
+    "wild_values",
 ]
 
 SCHEMAS = Path(__file__).parents[2] / "schemas"
@@ -51,9 +55,9 @@ def read_texts(release: str = "22.R2") -> Texts:
 
 
 @cache
-def shared_store() -> Store:
-    """A store of all committed definitions, for tests that only read it."""
-    return Store(read_texts())
+def shared_store(ros: Generation = 1) -> Store:
+    """A store of all committed definitions, for tests that only read it: the older release with ROS 1."""
+    return Store(read_texts("22.R2" if ros == 1 else "26.R1"), ros=ros)
 
 
 MIXED = """
@@ -80,23 +84,24 @@ MixedPart[] parts
 """
 """Whatever a field can be and no committed message has."""
 
+MIXED_TEXTS = {("p", "msg", "Mixed"): MIXED, ("p", "msg", "MixedPart"): "Header header\nfloat32 x 0.1\n"}
+
 
 @cache
-def all_types() -> tuple[MessageType, ...]:
-    """Every message type, and every half of a service, that is committed; and one made of rare kinds of fields."""
-    texts = {**read_texts(), ("p", "msg", "Mixed"): MIXED, ("p", "msg", "MixedPart"): "Header header\nfloat32 x 0.1\n"}
-    store = Store(texts)
-    types = [store.message(f"{package}/{name}") for package, kind, name in texts if kind == "msg"]
-    for package, kind, name in texts:
-        if kind == "srv":
-            service = store.service(f"{package}/{name}")
-            types += [service.request, service.response]
+def all_types(ros: Generation) -> tuple[MessageType, ...]:
+    """Every message type, and every part of a service or an action, that a store knows; and one of rare fields."""
+    store = Store({**read_texts("22.R2" if ros == 1 else "26.R1"), **MIXED_TEXTS}, ros=ros)
+    types = [store.message(name) for name in store.names("msg")]
+    for service in map(store.service, store.names("srv")):
+        types += [service.request, service.response]
+    for action in map(store.action, store.names("action")):
+        types += [action.goal, action.result, action.feedback]
     return tuple(types)
 
 
 def every_type() -> st.SearchStrategy[MessageType]:
-    """Any of `all_types`."""
-    return st.sampled_from(all_types())
+    """Any of `all_types` of either generation."""
+    return st.sampled_from((*all_types(1), *all_types(2)))
 
 
 # Bodies
@@ -113,17 +118,22 @@ _CHARS = st.characters(exclude_categories=["Cs"])
 
 def bodies(message_type: MessageType) -> st.SearchStrategy[Body]:
     """Bodies that need no kindness but defaults: some fields are missing, the others are as the wire wants them."""
-    return _body(message_type.shape, is_odd=False)
+    return _body(message_type.shape, _PLAIN)
 
 
 def odd_bodies(message_type: MessageType) -> st.SearchStrategy[Body]:
     """Bodies that are accepted though they are not as the wire wants them."""
-    return _body(message_type.shape, is_odd=True)
+    return _body(message_type.shape, _ODD)
 
 
 def values(message_type: MessageType) -> st.SearchStrategy[Any]:
     """Checked and filled values."""
     return bodies(message_type).map(lambda body: message_type.check(body, STAMP_NS))
+
+
+def wild_values(message_type: MessageType) -> st.SearchStrategy[Any]:
+    """The same, NaN and infinities among them."""
+    return _body(message_type.shape, _WILD).map(lambda body: message_type.check(body, STAMP_NS))
 
 
 def broken_texts(message_type: MessageType) -> st.SearchStrategy[bytes]:
@@ -181,51 +191,59 @@ def _splice(text: bytes, where: float, lost: int, piece: bytes) -> bytes:
     return text[:at] + piece + text[at + lost :]
 
 
-def _body(shape: Shape, *, is_odd: bool) -> st.SearchStrategy[Body]:
-    fields = {name: _field(slot, is_odd=is_odd) for name, slot in shape.slots.items()}
+_PLAIN, _ODD, _WILD = range(3)
+"""As the wire wants it; as it is tolerated; as the wire wants it, with floats that are no numbers."""
+
+
+def _body(shape: Shape, how: int) -> st.SearchStrategy[Body]:
+    fields = {name: _field(slot, shape.dialect, how) for name, slot in shape.slots.items()}
     return st.fixed_dictionaries({}, optional=fields)
 
 
-def _field(slot: Slot, *, is_odd: bool) -> st.SearchStrategy[Any]:
-    element = _element(slot, is_odd=is_odd)
+def _field(slot: Slot, dialect: Dialect, how: int) -> st.SearchStrategy[Any]:
+    element = _element(slot, dialect, how)
     field = slot.field
     if field.array is None:
-        return element | st.none() if is_odd else element
+        return element | st.none() if how == _ODD else element
     low = 0 if field.array == 0 or field.is_bounded else field.array
     high = field.array or 3
     if field.is_bytes:
+        high = max(low, min(high, 20))
         as_text = st.binary(min_size=low, max_size=high).map(lambda data: base64.b64encode(data).decode())
         as_list = st.binary(min_size=low, max_size=high).map(list)
-        return st.one_of(as_text, as_list, st.none()) if is_odd else as_text
+        return st.one_of(as_text, as_list, st.none()) if how == _ODD else as_text
     high = min(high, low + 3)
-    listed = st.lists(element | st.none() if is_odd else element, min_size=low, max_size=high)
-    return listed | st.none() if is_odd else listed
+    listed = st.lists(element | st.none() if how == _ODD else element, min_size=low, max_size=high)
+    return listed | st.none() if how == _ODD else listed
 
 
-def _element(slot: Slot, *, is_odd: bool) -> st.SearchStrategy[Any]:
+def _element(slot: Slot, dialect: Dialect, how: int) -> st.SearchStrategy[Any]:
     kind = slot.field.type
     if slot.shape is not None:
-        return _body(slot.shape, is_odd=is_odd)
-    if kind in ROS1.ints:
-        low, high = ROS1.ints[kind]
+        return _body(slot.shape, how)
+    if kind in dialect.ints:
+        low, high = dialect.ints[kind]
         whole = st.integers(low, high)
         as_float = st.integers(max(low, -(2**53)), min(high, 2**53)).map(float)
-        return whole | as_float if is_odd else whole
-    if kind in {"time", "duration"}:
-        return _time(kind, is_odd=is_odd)
-    if kind == "float32":
-        return _FLOATS32
+        return whole | as_float if how == _ODD else whole
+    if kind in dialect.times:
+        return _time(kind, dialect, how)
+    if kind in {"float32", "float64"}:
+        floats = _FLOATS32 if kind == "float32" else _FLOATS
+        return floats | st.sampled_from([math.nan, math.inf, -math.inf]) if how == _WILD else floats
     if kind in {"string", "wstring"}:
         most = slot.field.max_chars
         return st.text(_CHARS, max_size=12 if most is None else most)
-    return st.booleans() if kind == "bool" else _FLOATS
+    return st.booleans()
 
 
-def _time(kind: str, *, is_odd: bool) -> st.SearchStrategy[Any]:
-    low, high = ROS1.ints["uint32" if kind == "time" else "int32"]
-    number = st.integers(low, high)
-    plain: st.SearchStrategy[Any] = st.fixed_dictionaries({}, optional={"secs": number, "nsecs": number})
-    if not is_odd:
+def _time(kind: str, dialect: Dialect, how: int) -> st.SearchStrategy[Any]:
+    names = dialect.times[kind].__struct_fields__
+    first, second = (st.integers(*INT_RANGES[part]) for part in dialect.time_parts[kind])
+    plain: st.SearchStrategy[Any] = st.fixed_dictionaries({}, optional=dict(zip(names, (first, second), strict=True)))
+    if how != _ODD:
         return plain
-    other = st.fixed_dictionaries({}, optional={"sec": number, "nanosec": number.map(float), "zone": st.none()})
+    others = {1: ("sec", "nanosec"), 2: ("secs", "nsecs")}[dialect.ros]
+    given = {others[0]: first, others[1]: second.map(float), "zone": st.none()}
+    other = st.fixed_dictionaries({}, optional=given)
     return st.one_of(plain, other, st.just("now")) if kind == "time" else plain | other

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import FieldError
-from rosbridge_sim.schema.check import Duration, Time, round32, round32_list
+from rosbridge_sim.schema.check import Duration, Time, Time2, round32, round32_list
 from rosbridge_sim.schema.compile import MessageType
 from rosbridge_sim.schema.store import Leniency, Store
 from tests.schema.making import decode, make, refusal
@@ -123,6 +123,25 @@ def test_durations_may_be_negative_and_know_no_now() -> None:
     assert decode(t, {"d": {"secs": -1, "nanosec": -5}}).d == Duration(-1, -5)
     assert refusal(t, {"d": "now"}) == "p/T message requires a duration for field d, but got a <class 'str'>"
     assert "requires a uint32 for field t.secs, but got -1" in refusal(t, {"t": {"secs": -1}})
+
+
+def test_bytes_and_times_of_ros_2_have_other_ranges() -> None:
+    t = make("byte b\nchar c\ntime t\nduration d", ros=2)
+    value = t.check({"b": 255, "c": 255, "t": {"secs": -1}, "d": {"sec": -1, "nsecs": 2**32 - 1}}, 0)
+    assert (value.b, value.c, value.t, value.d) == (255, 255, Time2(-1, 0), Time2(-1, 2**32 - 1))
+    assert "out of its range (0 to 255)" in refusal(t, {"b": -1})
+    assert "requires a int32 for field t.sec, but got 2147483648" in refusal(t, {"t": {"sec": 2**31}})
+    assert "requires a uint32 for field d.nanosec, but got -1" in refusal(t, {"d": {"nanosec": -1}})
+
+
+def test_seq_is_dropped_where_headers_have_none() -> None:
+    t = make("Header header\nstd_msgs/Header[] others", ros=2)
+    value = decode(t, {"header": {"seq": 3, "frame_id": "map"}, "others": [{"seq": None}]})
+    assert t.encode_json(value) == (
+        b'{"header":{"stamp":{"sec":12,"nanosec":340000000},"frame_id":"map"},'
+        b'"others":[{"stamp":{"sec":12,"nanosec":340000000},"frame_id":""}]}'
+    )
+    assert refusal(make("int32 x", ros=2), {"seq": 3}) == "Message type p/T does not have a field seq"
 
 
 @pytest.mark.parametrize("header", [None, {}, {"stamp": None}, {"seq": None, "stamp": None, "frame_id": ""}, ...])

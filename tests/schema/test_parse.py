@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import DefinitionError
-from rosbridge_sim.schema.parse import BASE_TYPES, Constant, Field, parse_message, parse_service
+from rosbridge_sim.schema.parse import BASE_TYPES, Constant, Field, parse_action, parse_message, parse_service
 
 
 def fields(text: str) -> tuple[Field, ...]:
@@ -183,12 +185,68 @@ def test_lines_of_a_service_are_those_of_its_file(text: str, line: int, words: s
     assert str(caught.value).endswith(words)
 
 
+def test_an_action_is_three_messages() -> None:
+    parts = parse_action("p/A", "int32 goal\n---\n# nothing\n---\nHeader h\nint8 LAST=1\n")
+    assert [d.name for d in parts] == ["p/AGoal", "p/AResult", "p/AFeedback"]
+    assert [[f.name for f in d.fields] for d in parts] == [["goal"], [], ["h"]]
+    assert [d.fields for d in parse_action("p/A", "---\n---")] == [(), (), ()]
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "words"),
+    [
+        ("int32 a\n---", 2, "an action needs exactly 2 lines '---', found 1"),
+        ("---\n---\n\n---", 4, "an action needs exactly 2 lines '---', found 3"),
+        ("int32 a\n---\nint8 b\n---\nint32 1", 5, "expected the name of a field, found '1'"),
+    ],
+)
+def test_lines_of_an_action_are_those_of_its_file(text: str, line: int, words: str) -> None:
+    with pytest.raises(DefinitionError) as caught:
+        parse_action("p/A", text, "A.action")
+    assert caught.value.line == line
+    assert str(caught.value).endswith(words)
+
+
+@pytest.mark.parametrize(
+    ("text", "in_ros_1", "in_ros_2"),
+    [
+        ("a", "a", "a"),
+        ("'a'", "'a'", "a"),
+        ('"it\'s" # x', '"it\'s" # x', "it's"),
+        ("a b # c", "a b # c", "a b"),
+        ("'a\\'b'", "'a\\'b'", "a'b"),
+        ("'a", "'a", "'a"),
+        ("'a' 'b", "'a' 'b", "'a' 'b"),
+        ("", "", ""),
+    ],
+)
+def test_quotes_of_a_text_constant_belong_to_it_in_ros_1(text: str, in_ros_1: str, in_ros_2: str) -> None:
+    for kind in ("string", "wstring"):
+        line = f"int8 x\n{kind} K={text}"
+        assert [c.value for c in parse_message("p/T", line).constants] == [in_ros_1]
+        (constant,) = parse_message("p/T", line, ros=2).constants
+        assert (constant.value, constant.text, constant.line) == (in_ros_2, text, 2)
+
+
+def test_bounds_of_every_kind() -> None:
+    text = "string<=10[<=5] a\nwstring<=3 b\nstring<=4[] c\np/U[<=2] d\nuint8[<=9] e\nstring<=1[2] f"
+    found = [(f.type, f.array, f.is_bounded, f.max_chars, f.full_type) for f in fields(text)]
+    assert found == [
+        ("string", 5, True, 10, "string<=10[<=5]"),
+        ("wstring", None, False, 3, "wstring<=3"),
+        ("string", 0, False, 4, "string<=4[]"),
+        ("p/U", 2, True, None, "p/U[<=2]"),
+        ("uint8", 9, True, None, "uint8[<=9]"),
+        ("string", 2, False, 1, "string<=1[2]"),
+    ]
+
+
 @given(
     st.text()
     | st.lists(st.sampled_from(["int32", " ", "x", "=", "[", "]", "<=", "3", "#", "'", "---", "\n"])).map("".join)
 )
 def test_any_text_is_parsed_or_refused(text: str) -> None:
-    for parse in (parse_message, parse_service):
+    for parse in (parse_message, parse_service, parse_action, partial(parse_message, ros=2)):
         try:
             assert parse("p/T", text)
         except DefinitionError as error:

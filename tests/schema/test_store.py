@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
-from rosbridge_sim.errors import DefinitionError, TypeNameError, UnknownPackageError
-from rosbridge_sim.schema.check import Time
+from rosbridge_sim.errors import DefinitionError, FieldError, TypeNameError, UnknownPackageError
+from rosbridge_sim.schema.check import Time, Time2
 from rosbridge_sim.schema.compile import OpaqueType
 from rosbridge_sim.schema.store import Leniency, Message, Store
 from tests.schema.strategies import SCHEMAS, shared_store
@@ -188,6 +188,92 @@ def test_rosapi_answers_to_the_names_of_both_generations() -> None:
     assert store.service("rosapi/GetParam").request.decode_json(b'{"name":"a","default_value":"1"}', 0).default == "1"
     own = Store({("rosapi_msgs", "msg", "TypeDef"): "int8 x"})
     assert own.canonical("rosapi_msgs/TypeDef") == "rosapi_msgs/TypeDef"
+
+
+# Actions
+
+
+@pytest.mark.parametrize("name", ["p/A", "p/action/A"])
+def test_an_action_is_three_messages(name: str) -> None:
+    store = Store({("p", "action", "A"): "int32 order\n---\nint32[] all\n---\nB last", ("p", "msg", "B"): "int8 x"})
+    action = store.action(name)
+    assert action is store.action("p/A")
+    assert (action.name, action.goal.name, action.result.name) == ("p/A", "p/AGoal", "p/AResult")
+    assert action.goal.decode_json(b'{"order":3}', 0).order == 3
+    assert action.feedback is store.message("p/AFeedback")
+    assert store.names("action") == ["p/A"]
+
+
+def test_actionlibs_messages_come_from_the_action() -> None:
+    store = shared_store()
+    goal = store.message("actionlib_tutorials/FibonacciActionGoal")
+    value = goal.decode_json(b'{"goal_id":{"id":"x"},"goal":{"order":7}}', 5)
+    assert (value.header.stamp, value.goal_id.id, value.goal.order) == (Time(0, 5), "x", 7)
+    for part in ("Result", "Feedback"):
+        fields = store.message(f"actionlib_tutorials/FibonacciAction{part}").definition.fields
+        types = ["std_msgs/Header", "actionlib_msgs/GoalStatus", f"actionlib_tutorials/Fibonacci{part}"]
+        assert [f.type for f in fields] == types
+    whole = store.message("actionlib_tutorials/FibonacciAction").definition.fields
+    assert [f.name for f in whole] == ["action_goal", "action_result", "action_feedback"]
+    names = {f"tf2_msgs/LookupTransform{part}" for part in ("Goal", "ActionFeedback", "Action")}
+    assert names <= set(store.names("msg"))
+    assert not names & set(shared_store(2).names("msg"))
+    assert shared_store(2).message("tf2_msgs/LookupTransformActionGoal").default().goal.advanced is False
+
+
+def test_a_message_that_is_there_is_not_made_from_an_action() -> None:
+    texts = {("p", "action", "A"): "int32 x\n---\n---", ("p", "msg", "AGoal"): "int32 y", ("p", "msg", "AAction"): ""}
+    store = Store(texts)
+    assert list(store.message("p/AGoal").shape.slots) == ["y"]
+    assert store.message("p/AAction").shape.slots == {}
+    assert list(store.action("p/A").goal.shape.slots) == ["x"]
+    assert list(store.message("p/AActionGoal").default().goal.__struct_fields__) == ["y"]
+
+
+def test_actions_that_are_not_there_or_broken() -> None:
+    store = Store({("p", "action", "A"): "int32\n---\n---", ("p", "action", "B"): "Gone g\n---\n---"})
+    with pytest.raises(UnknownPackageError, match=r"^Unable to import q\.action from package q\."):
+        store.action("q/A")
+    with pytest.raises(TypeNameError, match=r"^Unable to resolve type p/C: package p has no such action$"):
+        store.action("p/C")
+    with pytest.raises(TypeNameError, match=r"^Unable to resolve type p/A: p/action/A\.action:1:1: expected a type"):
+        store.action("p/A")
+    for name in ("p/AGoal", "p/AAction", "p/BActionGoal"):
+        with pytest.raises(TypeNameError, match="Unable to resolve type"):
+            store.message(name)
+    with pytest.raises(DefinitionError, match=r"^p/action/A\.action:1:1: "):
+        store.verify()
+
+
+# ROS 2
+
+
+def test_ros_2_speaks_its_own_times_and_headers() -> None:
+    store = shared_store(2)
+    assert store.ros == 2
+    assert store.time_value(1_500_000_000) == Time2(1, 500_000_000)
+    t = store.message("morai_msgs/msg/EgoVehicleStatus")
+    text = t.encode_json(t.decode_json(b'{"unique_id":1}', 2_000_000_003))
+    assert text.startswith(b'{"header":{"stamp":{"sec":2,"nanosec":3},"frame_id":""},"unique_id":1,')
+    header = b'{"header":{"seq":7,"stamp":{"secs":5,"nsecs":6},"frame_id":"map"}}'
+    assert t.decode_json(header, 0).header.stamp == Time2(5, 6)
+    clock = store.message("rosgraph_msgs/Clock")
+    assert clock.encode_json(clock.decode_json(b'{"clock":"now"}', 7)) == b'{"clock":{"sec":0,"nanosec":7}}'
+
+
+def test_snake_case_of_morais_fields_is_accepted_and_never_sent() -> None:
+    for ros in (1, 2):
+        t = shared_store(2 if ros == 2 else 1).message("morai_msgs/CtrlCmd")
+        value = t.decode_json(b'{"longl_cmd_type":2,"velocity":3}', 0)
+        assert value.longlCmdType == 2
+        assert t.encode_json(value).startswith(b'{"longlCmdType":2,')
+        assert t.decode_json(b'{"longl_cmd_type":2,"longlCmdType":1}', 0).longlCmdType == 1
+        with pytest.raises(FieldError, match="does not have a field longl_cmd"):
+            t.decode_json(b'{"longl_cmd":2}', 0)
+    own = Leniency(fields={"p/T": {"longCmdType": "longlCmdType"}})
+    t = Store({("p", "msg", "T"): "int32 longlCmdType"}, leniency=own).message("p/T")
+    for name in ("longlCmdType", "longl_cmd_type", "longCmdType", "long_cmd_type"):
+        assert t.check({name: 3}, 0).longlCmdType == 3
 
 
 # Texts and messages

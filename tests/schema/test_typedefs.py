@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
+import pytest
+from hypothesis import given
+
+from rosbridge_sim.schema.compile import MessageType
+from rosbridge_sim.schema.names import Generation
+from rosbridge_sim.schema.parse import parse_message
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.schema.typedefs import TypeDef, typedefs
+from rosbridge_sim.schema.typedefs import TypeDef, full_text, typedefs
+from tests.schema.making import make
+from tests.schema.strategies import every_type, shared_store
 
 TEXTS = {
     ("a_msgs", "msg", "Root"): (
@@ -31,3 +39,109 @@ def test_fields_lengths_examples_and_constants() -> None:
         constnames=["BIG", "WORD"],
         constvalues=["7", "hi there # kept"],
     )
+
+
+def test_times_are_types_in_the_personalitys_words() -> None:
+    text = "time a\nduration[] b\nstring<=5 c\nint8[<=3] d\nfloat32 e 0.5"
+    first, *others = typedefs(make(text).shape)
+    assert (first.fieldtypes, first.fieldarraylen) == (
+        ["time", "duration", "string", "int8", "float32"],
+        [-1, 0, -1, 0, -1],
+    )
+    assert first.examples == ["{}", "[]", "", "[]", "0.5"]
+    assert [(d.type, d.fieldnames, d.fieldtypes) for d in others] == [
+        ("time", ["secs", "nsecs"], ["uint32", "uint32"]),
+        ("duration", ["secs", "nsecs"], ["int32", "int32"]),
+    ]
+    first, *others = typedefs(make(text, ros=2).shape)
+    assert first.fieldtypes[:2] == ["builtin_interfaces/Time", "builtin_interfaces/Duration"]
+    assert [(d.type, d.fieldnames, d.fieldtypes) for d in others] == [
+        ("builtin_interfaces/Time", ["sec", "nanosec"], ["int32", "uint32"]),
+        ("builtin_interfaces/Duration", ["sec", "nanosec"], ["int32", "uint32"]),
+    ]
+
+
+def test_parts_of_services_and_actions_are_types_too() -> None:
+    store = shared_store()
+    topics = typedefs(store.service("rosapi/Topics").response.shape)
+    assert [(d.type, d.fieldnames) for d in topics] == [("rosapi/TopicsResponse", ["topics", "types"])]
+    goal = typedefs(store.action("tf2_msgs/LookupTransform").goal.shape)
+    assert [d.type for d in goal] == ["tf2_msgs/LookupTransformGoal", "time", "duration"]
+
+
+@given(every_type())
+def test_lists_are_parallel_and_nothing_comes_twice(message_type: MessageType) -> None:
+    described = typedefs(message_type.shape)
+    names = [d.type for d in described]
+    assert (names[0], len(set(names))) == (message_type.name, len(names))
+    for d in described:
+        assert len({len(d.fieldnames), len(d.fieldtypes), len(d.fieldarraylen), len(d.examples)}) == 1
+        assert len(d.constnames) == len(d.constvalues)
+        assert all("/" not in kind or kind in names for kind in d.fieldtypes)
+        assert not any(name.startswith("_") for name in d.fieldnames)
+
+
+# Texts
+
+BORDER = "=" * 80
+
+
+def test_nested_types_come_once_and_by_their_full_names() -> None:
+    texts = {
+        ("p", "msg", "T"): "# Other x\nOther[] x  # an Other\nHeader  h\nint32 K=1 # Other\n"
+        "geometry_msgs/msg/Point p\n\tOther y",
+        ("p", "msg", "Other"): "geometry_msgs/Point at",
+        ("std_msgs", "msg", "Header"): "time stamp",
+        ("geometry_msgs", "msg", "Point"): "float64 x\n",
+    }
+    nested = f"{BORDER}\nMSG: p/Other\ngeometry_msgs/Point at\n{BORDER}\nMSG: geometry_msgs/Point\nfloat64 x\n{BORDER}"
+    assert full_text(Store(texts).message("p/T").shape) == (
+        "# Other x\np/Other[] x  # an Other\nstd_msgs/Header  h\nint32 K=1  # Other\n"
+        f"geometry_msgs/Point p\n\tp/Other y\n{nested}\nMSG: std_msgs/Header\ntime stamp"
+    )
+
+
+@pytest.mark.parametrize(
+    ("line", "in_ros_1", "in_ros_2"),
+    [
+        ("time t # when", "time t # when", "builtin_interfaces/Time t # when"),
+        ("duration[<=3] t", "duration[] t", "builtin_interfaces/Duration[<=3] t"),
+        ("string<=5[<=2] s", "string[] s", "string<=5[<=2] s"),
+        ("string<=5[2] s", "string[2] s", "string<=5[2] s"),
+        ("wstring w", "string w", "wstring w"),
+        ("int32 x 3 # three", "int32 x  # three", "int32 x 3  # three"),
+        ("bool x True", "bool x", "bool x true"),
+        ("float64 x nan", "float64 x", "float64 x"),
+        ("int8[] x [1, -2]", "int8[] x", "int8[] x [1, -2]"),
+        ("int8[] x []", "int8[] x", "int8[] x"),
+        ("string x 'a # b' # c", "string x", 'string x "a # b"'),
+        ("string[] x ['a', '#']", "string[] x", "string[] x"),
+        ("int32 longlCmdType", "int32 longlCmdType", "int32 longl_cmd_type"),
+        ("int32 longlCmdType  # why", "int32 longlCmdType  # why", "int32 longl_cmd_type  # why"),
+        ("uint8 X=0x1F # hex", "uint8 X=31  # hex", "uint8 X=31  # hex"),
+        ("int32 kOdd=1", "int32 kOdd=1", "int32 K_ODD=1"),
+        ("string K=a # b", "string K=a # b", 'string K="a"'),
+        ("wstring K='it\"s'", "string K='it\"s'", 'wstring K="it\\"s"'),
+        ("bool K=True # yes", "bool K=True  # yes", "bool K=true  # yes"),
+        ("float32 K=inf", "# float32 K=inf", "# float32 K=inf"),
+        ("float32 K=1e3", "float32 K=1e3", "float32 K=1000.0"),
+    ],
+)
+def test_lines_are_in_the_grammar_of_the_personality(line: str, in_ros_1: str, in_ros_2: str) -> None:
+    for ros, expected in ((1, in_ros_1), (2, in_ros_2)):
+        shown = full_text(make(f"{line}\nint8 last", ros=2 if ros == 2 else 1).shape)
+        assert shown.split(BORDER)[0].strip() == f"{expected}\nint8 last"
+
+
+@given(every_type())
+def test_every_text_can_be_parsed_again(message_type: MessageType) -> None:
+    ros: Generation = message_type.shape.dialect.ros
+    root, *parts = full_text(message_type.shape).split(f"{BORDER}\n")
+    named = dict([part.removeprefix("MSG: ").split("\n", 1) for part in parts]) | {message_type.name: root}
+    for name, text in named.items():
+        definition = parse_message(name, text, ros=ros)
+        assert all("/" not in f.type or f.type in named for f in definition.fields)
+        if name == message_type.name:
+            types = [(f.type.replace("wstring", "string"), f.array and not f.is_bounded) for f in definition.fields]
+            own = message_type.definition.fields
+            assert types == [(f.type.replace("wstring", "string"), f.array and not f.is_bounded) for f in own]
