@@ -76,3 +76,17 @@ ensure_node_packages() {
     fi
     printf '%s' "$(<"$at/package-lock.json")" >"$at/node_modules/installed"
 }
+
+# ensure_browser: Debian's Chromium for the page of the tests; installed where we may, else it is said what is missing.
+ensure_browser() {
+    if command -v chromium >/dev/null; then return; fi
+    if ! command -v apt-get >/dev/null || ((EUID != 0)); then
+        say "chromium is missing: the test of a page in a browser cannot run (Debian: apt-get install chromium)"
+        return
+    fi
+    say "installing chromium for the test of a page in a browser (once)"
+    local -x DEBIAN_FRONTEND=noninteractive
+    if ! { apt-get --quiet=2 update && apt-get --quiet=2 install --yes --no-install-recommends chromium; } >/dev/null; then
+        say "apt-get could not install it; it says why above"
+    fi
+}
