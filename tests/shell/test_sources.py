@@ -21,6 +21,7 @@ from rosbridge_sim.shell.sources import (
 OTHER: dict[str, object] = {
     "host": "::1",
     "port": 8000,
+    "ros": 2,
     "certfile": "a.pem",
     "keyfile": "b c.pem",
     "token": "s3cret+/=",
