@@ -11,7 +11,7 @@ Headers carry simulation time, and as `seq` the frame: it does not depend on who
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
@@ -22,6 +22,7 @@ from rosbridge_sim.morai.mgeo import RoadMap
 from rosbridge_sim.schema.check import round32
 from rosbridge_sim.schema.store import Leniency, Store
 from rosbridge_sim.world.geometry import FloatArray, IntArray
+from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import STEP_NS, Body, Gear, Kind, Mode, World
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "KMH",
     "LENIENCY",
     "MANUAL",
+    "RELEASES",
     "Control",
     "Converter",
     "Profile",
@@ -49,11 +51,12 @@ _DOCUMENTED = (
     *("SyncModeCmd", "SyncModeCmdResponse", "SyncModeCtrlCmd", "SyncModeInfo", "SyncModeRemoveObj"),
     *("SyncModeResultResponse", "SyncModeScenarioLoad", "SyncModeSetGear", "VehicleCollision", "VehicleCollisionData"),
     *("VehicleSpec", "VehicleSpecIndex", "WaitForTick", "WaitForTickResponse"),
+    *("SyncModeAddObject", "SyncModeRemoveObject", "MoraiSyncModeAddObjectSrv", "MoraiSyncModeRemoveObjectSrv"),
     *("MoraiEventCmdSrv", "MoraiMapSpecSrv", "MoraiScenarioLoadSrv", "MoraiSimProcSrv", "MoraiSyncModeCmdSrv"),
     *("MoraiSyncModeCtrlCmdSrv", "MoraiSyncModeSLSrv", "MoraiSyncModeSetGearSrv", "MoraiTLInfoSrv"),
     *("MoraiVehicleSpecSrv", "MoraiWaitForTickSrv"),
 )
-"""The types of the manual pages."""
+"""The types of the manual pages, and those that newer releases have in place of one."""
 
 _SCENARIO_LOAD: Final = {
     "load_object_data": "load_obstacle_data",
@@ -117,16 +120,29 @@ MANUAL: Final = Profile()
 FIELD: Final = Profile("deg", "length-width-height", 20, "km/h")
 """As most published clients read."""
 
+RELEASES: Final[Mapping[str, Profile]] = {"22.R2": MANUAL, "26.R1": replace(MANUAL, object_limit=20)}
+"""What releases say differently, beside the fields and names that stand in `schemas/`."""
+
 
 def choose_profile(
     name: Literal["manual", "field"],
+    release: str = "22.R2",
     *,
     wheel_angle_unit: Literal["rad", "deg"] | None = None,
     object_size_order: Literal["width-length-height", "length-width-height"] | None = None,
     object_limit: int | None = None,
     object_velocity_unit: Literal["km/h", "m/s"] | None = None,
 ) -> Profile:
-    """A named profile with single choices of one's own; None leaves a choice to the profile."""
+    """A named profile with single choices of one's own; None leaves a choice to the profile.
+
+    Args:
+        name: `manual` means what the manual of the release says.
+        release: of MORAI SIM.
+        wheel_angle_unit: see `Profile`, as for the others.
+        object_size_order: the same.
+        object_limit: the same.
+        object_velocity_unit: the same.
+    """
     own = {
         "wheel_angle_unit": wheel_angle_unit,
         "object_size_order": object_size_order,
@@ -134,7 +150,7 @@ def choose_profile(
         "object_velocity_unit": object_velocity_unit,
     }
     chosen: dict[str, Any] = {key: value for key, value in own.items() if value is not None}  # checked by their types
-    return replace({"manual": MANUAL, "field": FIELD}[name], **chosen)
+    return replace({"manual": RELEASES[release], "field": FIELD}[name], **chosen)
 
 
 KMH: Final = 3.6
@@ -191,6 +207,50 @@ def time_text(frame: int) -> str:
     return f"{frame // 50}.{frame % 50 * 2:02d}"
 
 
+@dataclass(frozen=True, slots=True)
+class _Lane:
+    """Where the ego is on its lane, left positive, and how far the lane's edges are [m]; zeros off any road."""
+
+    lateral: float = 0.0
+    to_left: float = 0.0
+    to_right: float = 0.0
+
+
+_OFF_ROAD: Final = _Lane()
+
+_Figure = Callable[[World, int, _Lane], float]
+
+_BESIDE_LANE: Final[Mapping[str, _Figure]] = {
+    "lateral_offset": lambda _world, _row, lane: lane.lateral,
+    "cross_track_error": lambda _world, _row, lane: -lane.lateral,  # of all lateral figures this one is right positive
+    "distance_left_lane_boundary": lambda _world, _row, lane: lane.to_left,
+    "distance_right_lane_boundary": lambda _world, _row, lane: lane.to_right,
+}
+
+_UNKNOWABLE: Final = (
+    "rear_steer_angle",
+    # Wheels of the kinematic model roll where they point: no slip, and so no force that comes of it.
+    *(f"side_slip_angle_{wheel}" for wheel in ("fl", "fr", "rl", "rr")),
+    *(f"tire_lateral_force_{wheel}" for wheel in ("fl", "fr", "rl", "rr")),
+    *(f"tire_cornering_stiffness_{wheel}" for wheel in ("fl", "fr", "rl", "rr")),
+)
+"""Figures of newer releases that are 0 here."""
+
+
+def _find_lane(world: World, row: int, roads: Roads) -> _Lane:
+    places = roads.nearest(world.x[row], world.y[row], world.yaw[row])
+    to_left, to_right = roads.beside(places)
+    return _Lane(places.lateral.item(), to_left.item(), to_right.item())
+
+
+def _nothing(_world: World, _row: int, _lane: _Lane) -> float:
+    return 0.0
+
+
+def _front_steer_angle(world: World, row: int, _lane: _Lane) -> float:
+    return math.degrees(world.steer.item(row))  # degrees in any profile
+
+
 class _Layout:
     """What of the listed objects does not change until somebody comes or goes.
 
@@ -222,11 +282,21 @@ class Converter:
         self._vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
         self._header = maker(store, "std_msgs/Header", "seq", "stamp", "frame_id")
         self._clock = maker(store, "rosgraph_msgs/Clock", "clock")
+        self._wheel_factor = math.degrees(1.0) if profile.wheel_angle_unit == "deg" else 1.0
+        figures = {
+            "wheel_angle": self._wheel_angle,
+            "front_steer_angle": _front_steer_angle,
+            **_BESIDE_LANE,
+            **dict.fromkeys(_UNKNOWABLE, _nothing),
+        }
+        fields = store.message("morai_msgs/EgoVehicleStatus").struct.__struct_fields__
+        self._ego_figures = [figures[name] for name in fields if name in figures]
+        self._has_lane_figures = any(name in _BESIDE_LANE for name in fields)
         self._ego = maker(
             store,
             "morai_msgs/EgoVehicleStatus",
             *("header", "unique_id", "acceleration", "position", "velocity", "heading", "accel", "brake"),
-            "wheel_angle",
+            *(name for name in fields if name in figures),
         )
         self._object = maker(
             store,
@@ -242,7 +312,8 @@ class Converter:
         self._collision = maker(
             store,
             "morai_msgs/CollisionData",
-            *("header", "global_offset_x", "global_offset_y", "global_offset_z", "collision_object"),
+            *("header", "global_offset_x", "global_offset_y", "global_offset_z"),
+            *("collision_object", "collision_objecta"),
         )
         self._crash = maker(store, "morai_msgs/VehicleCollision", "crashed_vehicles")
         self._crashes = maker(store, "morai_msgs/VehicleCollisionData", "header", "collisions")
@@ -257,7 +328,6 @@ class Converter:
         )
         fields = store.message("morai_msgs/CtrlCmd").struct.__struct_fields__
         self._steering = "steering" if "steering" in fields else "front_steer"
-        self._wheel_factor = math.degrees(1.0) if profile.wheel_angle_unit == "deg" else 1.0
         self._speed_factor = KMH if profile.object_velocity_unit == "km/h" else 1.0
         self._is_width_first = profile.object_size_order == "width-length-height"
         self._at_rest = self._vector(0.0, 0.0, 0.0)
@@ -272,13 +342,20 @@ class Converter:
         """Simulated time."""
         return self._clock(self._store.time_value(frame * STEP_NS))
 
-    def ego_vehicle_status(self, world: World, row: int, unique_id: int) -> Any:  # noqa: ANN401 - a generated struct
+    def ego_vehicle_status(self, world: World, row: int, unique_id: int, roads: Roads | None = None) -> Any:  # noqa: ANN401 - a generated struct
         """The state of a driven row.
 
         Velocity and acceleration are in the body's frame, x forward and y left, at the rear axle: there nothing moves
         sideways.
+
+        Args:
+            world: read only.
+            row: whose.
+            unique_id: its id on the wire.
+            roads: what it drives on, for the releases that tell of lanes.
         """
         vector = self._vector
+        lane = _find_lane(world, row, roads) if self._has_lane_figures and roads else _OFF_ROAD
         return self._ego(
             self.header(world.frame, "base_link"),
             unique_id,
@@ -288,7 +365,7 @@ class Converter:
             math.degrees(world.yaw.item(row)),
             round32(world.throttle.item(row)),
             round32(world.brake.item(row)),
-            round32(world.steer.item(row) * self._wheel_factor),
+            *[round32(figure(world, row, lane)) for figure in self._ego_figures],
         )
 
     def object_status_list(self, world: World, ego_row: int | None) -> Any:  # noqa: ANN401 - a generated struct
@@ -324,7 +401,7 @@ class Converter:
         """
         touched = self._any_statuses(world, rows, unique_id)
         place = touched[0].position if touched else self._at_rest
-        return self._collision(self.header(world.frame, "base_link"), place.x, place.y, place.z, touched)
+        return self._collision(self.header(world.frame, "base_link"), place.x, place.y, place.z, touched, touched)
 
     def vehicle_collision_data(self, world: World, pairs: IntArray, unique_id: UniqueId) -> Any:  # noqa: ANN401 - as above
         """Which vehicles touch each other, (k, 2) rows; a collision for each pair."""
@@ -387,6 +464,9 @@ class Converter:
 
     # Inside
 
+    def _wheel_angle(self, world: World, row: int, _lane: _Lane) -> float:
+        return world.steer.item(row) * self._wheel_factor
+
     def _lay_out(self, world: World) -> _Layout:
         return _Layout(world, self._size)
 
@@ -435,12 +515,16 @@ def _nearest(world: World, rows: IntArray, ego_row: int, limit: int) -> IntArray
 def maker(store: Store, type_name: str, *names: str) -> Callable[..., Any]:
     """A function that takes the values of `names`, in their order, and makes a struct of a type.
 
-    It is the struct itself where the type begins with just these fields, as the releases that we ship do. A user's own
-    definitions may differ: fields that the type lacks are left out, others get their defaults.
+    It is the struct itself where the type begins with just these fields, as it does in the newest release that has
+    them all; in an older one the last ones are left out. A user's own definitions may differ in any way: fields that
+    the type lacks are left out, others get their defaults.
     """
     struct = store.message(type_name).struct
     fields = struct.__struct_fields__
     if fields[: len(names)] == names:
         return struct
+    num = sum(name in fields for name in names)
+    if fields[:num] == names[:num]:
+        return lambda *values: struct(*values[:num])
     places = [(i, name) for i, name in enumerate(names) if name in fields]
     return lambda *values: struct(**{name: values[i] for i, name in places})

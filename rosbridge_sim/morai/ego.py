@@ -96,7 +96,7 @@ class Ego:
     def status(self) -> Any:  # noqa: ANN401 - a generated struct
         """Its EgoVehicleStatus, made once for each state of the world."""
         if self._status is None:
-            self._status = self._convert.ego_vehicle_status(self._world, self.row, self.index)
+            self._status = self._convert.ego_vehicle_status(self._world, self.row, self.index, self._roads())
         return self._status
 
     def forget_status(self) -> None:
@@ -134,6 +134,8 @@ class Ego:
             self._place(pose, speed=0.0)
             dynamics.shift(self._world, self.row, gear)
         self._place(pose, speed=pose.speed)
+        if pose.steer is not None:
+            dynamics.turn_wheels(self._world, self.row, pose.steer)
         self.forget_status()
 
     def _place(self, pose: Pose, speed: float) -> None:

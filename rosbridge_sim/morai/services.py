@@ -65,8 +65,13 @@ class Services:
         bindings.provide("Service_MoraiSL", "MoraiScenarioLoadSrv", self._load_now)
         bindings.provide("Service_MoraiVehicleSpec", "MoraiVehicleSpecSrv", self._vehicle_spec)
         bindings.provide("Service_MoraiMapSpec", "MoraiMapSpecSrv", self._map_spec)
-        bindings.listen("SyncModeAddObj", "SyncModeAddObj", self._add_object)
-        bindings.listen("SyncModeRemoveObj", "SyncModeRemoveObj", self._remove_object)
+        # Of these a release has either the topics or the services.
+        if bindings.has_type("SyncModeAddObj"):
+            bindings.listen("SyncModeAddObj", "SyncModeAddObj", self._hear_add)
+            bindings.listen("SyncModeRemoveObj", "SyncModeRemoveObj", self._hear_remove)
+        if bindings.has_type("MoraiSyncModeAddObjectSrv", is_service=True):
+            bindings.provide("SyncModeAddObject", "MoraiSyncModeAddObjectSrv", self._add_object)
+            bindings.provide("SyncModeRemoveObject", "MoraiSyncModeRemoveObjectSrv", self._remove_object)
 
     def bind_ego(self, ego: Ego, bindings: Bindings) -> None:
         """What each ego has of its own. Synchronous mode is one for all: a tick of either moves the world."""
@@ -171,34 +176,54 @@ class Services:
         command = read() if sync.is_on else _nothing
         return sync.submit(command, frame, self._node.world.frame, caller, now)
 
-    def _add_object(self, request: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+    def _add_object(self, call: Call, now: float) -> None:
+        request: Any = _request(call)
+        self._queue(call, lambda: self._read_add(request, call.caller, call.service.name), request.frame, now)
+
+    def _remove_object(self, call: Call, now: float) -> None:
+        request: Any = _request(call)
+        self._queue(call, lambda: self._read_remove(request, call.caller, call.service.name), request.frame, now)
+
+    def _hear_add(self, request: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+        topic = "/SyncModeAddObj"
+        try:
+            command = self._read_add(request, sender, topic)
+        except FieldError as error:
+            raise FieldError(f"{topic}: {error}") from None
+        self._queue_silently(topic, command, request.frame, sender, now)
+
+    def _hear_remove(self, request: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+        topic = "/SyncModeRemoveObj"
+        self._queue_silently(topic, self._read_remove(request, sender, topic), request.frame, sender, now)
+
+    def _read_add(self, request: Any, sender: Owner, where: str) -> Command:  # noqa: ANN401 - a generated struct
         model = find_model(request.name)
         if model is None:
-            raise FieldError(f"/SyncModeAddObj: the catalogue has no model {request.name[:80]!r}")
+            raise FieldError(f"the catalogue has no model {request.name[:80]!r}")
         position = request.position
         figures = (position.x, position.y, position.z, request.heading)
         if not all(map(math.isfinite, figures)):
-            raise FieldError(f"/SyncModeAddObj: position and heading must be finite numbers, got {figures}")
+            raise FieldError(f"position and heading must be finite numbers, got {figures}")
         x, y, z, heading_deg = figures
 
         def add(_now: float) -> None:
             try:
                 uid = self._node.stage.add(model, x=x, y=y, z=z, yaw=math.radians(heading_deg))
             except PeerError as error:
-                _complain(sender, f"/SyncModeAddObj: {error}")
+                _complain(sender, f"{where}: {error}")
             else:
                 _log.info("added %s with unique_id %d", model.name, uid)
 
-        self._queue_silently("/SyncModeAddObj", add, request.frame, sender, now)
+        return add
 
-    def _remove_object(self, request: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+    def _read_remove(self, request: Any, sender: Owner, where: str) -> Command:  # noqa: ANN401 - a generated struct
         def remove(_now: float) -> None:
             try:
                 self._node.stage.remove(request.unique_id)
             except PeerError as error:
-                _complain(sender, f"/SyncModeRemoveObj: {error}")
+                _complain(sender, f"{where}: {error}")
 
-        self._queue_silently("/SyncModeRemoveObj", remove, request.frame, sender, now)
+        return remove
 
     def _queue_silently(self, topic: str, command: Command, frame: int, sender: Owner, now: float) -> None:
         """Have a command that came over a topic wait for its frame; nobody is answered.

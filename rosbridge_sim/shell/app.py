@@ -16,13 +16,14 @@ import errno
 import logging
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import TracebackType
-from typing import Self
+from typing import Protocol, Self
 
 from rosbridge_sim.errors import DocumentError, RosbridgeSimError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.policy import Policy, Rule
+from rosbridge_sim.graph.republisher import Republisher
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.morai.convert import LENIENCY, choose_profile
 from rosbridge_sim.morai.node import Node, NodeSettings
@@ -36,7 +37,7 @@ from rosbridge_sim.shell.sources import check_options
 from rosbridge_sim.shell.storage import DiskLibrary, read_definitions
 from rosbridge_sim.world.state import World
 
-__all__ = ["AddressError", "Clockwork", "Simulator", "WorldFailedError"]
+__all__ = ["AddressError", "Clock", "Clockwork", "Simulator", "WorldFailedError"]
 
 _log = logging.getLogger("rosbridge_sim.app")
 
@@ -133,7 +134,9 @@ class Simulator:
         limits = _limits(settings)
         Rosapi(bus, limits.policy)
         node = _make_node(bus, settings) if settings.world else None
-        clockwork = Clockwork(asyncio.get_running_loop(), bus, node, self._give_up)
+        republisher = Republisher(bus)
+        clocks = [republisher] if node is None else [node, republisher]
+        clockwork = Clockwork(asyncio.get_running_loop(), bus, clocks, self._give_up)
         server = Server(bus, limits, clockwork.look)
         try:
             await server.start(settings.host, settings.port, certificate)
@@ -172,6 +175,7 @@ def _make_node(bus: Bus, settings: Settings) -> Node:
     library = DiskLibrary(settings.scenario_path, settings.map)
     profile = choose_profile(
         settings.profile,
+        settings.release,
         wheel_angle_unit=settings.wheel_angle_unit,
         object_size_order=settings.object_size_order,
         object_limit=settings.object_limit,
@@ -238,20 +242,38 @@ class _WallClockBus(Bus):
         """Nobody sets the time of day."""
 
 
+class Clock(Protocol):
+    """A part of the whole for which time passes."""
+
+    def next_due(self, now: float) -> float | None:
+        """When `advance` has something to do next [s]; None while only others can bring that about."""
+
+    def advance(self, now: float) -> None:
+        """Do what is due by now [s]; nothing if it is too early."""
+
+
 class Clockwork:
-    """Lets time pass on a bus and in its world.
+    """Lets time pass on a bus, and for the world and whoever else lives on it and needs turns.
 
     Attributes:
         failure: ends with WorldFailedError if the world fails, and never otherwise.
     """
 
     def __init__(
-        self, loop: asyncio.AbstractEventLoop, bus: Bus, node: Node | None, on_failure: Callable[[], None]
+        self, loop: asyncio.AbstractEventLoop, bus: Bus, clocks: Sequence[Clock], on_failure: Callable[[], None]
     ) -> None:
+        """Nothing is armed before the first `look`.
+
+        Args:
+            loop: whose time it is.
+            bus: its time-outs come first.
+            clocks: get their turns after it, in this order.
+            on_failure: called once if one of them fails.
+        """
         self.failure: asyncio.Future[None] = loop.create_future()
         self._loop = loop
         self._bus = bus
-        self._node = node
+        self._clocks = tuple(clocks)
         self._on_failure = on_failure
         self._timer: asyncio.TimerHandle | None = None
         self._armed_for = float("inf")
@@ -285,8 +307,8 @@ class Clockwork:
             due = self._next_due(now)
             if due is not None and due <= now:
                 self._bus.expire(now)
-                if self._node is not None:
-                    self._node.advance(now)
+                for clock in self._clocks:
+                    clock.advance(now)
                 due = self._next_due(now)
         except Exception as error:  # noqa: BLE001 - our own bug, whatever it is
             self._fail(error)
@@ -295,10 +317,11 @@ class Clockwork:
 
     def _next_due(self, now: float) -> float | None:
         due = self._bus.next_deadline()
-        if self._node is None:
-            return due
-        other = self._node.next_due(now)
-        return other if due is None or (other is not None and other < due) else due
+        for clock in self._clocks:
+            other = clock.next_due(now)
+            if due is None or (other is not None and other < due):
+                due = other
+        return due
 
     def _arm(self, now: float, due: float | None) -> None:
         if due is not None and due <= now:  # more is owed than one turn may do: the others first

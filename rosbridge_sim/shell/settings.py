@@ -326,8 +326,8 @@ class Settings:
         cast("Mapping[str, float]", {}), _WORLD, RATES, "publish a topic of the simulator's so often; may be repeated"
     )
 
-    release: Literal["22.R2"] = _flag(
-        "22.R2", _FACE, _choice("22.R2"), "MORAI SIM release whose message fields are used"
+    release: Literal["22.R2", "26.R1"] = _flag(
+        "22.R2", _FACE, _choice("22.R2", "26.R1"), "MORAI SIM release whose message fields are used"
     )
     profile: Literal["manual", "field"] = _flag(
         "manual", _FACE, _choice("manual", "field"), "where both differ: as the manual says, or as clients read"

@@ -39,7 +39,7 @@ from rosbridge_sim.world.block import Block
 from rosbridge_sim.world.geometry import FloatArray, wrap_angle
 from rosbridge_sim.world.state import MAX_SPEED, BoolArray, Gear, Kind, Mode, World, check_pose
 
-__all__ = ["command", "drive", "shift", "teleport"]
+__all__ = ["command", "drive", "shift", "teleport", "turn_wheels"]
 
 MAX_COMMAND_ACCEL = 100.0  # beyond any brake; keeps the controller's sums finite [m/s^2]
 STANDSTILL = 0.1  # a gear change takes hold below this speed [m/s]
@@ -128,6 +128,24 @@ def shift(world: World, row: int, gear: Gear) -> bool:
     world.aim(row)
     world.touch()
     return True
+
+
+def turn_wheels(world: World, row: int, steer: float) -> None:
+    """Stand the front wheels of a driven row at an angle at once; they stay there until the next command.
+
+    Args:
+        world: written in place.
+        row: of an EGO.
+        steer: left positive, clipped at the body's limit [rad].
+
+    Raises:
+        ValueError: not a finite angle, or the row is not driven. Nothing has changed.
+    """
+    if not _is_driven(world, row):
+        raise ValueError(f"row {row} has no wheels to turn")
+    _check(steer=steer)
+    limit = world.max_steer.item(row)
+    world.steer[row] = world.steer_cmd[row] = min(max(steer, -limit), limit)
 
 
 def teleport(

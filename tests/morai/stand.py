@@ -56,9 +56,9 @@ ALL = {
 
 
 @cache
-def make_store() -> Store:
+def make_store(release: str = "22.R2") -> Store:
     """All types, with the other names and shapes that MORAI's documents use."""
-    return Store(read_definitions("22.R2"), leniency=LENIENCY)
+    return Store(read_definitions(release), leniency=LENIENCY)
 
 
 @cache
@@ -172,8 +172,8 @@ class Client:
 class Stand:
     """A simulator on a bus of its own."""
 
-    def __init__(self, scenario: str = "crowd", **settings: Any) -> None:  # noqa: ANN401 - NodeSettings' own fields
-        self.bus = Bus(make_store())
+    def __init__(self, scenario: str = "crowd", *, release: str = "22.R2", **settings: Any) -> None:  # noqa: ANN401 - NodeSettings' own fields
+        self.bus = Bus(make_store(release))
         self.world = World(seed=0)
         self.shelf = Shelf()
         self.node = Node(self.bus, self.world, self.shelf, self.shelf.scenario(scenario), NodeSettings(**settings))

@@ -13,6 +13,7 @@ from rosbridge_sim.morai.convert import (
     FIELD,
     LENIENCY,
     MANUAL,
+    RELEASES,
     Converter,
     Profile,
     choose_profile,
@@ -213,8 +214,8 @@ def test_documented_names_mean_the_wires() -> None:
 
 
 def test_every_alias_leads_to_a_type_that_is_there() -> None:
-    store = make_store()
-    known = {*store.names("msg"), *store.names("srv")}
+    stores = [make_store(release) for release in RELEASES]
+    known = {name for store in stores for kind in ("msg", "srv") for name in store.names(kind)}
     assert set(LENIENCY.types.values()) <= known
     assert {*LENIENCY.fields, *LENIENCY.scalars, *LENIENCY.numerals} <= known
 

@@ -248,7 +248,7 @@ def test_help_names_every_flag_its_unit_and_where_else_it_can_be_set(capsys: pyt
         (["--port", "abc"], "--port: expected a whole number from 0 to 65,535; got 'abc'"),
         (["--port", "-1"], "--port: expected a whole number from 0 to 65,535; got '-1'"),
         (["--start", "later"], "--start: expected run or sync; got 'later'"),
-        (["--release", "21.R1"], "--release: expected 22.R2; got '21.R1'"),
+        (["--release", "21.R1"], "--release: expected 22.R2 or 26.R1; got '21.R1'"),
         (["--sync-lease", "soon"], "--sync-lease: expected seconds up to 86,400, or none; got 'soon'"),
         (["--rate", "x"], "--rate: expected TOPIC=HZ with at most 120 Hz, such as /Ego_topic=10; got ['x']"),
         (["--outbox-limit", "2KiB"], "outbox-limit: expected at least outbox-size, 4MiB; got 2KiB"),

@@ -1,0 +1,133 @@
+"""What is different under the newer release; everything else is tested under the older one."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from rosbridge_sim.morai.convert import FIELD, MANUAL, RELEASES, Converter, choose_profile
+from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.state import Body, Kind, World
+from tests.morai.stand import Client, Stand, make_store
+
+NEWER = "26.R1"
+WHEELS = ("fl", "fr", "rl", "rr")
+
+
+def in_sync(scenario: str = "crowd") -> tuple[Stand, Client]:
+    stand = Stand(scenario, release=NEWER, start="sync")
+    client = stand.client()
+    client.start()
+    return stand, client
+
+
+def test_the_steering_has_its_new_name_and_the_old_one_is_understood() -> None:
+    for name in ("front_steer", "steering"):
+        _, client = in_sync("parked")
+        client.control(0, longlCmdType=1, rear_steer=0.3, **{name: 0.2})
+        for _ in range(50):
+            status = client.tick()["vehicle_status"]
+        assert status["front_steer_angle"] == pytest.approx(math.degrees(0.2), rel=1e-6)
+        assert status["rear_steer_angle"] == 0.0
+        assert "wheel_angle" not in status
+
+
+def test_the_ego_knows_where_it_is_on_its_lane() -> None:
+    stand, client = in_sync("elsewhere")  # a lane north from (0, 0), 3.5 m wide
+    client.listen("/Ego_topic")
+    setting: dict[str, Any] = {
+        "number_of_ego_vehicle": 1,
+        "ego_index": [0],
+        "global_position_x": [-0.5],
+        "global_position_y": [40.0],
+        "global_position_z": [0.0],
+        "global_yaw": [90.0],
+        **{name: [0.0] for name in ("global_roll", "global_pitch", "velocity")},
+        "gear": [4],
+        "ctrl_mode": [16],
+    }
+    client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **setting)
+    status = client.tick()["vehicle_status"]
+    assert status["lateral_offset"] == 0.5
+    assert status["cross_track_error"] == -0.5
+    assert status["distance_left_lane_boundary"] == 1.25
+    assert status["distance_right_lane_boundary"] == 2.25
+    for wheel in WHEELS:
+        for name in ("tire_lateral_force", "side_slip_angle", "tire_cornering_stiffness"):
+            assert status[f"{name}_{wheel}"] == 0.0
+    assert client.messages("/Ego_topic") == [status]
+    assert stand.node.egos[0].status() is stand.node.egos[0].status()
+
+
+def test_off_any_road_the_figures_of_lanes_are_0() -> None:
+    world = World()
+    row = world.row(world.spawn(Kind.EGO, Body(), name="ego", x=0.0, y=0.0))
+    for roads in (None, Roads()):
+        status = Converter(make_store(NEWER)).ego_vehicle_status(world, row, 0, roads)
+        assert status.lateral_offset == status.distance_left_lane_boundary == status.cross_track_error == 0.0
+
+
+def test_lamps_and_steering_come_with_the_setting_and_may_be_left_out() -> None:
+    stand, client = in_sync("parked")
+    common: dict[str, Any] = {
+        "number_of_ego_vehicle": 1,
+        "ego_index": [0],
+        "gear": [4],
+        "ctrl_mode": [16],
+        **{f"global_position_{axis}": [0.0] for axis in "xyz"},
+        **{f"global_{angle}": [0.0] for angle in ("roll", "pitch", "yaw")},
+        "velocity": [0.0],
+    }
+    client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **common, steering_angle=[10.0], turn_signal=[3])
+    assert client.ask("/Service_MoraiEventCmd", option=0)["lamps"]["emergencySignal"] == 1
+    assert stand.world.steer[stand.node.egos[0].row] == pytest.approx(math.radians(10.0))
+    client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **common)
+    assert client.ask("/Service_MoraiEventCmd", option=0)["lamps"]["emergencySignal"] == 1
+
+
+def test_objects_come_and_go_by_services_and_the_topics_are_no_more() -> None:
+    stand, client = in_sync("empty")
+    place = {"name": "Bus", "position": {"x": 40.0, "y": 5.0, "z": 0.0}, "heading": 90.0}
+    assert client.ask("/SyncModeAddObject", frame=2, **place) == {"result": True}
+    client.listen("/Object_topic")
+    client.tick()
+    client.tick()
+    npcs = [message["npc_list"] for message in client.messages("/Object_topic")]
+    assert [len(each) for each in npcs] == [0, 1]
+    assert (npcs[1][0]["name"], npcs[1][0]["heading"]) == ("Bus", 90.0)
+    uid = npcs[1][0]["unique_id"]
+    assert client.ask("/SyncModeRemoveObject", unique_id=uid, frame=0) == {"result": True}
+    assert client.ask("/SyncModeRemoveObject", unique_id=12345, frame=0) == {"result": True}
+    client.tick()
+    assert client.messages("/Object_topic")[-1]["num_of_npcs"] == 0
+    assert client.told[-1] == ("error", "/SyncModeRemoveObject: unique_id 12345: there is no such object")
+    assert client.ask("/SyncModeAddObject", name="Zeppelin", frame=0) == {"result": False}
+    assert client.told[-1][1].startswith("/SyncModeAddObject: the catalogue has no model 'Zeppelin'")
+    assert stand.bus.find_topic("/SyncModeAddObj") is None
+    client.stop()
+    assert client.ask("/SyncModeAddObject", frame=0, **place) == {"result": False}
+
+
+def test_the_older_release_has_the_topics_and_no_services() -> None:
+    stand = Stand()
+    assert stand.bus.find_topic("/SyncModeAddObj") is not None
+    assert not [name for name in stand.bus.services if name.endswith("Object")]
+
+
+def test_what_is_hit_stands_under_both_names() -> None:
+    _, client = in_sync("empty")
+    client.listen("/CollisionData")
+    client.ask("/SyncModeAddObject", name="Box", position={"x": 1.0, "y": 0.0, "z": 0.0}, frame=0)
+    client.tick()
+    (hit,) = client.messages("/CollisionData")
+    assert len(hit["collision_object"]) == 1
+    assert hit["collision_objecta"] == hit["collision_object"]
+
+
+def test_the_manual_of_the_newer_release_lists_the_20_nearest() -> None:
+    assert RELEASES["22.R2"] == MANUAL == choose_profile("manual")
+    assert choose_profile("manual", NEWER).object_limit == 20
+    assert choose_profile("manual", NEWER, object_limit=0) == MANUAL
+    assert choose_profile("field", NEWER) == FIELD
