@@ -295,7 +295,12 @@ class Rosapi:
         if name in parameters:
             return {"value": _to_text(parameters[name])}
         below = self._below(name)
-        return {"value": _to_text(below) if below else request.default}
+        if below:
+            return {"value": _to_text(below)}
+        if request.default:
+            return {"value": _as_json_text(request.default)}
+        # clients parse the value before they look whether there was one: it has to be JSON text all the same
+        return {"value": '""', "successful": False, "reason": f"Parameter {name} is not set"}
 
     def _has_param(self, request: _Request) -> _Fields:
         return {"exists": self._is_set(self._parameter_name(request.name))}
@@ -343,6 +348,14 @@ def _to_text(value: object) -> str:
         return orjson.dumps(value).decode()
     except orjson.JSONEncodeError:
         raise GraphError("The value is nested too deeply") from None
+
+
+def _as_json_text(text: str) -> str:
+    """A text that may be JSON, as JSON text; what is none becomes a string, as in rosbridge_suite."""
+    try:
+        return _to_text(orjson.loads(text))
+    except orjson.JSONDecodeError:
+        return _to_text(text)
 
 
 def _tree(parameters: dict[str, object]) -> dict[str, object]:

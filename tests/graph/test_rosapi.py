@@ -88,6 +88,9 @@ def test_time_is_the_buss(bus: Bus) -> None:
 
 def test_parameters(bus: Bus) -> None:
     assert ask(bus, "get_param", name="/a/x", default="7")["value"] == "7"
+    assert ask(bus, "get_param", name="/a/x", default="seven")["value"] == '"seven"'
+    unset = {"value": '""', "successful": False, "reason": "Parameter /a/x is not set"}
+    assert ask(bus, "get_param", name="/a/x") == unset
     assert ask(bus, "has_param", name="/a/x") == {"exists": False}
     ask(bus, "set_param", name="a/x", value="[1, null]")
     ask(bus, "set_param", name="/a/y", value='"text"')
