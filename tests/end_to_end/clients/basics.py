@@ -1,35 +1,25 @@
-"""A roslibpy program: `roslibpy_client.py TRANSPORT PORT drive|serve|call [SERVICE]`.
+"""Roles: `drive`, `remember PARAMETER`, `serve SERVICE`, `call SERVICE`.
 
 The programs in this folder do the same things, each with its own library, and say what they saw in lines of JSON.
 """
 
 from __future__ import annotations
 
-import json
 import math
-import sys
 import threading
-from collections.abc import Callable
 from typing import Any
 
 import roslibpy
 
-PATIENCE = 20.0
+from tests.end_to_end.clients.program import PATIENCE, run, say, serve, settle
+
 ADD = "example_interfaces/AddTwoInts"
-
-
-def say(**seen: object) -> None:
-    print(json.dumps(seen), flush=True)  # noqa: T201 - this is a program, and its output is what the test reads
 
 
 def drive(ros: roslibpy.Ros) -> None:
     """Look around, then drive the car in real time until it has moved two metres, and stop it."""
     topics = ros.get_topics()
-    when = ros.get_time()
-    param = roslibpy.Param(ros, "/seen_by/roslibpy")
-    param.set({"text": "안녕", "list": [1, 2.5, None]}, timeout=PATIENCE)
-    value = param.get(timeout=PATIENCE)
-
+    when = settle(ros)
     places: list[tuple[float, float]] = []
     has_moved = threading.Event()
 
@@ -50,32 +40,41 @@ def drive(ros: roslibpy.Ros) -> None:
     controls.publish(roslibpy.Message({"longlCmdType": 1, "brake": 1.0}))
     ego.unsubscribe()
     controls.unadvertise()
-    ros.get_time()  # answered after all that was sent before it
+    settle(ros)
     say(
         topics=topics,
         topic_type=ros.get_topic_type("/Ego_topic"),
         services=ros.get_services(),
         nodes=ros.get_nodes(),
         time=when.to_sec(),
-        param=value,
         first=places[0],
         last=places[-1],
     )
 
 
-def serve(ros: roslibpy.Ros, name: str) -> None:
+def remember(ros: roslibpy.Ros, name: str) -> None:
+    """Set a parameter, look at it, delete it, look again."""
+    param = roslibpy.Param(ros, name)
+    param.set({"text": "안녕", "list": [1, 2.5, None]}, timeout=PATIENCE)
+    kept = param.get(timeout=PATIENCE)
+    is_listed = name in ros.get_params()
+    param.delete(timeout=PATIENCE)
+    say(kept=kept, is_listed=is_listed, is_still_listed=name in ros.get_params(), gone=param.get(timeout=PATIENCE))
+
+
+def add(ros: roslibpy.Ros, name: str) -> None:
     """Add numbers for others until stdin ends."""
 
-    def add(request: dict[str, int], response: roslibpy.ServiceResponse) -> bool:
+    def answer(request: dict[str, int], response: roslibpy.ServiceResponse) -> bool:
         response["sum"] = request["a"] + request["b"]
         return bool(request["a"] >= 0)
 
     service = roslibpy.Service(ros, name, ADD)
-    service.advertise(add)
+    service.advertise(answer)
     say(ready=ros.get_service_type(name))
-    sys.stdin.read()
+    serve()
     service.unadvertise()
-    ros.get_time()
+    settle(ros)
 
 
 def call(ros: roslibpy.Ros, name: str) -> None:
@@ -90,15 +89,4 @@ def call(ros: roslibpy.Ros, name: str) -> None:
     say(sum=answer["sum"], is_refused=refusal is not None)
 
 
-def main() -> None:
-    transport, port, role, *rest = sys.argv[1:]
-    ros = roslibpy.Ros("127.0.0.1", int(port), transport=transport)
-    ros.run(timeout=PATIENCE)
-    try:
-        roles: dict[str, Callable[..., None]] = {"drive": drive, "serve": serve, "call": call}
-        roles[role](ros, *rest)
-    finally:
-        ros.terminate()
-
-
-main()
+run(drive=drive, remember=remember, serve=add, call=call)

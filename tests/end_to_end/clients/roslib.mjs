@@ -1,0 +1,37 @@
+// What the JavaScript programs share. Each is run as `node SUBJECT.mjs LIBRARY PORT ROLE [WORDS]`, where LIBRARY is
+// `roslib` (2.x) or `roslib1` (1.4): their classes take the same options, and plain objects for messages and requests.
+
+const PATIENCE = 20_000 // [ms]
+
+export const [library, port, role, ...words] = process.argv.slice(2)
+
+const exported = await import(library)
+export const roslib = exported.default ?? exported
+
+export const say = (seen) => console.log(JSON.stringify(seen))
+
+// What `start(resolve, reject)` comes to, within our patience.
+export const ask = (start) =>
+  new Promise((resolve, reject) => {
+    setTimeout(() => reject(new Error('no answer')), PATIENCE).unref()
+    start(resolve, (why) => reject(new Error(`refused: ${why}`)))
+  })
+
+export const open = () =>
+  ask((done, failed) => {
+    const ros = new roslib.Ros()
+    ros.on('error', (error) => failed(error.message))
+    ros.on('connection', () => done(ros))
+    ros.connect(`ws://127.0.0.1:${port}`)
+  })
+
+export const call = (ros, name, serviceType, request = {}) =>
+  ask((done, failed) => new roslib.Service({ ros, name, serviceType }).callService(request, done, failed))
+
+// Come back once the server has handled all that was sent before.
+export const settle = (ros) => call(ros, '/rosapi/get_time', 'rosapi/GetTime')
+
+// Until stdin ends.
+export const serve = async () => {
+  for await (const _ of process.stdin);
+}
