@@ -30,6 +30,12 @@ _UNSIGNED, _NEGATIVE, _BYTES, _TEXT, _ARRAY, _MAP, _TAG = range(7)
 _ARRAY_TAGS: Final = {"B": 64, "H": 69, "I": 70, "Q": 71, "b": 72, "h": 77, "i": 78, "q": 79, "f": 85, "d": 86}
 """The tags of little-endian arrays, by `struct`'s letters."""
 
+_HEADS: Final = tuple(
+    (struct.Struct(">B" + letter).pack, code, 1 << bits)
+    for letter, code, bits in (("H", 25, 16), ("I", 26, 32), ("Q", 27, 64))
+)
+"""How the longer heads are packed, the code of their length, and the first number that is too large."""
+
 _FLOAT: Final = struct.Struct(">Bd")
 _FALSE, _TRUE, _NULL = b"\xf4", b"\xf5", b"\xf6"
 
@@ -39,9 +45,11 @@ def head(major: int, number: int) -> bytes:
     first = major << 5
     if number < 24:  # noqa: PLR2004 - the bounds are the RFC's
         return bytes((first | number,))
-    for code, size in ((24, 1), (25, 2), (26, 4), (27, 8)):
-        if number < 1 << 8 * size:
-            return bytes((first | code,)) + number.to_bytes(size, "big")
+    if number < 1 << 8:
+        return bytes((first | 24, number))
+    for layout, code, end in _HEADS:
+        if number < end:
+            return layout(first | code, number)
     raise ValueError(f"{number} has more than 64 bits")
 
 
@@ -200,7 +208,6 @@ class _Ints(dict[int, bytes]):
     """Integers to their bytes: the small ones are there, the others are written when they are asked for."""
 
     def __missing__(self, number: int) -> bytes:
-        number = int(number)
         return head(_UNSIGNED, number) if number >= 0 else head(_NEGATIVE, -1 - number)
 
 

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.parse import Definition, parse_action, parse_message, parse_service
+from rosbridge_sim.schema.standard import standard_names
 from rosbridge_sim.schema.store import Store
 from tests.schema.strategies import SCHEMAS, read_texts, shared_store
 
@@ -80,12 +82,13 @@ def test_a_release_has_its_fields_in_wire_order(name: str, line: str) -> None:
     assert found == expected
 
 
-@pytest.mark.parametrize(
-    "name", ["std_msgs/Header", "geometry_msgs/TransformStamped", "rosgraph_msgs/Clock", "geometry_msgs/Twist"]
-)
-def test_standard_messages_of_ours_are_those_of_rosbags(name: str) -> None:
-    theirs = Store({}).message(name).definition
-    assert shared_store().message(name).definition.fields == theirs.fields
-    for field in theirs.fields:
-        if "/" in field.type:
-            test_standard_messages_of_ours_are_those_of_rosbags(field.type)
+@pytest.mark.parametrize("ros", [1, 2])
+def test_standard_messages_of_ours_are_those_of_rosbags(ros: Generation) -> None:
+    ours, theirs = shared_store(ros), Store({}, ros=ros)
+    standard = {*standard_names(1), *standard_names(2)} & {f"{package}/{name}" for package, _, name in read_texts()}
+    assert len(standard) > 15
+    for name in standard:
+        definition = theirs.message(name).definition
+        assert ours.message(name).definition.fields == definition.fields, name
+        constants = {(c.type, c.name, c.value) for c in ours.message(name).definition.constants}
+        assert constants == {(c.type, c.name, c.value) for c in definition.constants}, name
