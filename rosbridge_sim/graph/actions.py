@@ -100,9 +100,10 @@ class Goal:
             self.action.cancel(self)
 
     def abandon(self) -> None:
-        """Cancel a goal whose caller is gone."""
-        self.cancel()
-        self._end(None)
+        """Have the provider end a goal whose caller is gone; nobody hears of its end."""
+        if not self.is_done:
+            self._end(None)
+            self.action.cancel(self)
 
     def _end(self, outcome: Outcome | None) -> None:
         if self.is_done:
@@ -173,14 +174,25 @@ class Actions:
         self._drop(action, f"Action {action.name} was unadvertised")
 
     def send(
-        self, caller: Owner, name: str, args: Body, on_outcome: OnOutcome, on_feedback: OnFeedback | None
+        self, caller: Owner, name: str, args: Body | Message, on_outcome: OnOutcome, on_feedback: OnFeedback | None
     ) -> Goal | None:
-        """Send a goal. `on_outcome` is called exactly once unless the caller leaves; None if that was at once."""
+        """Send a goal. `on_outcome` is called exactly once unless the caller leaves; None if that was at once.
+
+        Args:
+            caller: whose goal it is.
+            name: of the action; may be relative.
+            args: by name, by position, or none; or the goal itself, which has been checked before.
+            on_outcome: gets the end.
+            on_feedback: gets feedback; None if none is wanted.
+        """
         try:
             action = self.by_name.get(resolve(name))
             if action is None:
                 raise GraphError(f"Action {name} does not exist")
-            request = decode_body(action.type.goal, args, self._bus.stamp_ns)
+            if isinstance(args, Message):
+                request = args.value
+            else:
+                request = decode_body(action.type.goal, args, self._bus.stamp_ns)
             held = self._goals.setdefault(caller, {})
             if len(held) >= self.max_goals:
                 raise GraphError(f"Too many goals under way: at most {self.max_goals}")

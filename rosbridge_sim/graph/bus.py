@@ -331,6 +331,13 @@ class Bus:
         if problem is not None:
             raise problem
 
+    def announce(self, sender: Owner, topic: Topic, message: Message, now: float) -> None:
+        """Publish something of our own: what a listener finds wrong with it is for the log."""
+        try:
+            self.publish(sender, topic, message, now)
+        except PeerError as error:
+            _log.warning("a listener of %s refused a message: %s", topic.name, error)
+
     def subscribe(
         self, owner: Owner, name: str, deliver: Deliver, *, type_name: str | None = None, is_idle: bool = False
     ) -> Subscription:

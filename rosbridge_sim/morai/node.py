@@ -26,6 +26,7 @@ from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.commands import EgoSetting
 from rosbridge_sim.morai.convert import MANUAL, Converter, Profile, maker
 from rosbridge_sim.morai.ego import CtrlMode, Ego
+from rosbridge_sim.morai.frames import TF, Mount, Transforms
 from rosbridge_sim.morai.inputs import Inputs
 from rosbridge_sim.morai.outputs import Outputs
 from rosbridge_sim.morai.pace import Pace
@@ -137,10 +138,14 @@ class Node:
         self._told: dict[Owner, set[str]] = {}
         self._outputs = Outputs(self, bus, settings.rate)
         self._outputs.add("/clock", "rosgraph_msgs/Clock", lambda: self.convert.clock(world.frame))
+        self._transforms = Transforms(bus.store, world, self.convert)
+        self._outputs.add("/tf", TF, lambda: self._transforms.moving(self.egos), is_exclusive=False)
         self._show_ego(self.egos[0], "/")
         self._outputs.add("/VehicleCollisionData", "morai_msgs/VehicleCollisionData", self._crashes)
         self._outputs.check_rates()
         self._info_topic = bus.advertise(self, "/SyncModeInfo", "morai_msgs/SyncModeInfo", depth=1, is_exclusive=True)
+        self._static_topic = bus.advertise(self, "/tf_static", TF, depth=1)
+        self._mounts: tuple[Mount, ...] | None = None
         self._make_info = maker(bus.store, "morai_msgs/SyncModeInfo", "master_id", "status", "frame", "can_send_tick")
         self._services, self._inputs = Services(self), Inputs(self)
         self._bindings: dict[int, Bindings] = {}  # of the further egos, by their number
@@ -151,6 +156,7 @@ class Node:
         bus.watchers.append(self._see_off)
         bus.stamp_ns = world.frame * STEP_NS
         self._announce(0.0)
+        self._announce_mounts(0.0)
 
     # Time
 
@@ -287,6 +293,7 @@ class Node:
                 self.world.remove(ego.uid)
             raise
         self.egos += added
+        self._announce_mounts(now)
 
     def _make_ego(self, index: int, uid: int) -> Ego:
         return Ego(self.world, self.convert, uid, self._ctrl_mode, index=index, roads=lambda: self.stage.road_map.roads)
@@ -305,6 +312,14 @@ class Node:
         bindings.release(now)
         self._outputs.remove(bindings.prefix, now)
         _log.info("ego %d is gone: %s...", ego.index, bindings.prefix)
+
+    def _announce_mounts(self, now: float) -> None:
+        """Publish /tf_static if what it says has changed; latched."""
+        mounts = self._transforms.mounts(self.egos)
+        if mounts != self._mounts:
+            self._mounts = mounts
+            static = self._transforms.static(mounts)
+            self._outputs.publish(self._static_topic, Message(self._static_topic.type, static), now)
 
     def _show_ego(self, ego: Ego, prefix: str) -> None:
         """Publish what each ego has of its own."""
@@ -334,6 +349,7 @@ class Node:
                 self._drop_ego(ego, now)
         self.egos = [ego for ego in self.egos if ego.is_there]
         self.refresh()
+        self._announce_mounts(now)
         if is_pausing:
             self.follow(self.sync.pause(), now)
 

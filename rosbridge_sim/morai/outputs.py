@@ -58,7 +58,7 @@ class Feed:
 
 
 class Outputs:
-    """The topics that `owner` publishes alone."""
+    """The topics that `owner` publishes, most of them alone."""
 
     def __init__(self, owner: Owner, bus: Bus, rates: Mapping[str, float]) -> None:
         """No topics yet.
@@ -75,8 +75,14 @@ class Outputs:
         self._repeats: list[tuple[float, int, Topic, Message]] = []
         self._ticket = count()
 
-    def add(self, name: str, type_name: str, make: Callable[[], Any]) -> None:
+    def add(self, name: str, type_name: str, make: Callable[[], Any], *, is_exclusive: bool = True) -> None:
         """Publish a topic with every frame, or at its rate; a further ego's at that of the first where it has none.
+
+        Args:
+            name: of the topic.
+            type_name: its type.
+            make: the struct of the world as it stands.
+            is_exclusive: nobody else may publish there.
 
         Raises:
             DocumentError: its rate is none.
@@ -84,7 +90,7 @@ class Outputs:
         """
         rate = self._rates.get(name, self._rates.get(_of_first_ego(name), float(_FRAME_RATE)))
         _check_rate(name, rate)
-        topic = self._bus.advertise(self._owner, name, type_name, is_exclusive=True)
+        topic = self._bus.advertise(self._owner, name, type_name, is_exclusive=is_exclusive, is_on_demand=True)
         self._feeds.append(Feed(topic, make, Fraction(rate).limit_denominator(10_000) / _FRAME_RATE))
 
     def remove(self, prefix: str, now: float) -> None:

@@ -135,7 +135,7 @@ class Simulator:
         Rosapi(bus, limits.policy)
         node = _make_node(bus, settings) if settings.world else None
         republisher = Republisher(bus)
-        clocks = [republisher] if node is None else [node, republisher]
+        clocks: list[Clock] = [republisher] if node is None else [node, republisher]
         clockwork = Clockwork(asyncio.get_running_loop(), bus, clocks, self._give_up)
         server = Server(bus, limits, clockwork.look)
         try:

@@ -84,7 +84,7 @@ def test_a_rate_out_of_bounds_is_refused(rate: float) -> None:
 
 
 def test_a_rate_of_a_topic_that_is_not_there_is_refused() -> None:
-    with pytest.raises(DocumentError, match=r"rate of /ego: .*/clock, /Ego_topic, /Object_topic"):
+    with pytest.raises(DocumentError, match=r"rate of /ego: .*/clock, /tf, /Ego_topic, /Object_topic"):
         Stand(rate={"/ego": 10.0})
 
 

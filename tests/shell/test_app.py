@@ -213,7 +213,7 @@ class Room:
         self.node = Node(self.bus, World(0), library, library.scenario("demo"), settings)
         self.failures: list[None] = []
         self.clockwork = Clockwork(
-            cast("asyncio.AbstractEventLoop", self.loop), self.bus, self.node, lambda: self.failures.append(None)
+            cast("asyncio.AbstractEventLoop", self.loop), self.bus, [self.node], lambda: self.failures.append(None)
         )
         self.clockwork.look()
         self.loop.settle()

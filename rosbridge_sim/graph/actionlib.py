@@ -1,0 +1,230 @@
+"""The five topics by which ROS 1 speaks of an action, for an action of the bus: one provider for both generations.
+
+    <action>/goal      from clients: pkg/<Type>ActionGoal
+    <action>/cancel    from clients: actionlib_msgs/GoalID
+    <action>/status    every goal that is known, at each change and five times a second while somebody listens
+    <action>/feedback  pkg/<Type>ActionFeedback, of all goals to all listeners
+    <action>/result    pkg/<Type>ActionResult, the same
+
+What comes in on the topics goes to the bus's actions in the sender's name, so limits and departures hold for these
+goals as for all others. Where we differ from actionlib: a cancel without an id, and one by a time, means the goals of
+who sends it, not those of everybody. ("Cancel all goals of this client" is what the client libraries call it.)
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+import msgspec
+
+from rosbridge_sim.errors import GraphError
+from rosbridge_sim.graph.actions import Action, Goal, GoalStatus, Outcome
+from rosbridge_sim.graph.bus import Bus, Owner, Topic
+from rosbridge_sim.schema.store import Message
+
+__all__ = ["BEAT", "MAX_ID", "MEMORY", "Actionlib", "Status"]
+
+BEAT = 0.2
+"""Between two messages on the status topic [s]; actionlib's own rate. roslibpy gives up after 3 s without one."""
+
+MEMORY = 5.0
+"""How long an ended goal is still listed [s], as in actionlib."""
+
+MAX_ENDED = 100
+"""Ended goals that are listed at most."""
+
+MAX_ID = 1_024
+"""Longest id of a goal [characters]."""
+
+
+class Status(IntEnum):
+    """The numbers of actionlib_msgs/GoalStatus, as far as they occur here."""
+
+    ACTIVE = 1
+    PREEMPTED = 2
+    SUCCEEDED = 3
+    ABORTED = 4
+    REJECTED = 5
+
+
+_ENDS = {
+    GoalStatus.SUCCEEDED: Status.SUCCEEDED,
+    GoalStatus.CANCELED: Status.PREEMPTED,
+}
+"""What the ends of the bus's goals are called here; all others are ABORTED."""
+
+
+@dataclass(eq=False, slots=True)
+class _Tracked:
+    """A goal as its client knows it.
+
+    Attributes:
+        goal_id: a struct of actionlib_msgs/GoalID.
+        goal: on the bus; None before it is there.
+        text: why it ended as it did.
+        ended_at: when it ended [s]; in no time to come while it is at work.
+    """
+
+    goal_id: Any
+    sender: Owner
+    goal: Goal | None = None
+    status: Status = Status.ACTIVE
+    text: str = ""
+    ended_at: float = math.inf
+
+
+class Actionlib:
+    """The topics of one action; published in the name of the action's owner."""
+
+    def __init__(self, bus: Bus, action: Action) -> None:
+        """Advertise and listen, for good.
+
+        Args:
+            bus: where the action is.
+            action: whose owner provides it.
+
+        Raises:
+            GraphError: a topic has another type already.
+        """
+        self._bus = bus
+        self._action = action
+        self._owner = owner = action.owner
+        self._now = 0.0
+        self._num_ids = 0
+        self._tracked: dict[str, _Tracked] = {}
+        self._ended: deque[_Tracked] = deque(maxlen=MAX_ENDED)
+        self._status_due = 0.0
+        store = bus.store
+        self._header = store.message("std_msgs/Header").struct
+        self._goal_id = store.message("actionlib_msgs/GoalID").struct
+        self._goal_status = store.message("actionlib_msgs/GoalStatus").struct
+
+        def advertise(name: str, type_name: str) -> tuple[Topic, type[msgspec.Struct]]:
+            topic = bus.advertise(owner, f"{action.name}/{name}", type_name, is_exclusive=True)
+            return topic, store.message(type_name).struct
+
+        self._feedback, self._feedback_struct = advertise("feedback", f"{action.type.name}ActionFeedback")
+        self._result, self._result_struct = advertise("result", f"{action.type.name}ActionResult")
+        self._status, self._status_struct = advertise("status", "actionlib_msgs/GoalStatusArray")
+        bus.subscribe(owner, f"{action.name}/goal", self._take, type_name=f"{action.type.name}ActionGoal")
+        bus.subscribe(owner, f"{action.name}/cancel", self._cancel, type_name="actionlib_msgs/GoalID")
+        bus.watchers.append(self._see_off)
+
+    # Time
+
+    def next_due(self) -> float | None:
+        """When `advance` has something to do next [s]; None while nobody listens to the status."""
+        return self._status_due if self._status.has_listener else None
+
+    def advance(self, now: float) -> None:
+        """Publish the status if it is time for it."""
+        self._now = now
+        if now >= self._status_due:
+            self._tell_status(now)
+
+    # From clients
+
+    def _take(self, _topic: Topic, message: Message, sender: Owner, now: float) -> None:
+        """A goal; what is wrong with it is told to the sender, in the result and by the error."""
+        self._now = now
+        goal_id = self._complete(message.value.goal_id)
+        key = goal_id.id
+        if len(key) > MAX_ID:
+            raise GraphError(f"The id of a goal has at most {MAX_ID} characters")
+        self._forget_ended(now)
+        if key in self._tracked or any(tracked.goal_id.id == key for tracked in self._ended):
+            sender.tell("warning", f"Goal {key} of {self._action.name} is known already")
+            return
+        tracked = self._tracked[key] = _Tracked(goal_id, sender)
+
+        def on_feedback(values: Message) -> None:
+            self._publish(
+                self._feedback,
+                self._feedback_struct(header=self._stamped(), status=self._describe(tracked), feedback=values.value),
+            )
+
+        def on_outcome(outcome: Outcome) -> None:
+            if isinstance(outcome.values, Message):
+                status = _ENDS.get(GoalStatus(outcome.status), Status.ABORTED)
+                self._end(tracked, status, "", outcome.values.value)
+            else:
+                self._end(tracked, Status.ABORTED if tracked.goal else Status.REJECTED, outcome.values)
+
+        args = Message(self._action.type.goal, message.value.goal)
+        tracked.goal = self._bus.actions.send(sender, self._action.name, args, on_outcome, on_feedback)
+        if tracked.status is Status.REJECTED:
+            raise GraphError(f"Goal {key} of {self._action.name} was rejected: {tracked.text}")
+        if key in self._tracked:
+            self._tell_status(now)
+
+    def _cancel(self, _topic: Topic, message: Message, sender: Owner, now: float) -> None:
+        """The wish to end the goal with an id; all of the sender's; its goals up to a time."""
+        self._now = now
+        key, stamp = message.value.id, msgspec.structs.astuple(message.value.stamp)
+        is_by_time = any(stamp)
+        for tracked in list(self._tracked.values()):
+            is_own = tracked.sender is sender
+            is_meant = (
+                tracked.goal_id.id == key
+                or (is_own and not key and not is_by_time)
+                or (is_own and is_by_time and msgspec.structs.astuple(tracked.goal_id.stamp) <= stamp)
+            )
+            if is_meant and tracked.goal is not None:
+                tracked.goal.cancel()
+
+    def _see_off(self, owner: Owner, now: float) -> None:
+        """Somebody has left; the bus has cancelled what was under way for it."""
+        self._now = now
+        for tracked in list(self._tracked.values()):
+            if tracked.sender is owner:
+                self._end(tracked, Status.PREEMPTED, "its client has left")
+
+    # To clients
+
+    def _end(self, tracked: _Tracked, status: Status, text: str, values: object = None) -> None:
+        """Note a goal's end and tell it; without `values` the result is an empty one."""
+        if self._tracked.pop(tracked.goal_id.id, None) is None:
+            return
+        tracked.status, tracked.text, tracked.ended_at = status, text, self._now
+        self._ended.append(tracked)
+        result = self._action.type.result.default() if values is None else values
+        self._publish(
+            self._result, self._result_struct(header=self._stamped(), status=self._describe(tracked), result=result)
+        )
+        self._tell_status(self._now)
+
+    def _tell_status(self, now: float) -> None:
+        self._status_due = now + BEAT
+        self._forget_ended(now)
+        known = [self._describe(tracked) for tracked in (*self._ended, *self._tracked.values())]
+        self._publish(self._status, self._status_struct(header=self._stamped(), status_list=known))
+
+    def _forget_ended(self, now: float) -> None:
+        while self._ended and self._ended[0].ended_at + MEMORY <= now:
+            self._ended.popleft()
+
+    def _publish(self, topic: Topic, value: msgspec.Struct) -> None:
+        if topic.has_listener:
+            self._bus.announce(self._owner, topic, Message(topic.type, value), self._now)
+
+    def _complete(self, goal_id: Any) -> Any:  # noqa: ANN401 - generated structs
+        """The id of a goal whose client may have left some of it to us."""
+        key, stamp = goal_id.id, goal_id.stamp
+        if not any(msgspec.structs.astuple(stamp)):
+            stamp = self._bus.store.time_value(self._bus.stamp_ns)
+        if not key:
+            self._num_ids += 1
+            key = f"{self._action.name}-{self._num_ids}"
+        return self._goal_id(stamp=stamp, id=key)
+
+    def _describe(self, tracked: _Tracked) -> msgspec.Struct:
+        """Its actionlib_msgs/GoalStatus."""
+        return self._goal_status(goal_id=tracked.goal_id, status=int(tracked.status), text=tracked.text)
+
+    def _stamped(self) -> msgspec.Struct:
+        """A header of now."""
+        return self._header(stamp=self._bus.store.time_value(self._bus.stamp_ns))

@@ -1,0 +1,133 @@
+"""`/tf` and `/tf_static`: where the egos stand, and what stands on them.
+
+    map                  the map's own frame: ENU metres
+      base_link          the first ego: the middle of its rear axle on the ground, x forward, y left, z up
+        vehicle_center   the middle of the box around it; static, and another one for another model
+      Ego-2/base_link    a further ego, and so on
+        Ego-2/vehicle_center
+
+MORAI writes `/map` and `/base_link`, as ROS did long ago; tf2 refuses names with a slash before them, and most programs
+are written for tf2. So no slash goes out.
+
+A static message holds all frames of its kind and is latched: whoever comes late has them all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from rosbridge_sim.morai.convert import Converter, maker
+from rosbridge_sim.morai.ego import Ego
+from rosbridge_sim.morai.stage import FIRST_EGO
+from rosbridge_sim.schema.store import Store
+from rosbridge_sim.world.state import World
+
+__all__ = ["BASE", "CENTER", "MAP", "TF", "Mount", "Transforms", "quaternion"]
+
+TF: Final = "tf2_msgs/TFMessage"
+
+MAP: Final = "map"
+BASE: Final = "base_link"
+CENTER: Final = "vehicle_center"
+
+_Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """Something that stands still on a vehicle.
+
+    Attributes:
+        parent, name: frames.
+        x, y, z: its origin, in the vehicle's frame [m].
+        roll, pitch, yaw: its orientation, as for `quaternion` [rad].
+    """
+
+    parent: str
+    name: str
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    roll: float = 0.0
+    pitch: float = 0.0
+    yaw: float = 0.0
+
+
+def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    """An orientation as x, y, z, w of a unit quaternion.
+
+    It is a turn by `yaw` about the z axis, then by `pitch` about the y axis that this has turned (so it is positive
+    with the nose down, y being left), then by `roll` about the x axis that both have turned [rad].
+    """
+    cos_yaw, sin_yaw = math.cos(0.5 * yaw), math.sin(0.5 * yaw)
+    if roll == 0.0 and pitch == 0.0:  # on the flat, which is nearly always
+        return 0.0, 0.0, sin_yaw, cos_yaw
+    cos_pitch, sin_pitch = math.cos(0.5 * pitch), math.sin(0.5 * pitch)
+    cos_roll, sin_roll = math.cos(0.5 * roll), math.sin(0.5 * roll)
+    return (
+        sin_roll * cos_pitch * cos_yaw - cos_roll * sin_pitch * sin_yaw,
+        cos_roll * sin_pitch * cos_yaw + sin_roll * cos_pitch * sin_yaw,
+        cos_roll * cos_pitch * sin_yaw - sin_roll * sin_pitch * cos_yaw,
+        cos_roll * cos_pitch * cos_yaw + sin_roll * sin_pitch * sin_yaw,
+    )
+
+
+class Transforms:
+    """Makes the messages of both topics; structs of tf2_msgs/TFMessage."""
+
+    def __init__(self, store: Store, world: World, convert: Converter) -> None:
+        """For one world; nothing is read before it is asked for."""
+        self._world = world
+        self._convert = convert
+        self._message = maker(store, TF, "transforms")
+        self._stamped = maker(store, "geometry_msgs/TransformStamped", "header", "child_frame_id", "transform")
+        self._transform = maker(store, "geometry_msgs/Transform", "translation", "rotation")
+        self._vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
+        self._quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
+
+    def moving(self, egos: Sequence[Ego]) -> Any:  # noqa: ANN401 - a generated struct
+        """Where the egos stand in the map, in their order."""
+        world = self._world
+        header = self._convert.header(world.frame, MAP)
+        transforms = []
+        for ego in egos:
+            row = ego.row
+            pose = self._pose(
+                (world.x.item(row), world.y.item(row), world.z.item(row)),
+                (world.roll.item(row), world.pitch.item(row), world.yaw.item(row)),
+            )
+            transforms.append(self._stamped(header, _prefix(ego) + BASE, pose))
+        return self._message(transforms)
+
+    def mounts(self, egos: Sequence[Ego]) -> tuple[Mount, ...]:
+        """What stands on the egos."""
+        found = []
+        for ego in egos:
+            body, prefix = self._world.bodies[ego.row], _prefix(ego)
+            found.append(Mount(prefix + BASE, prefix + CENTER, x=body.centre, z=0.5 * body.height))
+        return tuple(found)
+
+    def static(self, mounts: Sequence[Mount]) -> Any:  # noqa: ANN401 - a generated struct
+        """What `mounts` said, as a message; an empty one is fine."""
+        frame = self._world.frame
+        return self._message(
+            [
+                self._stamped(
+                    self._convert.header(frame, mount.parent),
+                    mount.name,
+                    self._pose((mount.x, mount.y, mount.z), (mount.roll, mount.pitch, mount.yaw)),
+                )
+                for mount in mounts
+            ]
+        )
+
+    def _pose(self, place: _Triple, angles: _Triple) -> Any:  # noqa: ANN401 - a generated struct
+        return self._transform(self._vector(*place), self._quaternion(*quaternion(*angles)))
+
+
+def _prefix(ego: Ego) -> str:
+    """What comes before the names of an ego's frames, as before those of its topics."""
+    return "" if ego.index == FIRST_EGO else f"Ego-{ego.index}/"
