@@ -225,6 +225,7 @@ class Bus:
         actions: the third way of talking.
         parameters: the parameter server, by absolute name; JSON values.
         watchers: called with `(owner, now)` after an owner has left.
+        on_topic: called with a topic after somebody has begun to publish or to listen there.
         is_strict: refuse types of packages that nobody knows, in place of relaying them unchecked.
         max_calls: calls that one caller may have in flight, and as many goals.
         num_published, num_calls: counters since the start.
@@ -243,6 +244,7 @@ class Bus:
         self.actions = Actions(self, max_calls)
         self.parameters: dict[str, object] = {}
         self.watchers: list[Callable[[Owner, float], None]] = []
+        self.on_topic: list[Callable[[Topic], None]] = []
         self.is_strict = is_strict
         self.service_timeout = service_timeout
         self.max_calls = max_calls
@@ -297,6 +299,7 @@ class Bus:
         self._orphans.pop(topic, None)
         self._settle_latching(topic)
         self._held(owner).published[topic] = None
+        self._tell_of(topic)
         return topic
 
     def unadvertise(self, owner: Owner, name: str, now: float, key: object = None) -> None:
@@ -358,6 +361,7 @@ class Bus:
         subscription = Subscription(topic, owner, deliver, is_idle)
         topic.subscriptions += (subscription,)
         self._held(owner).subscriptions[subscription] = None
+        self._tell_of(topic)
         return subscription
 
     def unsubscribe(self, subscription: Subscription, now: float) -> None:
@@ -546,6 +550,10 @@ class Bus:
             opaque = self._opaque_types[canonical] = OpaqueType(canonical)
             _log.warning("%s: its package is unknown; messages of this type are relayed unchecked", canonical)
         return opaque
+
+    def _tell_of(self, topic: Topic) -> None:
+        for tell in tuple(self.on_topic):
+            tell(topic)
 
     def _settle_latching(self, topic: Topic) -> None:
         if topic.publishers:  # what is latched outlives its publishers for as long as the type does

@@ -17,8 +17,9 @@ import logging
 import os
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from types import TracebackType
-from typing import Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 from rosbridge_sim.errors import DocumentError, RosbridgeSimError
 from rosbridge_sim.graph.bus import Bus
@@ -34,8 +35,11 @@ from rosbridge_sim.shell.reports import Reports
 from rosbridge_sim.shell.server import Server, ServerLimits
 from rosbridge_sim.shell.settings import Settings
 from rosbridge_sim.shell.sources import check_options
-from rosbridge_sim.shell.storage import DiskLibrary, read_definitions
+from rosbridge_sim.shell.storage import DiskLibrary, Texts, read_definitions
 from rosbridge_sim.world.state import World
+
+if TYPE_CHECKING:
+    from rosbridge_sim.shell.recording import Recorder
 
 __all__ = ["AddressError", "Clock", "Clockwork", "Simulator", "WorldFailedError"]
 
@@ -82,6 +86,7 @@ class Simulator:
         self._server: Server | None = None
         self._clockwork: Clockwork | None = None
         self._reports: Reports | None = None
+        self._recorder: Recorder | None = None
         self._stopping: asyncio.Task[None] | None = None
 
     @property
@@ -123,7 +128,8 @@ class Simulator:
         """
         settings = self.settings
         certificate = load_certificate(settings.certfile, settings.keyfile)
-        store = Store(read_definitions(settings.release, settings.schema_path), leniency=LENIENCY, ros=settings.ros)
+        texts = read_definitions(settings.release, settings.schema_path)
+        store = Store(texts, leniency=LENIENCY, ros=settings.ros)
         make_bus = Bus if settings.world else _WallClockBus
         bus = make_bus(
             store,
@@ -142,6 +148,11 @@ class Simulator:
             await server.start(settings.host, settings.port, certificate)
         except (OSError, UnicodeError) as error:
             raise AddressError(_why_not(settings, error)) from None
+        try:
+            self._recorder = _start_recording(settings, bus, node, texts)
+        except DocumentError:
+            await server.stop()
+            raise
         self._reports = Reports(bus, server, asyncio.get_running_loop())
         self.bus, self.node, self._server, self._clockwork = bus, node, server, clockwork
         if settings.token is None and not server.is_loopback:
@@ -156,6 +167,8 @@ class Simulator:
             self._reports.stop()
         if self._server is not None:
             await self._server.stop()
+        if self._recorder is not None:
+            self._recorder.stop()
 
     async def wait(self) -> None:
         """Wait until the world fails, which it never should.
@@ -192,6 +205,24 @@ def _make_node(bus: Bus, settings: Settings) -> Node:
         anyone_may_stop=settings.anyone_may_stop,
     )
     return Node(bus, World(settings.seed), library, library.opening_scenario(settings.scenario), choices)
+
+
+def _start_recording(settings: Settings, bus: Bus, node: Node | None, texts: Texts) -> Recorder | None:
+    """Whoever records, if that is wanted.
+
+    Raises:
+        DocumentError: the file cannot be made.
+    """
+    if settings.record is None:
+        return None
+    from rosbridge_sim.shell.bags import open_bag  # noqa: PLC0415 - rosbags' writers are a tenth of a second
+    from rosbridge_sim.shell.recording import Recorder, Scribe  # noqa: PLC0415
+
+    path = Path(settings.record)
+    bag = open_bag(path)
+    store = bus.store if bag.ros == bus.store.ros else Store(texts, leniency=LENIENCY, ros=bag.ros)
+    loop = asyncio.get_running_loop()
+    return Recorder(bus, Scribe(bag, store), path, simulator=node, patterns=settings.record_topics, loop=loop)
 
 
 def _limits(settings: Settings) -> ServerLimits:

@@ -243,6 +243,7 @@ _FACE = "what MORAI calls things"
 _SYNC = "synchronous mode"
 _TYPES = "message types"
 _WIRE = "the wire"
+_RECORD = "recording"
 _LOG = "the rest"
 
 _GIB = 2**30
@@ -395,6 +396,16 @@ class Settings:
         default=False, group=_WIRE, kind=SWITCH, text="permessage-deflate for clients that offer it"
     )
     status: bool = _flag(default=True, group=_WIRE, kind=SWITCH, text="send status frames at all")
+
+    record: str | None = _flag(
+        None,
+        _RECORD,
+        FILE,
+        "record into this bag: NAME.bag is ROS 1, NAME.mcap ROS 2, any other name a folder of ROS 2",
+    )
+    record_topics: tuple[str, ...] = _flag(
+        (), _RECORD, _PATTERNS, "topics to record, in place of the simulator's and its commands'; repeatable"
+    )
 
     log_level: Literal["debug", "info", "warning", "error"] = _flag(
         "info", _LOG, _choice("debug", "info", "warning", "error"), "least level of the log on stderr"

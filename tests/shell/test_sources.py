@@ -66,6 +66,8 @@ OTHER: dict[str, object] = {
     "ping_timeout": 1.0,
     "compression": True,
     "status": False,
+    "record": "/bags/drive.bag",
+    "record_topics": ("/clock", "/Ego*"),
     "log_level": "debug",
 }
 """A value other than the default for every setting that has one."""

@@ -1,0 +1,251 @@
+"""Bags, written: a ROS 1 `.bag`, or MCAP as ROS 2 has it, alone or in the folder that rosbag2 makes.
+
+The bytes are rosbags' work; this file knows what that library leaves open. It holds a chunk back until it has a
+megabyte, which is minutes of a small topic: `flush` ends the chunk, so that what was written before a crash can be
+recovered whole (`repair.py`). It keeps an index entry of each message until the end, which fills the memory on a long
+drive: here only their number stays. And its errors of the disk are raised as `DocumentError`, one line each.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Protocol, cast
+
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag1 import WriterError as Writer1Error
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.rosbag2 import WriterError as Writer2Error
+from rosbags.rosbag2.enums import CompressionMode
+from rosbags.rosbag2.storage_mcap import McapWriter
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.schema.names import Generation
+
+__all__ = ["Bag", "Channel", "generation_of", "open_bag"]
+
+Channel = Connection
+"""One topic in a bag."""
+
+_NO_TIME = 2**63 - 1
+"""What rosbags starts from when it looks for the first stamp."""
+
+_DIGEST_SIZE = 32
+"""Characters of an MD5 sum."""
+
+
+class Bag(Protocol):
+    """A bag that is being written. Each method raises DocumentError where the disk does not take it."""
+
+    @property
+    def ros(self) -> Generation:
+        """Whose bytes go in: ROS 1 bytes, or CDR."""
+
+    def add(self, topic: str, type_name: str, text: str, *, digest: str = "", latching: bool = False) -> Channel:
+        """A new topic.
+
+        Args:
+            topic: its absolute name; one name may come more than once with different types.
+            type_name: `pkg/Type`.
+            text: the definition with those of all types in it, as `Store.full_text` has it.
+            digest: what the generation knows the definition by, if it is known; else it is computed.
+            latching: whether who comes late gets the last message too.
+        """
+
+    def write(self, channel: Channel, stamp_ns: int, raw: bytes) -> None:
+        """Add a message."""
+
+    def flush(self) -> None:
+        """Hand what was written to the system, so that a crash of ours does not lose it."""
+
+    def close(self) -> None:
+        """Write the index; twice is no error."""
+
+    def abort(self) -> None:
+        """Leave the file as it is, without an index."""
+
+
+def generation_of(path: Path) -> Generation:
+    """Whose bag a file of that name is.
+
+    Raises:
+        DocumentError: it is neither's that we could write.
+    """
+    if path.suffix == ".db3":
+        raise DocumentError(
+            f"{path}: expected NAME.bag (ROS 1), NAME.mcap (ROS 2) or a folder's name; .db3 is not written"
+        )
+    return 1 if path.suffix == ".bag" else 2
+
+
+def open_bag(path: Path) -> Bag:
+    """A new bag: `.bag` is ROS 1, `.mcap` one file of ROS 2, any other name a folder of ROS 2.
+
+    Raises:
+        DocumentError: there is such a file already, or it cannot be made.
+    """
+    if generation_of(path) == 1:
+        return _Bag1(path)
+    return _Bag2(path)
+
+
+def _no_digest(type_name: str, text: str, ros: Generation) -> str:
+    """The MD5 sum of ROS 1, or the hash of ROS 2."""
+    full_name = type_name.replace("/", "/msg/")
+    types = get_typestore(Stores.EMPTY)
+    types.register(get_types_from_msg(text, full_name))
+    return types.generate_msgdef(full_name, ros_version=1)[1] if ros == 1 else types.hash_rihs01(full_name)
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Errors of the disk as lines for a person."""
+    try:
+        yield
+    except (Writer1Error, Writer2Error, FileExistsError):
+        raise DocumentError(f"{path}: exists already; no recording is written over") from None
+    except OSError as error:
+        text = "the disk is full" if error.errno in {errno.ENOSPC, errno.EDQUOT} else os.strerror(error.errno or 0)
+        raise DocumentError(f"{path}: cannot be written: {text[0].lower()}{text[1:]}") from None
+
+
+class _Bag1:
+    """A ROS 1 bag, format 2.0, not compressed."""
+
+    ros: Generation = 1
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        with _readable(path):
+            self._writer = Writer1(path)
+            self._writer.open()
+            self.flush()
+
+    def add(self, topic: str, type_name: str, text: str, *, digest: str = "", latching: bool = False) -> Channel:
+        """See `Bag`."""
+        if len(digest) != _DIGEST_SIZE:
+            digest = _no_digest(type_name, text, 1)
+        latched = 1 if latching else None
+        for known in self._writer.connections:
+            if (known.topic, known.digest, known.ext.latching) == (topic, digest, latched):  # type: ignore[union-attr]
+                return known
+        full_name = type_name.replace("/", "/msg/")
+        return self._writer.add_connection(topic, full_name, msgdef=text, md5sum=digest, latching=latched)
+
+    def write(self, channel: Channel, stamp_ns: int, raw: bytes) -> None:
+        """See `Bag`."""
+        num_chunks = len(self._writer.chunks)
+        with _readable(self._path):
+            self._writer.write(channel, stamp_ns, raw)
+        if len(self._writer.chunks) > num_chunks:
+            self._forget()
+
+    def flush(self) -> None:
+        """See `Bag`."""
+        with _readable(self._path):
+            self._writer.write_chunk(self._writer.chunks[-1])
+            self._forget()
+            if self._writer.bio is not None:
+                self._writer.bio.flush()
+
+    def close(self) -> None:
+        """See `Bag`."""
+        if self._writer.bio is not None:
+            with _readable(self._path):
+                self._writer.close()
+
+    def abort(self) -> None:
+        """See `Bag`."""
+        with suppress(OSError):
+            self._writer.abort()
+
+    def _forget(self) -> None:
+        """Keep of the chunk that was written last what its index will need: how many messages each topic has there."""
+        for chunk in self._writer.chunks[-2:-1]:
+            counted = {key: range(len(entries)) for key, entries in chunk.connections.items()}
+            chunk.connections = cast("Any", counted)  # Any: only their length is read any more
+
+
+class _OneFile:
+    """What rosbags' MCAP storage takes for a folder, where the file itself is wanted."""
+
+    def __init__(self, path: Path) -> None:
+        self.name = path.stem
+        self._path = path
+
+    def __truediv__(self, _name: str) -> Path:
+        return self._path
+
+
+class _Bag2:
+    """An MCAP file, not compressed, with or without rosbag2's folder around it."""
+
+    ros: Generation = 2
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        with _readable(path):
+            self._writer = Writer2(path, version=Writer2.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP)
+            if path.suffix == ".mcap":
+                one_file = cast("Path", _OneFile(path))
+                self._writer.storage = McapWriter(one_file, CompressionMode.NONE)
+            else:
+                self._writer.open()
+            self.flush()
+
+    def add(self, topic: str, type_name: str, text: str, *, digest: str = "", latching: bool = False) -> Channel:
+        """See `Bag`."""
+        del latching  # a matter of QoS there, which nobody here offers
+        digest = digest or _no_digest(type_name, text, 2)
+        full_name = type_name.replace("/", "/msg/")
+        for known in self._writer.connections:
+            if (known.topic, known.msgtype) == (topic, full_name):
+                return known
+        return self._writer.add_connection(topic, full_name, msgdef=text, rihs01=digest)
+
+    def write(self, channel: Channel, stamp_ns: int, raw: bytes) -> None:
+        """See `Bag`."""
+        with _readable(self._path):
+            self._writer.write(channel, stamp_ns, raw)
+
+    def flush(self) -> None:
+        """See `Bag`."""
+        storage = self._storage
+        if storage is None:
+            return
+        with _readable(self._path):
+            if storage.chunk.msgs:
+                storage.close_chunk()
+            storage.bio.flush()
+
+    def close(self) -> None:
+        """See `Bag`."""
+        storage = self._storage
+        if storage is None:
+            return
+        if storage.message_start_time == _NO_TIME:  # the format wants 0 where there are no messages
+            storage.message_start_time = self._writer.min_timestamp = 0
+            storage.chunk.message_start_time = 0
+        with _readable(self._path):
+            if self._path.suffix == ".mcap":
+                with TemporaryDirectory() as folder:  # what stands in the folder's own file is in the MCAP too
+                    self._writer.metapath = Path(folder) / "metadata.yaml"
+                    self._writer.close()
+            else:
+                self._writer.close()
+
+    def abort(self) -> None:
+        """See `Bag`."""
+        with suppress(OSError):
+            self._writer.abort()
+
+    @property
+    def _storage(self) -> McapWriter | None:
+        return cast("McapWriter | None", self._writer.storage)  # the plug-in that was asked for

@@ -1,0 +1,228 @@
+"""A recorder: one more listener on the bus, who writes down what he hears.
+
+Unless patterns choose, he listens to what the simulator publishes and to what it listens to itself: its state and its
+commands. That decides itself when somebody advertises or subscribes, so the bus tells of both. Each message gets the
+simulation's time as its stamp. Bytes are those of the bag's ROS generation: the message's own where the server speaks
+the same one, else the value is read once more as the other generation's type.
+
+A disk that is full ends the recording and nothing else: the world goes on, and the log says so.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from pathlib import Path
+
+from rosbridge_sim.errors import DocumentError, PeerError
+from rosbridge_sim.graph.bus import Bus, Owner, Topic
+from rosbridge_sim.graph.policy import Rule
+from rosbridge_sim.schema.compile import MessageType
+from rosbridge_sim.schema.store import Message, Store
+from rosbridge_sim.shell.bags import Bag, Channel
+
+__all__ = ["PERIOD", "Recorder", "Scribe"]
+
+PERIOD = 1.0
+"""Between two flushes [s]: what a crash may cost."""
+
+_log = logging.getLogger("rosbridge_sim.recording")
+
+
+class Scribe:
+    """Writes messages of any topics into a bag.
+
+    Attributes:
+        num_messages: written so far.
+        num_bytes: of these messages.
+        ros: the bag's generation.
+    """
+
+    def __init__(self, bag: Bag, store: Store) -> None:
+        """A scribe for a bag whose topics are not known yet.
+
+        Args:
+            bag: open; the scribe closes it.
+            store: of the bag's generation.
+        """
+        assert bag.ros == store.ros
+        self.num_messages = 0
+        self.num_bytes = 0
+        self.ros = bag.ros
+        self._bag = bag
+        self._store = store
+        self._channels: dict[str, tuple[MessageType, Channel]] = {}
+
+    def add(self, topic: str, type_name: str, *, is_latching: bool = False) -> None:
+        """Get ready for a topic.
+
+        Raises:
+            PeerError: its type is not known, or nobody knows how it is written.
+            DocumentError: the disk does not take it.
+        """
+        if topic in self._channels:
+            return
+        message_type = self._store.message(type_name)
+        message_type.encode_raw(message_type.default())  # a type that cannot be written complains now
+        text = self._store.full_text(message_type.name)
+        self._channels[topic] = message_type, self._bag.add(topic, message_type.name, text, latching=is_latching)
+
+    def write_json(self, topic: str, body: bytes, stamp_ns: int) -> None:
+        """Add a message that is given as JSON text.
+
+        Raises:
+            PeerError: it does not fit its type.
+            DocumentError: the disk does not take it.
+        """
+        message_type, _ = self._channels[topic]
+        self.write_raw(topic, message_type.encode_raw(message_type.decode_json(body, stamp_ns)), stamp_ns)
+
+    def write_raw(self, topic: str, raw: bytes, stamp_ns: int) -> None:
+        """Add a message that is given as the bytes of the bag's generation.
+
+        Raises:
+            DocumentError: the disk does not take it.
+        """
+        self._bag.write(self._channels[topic][1], stamp_ns, raw)
+        self.num_messages += 1
+        self.num_bytes += len(raw)
+
+    def flush(self) -> None:
+        """What was written is to survive a crash."""
+        self._bag.flush()
+
+    def close(self) -> None:
+        """Finish the bag.
+
+        Raises:
+            DocumentError: the disk does not take its end; the file is left as it is.
+        """
+        try:
+            self._bag.close()
+        except DocumentError:
+            self._bag.abort()
+            raise
+
+    def abort(self) -> None:
+        """Leave the file as it is."""
+        self._bag.abort()
+
+
+class Recorder:
+    """A listener who writes a bag. An `Owner` on the bus.
+
+    Attributes:
+        name: as rosapi shows it.
+        scribe: what he writes with.
+    """
+
+    name = "/recorder"
+
+    def __init__(
+        self,
+        bus: Bus,
+        scribe: Scribe,
+        path: Path,
+        *,
+        simulator: Owner | None = None,
+        patterns: tuple[str, ...] = (),
+        loop: asyncio.AbstractEventLoop,
+    ) -> None:
+        """Record from now on, until `stop`.
+
+        Args:
+            bus: whose topics.
+            scribe: for an empty bag.
+            path: of the bag, for the log.
+            simulator: whose topics and commands are meant where there are no patterns; None means all there are.
+            patterns: of the topics to record.
+            loop: whose time says when to flush.
+        """
+        self.scribe = scribe
+        self._bus = bus
+        self._path = path
+        self._simulator = simulator
+        self._rule = Rule(patterns) if patterns else None
+        self._loop = loop
+        self._seen: set[Topic] = set()
+        self._is_raw = bus.store.ros == scribe.ros
+        self._given_up: set[Topic] = set()
+        self._is_on = True
+        self._timer = loop.call_later(PERIOD, self._tick)
+        for topic in list(bus.topics.values()):
+            self._look(topic)
+        bus.on_topic.append(self._look)
+        _log.info("recording into %s", path)
+
+    def tell(self, level: str, text: str) -> None:
+        """What the bus has to say to the recorder goes into the log."""
+        _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)
+
+    def stop(self) -> None:
+        """Finish the bag; twice is no error."""
+        if self._is_on:
+            self._leave()
+            try:
+                self.scribe.close()
+            except DocumentError as error:
+                _log.error("the recording has no index: %s", error)
+            else:
+                _log.info("recorded %d messages into %s", self.scribe.num_messages, self._path)
+
+    # What he listens to
+
+    def _look(self, topic: Topic) -> None:
+        """Somebody publishes or listens there, perhaps for the first time."""
+        if topic in self._seen or not self._is_on or not self._is_wanted(topic):
+            return
+        self._seen.add(topic)  # before he subscribes, for that is told too
+        if self._guard(lambda: self.scribe.add(topic.name, topic.type.name, is_latching=topic.is_latching), topic):
+            self._bus.subscribe(self, topic.name, self._write)
+            for message in topic.latched:
+                self._write(topic, message, self, 0.0)
+
+    def _is_wanted(self, topic: Topic) -> bool:
+        if self._rule is not None:
+            return self._rule.admits(topic.name)
+        simulator = self._simulator
+        return (
+            simulator is None
+            or simulator in topic.publishers
+            or any(subscription.owner is simulator for subscription in topic.subscriptions)
+        )
+
+    # What he writes
+
+    def _write(self, topic: Topic, message: Message, _sender: Owner, _now: float) -> None:
+        stamp_ns = self._bus.stamp_ns
+        if self._is_raw:
+            self._guard(lambda: self.scribe.write_raw(topic.name, message.raw, stamp_ns), topic)
+        else:
+            self._guard(lambda: self.scribe.write_json(topic.name, message.json, stamp_ns), topic)
+
+    def _guard(self, work: Callable[[], None], topic: Topic | None = None) -> bool:
+        """Do it, and whether it went well. What goes wrong is nobody's business but the recorder's."""
+        try:
+            work()
+        except PeerError as error:
+            if topic is not None and topic not in self._given_up:
+                self._given_up.add(topic)
+                _log.warning("%s is not recorded, or not all of it: %s", topic.name, error)
+            return False
+        except DocumentError as error:
+            self._leave()
+            self.scribe.abort()
+            _log.error("the recording has ended: %s; `rosbridge-sim bag repair` makes it readable", error)
+            return False
+        return True
+
+    def _tick(self) -> None:
+        self._timer = self._loop.call_later(PERIOD, self._tick)
+        self._guard(self.scribe.flush)
+
+    def _leave(self) -> None:
+        self._is_on = False
+        self._timer.cancel()
+        self._bus.on_topic.remove(self._look)
+        self._bus.leave(self, self._loop.time())

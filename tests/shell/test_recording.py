@@ -1,0 +1,135 @@
+"""A server that records: what is in the bag, and what does not end the server."""
+
+from __future__ import annotations
+
+import json
+import logging
+import resource
+from pathlib import Path
+from typing import Literal
+
+import pytest
+
+from rosbridge_sim import DocumentError, Simulator
+from tests.conftest import Connect
+from tests.shell.bag_reading import Seen, read_bag
+from tests.support import Client
+
+FRAME_NS = 20_000_000
+
+
+async def drive(client: Client, num_ticks: int) -> None:
+    """Some ticks of 20 ms with a little throttle."""
+    await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)
+    command = {"longlCmdType": 1, "accel": 0.5, "steering": 0.01}
+    await client.ask("/SyncModeCtrlCmd", frame=1, command=command)
+    for frame in range(1, num_ticks + 1):
+        await client.ask("/SyncModeWaitForTick", user_id="me", frame=frame)
+
+
+def stamps_of(seen: Seen, wanted: str) -> list[int]:
+    return [stamp_ns for topic, stamp_ns, _ in seen if topic == wanted]
+
+
+@pytest.mark.parametrize("ros", [1, 2])
+@pytest.mark.parametrize("name", ["drive.bag", "drive.mcap", "drive"])
+async def test_drive_is_in_the_bag_as_the_listener_saw_it(
+    tmp_path: Path, connect: Connect, name: str, ros: Literal[1, 2]
+) -> None:
+    heard = []
+    async with Simulator(port=0, start="sync", record=tmp_path / name, ros=ros) as sim:
+        client = await connect(sim.url)
+        await client.send("subscribe", topic="/Ego_topic")
+        await drive(client, 5)
+        heard = [await client.message("/Ego_topic") for _ in range(5)]
+    seen = read_bag(tmp_path / name)
+    for topic in ("/clock", "/Ego_topic", "/Object_topic", "/CollisionData"):
+        assert stamps_of(seen, topic) == [frame * FRAME_NS for frame in range(1, 6)]
+    assert stamps_of(seen, "/SyncModeInfo")[0] == 0  # it is latched: what was said before the recorder came
+    recorded = [message for topic, _, message in seen if topic == "/Ego_topic"]
+    assert [one.position.x for one in recorded] == [one["position"]["x"] for one in heard]
+    assert [one.velocity.x for one in recorded] == [one["velocity"]["x"] for one in heard]
+    assert recorded[-1].velocity.x > 0
+
+
+async def test_commands_are_recorded_with_the_time_at_which_they_came(tmp_path: Path, connect: Connect) -> None:
+    async with Simulator(port=0, start="sync", record=tmp_path / "a.bag") as sim:
+        client = await connect(sim.url)
+        await drive(client, 2)
+        await client.send("advertise", topic="/ctrl_cmd", type="morai_msgs/CtrlCmd")
+        await client.send("publish", topic="/ctrl_cmd", msg={"longlCmdType": 1, "accel": 0.25})
+        await client.send("advertise", topic="/chatter", type="std_msgs/String")
+        await client.send("publish", topic="/chatter", msg={"data": "no business of the simulator's"})
+        await client.settle()
+    seen = read_bag(tmp_path / "a.bag")
+    assert [(at, one.accel) for topic, at, one in seen if topic == "/ctrl_cmd"] == [(2 * FRAME_NS, 0.25)]
+    assert stamps_of(seen, "/chatter") == []
+
+
+async def test_patterns_choose_topics_of_anybody(tmp_path: Path, connect: Connect) -> None:
+    async with Simulator(port=0, start="sync", record=tmp_path / "a.mcap", record_topics=["/chat*", "/clock"]) as sim:
+        client = await connect(sim.url)
+        await drive(client, 2)
+        await client.send("advertise", topic="/chatter", type="std_msgs/String")
+        await client.send("publish", topic="/chatter", msg={"data": "hello"})
+        await client.settle()
+    seen = read_bag(tmp_path / "a.mcap")
+    assert [topic for topic, _, _ in seen] == ["/clock", "/clock", "/chatter"]
+
+
+async def test_gateway_without_a_world_records_all_that_is_said(tmp_path: Path, connect: Connect) -> None:
+    async with Simulator(port=0, world=False, record=tmp_path / "a.bag") as sim:
+        client = await connect(sim.url)
+        await client.send("advertise", topic="/chatter", type="std_msgs/String")
+        await client.send("publish", topic="/chatter", msg={"data": "hello"})
+        await client.settle()
+    assert [one.data for topic, _, one in read_bag(tmp_path / "a.bag") if topic == "/chatter"] == ["hello"]
+
+
+async def test_type_that_nobody_knows_is_told_once_and_left_out(
+    tmp_path: Path, connect: Connect, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with Simulator(port=0, start="sync", record=tmp_path / "a.bag", record_topics=["*"]) as sim:
+        client = await connect(sim.url)
+        await client.send("advertise", topic="/odd", type="nobody_msgs/Knows")
+        for _ in range(3):
+            await client.send("publish", topic="/odd", msg={"a": 1})
+        await client.settle()
+    assert [line for line in caplog.messages if line.startswith("/odd is not recorded")] != []
+    assert len([line for line in caplog.messages if line.startswith("/odd is not recorded")]) == 1
+    assert stamps_of(read_bag(tmp_path / "a.bag"), "/odd") == []
+
+
+async def test_full_disk_ends_the_recording_and_nothing_else(
+    tmp_path: Path, connect: Connect, caplog: pytest.LogCaptureFixture
+) -> None:
+    old = resource.getrlimit(resource.RLIMIT_FSIZE)
+    async with Simulator(port=0, start="sync", record=tmp_path / "a.bag") as sim:
+        client = await connect(sim.url)
+        await drive(client, 2)
+        assert sim._recorder is not None
+        resource.setrlimit(resource.RLIMIT_FSIZE, (6_000, old[1]))
+        try:
+            sim._recorder._tick()
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, old)
+        answer = await client.ask("/SyncModeWaitForTick", user_id="me", frame=3)
+        assert answer["frame"] == 3
+        nodes = await client.values("/rosapi/nodes")
+        assert "/recorder" not in nodes["nodes"]
+    errors = [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR]
+    assert len(errors) == 1
+    assert "the recording has ended: " in errors[0]
+    assert "a.bag: cannot be written: file too large" in errors[0]
+
+
+async def test_file_that_cannot_be_made_is_a_refused_start(tmp_path: Path) -> None:
+    with pytest.raises(DocumentError, match=r"a\.bag: cannot be written: no such file or directory"):
+        await Simulator(port=0, record=tmp_path / "nowhere" / "a.bag").start()
+
+
+async def test_recorder_is_a_node_that_rosapi_shows(tmp_path: Path, connect: Connect) -> None:
+    async with Simulator(port=0, start="sync", record=tmp_path / "a.bag") as sim:
+        client = await connect(sim.url)
+        details = await client.values("/rosapi/node_details", {"node": "/recorder"})
+        assert "/Ego_topic" in details["subscribing"], json.dumps(details)
