@@ -38,7 +38,7 @@ def test_mistake_is_one_line_and_code_2(words: tuple[str, ...], line: str) -> No
 def test_main_knows_the_tools(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(sys, "argv", ["rosbridge-sim", "schema", "show", "std_msgs/String"])
     assert __main__.main() == 0
-    assert capsys.readouterr() == ("string data\n", "")
+    assert capsys.readouterr() == ("# A text.\n\nstring data  # a text\n", "")
     for name in TOOLS:
         monkeypatch.setattr(sys, "argv", ["rosbridge-sim", name])
         assert __main__.main() == 2
