@@ -91,7 +91,7 @@ def rows(header: str) -> list[list[str]]:
 
 
 def names_in(cell: str) -> list[str]:
-    return re.findall(r"`(/\w+)`", cell)
+    return re.findall(r"`(/[\w/]+)`", cell)
 
 
 async def test_the_tables_of_topics_and_services_are_complete(server: ServerProcess, connect: Connect) -> None:

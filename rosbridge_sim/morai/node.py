@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Final, Literal
 
-from rosbridge_sim.errors import FieldError, PeerError
+from rosbridge_sim.errors import FieldError, GraphError, PeerError
 from rosbridge_sim.graph.bus import Bus, Owner
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.commands import EgoSetting
@@ -94,7 +94,7 @@ class Node:
         bus, world, convert, stage, sync: its parts.
         egos: in order; the first one has the bare names, ego 2 those under `/Ego-2/`.
         camera_index: the ego that a client wants to be looked at, whether there is one or not.
-        is_moving: a tick is being computed right now.
+        is_moving: frames are being computed right now.
         num_ticks: ticks carried out.
     """
 
@@ -181,11 +181,15 @@ class Node:
             self._outputs.forget_repeats()
             level = logging.WARNING if pace.num_stalls == 1 else logging.DEBUG
             _log.log(level, "stalled for %.2f s: the simulated clock stood meanwhile", given_up)
-        for _ in range(MAX_FRAMES):
-            if now < pace.due_at or not self.sync.is_free:
-                break
-            self._outputs.repeat(pace.due_at)
-            self._compute(now, is_tick=False, is_last=True)
+        self.is_moving = True
+        try:
+            for _ in range(MAX_FRAMES):
+                if now < pace.due_at or not self.sync.is_free:
+                    break
+                self._outputs.repeat(pace.due_at)
+                self._compute(now, is_tick=False, is_last=True)
+        finally:
+            self.is_moving = False
         self._outputs.repeat(now)
 
     def next_due(self, now: float) -> float | None:
@@ -352,6 +356,32 @@ class Node:
         self._announce_mounts(now)
         if is_pausing:
             self.follow(self.sync.pause(), now)
+
+    def reset(self, seed: int | None, now: float) -> None:
+        """Begin anew: the same calls from here on give the same bytes as after the start. The mode stays as it is.
+
+        Args:
+            seed: of all chance; None for the one in use.
+            now: monotonic time [s].
+
+        Raises:
+            GraphError: frames are being computed; somebody who hears of one asks from within.
+        """
+        if self.is_moving:
+            raise GraphError("the world is moving")
+        for ego in self.egos[1:]:
+            self._drop_ego(ego, now)
+        self.egos = self.egos[:1]
+        self.stage.reset(seed)
+        self.egos[0].renew()
+        self.egos[0].ctrl_mode = self._ctrl_mode
+        self.camera_index = FIRST_EGO
+        self.sync.forget()
+        self._outputs.forget_repeats()
+        self.bus.stamp_ns = self.world.frame * STEP_NS
+        self.refresh()
+        self._announce(now)
+        self._announce_mounts(now)
 
     def tell_once(self, owner: Owner, text: str) -> None:
         """Warn a peer of something that it may do many times."""

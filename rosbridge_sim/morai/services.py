@@ -65,6 +65,7 @@ class Services:
         bindings.provide("Service_MoraiSL", "MoraiScenarioLoadSrv", self._load_now)
         bindings.provide("Service_MoraiVehicleSpec", "MoraiVehicleSpecSrv", self._vehicle_spec)
         bindings.provide("Service_MoraiMapSpec", "MoraiMapSpecSrv", self._map_spec)
+        bindings.provide("sim/reset", "rosbridge_sim_msgs/Reset", self._reset)
         # Of these a release has either the topics or the services.
         if bindings.has_type("SyncModeAddObj"):
             bindings.listen("SyncModeAddObj", "SyncModeAddObj", self._hear_add)
@@ -292,6 +293,15 @@ class Services:
                 sync.is_paused,
             ),
         )
+
+    # Ours
+
+    def _reset(self, call: Call, now: float) -> None:
+        request: Any = call.request
+        node = self._node
+        node.reset(None if request.seed < 0 else request.seed, now)
+        _log.info("reset by %s, seed %d", call.caller.name, node.world.seed)
+        call.answer(call.service.type.response.struct(node.world.frame, node.world.seed))
 
     # Figures
 

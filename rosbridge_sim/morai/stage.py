@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 from rosbridge_sim.errors import DocumentError, FieldError
@@ -21,7 +21,18 @@ from rosbridge_sim.morai.mgeo import RoadMap
 from rosbridge_sim.morai.scenario import Scenario, Spawn, place_on_roads
 from rosbridge_sim.world.state import Body, Gear, Kind, World
 
-__all__ = ["DEFAULT_MAP", "FIRST_EGO", "MAX_ENTITIES", "WHOLE", "Library", "Load", "LoadOptions", "Stage"]
+__all__ = [
+    "DEFAULT_MAP",
+    "FIRST_EGO",
+    "FIRST_UID",
+    "MAX_ENTITIES",
+    "MAX_FILE_UID",
+    "WHOLE",
+    "Library",
+    "Load",
+    "LoadOptions",
+    "Stage",
+]
 
 DEFAULT_MAP: Final = "track"
 """The built-in map that serves where no other is named, or where the named one is not there."""
@@ -30,6 +41,7 @@ FIRST_EGO: Final = 0
 """The first ego's id."""
 
 FIRST_UID: Final = 1
+"""The first id of anybody else."""
 
 MAX_FILE_UID: Final = 2**30
 """A document's ids are kept up to here, so that a single one cannot use up all there are."""
@@ -123,10 +135,29 @@ class Stage:
         self._next_uid = FIRST_UID
         self._map_name = scenario.map_name or DEFAULT_MAP
         self.road_map = self._find_map(self._map_name)
-        self.carry_out(self.prepare(scenario, WHOLE), ego_gear=ego_gear)
-        if FIRST_EGO not in world:
+        opening = self.prepare(scenario, WHOLE)
+        self._opening = replace(opening, map_name=self._map_name, road_map=self.road_map)
+        self._ego_gear = ego_gear
+        if not opening.egos:
             _log.info("scenario %s has no ego: one stands at the origin", scenario.name)
-            world.spawn(Kind.EGO, DEFAULT_EGO.body, name=DEFAULT_EGO.name, x=0.0, y=0.0, uid=FIRST_EGO, gear=ego_gear)
+        self._open()
+
+    def reset(self, seed: int | None) -> None:
+        """Begin anew: the opening scene on its own map, at frame 0, with ids from the first one on.
+
+        Args:
+            seed: of all chance; None for the one in use.
+        """
+        self.world.reset(seed)
+        self._next_uid = FIRST_UID
+        self._open()
+
+    def _open(self) -> None:
+        """Have the opening scene take the empty stage."""
+        world, gear = self.world, self._ego_gear
+        self.carry_out(self._opening, ego_gear=gear)
+        if FIRST_EGO not in world:
+            world.spawn(Kind.EGO, DEFAULT_EGO.body, name=DEFAULT_EGO.name, x=0.0, y=0.0, uid=FIRST_EGO, gear=gear)
 
     def prepare(self, scenario: Scenario, options: LoadOptions) -> Load:
         """All that a load needs and that can go wrong.
@@ -190,6 +221,15 @@ class Stage:
             raise FieldError(f"{model.name}: {error}") from None
         self._next_uid += 1
         return uid
+
+    def add_as(self, uid: int, model: Model, *, x: float, y: float, z: float, yaw: float) -> None:
+        """Put a single object into the world under an id that a client has chosen and that nobody has now.
+
+        Raises:
+            ValueError: the id or the place are beyond all bounds. The world is as it was.
+        """
+        self.world.spawn(model.kind, model.body, name=model.name, x=x, y=y, z=z, yaw=yaw, uid=uid)
+        self._next_uid = max(self._next_uid, uid + 1)
 
     def add_ego(self, like: int, pose: Pose, gear: Gear) -> int:
         """Put a further ego into the world and return its id there.

@@ -432,6 +432,13 @@ class Sync(Generic[C]):
             due.append(heapq.heappop(self._waiting)[2])
         return due
 
+    def forget(self) -> None:
+        """The world has begun anew: what waits was meant for frames of the old one. The mode stays as it is."""
+        self._waiting.clear()
+        self._num_arrived = 0
+        if self.state in NO_MASTER:
+            self._num_ids = 0
+
     def pause(self) -> Outcome:
         """Stand still; the mode stays as it is."""
         return self._follow(Event.PAUSE)

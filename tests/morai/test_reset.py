@@ -1,0 +1,148 @@
+"""/sim/reset: the world begins anew, and what comes after is to the byte what came after the start."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from rosbridge_sim.graph.bus import Answer, Owner, Topic
+from rosbridge_sim.morai.stage import FIRST_EGO
+from rosbridge_sim.schema.store import Message
+from tests.morai.stand import ALL, Client, Stand
+
+HEARD = ("/clock", "/Ego_topic", "/Object_topic", "/CollisionData", "/VehicleCollisionData", "/SyncModeInfo")
+
+
+def reset(client: Client, seed: int = -1) -> dict[str, Any]:
+    answer = client.call("/sim/reset", {"seed": seed})
+    assert answer.is_ok, answer.values
+    assert isinstance(answer.values, Message)
+    values: dict[str, Any] = json.loads(answer.values.json)
+    return values
+
+
+def drive(client: Client, listener: Client) -> list[bytes]:
+    """A little of everything; what the listener hears of it."""
+    listener.raw.clear()
+    place = {"name": "Box", "position": {"x": 10.0, "y": 24.5, "z": 0.0}, "heading": 5.0, "frame": 3}
+    client.send("/SyncModeAddObj", "morai_msgs/SyncModeAddObj", **place)
+    client.control(5, longlCmdType=2, velocity=40.0, steering=0.1)
+    client.ask("/Service_MoraiEventCmd", option=4, lamps={"turnSignal": 2, "emergencySignal": 0})
+    answers = [client.tick() for _ in range(60)]
+    client.ask("/Service_MoraiSL", file_name="crowd", **ALL)
+    answers += [client.tick() for _ in range(20)]
+    assert any(b'"collision_object":[{' in message for message in listener.raw)
+    return [*listener.raw, json.dumps(answers).encode()]
+
+
+def test_a_reset_run_repeats_byte_for_byte() -> None:
+    stand = Stand(start="sync")
+    client, listener = stand.client(), stand.client()
+    listener.listen(*HEARD)
+    client.start()
+    first = drive(client, listener)
+    digest = stand.world.digest()
+    for _ in range(2):
+        assert reset(client) == {"frame": 0, "seed": 0}
+        assert drive(client, listener) == first
+        assert stand.world.digest() == digest
+
+
+def test_it_is_as_after_the_start_whatever_has_happened() -> None:
+    fresh, stand = Stand("crowd"), Stand("crowd")
+    client = stand.client()
+    client.ask("/Service_MoraiSL", file_name="elsewhere", **ALL)
+    client.ask("/Service_MoraiEventCmd", option=7, ctrl_mode=1, gear=2, lamps={"turnSignal": 1, "emergencySignal": 1})
+    setting: dict[str, Any] = {"number_of_ego_vehicle": 1, "camera_index": 2, "ego_index": [2], "gear": [4]}
+    lists = ("global_position_x", "global_position_y", "global_position_z", "global_roll", "global_pitch", "global_yaw")
+    setting |= {name: [0.0] for name in (*lists, "velocity")} | {"ctrl_mode": [16]}
+    client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **setting)
+    stand.run(1.0)
+    reset(client)
+    assert stand.world.digest() == fresh.world.digest()
+    assert stand.node.stage.road_map.name == "track"
+    assert [ego.index for ego in stand.node.egos] == [FIRST_EGO]
+    assert stand.node.followed is stand.node.egos[0]
+    assert client.call("/Ego-2/SyncModeCmd", {}).is_ok is False
+    state, at_start = (each.ask("/Service_MoraiEventCmd", option=0) for each in (client, fresh.client()))
+    assert state == at_start
+    assert stand.bus.stamp_ns == 0
+
+
+def test_the_seed_is_set_or_kept() -> None:
+    stand = Stand()
+    client = stand.client()
+    assert reset(client, 7) == {"frame": 0, "seed": 7}
+    drawn = stand.world.rng.random()
+    assert reset(client) == {"frame": 0, "seed": 7}
+    assert stand.world.rng.random() == drawn
+    assert reset(client, 0) == {"frame": 0, "seed": 0}
+    assert stand.world.rng.random() != drawn
+
+
+def test_master_and_pause_stay_and_waiting_commands_go() -> None:
+    stand = Stand(start="sync")
+    client = stand.client()
+    client.start()
+    client.tick()
+    client.control(40, longlCmdType=1, accel=1.0)
+    client.listen("/SyncModeInfo")
+    reset(client)
+    assert client.messages("/SyncModeInfo")[-1] == {
+        "master_id": "me",
+        "status": True,
+        "frame": 0,
+        "can_send_tick": True,
+    }
+    for _ in range(50):
+        assert client.tick()["vehicle_status"]["accel"] == 0.0
+    client.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
+    reset(client)
+    assert client.tick()["pause_status"]
+
+
+def test_ids_that_are_made_begin_anew_while_nobody_is_master() -> None:
+    stand = Stand(start="sync")
+    client = stand.client()
+    assert client.start("")["user_id"] == "sync-1"
+    reset(client)
+    client.stop("sync-1")
+    assert client.start("")["user_id"] == "sync-2"
+    client.stop("sync-2")
+    reset(client)
+    assert client.start("")["user_id"] == "sync-1"
+
+
+def test_in_real_time_the_frames_go_on_from_0() -> None:
+    stand = Stand(rate={"/Ego_topic": 100.0})
+    client = stand.client()
+    client.listen("/Ego_topic", "/clock")
+    stand.run(0.51)
+    client.heard.clear()
+    reset(client)
+    stand.run(0.1)
+    seqs = [message["header"]["seq"] for message in client.messages("/Ego_topic")]
+    assert seqs[0] == 1
+    assert seqs == sorted(seqs)
+    assert seqs[-1] == 5
+
+
+@pytest.mark.parametrize("start", ["run", "sync"])
+def test_who_hears_of_a_frame_cannot_reset_from_within_it(start: str) -> None:
+    stand = Stand(start=start)
+    client = stand.client()
+    answers: list[Answer] = []
+
+    def ask(_topic: Topic, _message: Message, _sender: Owner, now: float) -> None:
+        stand.bus.call(client, "/sim/reset", {}, answers.append, now=now)
+
+    stand.bus.subscribe(client, "/clock", ask)
+    if start == "sync":
+        client.start()
+        client.tick()
+    else:
+        stand.run(0.021)
+    assert [(answer.is_ok, answer.values) for answer in answers] == [(False, "the world is moving")]
+    assert stand.world.frame == 1
