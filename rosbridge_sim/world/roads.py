@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
 
-__all__ = ["Places", "Roads"]
+__all__ = ["Places", "Roads", "ranges"]
 
 T = TypeVar("T")
 
@@ -34,6 +34,9 @@ BLOCK = 32
 TURN_COST = 3.0
 """A lane across the heading counts as this much farther away [m], an opposite lane as twice as much: an oncoming
 lane (3.5 m) loses against one's own even while one drives on the line between them."""
+
+BESIDE = 0.5
+"""Who is farther than this beyond a lane's end, or outside of a corner, is not beside it [m]."""
 
 MAX_PAIRS = 1 << 18
 """Pairs (place, block) compared at once: 2 MB for each temporary array, which stays inside the cache."""
@@ -205,7 +208,7 @@ class Roads:
             (n, 3) points east, north, up [m] and (n,) the lanes' directions there, (-pi, pi] [rad].
         """
         lane = np.atleast_1d(np.asarray(lane, dtype=np.int64))
-        point, share = self._locate(lane, np.asarray(s, dtype=np.float64))
+        point, share = self.locate(lane, np.asarray(s, dtype=np.float64))
         start = self.points[point]
         # Each lane before has one segment fewer than it has points.
         return start + share[:, None] * (self.points[point + 1] - start), self._yaw(point - lane)
@@ -222,12 +225,17 @@ class Roads:
         far = np.full(len(places.lane), np.inf)
         if len(self) == 0:
             return far, far.copy()
-        point, share = self._locate(places.lane, places.s)
+        point, share = self.locate(places.lane, places.s)
         border = self.border[point] + share[:, None] * (self.border[point + 1] - self.border[point])
         return border[:, 0] - places.lateral, border[:, 1] + places.lateral
 
-    def _locate(self, lane: IntArray, s: FloatArray) -> tuple[IntArray, FloatArray]:
-        """(n,) the point before each place, and (n,) the share of the way from it to the next one."""
+    def locate(self, lane: IntArray, s: FloatArray) -> tuple[IntArray, FloatArray]:
+        """(n,) the row of the point before each place, and (n,) the share of the way from it to the next one.
+
+        Args:
+            lane: (n,) rows of lanes.
+            s: (n,) arc lengths, held within the lane [m].
+        """
         along = self.base[lane] + np.clip(s, 0.0, self.length[lane])
         point = np.searchsorted(self.chain, along, side="right") - 1
         point = np.clip(point, self.first[lane], self.first[lane + 1] - 2)
@@ -261,6 +269,33 @@ class Roads:
             part = slice(i, i + step)
             best[part] = self._best(place[part], None if heading is None else heading[part])
         return self._places(place, best)
+
+    def within(self, x: FloatArray, y: FloatArray, radius: FloatArray) -> tuple[IntArray, Places]:
+        """All lanes near each point; beside the middle of a lane, not beyond its ends.
+
+        Args:
+            x: (n,) east, finite [m].
+            y: (n,) north, finite [m].
+            radius: (n,) how near [m].
+
+        Returns:
+            (m,) int64, which point, rising; and (m,) the lanes, those of one point in the map's order.
+        """
+        place = np.stack((x, y), axis=-1)
+        if len(self) == 0 or len(place) == 0:
+            none, empty = np.zeros(0, dtype=np.int64), np.zeros(0)
+            return none, Places(none, empty, empty, empty, empty)
+        gap = np.maximum(self._block_low - place[:, None], place[:, None] - self._block_high)
+        owner, block = np.nonzero(_length(np.maximum(gap, 0.0)) <= radius[:, None])
+        size = self._block_size[block]
+        owner, segment = np.repeat(owner, size), ranges(self._block_first[block], size)
+        _, lateral, distance = self._project(place[owner], segment)
+        is_near = (distance <= radius[owner]) & (distance - np.abs(lateral) < BESIDE)
+        owner, segment, distance = owner[is_near], segment[is_near], distance[is_near]
+        key = owner * len(self) + self._segment_lane[segment]
+        order = np.lexsort((distance, key))
+        best = order[np.flatnonzero(np.diff(key[order], prepend=-1))]
+        return owner[best], self._places(place[owner[best]], segment[best])
 
     def _places(self, place: FloatArray, segment: IntArray) -> Places:
         """What there is to say of `place` (n, 2) relative to the segments (n,) chosen for it."""
@@ -298,7 +333,7 @@ class Roads:
         owner, block = np.nonzero(at_best <= (at_most * (1.0 + 1e-9) + 1e-9)[:, None])
         size = self._block_size[block]
         count = np.bincount(np.repeat(owner, size), minlength=len(place))
-        return _ranges(self._block_first[block], size), count
+        return ranges(self._block_first[block], size), count
 
     def _project(self, place: FloatArray, segment: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Foot points: along the segment [m], offset to the left of its line [m], distance [m]."""
@@ -342,7 +377,7 @@ class Roads:
         num = np.diff(self.first) - 1  # segments of each lane
         blocks = -(-num // BLOCK)
         lane = np.repeat(np.arange(len(self), dtype=np.int64), blocks)
-        offset = BLOCK * _ranges(np.zeros_like(blocks), blocks)
+        offset = BLOCK * ranges(np.zeros_like(blocks), blocks)
         self._block_first = self.first[lane] - lane + offset
         self._block_size = np.minimum(num[lane] - offset, BLOCK)
         point = self._segment_point[self._block_first]
@@ -375,7 +410,7 @@ def _is_new(line: FloatArray) -> npt.NDArray[np.bool_]:
     return is_new
 
 
-def _ranges(start: IntArray, count: IntArray) -> IntArray:
+def ranges(start: IntArray, count: IntArray) -> IntArray:
     """`start[0], start[0] + 1, ...` for `count[0]` numbers, then the same for the next, end to end."""
     end = np.cumsum(count)
     total = int(end[-1]) if len(end) else 0

@@ -3,16 +3,15 @@
 The order is part of what the world *is*: two runs agree to the bit only because nothing here depends on anything but
 the arrays, and because everybody sees the same half-finished world at the same point. So it stands here alone:
 
-1. *agents* (`traffic.walk`): whoever goes his own way moves first. They look at nobody, so being first costs nothing;
-   once they follow and brake they will judge the world as it was at the end of the last step, as everyone on a road
-   judges by what he saw a moment ago.
-2. *driven rows* (`dynamics.drive`): the commands in force are carried out for exactly one step. A command that came
+1. *lights* (`Signals.advance`): they show what belongs to the frame that is being made.
+2. *agents*: drivers who keep to the lanes (`traffic.drive_lanes`) first, since they look at others and shall judge the
+   world as it was at the end of the last step, as everyone on a road judges by what he saw a moment ago; then those who
+   go their own way and look at nobody (`walking.walk`).
+3. *driven rows* (`dynamics.drive`): the commands in force are carried out for exactly one step. A command that came
    between two steps counts for the whole of the next one, and the state that a client reads after it already shows it.
-3. *contacts* (`contacts.find`): when all stand where they stand at the end of the step, who has touched whom on the
+4. *contacts* (`contacts.find`): when all stand where they stand at the end of the step, who has touched whom on the
    way there. It moves nobody.
-4. *bookkeeping*: the frame counter, last, so that whoever finds frame f finds the world of frame f.
-
-Traffic lights will come before the agents, who look at them.
+5. *bookkeeping*: the frame counter, last, so that whoever finds frame f finds the world of frame f.
 
 A step draws no random number, reads no clock and allocates nothing that stays.
 """
@@ -22,7 +21,8 @@ from __future__ import annotations
 from rosbridge_sim.world import contacts
 from rosbridge_sim.world.dynamics import drive
 from rosbridge_sim.world.state import DT, World
-from rosbridge_sim.world.traffic import walk
+from rosbridge_sim.world.traffic import drive_lanes
+from rosbridge_sim.world.walking import walk
 
 __all__ = ["step"]
 
@@ -30,6 +30,8 @@ __all__ = ["step"]
 def step(world: World) -> None:
     """Move the world from its frame to the next one: exactly 20 ms. Writes in place."""
     before = contacts.remember(world)
+    world.signals.advance(world.frame + 1)
+    drive_lanes(world, DT)
     walk(world, DT)
     drive(world, DT)
     contacts.find(world, before)

@@ -1,109 +1,301 @@
-"""Entities that go their own way: constant motion or a waypoint path, all of them at once.
+"""Vehicles that keep to the lanes: they follow one another, heed limits, lights and whose turn it is, choose a way.
 
-Everybody who is not driven slides along a straight *leg*: the point at arc length s of a row is
+*Where*: a driver is at arc length `arc` of a lane. He moves along the lane's line exactly as walkers move along their
+paths: on straight legs, so that he is on the line to the last bits. The next lanes are chosen five ahead, by his route
+or by chance; chance is a function of the world's seed, his id and how many lanes he has come through, so that nobody's
+way depends on who else is there.
 
-    (x, y, z) = (leg_x, leg_y, leg_z) + (s - leg_start) (leg_dx, leg_dy, leg_dz)
+*How fast*: the intelligent driver model (Treiber, Hennecke, Helbing 2000), with v the speed, v0 the wish or what the
+`lookout` allows, s the gap and dv the closing speed:
 
-with a unit vector as direction. Constant motion is a leg that never ends. On a path, whoever has come past `leg_end`
-is given the segment that he is on by now, found in `paths` for all who need one by a single search. A row is therefore
-on its polyline to the last bits, however long it has walked, and at any speed: many segments, or many rounds of a small
-loop, within one step cost no more than one.
+    v' = a (1 - (v / v0)^4 - (s* / s)^2)        s* = s0 + v T + v dv / (2 sqrt(a b))
 
-Rows with speed 0 are not looked at. Behaviour (following, lights, lanes) will set `speed` between two calls and find
-its motion here.
+and, from the improved model of the same authors, -b (1 - (v0 / v)^(4 a / b)) in place of the first two terms where v is
+above v0. For what stands still (a stop line, the end of a road) nobody brakes harder than he must.
+
+Drivers look and decide ten times a second and keep their acceleration in between, as people do: a decision is worked
+out for all at once and costs ten times as much as moving them. It falls on fixed frames, so no state but the columns
+matters.
+
+Where it stops being true: nobody changes lanes, overtakes or reverses; a driver sees egos and people only where they
+are, not where they will be.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Final
+
 import numpy as np
+import numpy.typing as npt
 
-from rosbridge_sim.world.block import Block
 from rosbridge_sim.world.geometry import FloatArray, IntArray
-from rosbridge_sim.world.paths import TICKS
-from rosbridge_sim.world.state import BoolArray, Kind, World
+from rosbridge_sim.world.lookout import ACCEL, GAP, HEADWAY, Drivers, Entries, View, look, spot
+from rosbridge_sim.world.network import COMFORT, Links, Network
+from rosbridge_sim.world.state import Kind, World
 
-__all__ = ["walk"]
+__all__ = ["DECISION", "drive_lanes", "keep_lane"]
+
+DECISION: Final = 5
+"""Frames from one decision to the next: 0.1 s."""
+
+HARD: Final = 8.0
+"""As hard as a car can brake [m/s^2]."""
+
+STOP_GAP: Final = 1.0
+"""How far before a stop line people come to a stand [m]."""
+
+CREEP: Final = 0.1
+"""Slower than this nobody is asked to go: it keeps a quotient finite [m/s]."""
+
+MOVES: Final = 0.5
+"""A vehicle faster than this is on its way through an intersection, not waiting in it [m/s]."""
+
+MAX_TURNS: Final = 8
+"""Lanes entered within one step, at most: a map's snippets of a centimetre must not hold up the world."""
+
+_AHEAD: Final = tuple(f"ahead_{i}" for i in range(1, 6))
+_LEGS: Final = ("leg_start", "leg_end", "leg_x", "leg_y", "leg_z", "leg_dx", "leg_dy", "leg_dz", "yaw")
 
 
-def walk(world: World, dt: float) -> None:
-    """Move all rows that go their own way by `dt`, in place."""
-    moving = world.derived(_Moving)
-    if moving.num:
-        moving.advance(dt)
+def keep_lane(
+    world: World,
+    row: int,
+    lane: int,
+    s: float,
+    *,
+    wish: float = math.inf,
+    route: Sequence[int] = (),
+    is_loop: bool = False,
+) -> None:
+    """Have a vehicle keep to the lanes from a place on one of them on, where it is put with the speed that it has.
+
+    Args:
+        world: written in place.
+        row: of a VEHICLE.
+        lane: row of a lane.
+        s: how far along it, held within the lane [m].
+        wish: how fast the driver would like to go; limits, bends and others slow him [m/s].
+        route: rows of lanes, each one a successor of the one before, beginning with `lane`; where it ends, or without
+            one, chance chooses.
+        is_loop: the route begins again; its first lane is a successor of its last.
+
+    Raises:
+        ValueError: not a vehicle, no such lane, a wish or place that is no number, or a route that does not lead along
+            lanes. Nothing has changed.
+    """
+    roads = world.roads
+    if world.kind[row] != Kind.VEHICLE or not world.alive[row]:
+        raise ValueError(f"row {row} is no vehicle that could keep to a lane")
+    if not 0 <= lane < len(roads):
+        raise ValueError(f"lane: expected 0..{len(roads) - 1}, got {lane!r}")
+    if not (math.isfinite(s) and wish >= 0.0):
+        raise ValueError(f"s and wish: expected numbers, the wish not negative, got {s!r} and {wish!r}")
+    way = [*route, route[0]] if route and is_loop else list(route)
+    if route and route[0] != lane:
+        raise ValueError(f"route: expected to begin with lane {lane}, got {route[0]}")
+    for i, (here, there) in enumerate(pairwise(way)):
+        if not 0 <= here < len(roads) or there not in roads.successors(here):
+            raise ValueError(f"route[{i}]: lane {there} does not follow lane {here}")
+
+    network = roads.derived(Network)
+    s = min(max(s, 0.0), float(roads.length[lane]))
+    points, yaw = roads.at(lane, s)
+    x, y, z = points[0].tolist()
+    uid, speed = int(world.uid[row]), max(float(world.speed[row]), 0.0)
+    world.place(row, x=x, y=y, z=z, yaw=float(yaw[0]), speed=speed)
+    world.has_lane[row], world.is_loop[row], world.wish[row] = True, is_loop, wish
+    world.lane[row], world.arc[row], world.turns[row] = lane, s, 0
+    world.claim[row] = world.held[row] = world.exit_lane[row] = -1
+    if len(route):
+        world.routes[uid] = np.array(route, dtype=np.int64)
+    way_ahead = _Way(world, np.array([row]))
+    for i, (before, column) in enumerate(pairwise(("lane", *_AHEAD))):
+        chosen = way_ahead.choose(network.onward, np.array([0]), getattr(world, before)[[row]], np.array([i + 1]))
+        getattr(world, column)[row] = chosen[0]
+    if s + world.half_length[row] + world.centre[row] > network.hold[lane]:
+        world.held[row], world.exit_lane[row] = lane, world.ahead_1[row]
+    _set_legs(world, network, np.array([row]))
+    world.touch()
 
 
-class _Moving:
-    """The rows that move and the calls that move them.
+def drive_lanes(world: World, dt: float) -> None:
+    """Move all who keep to the lanes by `dt`, in place; on the frames of decision they look first."""
+    traffic = world.derived(_Traffic)
+    if not traffic.num:
+        return
+    if world.frame % DECISION == 0:
+        traffic.decide()
+    traffic.move(dt)
 
-    Lives until somebody comes, goes, stops or is put elsewhere.
+
+def _set_legs(world: World, network: Network, rows: IntArray) -> None:
+    """Find the straight legs that rows are on."""
+    point, _ = world.roads.locate(world.lane[rows], world.arc[rows])
+    world.point[rows] = point
+    for column, values in zip(_LEGS, network.legs[point].T, strict=True):
+        getattr(world, column)[rows] = values
+
+
+class _Traffic:
+    """Those who keep to the lanes, and what is the same at every step.
+
+    Lives until somebody comes or goes, stands or begins to move.
     """
 
     def __init__(self, world: World) -> None:
         self.world = world
-        self.rows = np.flatnonzero(world.alive & (world.kind != Kind.EGO) & (world.speed != 0.0))
+        self.rows = np.flatnonzero(world.alive & world.has_lane)
         self.num = len(self.rows)
-        self.dt = 0.0
-
-    def advance(self, dt: float) -> None:
-        if dt != self.dt:
-            self.dt = dt
-            self._lay_down()
-        self.block.run()
-
-    def _lay_down(self) -> None:
-        block = self.block = Block(self.world, self.rows, "x", "leg_dz", written_from="x")
-        # In the order of `state.FLOATS`; a count that does not fit fails here.
-        x, y, _, speed, z, arc = block.values[:6]
-        leg_start, leg_end, leg_x, leg_y, leg_z, leg_dx, leg_dy, leg_dz = block.values[6:]
-        has_path = bool(self.world.has_path[self.rows].any())
-        way = np.empty(block.num)
-        do = block.do
-        do(np.multiply, speed, block.constant(self.dt), way)
-        do(np.add, arc, way, arc)
-        if has_path:
-            is_past = np.empty(block.num, dtype=bool)
-            do(np.greater_equal, arc, leg_end, is_past)
-            do(_Turn(self.world, block.rows, block.values, is_past).make)
-        do(np.subtract, arc, leg_start, way)
-        do(np.multiply, way, leg_dx, x)
-        do(np.add, x, leg_x, x)
-        do(np.multiply, way, leg_dy, y)
-        do(np.add, y, leg_y, y)
-        if has_path:  # whoever has none keeps his height
-            do(np.multiply, way, leg_dz, z)
-            do(np.add, z, leg_z, z)
-
-
-class _Turn:
-    """Gives those who have passed the end of their leg the leg that they are on.
-
-    It knows the block's arrays but not the block, which holds it: in a ring, each touch would leave work to the
-    garbage collector.
-    """
-
-    def __init__(self, world: World, rows: IntArray, values: FloatArray, is_past: BoolArray) -> None:
-        self.world, self.is_past = world, is_past
-        _, _, self.yaw, self.speed, _, self.arc = values[:6]
-        self.legs = values[6:]
-        self.is_loop, self.path_length = world.is_loop[rows], world.path_length[rows]
-        self.path_base = world.path_base[rows]
-
-    def make(self) -> None:
-        if not np.count_nonzero(self.is_past):
+        if not self.num:
             return
-        at = self.is_past.nonzero()[0]
-        arc, length = self.arc[at], self.path_length[at]
-        is_over = arc >= length
-        if np.count_nonzero(is_over):
-            is_loop = self.is_loop[at]
-            arc = np.where(is_loop, np.fmod(arc, length), np.minimum(arc, length))
-            self.arc[at] = arc
-            at_end = at[is_over & ~is_loop]
-            if len(at_end):
-                self.speed[at_end] = 0.0
-                self.world.touch()
-        paths = self.world.paths
-        keys = self.path_base[at] + (arc * TICKS).astype(np.int64)
-        legs = paths.segments[paths.keys.searchsorted(keys, side="right") - 1]
-        self.legs[:, at] = legs[:, :8].T
-        self.yaw[at] = legs[:, 8]
+        first, last = int(self.rows[0]), int(self.rows[-1])
+        is_run = last - first + 1 == self.num
+        self.at: slice | IntArray = slice(first, last + 1) if is_run else self.rows
+        self.roads = world.roads
+        self.network = world.roads.derived(Network)
+        half, centre = world.half_length[self.at], world.centre[self.at]
+        self.nose, self.rear, self.length = half + centre, half - centre, 2.0 * half
+        self.wish = world.wish[self.at].copy()
+        self.uid = world.uid[self.at].copy()
+        self.way = _Way(world, self.rows)
+        others = world.alive & ~world.has_lane
+        moves = (world.kind == Kind.EGO) | (world.speed != 0.0)
+        self.still = _spot(world, np.flatnonzero(others & ~moves))
+        self.moving = np.flatnonzero(others & moves)
+        self.on_wheels = (world.kind[self.moving] == Kind.EGO) | (world.kind[self.moving] == Kind.VEHICLE)
+
+    def decide(self) -> None:
+        """Choose the accelerations until the next decision."""
+        world, at = self.world, self.at
+        ints = world.int_block("lane", "ahead_5")[:, at]
+        drivers = Drivers(
+            *(ints, world.arc[at], world.speed[at], self.nose, self.rear, self.length, self.uid),
+            *(world.claim[at], world.held[at], world.exit_lane[at]),
+        )
+        # Those who drive through come first: they hold the lanes of an intersection, others are only in the way.
+        drives = self.on_wheels & (np.abs(world.speed[self.moving]) > MOVES)
+        through = _spot(world, self.moving[drives])
+        others = Entries.join(through, _spot(world, self.moving[~drives]), self.still)
+        view = look(self.network, world.signals.may_enter, drivers, others, len(through.lane))
+        world.accel[at] = _accelerate(drivers.speed, np.fmin(self.wish, view.pace), view)
+        if not isinstance(at, slice):
+            world.claim[at], world.held[at], world.exit_lane[at] = drivers.claim, drivers.held, drivers.exit_lane
+
+    def move(self, dt: float) -> None:
+        """Slide along the legs; whoever comes to the end of one is given the next."""
+        world, at = self.world, self.at
+        before = world.speed[at]
+        after = np.fmax(before + world.accel[at] * dt, 0.0)
+        arc = world.arc[at] + (before + after) * (0.5 * dt)
+        world.speed[at], world.arc[at] = after, arc
+        is_past = arc >= world.leg_end[at]
+        if is_past.any():
+            self._turn(np.flatnonzero(is_past))
+        way = world.arc[at] - world.leg_start[at]
+        world.x[at] = world.leg_x[at] + way * world.leg_dx[at]
+        world.y[at] = world.leg_y[at] + way * world.leg_dy[at]
+        world.z[at] = world.leg_z[at] + way * world.leg_dz[at]
+
+    def _turn(self, which: IntArray) -> None:
+        world, rows = self.world, self.rows[which]
+        for _ in range(MAX_TURNS):
+            is_over = world.arc[rows] >= self.roads.length[world.lane[rows]]
+            if not is_over.any():
+                break
+            self._enter_next(which[is_over])
+        _set_legs(world, self.network, rows)
+
+    def _enter_next(self, which: IntArray) -> None:
+        world, rows = self.world, self.rows[which]
+        is_end = world.ahead_1[rows] < 0
+        if is_end.any():
+            at_end = rows[is_end]
+            world.arc[at_end] = np.nextafter(self.roads.length[world.lane[at_end]], 0.0)
+            world.speed[at_end] = world.accel[at_end] = 0.0
+            which, rows = which[~is_end], rows[~is_end]
+        world.arc[rows] -= self.roads.length[world.lane[rows]]
+        lanes = world.int_block("lane", "ahead_5")
+        lanes[:-1, rows] = lanes[1:, rows]
+        world.turns[rows] += 1
+        world.ahead_5[rows] = self.way.choose(
+            self.network.onward, which, world.ahead_4[rows], world.turns[rows] + len(_AHEAD)
+        )
+        lane = world.lane[rows]
+        enters = self.network.hold[lane] == 0.0
+        world.held[rows[enters]] = lane[enters]
+        has_come = enters & (world.claim[rows] == lane)
+        world.claim[rows[has_come]] = -1
+
+
+def _spot(world: World, rows: IntArray) -> Entries:
+    cos, sin = np.cos(world.yaw[rows]), np.sin(world.yaw[rows])
+    return spot(
+        world.roads,
+        x=world.x[rows] + world.centre[rows] * cos,
+        y=world.y[rows] + world.centre[rows] * sin,
+        yaw=world.yaw[rows],
+        speed=world.speed[rows],
+        half_length=world.half_length[rows],
+        half_width=world.half_width[rows],
+    )
+
+
+def _accelerate(speed: FloatArray, wish: FloatArray, view: View) -> FloatArray:
+    """The driver model; see the head of this file."""
+    wish = np.fmax(wish, CREEP)
+    above = -COMFORT * (1.0 - (wish / np.fmax(speed, wish)) ** (4.0 * ACCEL / COMFORT))
+    below = ACCEL * (1.0 - np.square(np.square(np.fmin(speed / wish, 1.0))))
+    free = np.where(speed > wish, above, below)
+    root = 2.0 * math.sqrt(ACCEL * COMFORT)
+    desired = GAP + np.fmax(speed * (HEADWAY + (speed - view.lead_speed) / root), 0.0)
+    behind = free - ACCEL * np.square(desired / np.fmax(view.gap, CREEP))
+    stand = GAP + speed * (HEADWAY + speed / root)
+    left = np.fmax(view.wall - STOP_GAP, CREEP)
+    # No harder than a stop at the line takes, and a hair more, so that it is before the line.
+    needed = np.where(view.wall > 0.0, 1.05 * speed * speed / (2.0 * left) + 0.2, HARD)
+    brake = np.fmin(ACCEL * np.square(stand / (left + GAP)), np.fmax(free + needed, 0.0))
+    return np.asarray(np.fmin(np.fmax(np.fmin(behind, free - brake), -HARD), ACCEL))
+
+
+# The way
+
+
+class _Way:
+    """Which lane comes next, for some rows; row `i` of theirs."""
+
+    def __init__(self, world: World, rows: IntArray) -> None:
+        routes = [world.routes.get(uid, _NO_ROUTE) for uid in world.uid[rows].tolist()] if world.routes else []
+        self.length = np.array([len(route) for route in routes] or [0] * len(rows), dtype=np.int64)
+        self.first = np.cumsum(self.length) - self.length
+        self.route = np.concatenate(routes) if routes else _NO_ROUTE
+        self.is_loop = world.is_loop[rows].copy()
+        self.salt = _mix(world.uid[rows].astype(np.uint64) + np.uint64(world.seed * 0x632BE59BD9B4E019 % 2**64))
+
+    def choose(self, onward: Links, which: IntArray, lane: IntArray, turn: IntArray) -> IntArray:
+        """The lane after `lane` (k,) for the rows `which` (k,), as their `turn`-th (k,); -1 at a dead end."""
+        count = np.where(lane >= 0, onward.first[lane + 1] - onward.first[lane], 0)
+        dice = _mix(self.salt[which] + turn.astype(np.uint64)) % np.maximum(count, 1).astype(np.uint64)
+        chosen = np.full(len(which), -1, dtype=np.int64)
+        goes = count > 0
+        chosen[goes] = onward.other[onward.first[lane[goes]] + dice[goes].astype(np.int64)]
+        length = self.length[which]
+        index = np.where(self.is_loop[which] & (length > 0), turn % np.maximum(length, 1), turn)
+        knows = index < length
+        if knows.any():
+            chosen[knows] = self.route[self.first[which[knows]] + index[knows]]
+        return chosen
+
+
+_NO_ROUTE: Final[IntArray] = np.empty(0, dtype=np.int64)
+_ODD: Final = np.uint64(0x9E3779B97F4A7C15)
+
+
+def _mix(value: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
+    """Scatter numbers over 64 bits so that neighbours have nothing in common (Steele, Lea, Flood 2014)."""
+    value = value * _ODD
+    value = (value ^ (value >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    value = (value ^ (value >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return value ^ (value >> np.uint64(31))

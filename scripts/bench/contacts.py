@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from rosbridge_sim.world.dynamics import command, drive
 from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
-from rosbridge_sim.world.traffic import walk
+from rosbridge_sim.world.walking import walk
 
 CAR = Body()
 

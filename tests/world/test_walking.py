@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rosbridge_sim.world.geometry import FloatArray, arc_lengths, nearest_on_polyline, point_at
 from rosbridge_sim.world.state import DT, Body, Kind, World
 from rosbridge_sim.world.step import step
-from rosbridge_sim.world.traffic import _Moving, walk
+from rosbridge_sim.world.walking import _Moving, walk
 
 CAR = Body()
 MAN = Body.box(0.5, 0.6, 1.75)
