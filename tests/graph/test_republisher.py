@@ -1,0 +1,499 @@
+"""Transforms for those who ask, in all three ways; time and transforms come from the test's hand."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import pytest
+
+from rosbridge_sim.errors import GraphError
+from rosbridge_sim.graph.actionlib import Status
+from rosbridge_sim.graph.actions import Goal, GoalStatus, Outcome
+from rosbridge_sim.graph.bus import Answer, Owner, Topic
+from rosbridge_sim.graph.frames import Pose
+from rosbridge_sim.graph.republisher import (
+    DEFAULT_TIMEOUT,
+    MAX_PAIRS,
+    MAX_STREAMS,
+    OWN_PAIRS,
+    OWN_STREAMS,
+    Republisher,
+)
+from rosbridge_sim.schema.store import Message
+from tests.graph.room import make_bus, make_peer
+
+FRAME = 0.02
+TF = "tf2_msgs/TFMessage"
+
+
+def at(x: float, turn: float = 0.0) -> Pose:
+    """A place on the x axis, looking elsewhere."""
+    return Pose(x, 0.0, 0.0, 0.0, 0.0, math.sin(turn / 2), math.cos(turn / 2))
+
+
+def written(parent: str, child: str, pose: Pose, secs: float = 0.0) -> dict[str, object]:
+    """A transform as a client writes it."""
+    x, y, z, *q = pose
+    stamp = {"secs": int(secs), "nsecs": round(secs % 1 * 1e9)}
+    rotation = dict(zip("xyzw", q, strict=True))
+    return {
+        "header": {"frame_id": parent, "stamp": stamp},
+        "child_frame_id": child,
+        "transform": {"translation": {"x": x, "y": y, "z": z}, "rotation": rotation},
+    }
+
+
+class Somebody:
+    """Somebody on the bus."""
+
+    def __init__(self, stage: Stage, name: str = "/somebody") -> None:
+        self.name = name
+        self.told: list[tuple[str, str]] = []
+        self.heard: list[tuple[float, dict[str, Any]]] = []
+        self.outcomes: list[Outcome] = []
+        self._stage = stage
+
+    def tell(self, level: str, text: str) -> None:
+        self.told.append((level, text))
+
+    def hear(self, _topic: Topic, message: Message, _sender: Owner, _now: float) -> None:
+        self.heard.append((self._stage.seconds, json.loads(message.json)))
+
+    def publish(self, *transforms: dict[str, object], topic: str = "/tf") -> None:
+        bus = self._stage.bus
+        channel = bus.advertise(self, topic, TF)
+        value = channel.type.check({"transforms": list(transforms)}, bus.stamp_ns)
+        bus.publish(self, channel, Message(channel.type, value), self._stage.now)
+
+    def ask(self, *sources: str, target: str = "map", **fields: Any) -> str:  # noqa: ANN401 - fields of the request
+        """The topic that the service gives."""
+        answer = self.call(*sources, target=target, **fields)
+        assert isinstance(answer.values, Message), answer.values
+        name: str = answer.values.value.topic_name
+        return name
+
+    def call(self, *sources: str, target: str = "map", **fields: Any) -> Answer:  # noqa: ANN401 - the same
+        answers: list[Answer] = []
+        args = {"source_frames": list(sources), "target_frame": target, **fields}
+        self._stage.bus.call(self, "/republish_tfs", args, answers.append, now=self._stage.now)
+        return answers[0]
+
+    def listen(self, name: str) -> None:
+        """Subscribe, and hear what is latched."""
+        subscription = self._stage.bus.subscribe(self, name, self.hear)
+        for message in subscription.topic.latched:
+            self.hear(subscription.topic, message, self, 0.0)
+
+    def send(self, *sources: str, target: str = "map", **fields: Any) -> Goal | None:  # noqa: ANN401 - the same
+        """A goal by the ROS 2 action; feedback goes where messages go."""
+
+        def hear(message: Message) -> None:
+            self.heard.append((self._stage.seconds, json.loads(message.json)))
+
+        args = {"source_frames": list(sources), "target_frame": target, **fields}
+        return self._stage.bus.actions.send(self, "/tf2_web_republisher", args, self.outcomes.append, hear)
+
+    def leave(self) -> None:
+        self._stage.bus.leave(self, self._stage.now)
+
+    def places(self) -> list[tuple[str, float]]:
+        """(source, x) of all that was told, in its order."""
+        return [
+            (transform["child_frame_id"], transform["transform"]["translation"]["x"])
+            for _, message in self.heard
+            for transform in message["transforms"]
+        ]
+
+    def times(self) -> list[float]:
+        """When something was told."""
+        return [seconds for seconds, _ in self.heard]
+
+
+class Stage:
+    """A bus with a republisher, and somebody who publishes transforms."""
+
+    def __init__(self) -> None:
+        self.bus = make_bus()
+        self.now = 1000.0
+        self.world = Somebody(self, "/world")
+        self.republisher = Republisher(self.bus)
+
+    def somebody(self) -> Somebody:
+        return Somebody(self)
+
+    @property
+    def seconds(self) -> float:
+        return self.bus.stamp_ns / 1e9
+
+    @property
+    def is_awake(self) -> bool:
+        """Whether transforms are published for the republisher's sake."""
+        return self.bus.topics["/tf"].has_listener
+
+    def frame(self, pose: Pose | None = None, parent: str = "map", child: str = "base_link") -> None:
+        """One frame of the world: time passes, then its transform is published."""
+        self.bus.stamp_ns += 20_000_000
+        self.now += FRAME
+        if pose is not None:
+            self.world.publish(written(parent, child, pose, self.seconds))
+
+    def wait(self, seconds: float, *, is_clock_standing: bool = False) -> int:
+        """Let time pass without a transform, with turns just when they are asked for; how many."""
+        end, num = self.now + seconds, 0
+        start, stamp = self.now, self.bus.stamp_ns
+        while (due := self.republisher.next_due(self.now)) is not None and due <= end:
+            self.now = max(due, self.now)
+            if not is_clock_standing:
+                self.bus.stamp_ns = stamp + round((self.now - start) * 1e9)
+            self.republisher.advance(self.now)
+            num += 1
+            assert num < 1000, "it spins"
+        self.now = end
+        if not is_clock_standing:
+            self.bus.stamp_ns = stamp + round(seconds * 1e9)
+        return num
+
+
+# What is told
+
+
+def test_the_answer_names_a_topic_where_what_is_known_waits() -> None:
+    stage = Stage()
+    stage.frame(at(3.0, 0.5))
+    stage.world.publish(written("/base_link", "/lidar", at(1.5)), topic="/tf_static")
+    who = stage.somebody()
+    name = who.ask("/lidar", "base_link", "nobody", target="/map", rate=10.0)
+    who.listen(name)
+    ((_, message),) = who.heard
+    lidar, base = message["transforms"]
+    assert base == {
+        "header": {"seq": 0, "stamp": {"secs": 0, "nsecs": 20_000_000}, "frame_id": "map"},
+        "child_frame_id": "base_link",
+        "transform": written("", "", at(3.0, 0.5))["transform"],
+    }
+    assert lidar["child_frame_id"] == "lidar"
+    shift, rotation = lidar["transform"]["translation"], lidar["transform"]["rotation"]
+    assert shift == pytest.approx({"x": 3.0 + 1.5 * math.cos(0.5), "y": 1.5 * math.sin(0.5), "z": 0.0})
+    assert rotation == pytest.approx({"x": 0.0, "y": 0.0, "z": math.sin(0.25), "w": math.cos(0.25)})
+
+
+def test_transforms_go_both_ways() -> None:
+    stage = Stage()
+    stage.frame(at(3.0, math.pi / 2))
+    who = stage.somebody()
+    who.listen(who.ask("map", target="base_link"))
+    shift = who.heard[0][1]["transforms"][0]["transform"]["translation"]
+    assert shift == pytest.approx({"x": 0.0, "y": 3.0, "z": 0.0}, abs=1e-12)
+
+
+def test_only_what_has_changed_enough_is_told_again() -> None:
+    stage = Stage()
+    who = stage.somebody()
+    who.send("base_link", "fixed", trans_thres=0.5, angular_thres=0.1)
+    stage.world.publish(written("map", "fixed", at(7.0)), topic="/tf_static")
+    for pose in (at(0.0), at(0.4), at(0.5), at(0.6), at(0.6, 0.09), at(0.6, 0.11), at(0.6, 0.2), at(0.6, 0.22)):
+        stage.frame(pose)
+    assert who.places() == [("fixed", 7.0), ("base_link", 0.0), *[("base_link", 0.6)] * 3]
+    turns = [2 * math.asin(m["transforms"][0]["transform"]["rotation"]["z"]) for _, m in who.heard[2:]]
+    assert turns == pytest.approx([0.0, 0.11, 0.22])
+
+
+def test_without_thresholds_every_change_is_told_and_nothing_else() -> None:
+    stage = Stage()
+    who = stage.somebody()
+    who.send("base_link")
+    for x in (0.0, 0.0, 1e-9, 1e-9, 0.0):
+        stage.frame(at(x))
+    assert who.places() == [("base_link", 0.0), ("base_link", 1e-9), ("base_link", 0.0)]
+
+
+@pytest.mark.parametrize(("rate", "frames"), [(10.0, (1, 5, 10, 15, 20)), (7.0, (1, 8, 15, 22)), (50.0, range(1, 24))])
+def test_the_rate_is_kept_in_the_time_of_the_world(rate: float, frames: range) -> None:
+    stage = Stage()
+    who = stage.somebody()
+    who.send("base_link", rate=rate)
+    for i in range(23):
+        stage.now += 7.0  # what the wall clock says does not matter
+        stage.frame(at(float(i)))
+    assert who.times() == pytest.approx([i * FRAME for i in frames])
+
+
+def test_a_frame_that_comes_into_being_later_is_told_then() -> None:
+    stage = Stage()
+    who = stage.somebody()
+    who.send("camera", rate=1.0)
+    stage.frame(at(1.0))
+    assert who.heard == []
+    stage.frame(at(2.0), "base_link", "camera")
+    assert who.places() == [("camera", 3.0)]
+
+
+def test_a_source_that_is_asked_for_twice_is_told_once() -> None:
+    stage = Stage()
+    stage.frame(at(1.0))
+    who = stage.somebody()
+    who.send("base_link", "/base_link")
+    assert who.places() == [("base_link", 1.0)]
+
+
+def test_the_last_change_of_a_slot_is_told_in_the_next_even_if_nothing_more_is_heard() -> None:
+    stage = Stage()
+    who = stage.somebody()
+    who.send("base_link", rate=10.0)
+    for x in (1.0, 2.0, 3.0):
+        stage.frame(at(x))
+    assert who.places() == [("base_link", 1.0)]
+    stage.wait(0.2)
+    assert who.places() == [("base_link", 1.0), ("base_link", 3.0)]
+    assert who.times()[-1] == pytest.approx(0.1)
+    assert stage.republisher.next_due(stage.now) is None
+
+
+def test_where_time_stands_still_nothing_is_told_and_nothing_spins() -> None:
+    stage = Stage()
+    who = stage.somebody()
+    who.send("base_link", rate=10.0)
+    stage.frame(at(1.0))
+    stage.frame(at(2.0))
+    assert stage.wait(10.0, is_clock_standing=True) == 1
+    assert stage.republisher.next_due(stage.now) is None
+    for _ in range(3):
+        stage.frame()
+    stage.frame(at(2.0))
+    assert who.places() == [("base_link", 1.0), ("base_link", 2.0)]
+
+
+def test_static_frames_that_were_told_before_it_came_are_known() -> None:
+    stage = Stage()
+    bus = make_bus()
+    stage.bus = bus
+    bus.advertise(stage.world, "/tf_static", TF, depth=1, key="latched")
+    stage.world.publish(written("map", "house", at(4.0)), topic="/tf_static")
+    stage.republisher = Republisher(bus)
+    who = stage.somebody()
+    who.send("house")
+    assert who.places() == [("house", 4.0)]
+
+
+def test_what_is_no_transform_is_told_to_its_sender_and_the_others_count() -> None:
+    stage = Stage()
+    who = stage.somebody()
+    who.send("a", "b", "c")
+    broken = written("map", "b", Pose(0, 0, 0, 0, 0, 0, 0))
+    with pytest.raises(GraphError, match=r"map -> b: rotation \(0.0, 0.0, 0.0, 0.0\) is no orientation"):
+        stage.world.publish(written("map", "a", at(1.0)), broken, written("map", "c", at(2.0)))
+    assert who.places() == [("a", 1.0), ("c", 2.0)]
+
+
+# For whom others publish
+
+
+def test_nothing_is_published_for_its_sake_while_nobody_asks() -> None:
+    stage = Stage()
+    who, other = stage.somebody(), stage.somebody()
+    assert not stage.is_awake
+    goal = who.send("base_link")
+    assert goal is not None
+    name = other.ask("base_link")
+    assert stage.is_awake
+    goal.cancel()
+    assert stage.is_awake
+    other.leave()
+    assert not stage.is_awake
+    assert stage.bus.topics[name].publishers == {}
+    assert stage.republisher.next_due(stage.now) is None
+
+
+def test_what_was_told_by_one_who_fell_silent_for_want_of_listeners_is_old() -> None:
+    stage = Stage()
+    stage.bus.advertise(stage.world, "/tf", TF, is_on_demand=True)
+    other = stage.somebody()
+    other.publish(written("map", "house", at(9.0)))  # once, and for whoever comes
+    goal = other.send("base_link", "house")
+    assert goal is not None
+    stage.frame(at(1.0))
+    goal.cancel()
+    who = stage.somebody()
+    who.send("base_link", "house")
+    assert who.places() == [("house", 9.0)]
+    stage.frame(at(5.0))
+    assert who.places() == [("house", 9.0), ("base_link", 5.0)]
+
+
+# Topics of one's own
+
+
+def test_each_request_has_a_topic_of_its_own() -> None:
+    stage = Stage()
+    who = stage.somebody()
+    names = [who.ask("base_link"), who.ask("base_link")]
+    assert names == ["/tf2_web_republisher/tf_repub_1", "/tf2_web_republisher/tf_repub_2"]
+    with pytest.raises(GraphError, match="alone"):
+        stage.bus.advertise(who, names[0], "tf2_web_republisher/TFArray")
+
+
+def test_who_comes_to_a_topic_finds_all_that_is_known_now() -> None:
+    stage = Stage()
+    stage.world.publish(written("map", "house", at(9.0)), topic="/tf_static")
+    first, second = stage.somebody(), stage.somebody()
+    name = first.ask("house", "base_link")
+    for x in (1.0, 2.0):
+        stage.frame(at(x))
+    first.listen(name)
+    assert first.places() == [("house", 9.0), ("base_link", 2.0)]
+    stage.frame(at(3.0))
+    assert first.places()[2:] == [("base_link", 3.0)]
+    second.listen(name)
+    stage.frame(at(4.0))
+    assert second.places()[-2:] == [("house", 9.0), ("base_link", 4.0)]
+
+
+@pytest.mark.parametrize(("asked", "seconds"), [({"secs": 2, "nsecs": 0}, 2.0), (None, DEFAULT_TIMEOUT)])
+def test_a_topic_that_nobody_hears_goes_after_its_timeout(asked: dict[str, int] | None, seconds: float) -> None:
+    stage = Stage()
+    who = stage.somebody()
+    name = who.ask("base_link", timeout=asked)
+    stage.wait(seconds - 0.1)
+    assert stage.bus.topics[name].publishers
+    stage.wait(0.4)
+    assert not stage.bus.topics[name].publishers
+    assert not stage.is_awake
+    assert stage.republisher.next_due(stage.now) is None
+
+
+def test_a_topic_stays_while_it_is_heard_and_then_for_its_timeout() -> None:
+    stage = Stage()
+    who, other = stage.somebody(), stage.somebody()
+    name = who.ask("base_link", timeout={"secs": 1, "nsecs": 500_000_000})
+    who.listen(name)
+    stage.wait(60.0)
+    other.listen(name)
+    who.leave()
+    stage.wait(60.0)
+    assert stage.bus.topics[name].publishers
+    other.leave()
+    stage.wait(1.0)
+    assert stage.bus.topics[name].publishers
+    stage.wait(1.0)
+    assert not stage.bus.topics[name].publishers
+
+
+# Goals
+
+
+def test_a_goal_of_ros_2_gets_feedback_until_it_is_cancelled() -> None:
+    stage = Stage()
+    who = stage.somebody()
+    goal = who.send("base_link")
+    assert goal is not None
+    stage.frame(at(1.0))
+    goal.cancel()
+    stage.frame(at(2.0))
+    assert who.places() == [("base_link", 1.0)]
+    (outcome,) = who.outcomes
+    assert (outcome.is_ok, outcome.status) == (True, GoalStatus.CANCELED)
+    goal.cancel()
+    assert len(who.outcomes) == 1
+
+
+def test_a_goal_of_one_who_left_is_over_and_tells_nobody() -> None:
+    stage = Stage()
+    who = stage.somebody()
+    who.send("base_link")
+    who.leave()
+    stage.frame(at(1.0))
+    assert (who.heard, who.outcomes) == ([], [])
+    assert not stage.is_awake
+
+
+def test_a_web_page_with_roslib_1_subscribes_by_the_topics_of_ros_1() -> None:
+    stage = Stage()
+    peer, outbox = make_peer(stage.bus)
+
+    def send(**op: object) -> None:
+        peer.receive(json.dumps(op).encode(), stage.now)
+
+    def received() -> list[dict[str, Any]]:
+        return [json.loads(frame.decode()) for frame in outbox.take(2**40) if isinstance(frame, bytes)]
+
+    base = "/tf2_web_republisher"
+    send(op="advertise", topic=f"{base}/goal", type="tf2_web_republisher/TFSubscriptionActionGoal")
+    send(op="advertise", topic=f"{base}/cancel", type="actionlib_msgs/GoalID")
+    send(op="subscribe", topic=f"{base}/feedback", type="tf2_web_republisher/TFSubscriptionActionFeedback")
+    request = {"source_frames": ["base_link"], "target_frame": "map", "angular_thres": 2, "trans_thres": 0.01}
+    goal = {"goal_id": {"stamp": {"secs": 0, "nsecs": 0}, "id": "goal_1"}, "goal": {**request, "rate": 10}}
+    send(op="publish", topic=f"{base}/goal", msg=goal)
+    stage.frame(at(1.0))
+    (frame,) = received()
+    assert frame["topic"] == f"{base}/feedback"
+    assert frame["msg"]["status"]["goal_id"]["id"] == "goal_1"
+    assert frame["msg"]["status"]["status"] == Status.ACTIVE
+    (transform,) = frame["msg"]["feedback"]["transforms"]
+    assert transform["transform"]["translation"] == {"x": 1.0, "y": 0.0, "z": 0.0}
+    send(op="publish", topic=f"{base}/cancel", msg={"id": "goal_1"})
+    for i in range(10):
+        stage.frame(at(float(i)))
+    assert received() == []
+    assert not stage.is_awake
+
+
+# Requests that are none
+
+
+@pytest.mark.parametrize(
+    ("fields", "text"),
+    [
+        ({"target": ""}, "without a name"),
+        ({"target": "x" * 300}, "at most 256"),
+        ({"rate": -1.0}, "rate: expected 0 or more, got -1.0"),
+        ({"rate": math.nan}, "rate: expected 0 or more, got nan"),
+        ({"trans_thres": -0.5}, "trans_thres: expected 0 or more"),
+        ({"angular_thres": math.inf}, "angular_thres: expected 0 or more"),
+        ({"source": ""}, "without a name"),
+    ],
+)
+def test_a_request_that_makes_no_sense_is_refused(fields: dict[str, Any], text: str) -> None:
+    stage = Stage()
+    who = stage.somebody()
+    source = fields.pop("source", "base_link")
+    answer = who.call(source, **fields)
+    assert not answer.is_ok
+    assert text in str(answer.values)
+    assert who.send(source, **fields) is None
+    assert not who.outcomes[0].is_ok
+    assert text in str(who.outcomes[0].values)
+    assert not stage.is_awake
+
+
+def test_the_number_of_requests_is_bounded_for_each_and_for_all() -> None:
+    stage = Stage()
+    who = stage.somebody()
+    for _ in range(OWN_STREAMS):
+        who.ask("base_link")
+    refusal = str(who.call("base_link").values)
+    assert "At most 100 requests" in refusal
+    assert "of yours" in refusal
+    assert stage.somebody().call(*(f"f{i}" for i in range(OWN_PAIRS))).is_ok
+    assert not stage.somebody().call(*(f"f{i}" for i in range(OWN_PAIRS + 1))).is_ok
+    for _ in range(MAX_STREAMS // OWN_STREAMS):
+        other = stage.somebody()
+        answers = [other.call("base_link") for _ in range(OWN_STREAMS)]
+    assert "in all" in str(answers[-1].values)
+    who.leave()
+    assert stage.somebody().call("base_link").is_ok
+    assert MAX_PAIRS >= MAX_STREAMS
+
+
+def test_extreme_rates_arm_no_timer_that_cannot_be() -> None:
+    stage = Stage()
+    who = stage.somebody()
+    for rate in (1e-45, 3e38):
+        who.send("base_link", rate=rate)
+    for x in (1.0, 2.0, 3.0):
+        stage.frame(at(x))
+    due = stage.republisher.next_due(stage.now)
+    assert due is not None
+    assert stage.now < due <= stage.now + 3600.0
+    assert len(who.places()) == 4
