@@ -1,0 +1,641 @@
+"""Every entity of the world as one row in a struct of arrays: spawn, remove, snapshot, restore, digest.
+
+The one thing that moves is `World`. What moves it is elsewhere: `dynamics` (rows that somebody drives), `walking` (rows
+that go their own way), `traffic` (rows that keep to the lanes) and `step`, which calls them in a fixed order.
+
+All numbers are SI and radians in the map frame (ENU metres, yaw counter-clockwise from east). The reference point of a
+vehicle is the middle of its rear axle on the ground, that of a pedestrian or an obstacle its centre on the ground.
+
+Why one block of memory with a row of it per quantity: what is read together lies together, `digest` and `snapshot`
+copy the block and can forget nothing, and a run of neighbouring entities is a plain slice for numpy.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from hashlib import blake2b
+from typing import Any, Final, TypeVar, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from rosbridge_sim.world.bodies import MAX_COORDINATE, MAX_SPEED, Body, Gear, Kind, Mode
+from rosbridge_sim.world.geometry import FloatArray, IntArray, nearest_on_polyline, wrap_angle
+from rosbridge_sim.world.paths import DX, DY, DZ, END, START, Paths, PathsSnapshot, Segments, X, Y, Z, lay_segments
+from rosbridge_sim.world.plan import Plan
+from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.signals import Signals, SignalsSnapshot
+
+__all__ = [
+    "DT",
+    "MAX_COORDINATE",
+    "MAX_SPEED",
+    "MAX_UID",
+    "NO_CONTACTS",
+    "STEP_NS",
+    "Body",
+    "BoolArray",
+    "Gear",
+    "Kind",
+    "Mode",
+    "Snapshot",
+    "World",
+]
+
+DT: Final = 0.02  # one step [s]
+STEP_NS: Final = 20_000_000  # the same [ns]
+MAX_UID: Final = 2**31 - 1  # ids go out as int32
+FIRST_UID: Final = 1  # 0 is left to the first ego, whose id is given
+MIN_CAPACITY: Final = 32
+
+# A resistance too small to see that is left out when the controller works out its pedals. Where throttle and rolling
+# resistance balance at rest it decides against the 1e-18 m/s that rounding would leave.
+STICTION: Final = 1e-9  # [m/s^2]
+
+BoolArray = npt.NDArray[np.bool_]
+T = TypeVar("T")
+
+
+NOBODY: Final = Body()  # in the rows that nobody has
+NO_CONTACTS: Final[IntArray] = np.empty((0, 2), dtype=np.int64)
+NO_ROADS: Final = Roads()
+NO_PLAN: Final = Plan(NO_ROADS)
+
+# Columns of float64. The order is not free: what `dynamics` reads is one run, what it writes is a run inside it, and so
+# for `walking`; so a gather is one call. Runs are named by their first and last column in those modules.
+FLOATS: Final = (
+    # read by dynamics
+    *("target", "accel_max", "accel_min", "throttle_max", "sense", "drive", "hold", "steer_cmd"),
+    *("wheelbase", "steer_rate", "max_accel", "max_decel", "rolling", "drag"),
+    # written by dynamics
+    *("throttle", "brake", "steer", "accel", "lateral_accel", "yaw_rate"),
+    # written by both
+    *("x", "y", "yaw", "speed"),
+    # written by walking
+    *("z", "arc", "leg_start", "leg_end", "leg_x", "leg_y", "leg_z", "leg_dx", "leg_dy", "leg_dz"),
+    # neither
+    *("path_length", "wish", "roll", "pitch", "speed_cmd", "accel_cmd", "max_steer", "speed_accel", "speed_decel"),
+    # read by contacts
+    *("half_length", "half_width", "height", "centre"),
+)
+LEG_COLUMNS: Final = ("leg_start", "leg_end", *("leg_x", "leg_y", "leg_z"), *("leg_dx", "leg_dy", "leg_dz"), "yaw")
+_BODY_COLUMNS: Final = {
+    "wheelbase": "wheelbase",
+    "steer_rate": "max_steer_rate",
+    "max_steer": "max_steer",
+    "max_accel": "max_accel",
+    "max_decel": "max_decel",
+    "rolling": "rolling",
+    "drag": "drag",
+    "speed_accel": "speed_mode_accel",
+    "speed_decel": "speed_mode_decel",
+}
+_BOX_COLUMNS: Final = ("half_length", "half_width", "height", "centre")
+_GEAR_DRIVE: Final = {Gear.PARK: 0.0, Gear.REVERSE: -1.0, Gear.NEUTRAL: 0.0, Gear.DRIVE: 1.0}
+INTS: Final = (
+    *("uid", "kind", "gear", "mode", "path_base", "label"),
+    # of traffic; `lane` and the lanes ahead of it are one run
+    *("turns", "claim", "held", "exit_lane", "point", "lane", "ahead_1", "ahead_2", "ahead_3", "ahead_4", "ahead_5"),
+)
+BOOLS: Final = ("alive", "has_path", "is_loop", "has_lane")
+_LANE_COLUMNS: Final = ("wish", *INTS[INTS.index("turns") :], "has_lane", "is_loop")
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """A copy of a whole world. Good for any number of restores, into any world."""
+
+    frame: int
+    seed: int
+    next_uid: int
+    uids: tuple[tuple[int, int], ...]  # (uid, row) in order of spawning
+    names: tuple[str, ...]
+    bodies: tuple[Body, ...]
+    floats: FloatArray
+    ints: IntArray
+    bools: BoolArray
+    paths: PathsSnapshot
+    contacts: IntArray
+    roads: Roads
+    signals: SignalsSnapshot
+    routes: dict[int, IntArray]
+    rng_state: dict[str, Any]  # numpy's own, whose shape depends on the generator
+
+
+class World:
+    """Everything that is, one row each.
+
+    All arrays are (n,) float64 unless noted; where `alive` is False they hold zeros. They are views that `spawn`,
+    `remove`, `clear`, `reset` and `restore` replace: take them from the world each time. An entity stays in its row
+    as long as it lives; the row may then get another one. Read anything; write through `spawn`, `remove`, and
+    `dynamics.command`, `shift` and `teleport`, since some columns follow from others.
+
+    Attributes:
+        frame: steps done since the last reset; time is frame * 20 ms.
+        seed, rng: the only source of chance.
+        n: rows, with the gaps that removed entities left.
+        names, bodies: lists of length n.
+
+        alive: row in use, bool.
+        uid: its id, unique and never given again until `reset`, int64.
+        kind: `Kind`, int64.
+        x, y, z: reference point [m].
+        roll, pitch, yaw: [rad]; yaw within (-pi, pi].
+        speed: along the heading, or along the path; negative when going backwards [m/s].
+
+        accel, lateral_accel: forward and to the left, over the last step [m/s^2].
+        yaw_rate: counter-clockwise, over the last step [rad/s].
+        steer: angle of the front wheels, left positive [rad].
+        throttle, brake: pedals 0..1, as commanded or as the controller of the mode presses them.
+        gear, mode: `Gear` and `Mode`, int64.
+        steer_cmd, speed_cmd, accel_cmd: last commands [rad, m/s, m/s^2]. All of these are for driven rows (EGO).
+
+        arc: distance along the path or the lane; without either, since the row was put where it is; 0 for driven
+            rows [m].
+        has_path, is_loop: follows a path; begins again at its end, bool.
+        path_length: of the path, 0 for rows without one [m].
+
+        has_lane: keeps to the lanes, bool. The rest means something for those alone.
+        lane, ahead_1 ..: rows of `roads`: where it is, and where it will go from there; -1 beyond a dead end, int64.
+        wish: how fast it would like to go, inf for as fast as is allowed [m/s].
+        turns, claim, held, exit_lane, point: see `traffic`.
+
+        roads: the lanes; see `lay_roads`.
+        signals: the traffic lights as they are at this frame.
+        contacts: (m, 2) int64, ids of those who touched during the last step; see `contacts`.
+
+        The other columns (target, sense, drive, hold, leg_*, ...) follow from these and are the working memory of
+        `dynamics` and `walking`, who explain them.
+    """
+
+    target: FloatArray
+    accel_max: FloatArray
+    accel_min: FloatArray
+    throttle_max: FloatArray
+    sense: FloatArray
+    drive: FloatArray
+    hold: FloatArray
+    steer_cmd: FloatArray
+    wheelbase: FloatArray
+    steer_rate: FloatArray
+    max_accel: FloatArray
+    max_decel: FloatArray
+    rolling: FloatArray
+    drag: FloatArray
+    throttle: FloatArray
+    brake: FloatArray
+    steer: FloatArray
+    accel: FloatArray
+    lateral_accel: FloatArray
+    yaw_rate: FloatArray
+    x: FloatArray
+    y: FloatArray
+    yaw: FloatArray
+    speed: FloatArray
+    z: FloatArray
+    arc: FloatArray
+    leg_start: FloatArray
+    leg_end: FloatArray
+    leg_x: FloatArray
+    leg_y: FloatArray
+    leg_z: FloatArray
+    leg_dx: FloatArray
+    leg_dy: FloatArray
+    leg_dz: FloatArray
+    path_length: FloatArray
+    wish: FloatArray
+    roll: FloatArray
+    pitch: FloatArray
+    speed_cmd: FloatArray
+    accel_cmd: FloatArray
+    max_steer: FloatArray
+    speed_accel: FloatArray
+    speed_decel: FloatArray
+    half_length: FloatArray
+    half_width: FloatArray
+    height: FloatArray
+    centre: FloatArray
+    uid: IntArray
+    kind: IntArray
+    gear: IntArray
+    mode: IntArray
+    path_base: IntArray
+    label: IntArray
+    turns: IntArray
+    claim: IntArray
+    held: IntArray
+    exit_lane: IntArray
+    point: IntArray
+    lane: IntArray
+    ahead_1: IntArray
+    ahead_2: IntArray
+    ahead_3: IntArray
+    ahead_4: IntArray
+    ahead_5: IntArray
+    alive: BoolArray
+    has_path: BoolArray
+    is_loop: BoolArray
+    has_lane: BoolArray
+
+    def __init__(self, seed: int = 0) -> None:
+        self.seed = seed
+        self.names: list[str] = []
+        self.bodies: list[Body] = []
+        self.paths = Paths()
+        self.contacts = NO_CONTACTS
+        self.roads, self.signals = NO_ROADS, Signals(NO_PLAN)
+        self.routes: dict[int, IntArray] = {}  # by id, of those who keep to the lanes and know where to
+        self._rows: dict[int, int] = {}  # uid -> row, in order of spawning
+        self._derived: dict[object, object] = {}
+        self._floats, self._ints, self._bools = _blocks(MIN_CAPACITY)
+        self.reset()
+
+    # -- the population
+
+    def spawn(
+        self,
+        kind: Kind,
+        body: Body,
+        *,
+        name: str,
+        x: float,
+        y: float,
+        z: float = 0.0,
+        yaw: float = 0.0,
+        speed: float = 0.0,
+        uid: int | None = None,
+        path: FloatArray | None = None,
+        is_loop: bool = False,
+        gear: Gear = Gear.DRIVE,
+    ) -> int:
+        """Put an entity into the world and return its id.
+
+        An EGO waits for commands (pedals mode, no pedal pressed). Any other kind moves with `speed` along its heading
+        for ever or, with a path, along that: it starts at the point of the path that is nearest to (x, y), looks
+        along it, and at its end stops or, with `is_loop`, begins again.
+
+        Args:
+            kind: what it is.
+            body: its fixed figures.
+            name: free text.
+            x: reference point, east [m].
+            y: the same, north [m].
+            z: the same, up [m].
+            yaw: heading; any angle is wrapped [rad].
+            speed: along the heading; not negative with a path [m/s].
+            uid: the id to give, 0..2^31-1; None for the next free one.
+            path: (m, 2) or (m, 3) waypoints, m >= 2 [m]; two columns lie at height z.
+            is_loop: the path is closed by a last segment to its first point.
+            gear: for an EGO.
+
+        Raises:
+            ValueError: a number that is not finite or out of bounds, an id that is in use, a path that is none, an
+                EGO with a path or without a wheelbase, a kind or gear that does not exist. The world is as it was.
+        """
+        check_pose(x=x, y=y, z=z, yaw=yaw, speed=speed)
+        kind, gear = Kind(kind), Gear(gear)
+        if kind == Kind.EGO and (path is not None or min(body.wheelbase, body.max_accel, body.max_decel) <= 0.0):
+            raise ValueError(f"{name}: an ego has wheelbase, engine and brakes, and no path of its own")
+        uid, next_uid = self._choose_uid(uid)
+        segments = None
+        if path is not None:
+            if speed < 0.0:
+                raise ValueError(f"speed: expected >= 0 on a path, got {speed!r}")
+            segments = lay_segments(_in_space(path, z), is_loop=is_loop)
+            base = self.paths.add(uid, segments)
+
+        # Nothing below can fail.
+        row = self._take_row()
+        self._rows[uid], self._next_uid = row, next_uid
+        self.names[row], self.bodies[row] = name, body
+        self.alive[row], self.uid[row], self.kind[row], self.label[row] = True, uid, kind, _label(name, body)
+        self.gear[row], self.mode[row] = gear, Mode.PEDALS
+        for column, value in zip(
+            _BOX_COLUMNS, (body.length / 2, body.width / 2, body.height, body.centre), strict=True
+        ):
+            getattr(self, column)[row] = value
+        self.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
+        if kind == Kind.EGO:
+            for column in _BODY_COLUMNS:
+                getattr(self, column)[row] = getattr(body, _BODY_COLUMNS[column])
+            self.aim(row)
+        if segments is not None:
+            self.has_path[row], self.is_loop[row] = True, is_loop
+            self.path_base[row], self.path_length[row] = base, segments[-1, END]
+            self._enter_path(row, segments)
+        self.touch()
+        return uid
+
+    def remove(self, uid: int) -> None:
+        """Take an entity out; its row is free for another one.
+
+        Raises:
+            KeyError: nobody has this id.
+        """
+        row = self._rows.pop(uid)
+        self._leave_way(row)
+        self._floats[:, row] = 0.0
+        self._ints[:, row] = 0
+        self._bools[:, row] = False
+        self.names[row], self.bodies[row] = "", NOBODY
+        if len(self.contacts):
+            self.contacts = self.contacts[(self.contacts != uid).all(axis=1)]
+        if row == self.n - 1:
+            alive = np.flatnonzero(self.alive)
+            self._bind(int(alive[-1]) + 1 if len(alive) else 0)
+        self.touch()
+
+    def clear(self) -> None:
+        """Take everything out but the roads. Frame, lights, chance and the count of ids go on."""
+        self._rows = {}
+        self.routes = {}
+        self.contacts = NO_CONTACTS
+        self.paths.clear()
+        self._floats, self._ints, self._bools = _blocks(MIN_CAPACITY)
+        self._bind(0)
+        self.touch()
+
+    def reset(self, seed: int | None = None) -> None:
+        """Be a new, empty world at frame 0 on the same roads; ids begin anew, and the lights their cycles.
+
+        Args:
+            seed: None for the same seed as before.
+
+        Raises:
+            ValueError: a negative seed. The world is as it was.
+        """
+        seed = self.seed if seed is None else seed
+        rng = np.random.Generator(np.random.PCG64(seed))
+        self.clear()
+        self.seed, self.rng = seed, rng
+        self.frame = 0
+        self.signals = Signals(self.signals.plan)
+        self._next_uid = FIRST_UID
+
+    def lay_roads(self, roads: Roads, plan: Plan | None = None) -> None:
+        """Put the world on other roads. Its lights begin their cycles now; who kept to a lane stands where he is.
+
+        Args:
+            roads: the lanes.
+            plan: their traffic lights, if there are any.
+
+        Raises:
+            ValueError: the plan was made for other roads. The world is as it was.
+        """
+        plan = plan or Plan(roads)
+        if len(plan.light_of_lane) != len(roads):
+            raise ValueError(f"the plan is for {len(plan.light_of_lane)} lanes, the roads have {len(roads)}")
+        for row in np.flatnonzero(self.has_lane).tolist():  # rare: a map is changed under somebody
+            self.place(row, x=self.x[row], y=self.y[row], z=self.z[row], yaw=self.yaw[row], speed=0.0)
+        self.roads, self.signals = roads, Signals(plan, self.frame)
+        self.touch()
+
+    def row(self, uid: int) -> int:
+        """Return the row of an entity.
+
+        Raises:
+            KeyError: nobody has this id.
+        """
+        return self._rows[uid]
+
+    def rows(self, kind: Kind) -> IntArray:
+        """Return the rows of a kind in order of spawning, int64; do not write into it."""
+        return self.derived(_RowsByKind).rows[kind]
+
+    def placed(self) -> Iterator[int]:
+        """Yield the rows in use in order of spawning."""
+        return iter(self._rows.values())
+
+    def __contains__(self, uid: object) -> bool:
+        return uid in self._rows
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    # -- the whole of it
+
+    def snapshot(self) -> Snapshot:
+        """Return a copy of everything that decides what the world will do."""
+        return Snapshot(
+            frame=self.frame,
+            seed=self.seed,
+            next_uid=self._next_uid,
+            uids=tuple(self._rows.items()),
+            names=tuple(self.names),
+            bodies=tuple(self.bodies),
+            floats=self._floats[:, : self.n].copy(),
+            ints=self._ints[:, : self.n].copy(),
+            bools=self._bools[:, : self.n].copy(),
+            paths=self.paths.snapshot(),
+            contacts=self.contacts.copy(),
+            roads=self.roads,
+            signals=self.signals.snapshot(),
+            routes=dict(self.routes),
+            rng_state=dict(self.rng.bit_generator.state),
+        )
+
+    def restore(self, saved: Snapshot) -> None:
+        """Become what the snapshot was: the same calls from here on give the same bits."""
+        self.clear()
+        n = len(saved.names)
+        self._floats, self._ints, self._bools = _blocks(n)
+        self._bind(n)
+        self._floats[:, :n], self._ints[:, :n], self._bools[:, :n] = saved.floats, saved.ints, saved.bools
+        self.names, self.bodies = list(saved.names), list(saved.bodies)
+        self._rows = dict(saved.uids)
+        self.paths.restore(saved.paths)
+        self.contacts = saved.contacts.copy()
+        self.roads, self.signals = saved.roads, Signals.restored(saved.signals)
+        self.routes = dict(saved.routes)
+        self.frame, self.seed, self._next_uid = saved.frame, saved.seed, saved.next_uid
+        self.rng = np.random.Generator(np.random.PCG64(saved.seed))
+        self.rng.bit_generator.state = saved.rng_state
+        self.touch()
+
+    def digest(self) -> str:
+        """Return a hash of the whole state, 32 hexadecimal digits: equal worlds have equal digests."""
+        state = blake2b(digest_size=16)
+        counts = (self.frame, self.seed, self._next_uid, self.n)
+        state.update(repr((counts, list(self._rows.items()), self.rng.bit_generator.state)).encode())
+        for block in (self._floats, self._ints, self._bools):
+            state.update(block[:, : self.n].tobytes())
+        state.update(self.contacts.tobytes())
+        state.update(self.paths.digest())
+        state.update(self.roads.digest)
+        state.update(self.signals.digest())
+        for uid, route in self.routes.items():
+            state.update(uid.to_bytes(4) + route.tobytes())
+        return state.hexdigest()
+
+    def block(self, first: str, last: str) -> FloatArray:
+        """Return the columns from `first` to `last` as one (columns, n) view."""
+        return self._floats[FLOATS.index(first) : FLOATS.index(last) + 1, : self.n]
+
+    def int_block(self, first: str, last: str) -> IntArray:
+        """Return the same of the columns of integers."""
+        return self._ints[INTS.index(first) : INTS.index(last) + 1, : self.n]
+
+    # -- for the modules of this room
+
+    def touch(self) -> None:
+        """Forget what was derived from who is where in the arrays, and who moves; the next reader makes it anew."""
+        self._derived.clear()
+
+    def derived(self, make: Callable[[World], T]) -> T:
+        """Return `make(world)`, made once and kept until the next `touch`."""
+        value = self._derived.get(make)
+        if value is None:
+            value = self._derived[make] = make(self)
+        return cast("T", value)  # the key says what the value is
+
+    def place(self, row: int, *, x: float, y: float, z: float, yaw: float, speed: float) -> None:
+        """Stand a row somewhere, at rest but for its speed, on a straight leg that never ends. No checks."""
+        self._leave_way(row)
+        self.x[row], self.y[row], self.z[row], self.yaw[row] = x, y, z, wrap_angle(yaw)
+        self.speed[row], self.accel[row], self.lateral_accel[row], self.yaw_rate[row] = speed, 0.0, 0.0, 0.0
+        self.arc[row], self.leg_start[row], self.leg_end[row] = 0.0, 0.0, np.inf
+        self.leg_x[row], self.leg_y[row], self.leg_z[row] = x, y, z
+        self.leg_dx[row], self.leg_dy[row], self.leg_dz[row] = math.cos(yaw), math.sin(yaw), 0.0
+        if self.kind[row] != Kind.EGO:
+            self.touch()  # it may move now, or no longer
+
+    def aim(self, row: int) -> None:
+        """Work out the columns that follow from gear, mode and commands of a driven row.
+
+        sense: +1, or -1 in R: speeds and accelerations of the commands count in this direction.
+        drive: acceleration of full throttle along the heading, 0 in P and N [m/s^2].
+        hold: what resists even without a pedal: the pawl of P [m/s^2].
+        target, accel_min, accel_max: the controller asks for (target - sense * speed) / dt, within these bounds. The
+            acceleration mode is the case where both bounds are the command.
+        throttle_max: 0 where the wish is to stand, so that no throttle balances the rolling resistance at rest.
+        """
+        gear, mode = self.gear.item(row), self.mode.item(row)
+        is_reverse = gear == Gear.REVERSE
+        self.sense[row] = -1.0 if is_reverse else 1.0
+        self.drive[row] = self.max_accel.item(row) * _GEAR_DRIVE[Gear(gear)]
+        self.hold[row] = self.max_decel.item(row) if gear == Gear.PARK else STICTION
+        throttle_max = 1.0
+        if mode == Mode.ACCEL:
+            self.accel_min[row] = self.accel_max[row] = self.accel_cmd.item(row)
+        else:
+            # A target is a magnitude in the direction of the gear. A negative one can only mean backwards: taken as
+            # such in R, and as a stop in the gears that cannot go there.
+            wish = self.speed_cmd.item(row)
+            target = abs(wish) if is_reverse else max(wish, 0.0)
+            self.target[row] = target
+            self.accel_min[row], self.accel_max[row] = -self.speed_decel.item(row), self.speed_accel.item(row)
+            if mode == Mode.SPEED and target == 0.0:
+                throttle_max = 0.0
+        self.throttle_max[row] = throttle_max
+
+    # -- inside
+
+    def _choose_uid(self, uid: int | None) -> tuple[int, int]:
+        """Return the id to give and the next one to hand out after it."""
+        if uid is None:
+            if self._next_uid > MAX_UID:
+                raise ValueError("uid: all ids were given; they begin anew with a reset")
+            return self._next_uid, self._next_uid + 1
+        if not 0 <= uid <= MAX_UID:
+            raise ValueError(f"uid: expected 0..{MAX_UID}, got {uid!r}")
+        if uid in self._rows:
+            raise ValueError(f"uid: {uid} is in use")
+        return int(uid), max(self._next_uid, int(uid) + 1)
+
+    def _take_row(self) -> int:
+        """Return the first row that is free, after making one if there is none."""
+        if len(self._rows) < self.n:
+            return int(self.alive.argmin())
+        row = self.n
+        if row == self._floats.shape[1]:
+            self._grow()
+        self._bind(row + 1)
+        return row
+
+    def _enter_path(self, row: int, segments: Segments) -> None:
+        """Put a row onto its path where the path is nearest to where the row stands."""
+        ends = np.concatenate([segments[:, X : Z + 1], segments[-1:, X : Z + 1]])
+        ends[-1] += segments[-1, DX : DZ + 1] * (segments[-1, END] - segments[-1, START])
+        near = nearest_on_polyline(ends, self.x[row], self.y[row])
+        leg = segments[near.segment[0]]
+        # The foot was sought from above; along a slope the path is longer than it looks.
+        flat = math.hypot(leg[DX], leg[DY])
+        part = math.hypot(near.x[0] - leg[X], near.y[0] - leg[Y]) / flat if flat > 0.0 else 0.0
+        arc = min(leg[START] + part, leg[END])
+        self.arc[row] = arc
+        for column, value in zip(LEG_COLUMNS, leg, strict=True):
+            getattr(self, column)[row] = value
+        self.x[row], self.y[row], self.z[row] = leg[X : Z + 1] + leg[DX : DZ + 1] * (arc - leg[START])
+
+    def _leave_way(self, row: int) -> None:
+        """Have a row follow no path and no lane."""
+        if self.has_lane[row]:
+            self.routes.pop(int(self.uid[row]), None)
+            for column in _LANE_COLUMNS:
+                getattr(self, column)[row] = 0
+        if not self.has_path[row]:
+            return
+        self.has_path[row] = self.is_loop[row] = False
+        self.path_base[row], self.path_length[row] = 0, 0.0
+        if self.paths.remove(int(self.uid[row])):
+            for other in np.flatnonzero(self.has_path):  # rare: the store moved together
+                self.path_base[other] = self.paths.base(int(self.uid[other]))
+
+    def _grow(self) -> None:
+        blocks = _blocks(2 * self.n)
+        for new, old in zip(blocks, (self._floats, self._ints, self._bools), strict=True):
+            new[:, : self.n] = old
+        self._floats, self._ints, self._bools = blocks
+
+    def _bind(self, n: int) -> None:
+        """Set the number of rows, and the named views to it."""
+        self.n = n
+        self.names[n:] = [""] * (n - len(self.names))
+        self.bodies[n:] = [NOBODY] * (n - len(self.bodies))
+        for block, columns in ((self._floats, FLOATS), (self._ints, INTS), (self._bools, BOOLS)):
+            for i, column in enumerate(columns):
+                setattr(self, column, block[i, :n])
+
+
+def _blocks(capacity: int) -> tuple[FloatArray, IntArray, BoolArray]:
+    """Return blocks of zeros for at least so many rows."""
+    capacity = max(MIN_CAPACITY, capacity)
+    return (
+        np.zeros((len(FLOATS), capacity)),
+        np.zeros((len(INTS), capacity), dtype=np.int64),
+        np.zeros((len(BOOLS), capacity), dtype=bool),
+    )
+
+
+class _RowsByKind:
+    """For each kind its rows, in order of spawning."""
+
+    def __init__(self, world: World) -> None:
+        rows = np.fromiter((row for row in world.placed()), dtype=np.int64)
+        self.rows: dict[Kind, IntArray] = {kind: rows[world.kind[rows] == kind] for kind in Kind}
+
+
+def check_pose(**values: float) -> None:
+    """Refuse a pose or speed that must not enter the arrays.
+
+    Raises:
+        ValueError: names the first figure that is not finite or beyond the bounds of this module.
+    """
+    for name, value in values.items():
+        limit = MAX_SPEED if name == "speed" else MAX_COORDINATE
+        if not -limit <= value <= limit:
+            raise ValueError(f"{name}: expected a number within +-{limit:g}, got {value!r}")
+
+
+def _in_space(path: FloatArray, z: float) -> FloatArray:
+    points = np.asarray(path, dtype=np.float64)
+    if points.ndim == 2 and points.shape[1] == 2:  # noqa: PLR2004 - x and y
+        return np.column_stack([points, np.full(len(points), z)])
+    return points
+
+
+def _label(name: str, body: Body) -> int:
+    """Return 63 bits that stand for name and body in the digest, worked out once instead of at every digest."""
+    return int.from_bytes(blake2b(repr((name, body)).encode(), digest_size=8).digest()) >> 1
