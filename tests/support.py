@@ -70,7 +70,7 @@ def require_tool(name: str) -> str:
 def require_node_modules() -> Path:
     """The folder of the JavaScript clients."""
     folder = ROOT / "tests" / "end_to_end" / "node_modules"
-    for package in ("roslib", "roslib1"):
+    for package in ("roslib", "roslib1", "@lichtblick/roslibjs"):
         if not (folder / package / "package.json").is_file():
             miss(f"needs {package!r}: npm ci --prefix tests/end_to_end (./scripts/test does it)")
     return folder

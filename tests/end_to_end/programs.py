@@ -27,7 +27,7 @@ def start(library: str, subject: str, port: int, *words: str) -> subprocess.Pope
     """Start the program on a subject that uses a library.
 
     Args:
-        library: one of LIBRARIES.
+        library: one of LIBRARIES, or `lichtblick` for the fork that Lichtblick uses.
         subject: what the program is about: its file's name in `clients/`.
         port: of the server.
         words: the program's own arguments.
@@ -37,7 +37,7 @@ def start(library: str, subject: str, port: int, *words: str) -> subprocess.Pope
         command = [sys.executable, "-m", module, library.partition("-")[2]]
     else:
         require_node_modules()
-        package = {"roslib2": "roslib", "roslib1": "roslib1"}[library]
+        package = {"roslib2": "roslib", "lichtblick": "@lichtblick/roslibjs"}.get(library, library)
         command = [require_tool("node"), str(CLIENTS / f"{subject}.mjs"), package]
     pipe = subprocess.PIPE
     return subprocess.Popen([*command, str(port), *words], cwd=ROOT, stdin=pipe, stdout=pipe, stderr=pipe, text=True)

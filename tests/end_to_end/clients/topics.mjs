@@ -1,15 +1,5 @@
 // `node topics.mjs LIBRARY PORT ROLE ...`: what topics.py does, listening in each encoding that the library reads.
-import { ask, open, role, roslib, say, settle, words } from './roslib.mjs'
-
-// Bytes as base64, and numbers in typed arrays as lists: what the same message is in JSON.
-function plain(value) {
-  if (typeof value === 'bigint') return Number(value)
-  if (value instanceof Uint8Array) return Buffer.from(value).toString('base64')
-  if (ArrayBuffer.isView(value)) return Array.from(value, plain)
-  if (Array.isArray(value)) return value.map(plain)
-  if (value === null || typeof value !== 'object') return value
-  return Object.fromEntries(Object.entries(value).map(([key, inner]) => [key, plain(inner)]))
-}
+import { ask, open, plain, role, roslib, say, settle, words } from './roslib.mjs'
 
 // What a connection of its own hears of each topic, in one encoding.
 async function listen(messages, compression) {
