@@ -1,4 +1,4 @@
-"""The packages with which Lichtblick reads a rosbridge, along its own steps: everything in `cbor-raw`, no type given."""
+"""The packages with which Lichtblick reads a rosbridge, along its steps: everything in `cbor-raw`, no type given."""
 
 from __future__ import annotations
 
