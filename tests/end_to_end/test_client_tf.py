@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import pytest
 
@@ -35,7 +36,7 @@ async def test_a_tf_client_sees_the_car_move(serve: Serve, connect: Connect, lib
     places = seen["places"]
     assert places[0] == [*START, 0.0, 0.0, 0.0, 1.0]
     assert seen["first_center"] == pytest.approx(MIDDLE)
-    for before, after in zip(places, places[1:], strict=False):
+    for before, after in pairwise(places):
         assert math.dist(before[:2], after[:2]) > 0.1, "less than was asked for"
     assert places[-1][0] > START[0] + 1.0
     client = await connect(server.url)

@@ -9,7 +9,7 @@ from typing import Any
 import roslibpy
 import roslibpy.tf
 
-from tests.end_to_end.clients.program import PATIENCE, run, say, settle
+from tests.end_to_end.clients.program import PATIENCE, run, say
 
 
 def follow(ros: roslibpy.Ros, way: str) -> None:
@@ -38,7 +38,7 @@ def follow(ros: roslibpy.Ros, way: str) -> None:
     controls.publish(roslibpy.Message({"longlCmdType": 1, "brake": 1.0}))
     controls.unadvertise()
     client.dispose()
-    settle(ros)
+    ros.get_nodes()  # answered after all that was sent before; roslibpy cannot read the time of ROS 2
     say(places=places, first_center=centers[0])
 
 
