@@ -353,5 +353,29 @@ def _choice(options: _Options) -> Choice:
     return Choice(options.release, options.ros, tuple(options.schema_path))
 
 
-TOOLS: dict[str, Callable[[Sequence[str]], int]] = {"topic": _topic, "service": _service, "schema": _schema}
+# bag
+
+
+def _bag(argv: Sequence[str]) -> int:
+    group, add = _group("bag", "Bags, as files; no server is asked.")
+
+    parser = add("repair", _repair_bag, "copy what is whole of a bag whose recorder was killed into a new one")
+    parser.add_argument("file", metavar="FILE", help="NAME.bag, NAME.mcap, or a folder of rosbag2")
+    parser.add_argument("-o", "--output", metavar="FILE", help="the new bag [NAME.repaired.bag, as the old one ends]")
+    _add_json(parser)
+    return _run(group, argv)
+
+
+def _repair_bag(options: _Options) -> int:
+    from rosbridge_sim.shell.tools import bag  # noqa: PLC0415
+
+    return bag.repair_bag(options.file, options.output, is_json=options.json)
+
+
+TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
+    "topic": _topic,
+    "service": _service,
+    "schema": _schema,
+    "bag": _bag,
+}
 """Name -> what runs it with the words behind the name."""
