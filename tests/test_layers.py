@@ -33,7 +33,7 @@ OUTSIDE = frozenset({"shell", "__main__", ""})
 """The rooms that may reach outside."""
 
 PURE_LIBRARIES: dict[str, set[str]] = {
-    "schema": {"cbor2", "msgspec", "numpy", "orjson", "rosbags"},
+    "schema": {"cbor2", "msgspec", "numpy", "orjson", "pybase64", "rosbags"},
     "protocol": {"cbor2", "msgspec", "numpy", "orjson", "PIL"},
     "graph": {"msgspec", "orjson"},
     "world": {"numpy"},

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import msgspec
 import numpy as np
 import orjson
+import pybase64
 
 from rosbridge_sim.errors import DefinitionError, FieldError
 from rosbridge_sim.schema.cbor import CborWriters, encode_plain
@@ -40,6 +41,9 @@ _After = Callable[[Any, int], None]
 """`(value, stamp_ns)`: finishes a decoded value in place."""
 
 _MAX_UINT64: Final = 2**64 - 1
+
+_NO_LIMIT: Final = 2**63
+"""More bytes than any array has."""
 
 _REFUSALS = (msgspec.DecodeError, ValueError, OverflowError, RecursionError)
 """What the fast way may raise; bad UTF-8 is a ValueError."""
@@ -263,8 +267,10 @@ def _parse_float(text: str) -> float:
     return value
 
 
-def _encode_numpy(value: object) -> object:
-    """What `msgspec` does not know: numpy's arrays and scalars, which the world's own code may put into a value."""
+def _encode_other(value: object) -> object:
+    """What `msgspec` does not know: our bytes, and numpy's arrays and scalars, which the world's own code may use."""
+    if isinstance(value, _Bytes):
+        return msgspec.Raw(b'"' + pybase64.b64encode(value) + b'"')
     if isinstance(value, np.ndarray) and value.dtype == np.uint8:
         return value.tobytes()
     if isinstance(value, (np.ndarray, np.generic)):
@@ -274,7 +280,7 @@ def _encode_numpy(value: object) -> object:
     raise TypeError(f"{type(value)} is no value of a field")
 
 
-_encode = msgspec.json.Encoder(enc_hook=_encode_numpy).encode
+_encode = msgspec.json.Encoder(enc_hook=_encode_other).encode
 
 
 # Definition to type
@@ -412,7 +418,9 @@ def _annotation(f: Field, inner: MessageType | None, dialect: Dialect) -> Any:  
         element = bool if f.type == "bool" else float
     if f.array is None:
         return element
-    form = bytes if f.is_bytes else GenericAlias(list, (element,))
+    if f.is_bytes:
+        return str  # `after` reads the base64, five times as fast as msgspec would
+    form = GenericAlias(list, (element,))
     if f.array == 0:
         return form
     return _annotate[form, msgspec.Meta(min_length=None if f.is_bounded else f.array, max_length=f.array)]
@@ -437,6 +445,7 @@ def _make_after(shape: Shape, afters: Mapping[str, _After]) -> _After | None:
         "round32": round32,
         "round32_list": round32_list,
         "check_uint64": _check_uint64,
+        "read_bytes": _read_bytes,
     }
     lines = []
     for i, (wire, slot) in enumerate(shape.slots.items()):
@@ -449,6 +458,10 @@ def _make_after(shape: Shape, afters: Mapping[str, _After]) -> _After | None:
             )
         elif shape.is_header and wire == "stamp":
             lines.append(f"if {item} is no_stamp or {item} is None: {item} = now(stamp_ns)")
+        elif slot.field.is_bytes:
+            high = slot.field.array or _NO_LIMIT
+            low = 0 if slot.field.is_bounded or not slot.field.array else high
+            lines.append(f"if {item}.__class__ is str: {item} = read_bytes({item}, {low}, {high})")
         elif slot.field.type == "float32":
             lines.append(f"if {item}: {item} = round32{'_list' if is_array else ''}({item})")
         elif slot.field.type == "uint64":
@@ -460,6 +473,20 @@ def _make_after(shape: Shape, afters: Mapping[str, _After]) -> _After | None:
     exec(compile(source, f"<after {shape.name}>", "exec"), names)  # noqa: S102
     after: _After = names["after"]  # type: ignore[assignment] # made by the line above
     return after
+
+
+class _Bytes(bytes):
+    """Bytes that came from JSON; `msgspec` leaves the writing of a class that it does not know to us."""
+
+    __slots__ = ()
+
+
+def _read_bytes(text: str, low: int, high: int) -> _Bytes:
+    """The bytes of a base64 text, of which there must be so many."""
+    value = _Bytes(pybase64.b64decode(text, validate=True))
+    if not low <= len(value) <= high:
+        raise ValueError
+    return value
 
 
 def _check_uint64(values: list[int]) -> None:

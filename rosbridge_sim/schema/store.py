@@ -89,7 +89,7 @@ class Message:
     def framed(self, head: bytes) -> bytes:
         """`head`, the JSON text, and a closing brace; kept for the next listener, who mostly wants the same."""
         if head != self._head:
-            self._framed = head + self.json + b"}"
+            self._framed = b"".join((head, self.json, b"}"))
             self._head = head
         return self._framed
 
