@@ -70,6 +70,8 @@ LENIENCY: Final = Leniency(
         # The page on synchronous mode drops a prefix.
         "morai_msgs/SyncModeSLSrv": "morai_msgs/MoraiSyncModeSLSrv",
         "morai_msg/SyncModeSLSrv": "morai_msgs/MoraiSyncModeSLSrv",
+        # What /tf was before tf2; the same fields, and old programs still say so.
+        "tf/tfMessage": "tf2_msgs/TFMessage",
     },
     fields={
         # 26.R1 renamed the steering; whichever of the two a release lacks is taken for the other.

@@ -381,6 +381,7 @@ class Node:
         self.bus.stamp_ns = self.world.frame * STEP_NS
         self.refresh()
         self._announce(now)
+        self._mounts = None  # what waits for those who come late is of frame 0 again
         self._announce_mounts(now)
 
     def tell_once(self, owner: Owner, text: str) -> None:

@@ -151,6 +151,23 @@ def test_clients_may_add_frames_of_their_own() -> None:
         stand.client().send("/clock", "rosgraph_msgs/Clock")
 
 
+def test_a_program_may_call_tf_by_its_old_type() -> None:
+    stand = Stand()
+    client = stand.client()
+    client.send("/tf", "tf/tfMessage", transforms=[])
+    assert stand.bus.topics["/tf"].type.name == "tf2_msgs/TFMessage"
+
+
+def test_what_is_latched_after_a_reset_is_of_frame_0() -> None:
+    stand = Stand()
+    (before,) = stand.bus.topics["/tf_static"].latched
+    stand.run(0.5)
+    assert stand.client().call("/sim/reset", {"seed": -1}).is_ok
+    (after,) = stand.bus.topics["/tf_static"].latched
+    assert after is not before
+    assert after.json == before.json
+
+
 # With the republisher
 
 
