@@ -134,7 +134,7 @@ def test_the_catalogue_is_complete() -> None:
 def test_every_flag_that_it_names_exists() -> None:
     flags = set(re.findall(r"`(--[a-z-]+)", README))
     assert len(flags) > 15
-    commands = [["serve"], ["topic", "echo"], ["topic", "pub"], ["service", "call"]]
+    commands = [["serve"], ["topic", "echo"], ["topic", "pub"], ["service", "call"], ["record"]]
     helped = "".join(run([sys.executable, "-m", "rosbridge_sim", *words, "--help"], ROOT) for words in commands)
     assert sorted(flag for flag in flags if not re.search(rf"(?<!\w){flag}\b", helped)) == []
 

@@ -328,8 +328,12 @@ def _schema(argv: Sequence[str]) -> int:
 
 def _add_folders(parser: Parser) -> None:
     _add_json(parser)
-    parser.add_argument("--release", help="MORAI SIM release whose messages are meant")
+    _add_definitions(parser)
     parser.add_argument("--ros", metavar="1|2", help="ROS generation whose standard messages are meant")
+
+
+def _add_definitions(parser: Parser) -> None:
+    parser.add_argument("--release", help="MORAI SIM release whose messages are meant")
     parser.add_argument(
         "--schema-path", action="append", default=[], metavar="DIR", help="folder with ROS packages; may be repeated"
     )
@@ -372,10 +376,49 @@ def _repair_bag(options: _Options) -> int:
     return bag.repair_bag(options.file, options.output, is_json=options.json)
 
 
+# record
+
+
+def _record(argv: Sequence[str]) -> int:
+    parser = Parser(
+        prog="rosbridge-sim record",
+        description="Record what is published on a rosbridge into a bag, until Ctrl-C.",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    parser.add_argument("file", metavar="FILE", help="NAME.bag is ROS 1, NAME.mcap ROS 2, else a folder of ROS 2")
+    parser.add_argument(
+        "-t",
+        "--topics",
+        action="append",
+        default=[],
+        metavar="PATTERN",
+        help="which, such as '/Ego*'; repeatable [all]",
+    )
+    parser.add_argument("-n", "--count", type=_count, help="end after so many messages")
+    _add_bridge(parser)
+    _add_definitions(parser)
+    parser.set_defaults(run=_run_record, end=0)
+    return _run(parser, argv)
+
+
+def _run_record(options: _Options) -> int:
+    from rosbridge_sim.shell.tools import record  # noqa: PLC0415
+
+    options.ros = None
+    return _with_bridge(
+        options,
+        lambda bridge: record.record(
+            bridge, options.file, tuple(options.topics), _choice(options), options.count, is_json=options.json
+        ),
+    )
+
+
 TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "topic": _topic,
     "service": _service,
     "schema": _schema,
     "bag": _bag,
+    "record": _record,
 }
 """Name -> what runs it with the words behind the name."""

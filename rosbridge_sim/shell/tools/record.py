@@ -1,0 +1,193 @@
+"""`record`: what is published on any rosbridge, into a bag, until Ctrl-C.
+
+Stamps are simulation time where the server has a `/clock`, as `rosbag record` does it with `use_sim_time`, and the
+time of day elsewhere. What comes before the first clock waits for it. New topics are looked for once a second, and the
+bag is flushed as often.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import orjson
+
+from rosbridge_sim.errors import PeerError
+from rosbridge_sim.graph.policy import Rule
+from rosbridge_sim.shell.bags import generation_of, open_bag
+from rosbridge_sim.shell.recording import PERIOD, Scribe
+from rosbridge_sim.shell.tools.client import Bridge, Frame, absolute, words
+from rosbridge_sim.shell.tools.schema import Choice, open_store
+from rosbridge_sim.shell.tools.text import note, put_json, safe
+
+__all__ = ["record"]
+
+CLOCK = "/clock"
+
+MAX_WAITING = 10_000
+"""Messages that wait for a first clock; then they are stamped with the time 0."""
+
+
+async def record(
+    bridge: Bridge, path: str, patterns: tuple[str, ...], choice: Choice, count: int | None, *, is_json: bool
+) -> int:
+    """Record until Ctrl-C, a SIGTERM, the server's end, or so many messages.
+
+    Args:
+        bridge: whose topics.
+        path: of the new bag.
+        patterns: of topics; empty for all.
+        choice: what decides which definitions are known; the generation is the bag's.
+        count: None for no end.
+        is_json: tell a program on stdout how it ended, and not a person.
+
+    Raises:
+        DocumentError: the bag cannot be written.
+        RefusedError: the server is gone; the bag is finished all the same.
+    """
+    ros = generation_of(Path(path))
+    store = open_store(Choice(choice.release, str(ros), choice.folders))
+    scribe = Scribe(open_bag(Path(path)), store)
+    tape = _Tape(bridge, scribe, Rule(patterns))
+    try:
+        with _ended_by_sigterm():
+            note(f"recording into {path}; Ctrl-C ends it")
+            await tape.run(count)
+    except asyncio.CancelledError:
+        pass  # Ctrl-C: that is how it ends
+    finally:
+        tape.finish()
+    if is_json:
+        put_json({"file": path, "messages": scribe.num_messages, "topics": tape.num_topics})
+    else:
+        note(f"{path}: {scribe.num_messages:,} messages on {tape.num_topics:,} topics")
+    return 0
+
+
+@contextmanager
+def _ended_by_sigterm() -> Iterator[None]:
+    """A SIGTERM ends it as Ctrl-C does, where this is the main thread."""
+    loop, task = asyncio.get_running_loop(), asyncio.current_task()
+    assert task is not None
+    try:
+        loop.add_signal_handler(signal.SIGTERM, task.cancel)
+    except (RuntimeError, ValueError):
+        yield
+        return
+    try:
+        yield
+    finally:
+        loop.remove_signal_handler(signal.SIGTERM)
+
+
+class _Tape:
+    """What has come so far, and what is asked for."""
+
+    def __init__(self, bridge: Bridge, scribe: Scribe, rule: Rule) -> None:
+        self.num_topics = 0
+        self._bridge = bridge
+        self._scribe = scribe
+        self._rule = rule
+        self._wanted: dict[str, bool] = {}  # name -> whether it is recorded; False for a type that is not known
+        self._has_clock = False
+        self._clock_ns: int | None = None
+        self._waiting: list[tuple[str, bytes]] = []
+
+    async def run(self, count: int | None) -> None:
+        """Record so many messages, or for ever."""
+        look_at = self._bridge.now()
+        while count is None or self._scribe.num_messages + len(self._waiting) < count:
+            if self._bridge.now() >= look_at:
+                await self._look()
+                self._scribe.flush()
+                self._show()
+                look_at = self._bridge.now() + PERIOD
+            frame = await self._bridge.receive(look_at)
+            if frame is not None:
+                self._hear(frame)
+
+    def finish(self) -> None:
+        """Write what waits, and the bag's end."""
+        self._release(0)
+        self._scribe.close()
+        if sys.stderr.isatty():
+            sys.stderr.write("\n")
+
+    async def _look(self) -> None:
+        """Subscribe to what is new."""
+        values = await self._bridge.ask("topics")
+        for name, type_name in zip(words(values, "topics"), words(values, "types"), strict=False):
+            topic = absolute(name)
+            if topic == CLOCK and not self._has_clock:
+                self._has_clock = True
+                if not self._rule.admits(topic):
+                    await self._bridge.send("subscribe", topic=CLOCK, type=type_name)
+            if topic in self._wanted or not self._rule.admits(topic):
+                continue
+            self._wanted[topic] = self._can(topic, type_name)
+            if self._wanted[topic]:
+                self.num_topics += 1
+                await self._bridge.send("subscribe", topic=topic, type=type_name)
+
+    def _can(self, topic: str, type_name: str) -> bool:
+        """Whether a topic can be written; if not, say so."""
+        try:
+            self._scribe.add(topic, type_name)
+        except PeerError as error:
+            note(f"{topic} is not recorded: {error}; --schema-path names folders with definitions")
+            return False
+        return True
+
+    def _hear(self, frame: Frame) -> None:
+        if frame.get("op") == "status" and frame.get("level") == "error":
+            note(f"the server says: {safe(str(frame.get('msg')))}")
+        if frame.get("op") != "publish":
+            return
+        topic, msg = absolute(str(frame.get("topic"))), frame.get("msg")
+        if topic == CLOCK:
+            self._clock_ns = _stamp_of(msg)
+            self._release(self._clock_ns)
+        if self._wanted.get(topic):
+            body = orjson.dumps(msg)
+            if self._has_clock and self._clock_ns is None:
+                self._waiting.append((topic, body))
+                if len(self._waiting) >= MAX_WAITING:
+                    self._release(0)
+            else:
+                self._write(topic, body, time.time_ns() if self._clock_ns is None else self._clock_ns)
+
+    def _release(self, stamp_ns: int) -> None:
+        """Write what has waited for the time."""
+        waiting, self._waiting = self._waiting, []
+        for topic, body in waiting:
+            self._write(topic, body, stamp_ns)
+
+    def _write(self, topic: str, body: bytes, stamp_ns: int) -> None:
+        try:
+            self._scribe.write_json(topic, body, stamp_ns)
+        except PeerError as error:
+            self._wanted[topic] = False
+            note(f"{topic} is recorded no longer: {error}")
+
+    def _show(self) -> None:
+        """How far it is, for a person who looks on."""
+        if sys.stderr.isatty():
+            at = "" if self._clock_ns is None else f"{self._clock_ns / 1e9:.1f} s, "
+            size = self._scribe.num_bytes / 1e6
+            sys.stderr.write(f"\r{at}{self._scribe.num_messages:,} messages, {size:,.1f} MB  (Ctrl-C ends it) ")
+            sys.stderr.flush()
+
+
+def _stamp_of(msg: object) -> int:
+    """The time of a rosgraph_msgs/Clock in either generation's spelling [ns]; 0 where there is none."""
+    clock = msg.get("clock") if isinstance(msg, dict) else None
+    if not isinstance(clock, dict):
+        return 0
+    parts = [clock.get(one, clock.get(other, 0)) for one, other in (("secs", "sec"), ("nsecs", "nanosec"))]
+    secs, nsecs = (part if isinstance(part, int) and part >= 0 else 0 for part in parts)
+    return secs * 10**9 + nsecs
