@@ -138,6 +138,27 @@ class Ego:
             dynamics.turn_wheels(self._world, self.row, pose.steer)
         self.forget_status()
 
+    def haunt(self, pose: Pose) -> None:
+        """Stand somewhere as a ghost: nothing moves it until the next command, and its speed is what is said.
+
+        Raises:
+            ValueError: beyond all bounds. Nothing has moved.
+        """
+        dynamics.place_ghost(
+            self._world,
+            self.row,
+            x=pose.x,
+            y=pose.y,
+            z=pose.z,
+            yaw=pose.yaw,
+            speed=pose.speed,
+            roll=pose.roll,
+            pitch=pose.pitch,
+        )
+        if pose.steer is not None:
+            dynamics.turn_wheels(self._world, self.row, pose.steer)
+        self.forget_status()
+
     def _place(self, pose: Pose, speed: float) -> None:
         dynamics.teleport(
             self._world,

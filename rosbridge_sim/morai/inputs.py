@@ -18,8 +18,9 @@ from typing import TYPE_CHECKING, Any, Final
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.graph.bus import Owner
 from rosbridge_sim.morai.bindings import Bindings
-from rosbridge_sim.morai.commands import EgoSetting, ego_settings, lamps_of
+from rosbridge_sim.morai.commands import EgoSetting, ego_settings, ghost_pose, lamps_of, npc_ghosts
 from rosbridge_sim.morai.ego import CtrlMode, Ego
+from rosbridge_sim.morai.ghosts import Ghosts
 
 if TYPE_CHECKING:
     from rosbridge_sim.morai.node import Node
@@ -37,22 +38,39 @@ class Inputs:
 
     def __init__(self, node: Node) -> None:
         self._node = node
+        self._ghosts = Ghosts(node.world, node.stage, lambda unique_id: node.find_ego(unique_id) is not None)
 
     def bind(self, bindings: Bindings) -> None:
         """What the world has once."""
         bindings.listen("ego_setting", "MultiEgoSetting", self._ego_setting)
+        bindings.listen("NpcGhost_Topic", "NpcGhostCmd", self._npc_ghosts)
 
     def bind_ego(self, ego: Ego, bindings: Bindings) -> None:
         """What each ego has of its own; the first one has two names for its control."""
         names = ("ctrl_cmd", "ctrl_cmd_0") if ego is self._node.egos[0] else ("ctrl_cmd",)
         for name in names:
             bindings.listen(name, "CtrlCmd", partial(self._ctrl_cmd, ego, bindings.prefix))
+        bindings.listen("ghost_ctrl_cmd", "GhostMessage", partial(self._ghost, ego, bindings.prefix))
         bindings.listen("lamps", "Lamps", partial(self._lamps, ego))
+
+    def forget(self) -> None:
+        """The world has begun anew."""
+        self._ghosts.forget()
 
     def _ctrl_cmd(self, ego: Ego, prefix: str, command: Any, sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
         control = self._node.convert.control(command)
         if self._is_external(ego, prefix, f"{prefix}ctrl_cmd", f"use {prefix}SyncModeCtrlCmd", sender):
             ego.control(control)
+
+    def _ghost(self, ego: Ego, prefix: str, message: Any, sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
+        pose = ghost_pose(message)
+        if self._is_external(ego, prefix, f"{prefix}ghost_ctrl_cmd", f"use {prefix}ego_setting", sender):
+            ego.haunt(pose)
+
+    def _npc_ghosts(self, message: Any, _sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
+        """Place vehicles; in synchronous mode too, for they are not the ego."""
+        self._ghosts.place(npc_ghosts(message))
+        self._node.refresh()
 
     def _is_external(self, ego: Ego, prefix: str, topic: str, instead: str, sender: Owner) -> bool:
         """Whether a client may move this ego now; if not, tell why."""

@@ -377,6 +377,7 @@ class Node:
         self.egos[0].ctrl_mode = self._ctrl_mode
         self.camera_index = FIRST_EGO
         self.sync.forget()
+        self._inputs.forget()
         self._outputs.forget_repeats()
         self.bus.stamp_ns = self.world.frame * STEP_NS
         self.refresh()

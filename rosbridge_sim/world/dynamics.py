@@ -39,7 +39,7 @@ from rosbridge_sim.world.block import Block
 from rosbridge_sim.world.geometry import FloatArray, wrap_angle
 from rosbridge_sim.world.state import MAX_SPEED, BoolArray, Gear, Kind, Mode, World, check_pose
 
-__all__ = ["command", "drive", "shift", "teleport", "turn_wheels"]
+__all__ = ["command", "drive", "place_ghost", "shift", "teleport", "turn_wheels"]
 
 MAX_COMMAND_ACCEL = 100.0  # beyond any brake; keeps the controller's sums finite [m/s^2]
 STANDSTILL = 0.1  # a gear change takes hold below this speed [m/s]
@@ -58,7 +58,7 @@ def command(
     speed: float = 0.0,
     accel: float = 0.0,
 ) -> None:
-    """Set what a driven row shall do from the next step on; it holds until the next command.
+    """Set what a driven row shall do from the next step on; it holds until the next command. Ends a ghost.
 
     Only the figures of the mode count; the others are not looked at.
 
@@ -93,6 +93,7 @@ def command(
     before = world.mode.item(row)
     world.mode[row] = mode
     world.aim(row)
+    _set_ghost(world, row, is_ghost=False)
     if (before == Mode.PEDALS) != (mode == Mode.PEDALS):
         world.touch()  # the controller's calls are laid down only for those who need it
 
@@ -160,7 +161,7 @@ def teleport(
     roll: float = 0.0,
     pitch: float = 0.0,
 ) -> None:
-    """Put a row somewhere else. Commands, gear and steering stay; a path is left for good.
+    """Put a row somewhere else. Commands, gear and steering stay; a path is left for good. Ends a ghost.
 
     Args:
         world: written in place.
@@ -179,6 +180,50 @@ def teleport(
     check_pose(x=x, y=y, z=z, yaw=yaw, speed=speed, roll=roll, pitch=pitch)
     world.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
     world.roll[row], world.pitch[row] = roll, pitch
+    _set_ghost(world, row, is_ghost=False)
+
+
+def place_ghost(
+    world: World,
+    row: int,
+    *,
+    x: float,
+    y: float,
+    z: float,
+    yaw: float,
+    speed: float = 0.0,
+    roll: float = 0.0,
+    pitch: float = 0.0,
+) -> None:
+    """Put a row somewhere as a ghost: steps leave it there, until a `teleport` or, for a driven one, a `command`.
+
+    Whoever moves a ghost does so from one step to the next: it touches whom it stands in, and whom it has been put past
+    it has not met. Its speed is what others see of it.
+
+    Args:
+        world: written in place.
+        row: of anybody.
+        x: reference point, east [m].
+        y: the same, north [m].
+        z: the same, up [m].
+        yaw: heading, wrapped [rad].
+        speed: what it shows, along the heading [m/s].
+        roll: [rad].
+        pitch: [rad].
+
+    Raises:
+        ValueError: a figure is not finite or out of bounds. Nothing has moved.
+    """
+    check_pose(x=x, y=y, z=z, yaw=yaw, speed=speed, roll=roll, pitch=pitch)
+    world.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
+    world.roll[row], world.pitch[row] = roll, pitch
+    _set_ghost(world, row, is_ghost=True)
+
+
+def _set_ghost(world: World, row: int, *, is_ghost: bool) -> None:
+    if world.is_ghost.item(row) != is_ghost:
+        world.is_ghost[row] = is_ghost
+        world.touch()
 
 
 def drive(world: World, dt: float) -> None:
@@ -197,7 +242,7 @@ class _Driven:
 
     def __init__(self, world: World) -> None:
         self.world = world
-        self.rows = np.flatnonzero(world.alive & (world.kind == Kind.EGO))
+        self.rows = np.flatnonzero(world.alive & (world.kind == Kind.EGO) & ~world.is_ghost)
         self.num = len(self.rows)
         self.dt = 0.0
 

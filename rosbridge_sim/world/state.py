@@ -99,7 +99,7 @@ INTS: Final = (
     # of traffic; `lane` and the lanes ahead of it are one run
     *("turns", "claim", "held", "exit_lane", "point", "lane", "ahead_1", "ahead_2", "ahead_3", "ahead_4", "ahead_5"),
 )
-BOOLS: Final = ("alive", "has_path", "is_loop", "has_lane")
+BOOLS: Final = ("alive", "has_path", "is_loop", "has_lane", "is_ghost")
 _LANE_COLUMNS: Final = ("wish", *INTS[INTS.index("turns") :], "has_lane", "is_loop")
 
 
@@ -161,6 +161,8 @@ class World:
         lane, ahead_1 ..: rows of `roads`: where it is, and where it will go from there; -1 beyond a dead end, int64.
         wish: how fast it would like to go, inf for as fast as is allowed [m/s].
         turns, claim, held, exit_lane, point: see `traffic`.
+
+        is_ghost: steps leave it where it stands, whatever its speed; see `dynamics.place_ghost`, bool.
 
         roads: the lanes; see `lay_roads`.
         signals: the traffic lights as they are at this frame.
@@ -238,6 +240,7 @@ class World:
     has_path: BoolArray
     is_loop: BoolArray
     has_lane: BoolArray
+    is_ghost: BoolArray
 
     def __init__(self, seed: int = 0) -> None:
         self.seed = seed

@@ -9,8 +9,8 @@ is given the segment that he is on by now, found in `paths` for all who need one
 on its polyline to the last bits, however long it has walked, and at any speed: many segments, or many rounds of a small
 loop, within one step cost no more than one.
 
-Rows with speed 0 are not looked at, and neither are those that keep to the lanes: they look where they go, and are
-`traffic`.
+Rows with speed 0 and ghosts are not looked at, and neither are those that keep to the lanes: they look where they go,
+and are `traffic`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,8 @@ class _Moving:
 
     def __init__(self, world: World) -> None:
         self.world = world
-        self.rows = np.flatnonzero(world.alive & (world.kind != Kind.EGO) & ~world.has_lane & (world.speed != 0.0))
+        is_still = world.has_lane | world.is_ghost | (world.speed == 0.0)
+        self.rows = np.flatnonzero(world.alive & (world.kind != Kind.EGO) & ~is_still)
         self.num = len(self.rows)
         self.dt = 0.0
 

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from rosbridge_sim.errors import PeerError
 from rosbridge_sim.morai.sync import MAX_WAITING
 from rosbridge_sim.schema.compile import MessageType
+from rosbridge_sim.world.state import Kind
 from tests.morai.stand import SCENARIOS, Client, Stand, make_store
 
 SERVICES = {
@@ -30,6 +31,11 @@ TOPICS = {
     "/ctrl_cmd_0": "CtrlCmd",
     "/SyncModeAddObj": "SyncModeAddObj",
     "/SyncModeRemoveObj": "SyncModeRemoveObj",
+    "/ego_setting": "MultiEgoSetting",
+    "/Ego-2/ctrl_cmd": "CtrlCmd",
+    "/lamps": "Lamps",
+    "/ghost_ctrl_cmd": "GhostMessage",
+    "/NpcGhost_Topic": "NpcGhostCmd",
 }
 VALUES: dict[str, st.SearchStrategy[Any]] = {
     "bool": st.booleans(),
@@ -37,20 +43,34 @@ VALUES: dict[str, st.SearchStrategy[Any]] = {
     "int32": st.sampled_from([0, 1, 2, 3, 4, 5, 7, 10, 2**31 - 1, -1, -(2**31)]),
     "uint32": st.sampled_from([0, 20, 40, 1_000, 30, 2**32 - 1]),
     "uint64": st.sampled_from([0, 1, 2, 3, 10, 500, 2**64 - 1]),
+    "float32": st.sampled_from([0.0, 1.0, -720.0, 3e38, math.nan]),
     "float64": st.sampled_from([0.0, 1.0, -1.0, 0.5, 90.0, 1e9, 1e300, -1e308, math.nan, math.inf, -0.0]),
     "string": st.sampled_from(["", "a", "b", "sync-1", "Bus", "Box", "x" * 300, *SCENARIOS]),
 }
 
 
-def bodies(message_type: MessageType) -> st.SearchStrategy[dict[str, Any]]:
-    """Bodies of a type, each field drawn from the worst that its type can hold."""
-    fields = {}
+def bodies(message_type: MessageType, num: int = 2) -> st.SearchStrategy[dict[str, Any]]:
+    """Bodies of a type, each field drawn from the worst that its type can hold; its lists have one length."""
+    fields: dict[str, st.SearchStrategy[Any]] = {}
+    lists: dict[str, st.SearchStrategy[Any]] = {}
     for field in message_type.definition.fields:
         if field.name == "header":
             continue
         nested = "/" in field.type
-        fields[field.name] = bodies(make_store().message(field.type)) if nested else VALUES[field.type]
-    return st.fixed_dictionaries({}, optional=fields)
+        value = bodies(make_store().message(field.type)) if nested else VALUES[field.type]
+        if field.array is None:
+            fields[field.name] = value
+        else:
+            lists[field.name] = st.lists(value, min_size=num, max_size=num)
+    if lists and "number_of_ego_vehicle" in fields:
+        del fields["number_of_ego_vehicle"]
+        lists["number_of_ego_vehicle"] = st.just(num)
+        lists["ego_index"] = st.sampled_from([[0, 2], [2, 3], [2, 2**31 - 1], [0, 1], [-1, 5], [7, 7]])
+        for name, good in (("gear", 4), ("ctrl_mode", 16)):  # else hardly any would be right as a whole
+            lists[name] = st.sampled_from([[good] * num, [0] * num, [9] * num])
+        for name in ("global_roll", "global_pitch", "global_yaw", "velocity"):
+            lists[name] = st.sampled_from([[0.0] * num, [-90.0] * num, [math.nan] * num])
+    return st.fixed_dictionaries(lists, optional=fields)
 
 
 def acts() -> st.SearchStrategy[tuple[str, dict[str, Any]]]:
@@ -59,7 +79,7 @@ def acts() -> st.SearchStrategy[tuple[str, dict[str, Any]]]:
         for name, type_name in [*SERVICES.items(), *TOPICS.items()]
     ]
     rare: st.SearchStrategy[tuple[str, dict[str, Any]]] = st.tuples(
-        st.sampled_from(["pass time", "leave"]), st.just({})
+        st.sampled_from(["pass time", "leave", "reset"]), st.just({})
     )
     return st.one_of(*pairs, rare)
 
@@ -70,6 +90,8 @@ def act(stand: Stand, client: Client, name: str, body: dict[str, Any]) -> None:
         stand.run(0.1)
     elif name == "leave":
         client.leave()
+    elif name == "reset":
+        assert client.call("/sim/reset", {"seed": -1}).is_ok
     elif name in TOPICS:
         try:
             client.send(name, "morai_msgs/" + TOPICS[name], **body)
@@ -84,12 +106,15 @@ def act(stand: Stand, client: Client, name: str, body: dict[str, Any]) -> None:
 def test_any_calls_in_any_order(calls: list[tuple[int, tuple[str, dict[str, Any]]]], start: str) -> None:
     stand = Stand(start=start, sync_on_loss="wait", sync_lease=0.5)
     clients = [stand.client(), stand.client()]
-    clients[0].listen("/Ego_topic", "/Object_topic", "/SyncModeInfo", "/clock")
+    clients[0].listen("/Ego_topic", "/Object_topic", "/SyncModeInfo", "/clock", "/CollisionData")
     for who, (name, body) in calls:
         act(stand, clients[who], name, body)
         sync, world = stand.node.sync, stand.world
         assert sync.num_waiting <= MAX_WAITING
         assert 0 in world
+        assert all(ego.is_there for ego in stand.node.egos)
+        assert len(stand.node.egos) == np.count_nonzero(world.kind[world.alive] == Kind.EGO)
+        assert all(uid in world for uid in world.contacts.ravel().tolist())
         assert all(np.isfinite(column).all() for column in (world.x, world.y, world.yaw, world.speed, world.steer))
         (info,) = stand.bus.topics["/SyncModeInfo"].latched
         assert (info.value.master_id, info.value.status) == (sync.master_id, sync.is_on)

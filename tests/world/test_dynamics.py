@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rosbridge_sim.world.dynamics import command, drive, shift, teleport
+from rosbridge_sim.world.dynamics import command, drive, place_ghost, shift, teleport, turn_wheels
 from rosbridge_sim.world.geometry import arc_lengths, nearest_on_polyline, point_at, to_body
 from rosbridge_sim.world.state import DT, STICTION, Body, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
@@ -547,6 +547,61 @@ def test_fast_and_slow_agree_alone_as_neighbours_and_with_gaps(
             for name in ("x", "y", "speed", "steer", "throttle", "brake"):
                 assert getattr(world, name)[row] == pytest.approx(getattr(car, name), abs=1e-8), name
             assert math.cos(world.yaw[row] - car.yaw) == pytest.approx(1.0)
+
+
+# -- ghosts
+
+
+def test_a_ghost_stands_with_its_speed_until_it_is_commanded() -> None:
+    world = ego()
+    pedals(world, throttle=1.0)
+    place_ghost(world, 0, x=5.0, y=6.0, z=7.0, yaw=4.0, speed=20.0, roll=0.1, pitch=0.2)
+    speeds(world, 1.0)
+    assert (world.x[0], world.y[0], world.z[0], world.speed[0]) == (5.0, 6.0, 7.0, 20.0)
+    assert world.yaw[0] == pytest.approx(4.0 - math.tau)
+    assert (world.roll[0], world.pitch[0], world.accel[0]) == (0.1, 0.2, 0.0)
+    pedals(world)
+    speeds(world, 0.1)
+    assert math.hypot(world.x[0] - 5.0, world.y[0] - 6.0) == pytest.approx(2.0, rel=0.05)
+
+
+def test_only_the_ghost_of_two_stands() -> None:
+    world = ego(speed=10.0)
+    world.spawn(Kind.EGO, CAR, name="other", x=0.0, y=9.0, speed=10.0)
+    world.spawn(Kind.VEHICLE, CAR, name="npc", x=0.0, y=18.0, speed=10.0)
+    world.spawn(Kind.VEHICLE, CAR, name="npc", x=0.0, y=27.0, speed=10.0)
+    place_ghost(world, 0, x=1.0, y=0.0, z=0.0, yaw=0.0, speed=10.0)
+    place_ghost(world, 2, x=1.0, y=18.0, z=0.0, yaw=0.0, speed=10.0)
+    speeds(world, 1.0)
+    assert world.x[[0, 2]].tolist() == [1.0, 1.0]
+    assert (world.x[[1, 3]] > 9.0).all()
+    teleport(world, 2, x=1.0, y=18.0, z=0.0, yaw=0.0, speed=10.0)
+    speeds(world, 1.0)
+    assert world.x[0] == 1.0
+    assert world.x[2] == pytest.approx(11.0)
+
+
+def test_a_ghost_in_no_place_is_refused() -> None:
+    world = ego()
+    with pytest.raises(ValueError, match="speed: expected"):
+        place_ghost(world, 0, x=5.0, y=0.0, z=0.0, yaw=0.0, speed=math.nan)
+    assert (world.x[0], bool(world.is_ghost[0])) == (0.0, False)
+
+
+def test_wheels_that_are_turned_stay_so_until_the_next_command() -> None:
+    world = ego()
+    turn_wheels(world, 0, 0.3)
+    assert world.steer[0] == 0.3
+    speeds(world, 0.5)
+    assert world.steer[0] == 0.3
+    turn_wheels(world, 0, -9.0)
+    assert world.steer[0] == -CAR.max_steer
+    for wrong in (math.nan, math.inf):
+        with pytest.raises(ValueError, match="steer: expected a finite number"):
+            turn_wheels(world, 0, wrong)
+    row = world.row(world.spawn(Kind.OBSTACLE, CAR, name="box", x=0.0, y=0.0))
+    with pytest.raises(ValueError, match="no wheels"):
+        turn_wheels(world, row, 0.0)
 
 
 # -- a drive

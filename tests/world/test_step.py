@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rosbridge_sim.world.dynamics import command, shift, teleport
+from rosbridge_sim.world.dynamics import command, place_ghost, shift, teleport
 from rosbridge_sim.world.state import Body, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
 
@@ -39,6 +39,7 @@ ACTIONS = st.one_of(
     st.tuples(st.just("loop"), st.floats(0.0, 60.0)),
     st.tuples(st.just("remove"), st.integers(0, 9)),
     st.tuples(st.just("teleport"), st.floats(-9.0, 9.0)),
+    st.tuples(st.just("ghost"), st.floats(-9.0, 9.0)),
     st.tuples(st.just("gear"), st.sampled_from(Gear)),
     st.tuples(st.just("pedals"), st.floats(-1.0, 2.0)),
     st.tuples(st.just("speed"), st.floats(-5.0, 50.0)),
@@ -79,12 +80,13 @@ def play(world: World, actions: list[tuple[str, Any]]) -> None:
             spawn(world, action, value)
         elif action == "clear":
             world.clear()
-        elif action in {"remove", "teleport"}:
+        elif action in {"remove", "teleport", "ghost"}:
             row = list(world.placed())[int(value) % len(world)] if len(world) else None
             if row is not None and action == "remove":
                 world.remove(int(world.uid[row]))
             elif row is not None:
-                teleport(world, row, x=value, y=1.0, z=2.0, yaw=value, speed=value)
+                put = place_ghost if action == "ghost" else teleport
+                put(world, row, x=value, y=1.0, z=2.0, yaw=value, speed=value)
         elif len(egos):
             handle(world, int(egos[-1]), action, value)
 

@@ -1,0 +1,129 @@
+"""Vehicles that a client places itself, frame by frame: the other cars of a co-simulation.
+
+A vehicle that is named becomes a ghost, whatever it did before; a number that is new brings one, of the model that is
+named. A client chooses its numbers itself, so one that it used before (its ghosts went with a scenario) serves again.
+
+Release 22.R2 does not tell a ghost's speed, though other cars and clients want to know it. It is worked out from the
+way of the last tenths of a second: from one message to the next would be too rough, since in real time two may come
+within one frame and none within the next.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from rosbridge_sim.errors import FieldError
+from rosbridge_sim.morai.catalogue import Model, find_model
+from rosbridge_sim.morai.commands import Ghost, Pose
+from rosbridge_sim.morai.stage import FIRST_UID, MAX_ENTITIES, MAX_FILE_UID, Stage
+from rosbridge_sim.world import dynamics
+from rosbridge_sim.world.state import DT, Kind, World
+
+__all__ = ["Ghosts"]
+
+WINDOW: Final = 10
+"""Frames over which a speed is worked out: 0.2 s."""
+
+MAX_GAP: Final = 50
+"""Frames after which a message says nothing about the way from the one before: 1 s."""
+
+MAX_SPEED: Final = 100.0
+"""What is faster than this has been put elsewhere and has not driven there [m/s]."""
+
+_WHOSE: Final = {
+    Kind.EGO: "an ego's",
+    Kind.VEHICLE: "an ego's, too",
+    Kind.PEDESTRIAN: "a pedestrian's",
+    Kind.OBSTACLE: "an obstacle's",
+}
+
+_Trail = deque[tuple[int, float, float]]  # frame, x, y
+
+
+class Ghosts:
+    """Places ghosts. What it knows beside the world is where they have been of late."""
+
+    def __init__(self, world: World, stage: Stage, is_ego: Callable[[int], bool]) -> None:
+        """Nobody yet.
+
+        Args:
+            world: written through `stage` and `dynamics`.
+            stage: spawns.
+            is_ego: whether a number on the wire is an ego's.
+        """
+        self._world = world
+        self._stage = stage
+        self._is_ego = is_ego
+        self._trails: dict[int, _Trail] = {}
+
+    def place(self, ghosts: Sequence[Ghost]) -> None:
+        """Put each where it is to stand.
+
+        Raises:
+            FieldError: a number that is no vehicle's, a model that is none, no room. Nothing has changed.
+        """
+        models = {ghost.unique_id: self._find_model(ghost) for ghost in ghosts if ghost.unique_id not in self._world}
+        if len(self._world) + len(models) > MAX_ENTITIES:
+            raise FieldError(f"the world holds {MAX_ENTITIES:,} at most")
+        for ghost in ghosts:
+            if ghost.unique_id not in models:
+                self._check_vehicle(ghost.unique_id)
+        self._trails = {uid: trail for uid, trail in self._trails.items() if uid in self._world}
+        for ghost in ghosts:
+            uid, pose = ghost.unique_id, ghost.pose
+            if uid in models:
+                self._stage.add_as(uid, models[uid], x=pose.x, y=pose.y, z=pose.z, yaw=pose.yaw)
+            dynamics.place_ghost(
+                self._world,
+                self._world.row(uid),
+                x=pose.x,
+                y=pose.y,
+                z=pose.z,
+                yaw=pose.yaw,
+                speed=pose.speed if ghost.has_speed else self._work_out_speed(uid, pose),
+                roll=pose.roll,
+                pitch=pose.pitch,
+            )
+
+    def forget(self) -> None:
+        """The world has begun anew."""
+        self._trails.clear()
+
+    def _find_model(self, ghost: Ghost) -> Model:
+        if not FIRST_UID <= ghost.unique_id <= MAX_FILE_UID:
+            raise FieldError(f"unique_id: expected {FIRST_UID}..{MAX_FILE_UID}, got {ghost.unique_id}")
+        if self._is_ego(ghost.unique_id):
+            raise FieldError(f"unique_id {ghost.unique_id}: expected a vehicle's, it is an ego's")
+        model = find_model(ghost.name)
+        if model is None or model.kind is not Kind.VEHICLE:
+            raise FieldError(f"unique_id {ghost.unique_id}: the catalogue has no vehicle {ghost.name[:80]!r}")
+        return model
+
+    def _check_vehicle(self, uid: int) -> None:
+        kind = Kind(self._world.kind.item(self._world.row(uid)))
+        if kind is not Kind.VEHICLE or self._is_ego(uid):
+            raise FieldError(f"unique_id {uid}: expected a vehicle's, it is {_WHOSE[kind]}")
+
+    def _work_out_speed(self, uid: int, pose: Pose) -> float:
+        """Along the heading, from where it has been within the window [m/s]."""
+        frame = self._world.frame
+        trail = self._trails.setdefault(uid, deque())
+        if trail and not 0 <= frame - trail[-1][0] <= MAX_GAP:
+            trail.clear()
+        if trail and trail[-1][0] == frame:  # two messages in a frame: the later one counts
+            trail.pop()
+        while len(trail) > 1 and frame - trail[1][0] >= WINDOW:
+            trail.popleft()
+        speed = 0.0
+        if trail:
+            since, x, y = trail[0]
+            along = (pose.x - x) * math.cos(pose.yaw) + (pose.y - y) * math.sin(pose.yaw)
+            speed = along / ((frame - since) * DT)
+            if abs(speed) > MAX_SPEED:
+                trail.clear()
+                speed = 0.0
+        trail.append((frame, pose.x, pose.y))
+        return speed
