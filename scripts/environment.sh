@@ -77,16 +77,18 @@ ensure_node_packages() {
     printf '%s' "$(<"$at/package-lock.json")" >"$at/node_modules/installed"
 }
 
-# ensure_browser: Debian's Chromium for the page of the tests; installed where we may, else it is said what is missing.
-ensure_browser() {
-    if command -v chromium >/dev/null; then return; fi
+# ensure_debian PACKAGE WHAT COMMAND...: a package of Debian's for WHAT of the tests, unless COMMAND succeeds; installed
+# where we may, else it is said what is missing.
+ensure_debian() {
+    local package=$1 what=$2
+    if "${@:3}" >/dev/null 2>&1; then return; fi
     if ! command -v apt-get >/dev/null || ((EUID != 0)); then
-        say "chromium is missing: the test of a page in a browser cannot run (Debian: apt-get install chromium)"
+        say "$package is missing: $what cannot run (Debian: apt-get install $package)"
         return
     fi
-    say "installing chromium for the test of a page in a browser (once)"
+    say "installing $package for $what (once)"
     local -x DEBIAN_FRONTEND=noninteractive
-    if ! { apt-get --quiet=2 update && apt-get --quiet=2 install --yes --no-install-recommends chromium; } >/dev/null; then
+    if ! { apt-get --quiet=2 update && apt-get --quiet=2 install --yes --no-install-recommends "$package"; } >/dev/null; then
         say "apt-get could not install it; it says why above"
     fi
 }
