@@ -7,6 +7,7 @@ line there and exit code 2; a bug of ours is a traceback and exit code 1; a wish
 from __future__ import annotations
 
 import asyncio
+import ctypes
 import gc
 import logging
 import os
@@ -57,11 +58,29 @@ def _serve(argv: Sequence[str]) -> int:
         _log.warning("%s", line)
     for number in _STOP_SIGNALS:
         signal.signal(number, lambda *_: sys.exit(0))  # until there is something to stop
+    _keep_memory()
     gc.disable()  # what is imported and built now stays; looking for garbage in it costs a tenth of the start
     from rosbridge_sim.shell.app import Simulator  # noqa: PLC0415 - --help and a mistake do without the rest of us
 
     with asyncio.Runner(loop_factory=_loop_factory()) as runner:
         return runner.run(_run(Simulator(settings)))
+
+
+def _keep_memory() -> None:
+    """Have the C library keep freed memory for the next large message (glibc alone; others do as they do).
+
+    By itself it gives buffers of 128 kB and more, and what is free at the heap's end, back to the system at once: a
+    stream of 100 kB images then costs 30 to 70 page faults each, a third of all its time.
+    """
+    if sys.platform == "linux":
+        mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+        if mallopt is not None:
+            mallopt(_M_MMAP_THRESHOLD, 8 * 2**20)
+            mallopt(_M_TRIM_THRESHOLD, 32 * 2**20)
+
+
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
+"""Names of glibc's malloc.h."""
 
 
 async def _run(simulator: Simulator) -> int:
