@@ -129,6 +129,25 @@ async def test_two_in_one_process_share_nothing(connect: Connect) -> None:
         assert not two.node.sync.master_id
 
 
+async def test_transforms_go_through_a_gateway_and_the_last_one_arrives(connect: Connect) -> None:
+    async with Simulator(port=0, world=False) as sim:
+        robot, page = await connect(sim.url), await connect(sim.url)
+        await page.subscribe("/tf2_web_republisher/status")
+        assert (await page.message("/tf2_web_republisher/status"))["status_list"] == []  # by the clock alone
+        request = {"source_frames": ["base_link"], "target_frame": "map", "rate": 20.0}
+        name = (await page.values("/republish_tfs", request))["topic_name"]
+        await page.subscribe(name)
+        await robot.send("advertise", topic="/tf", type="tf2_msgs/TFMessage")
+        for x in range(5):
+            shift = {"translation": {"x": x}, "rotation": {"w": 1}}
+            transform = {"header": {"frame_id": "/map"}, "child_frame_id": "/base_link", "transform": shift}
+            await robot.send("publish", topic="/tf", msg={"transforms": [transform]})
+        is_last = lambda msg: msg["transforms"][0]["transform"]["translation"]["x"] == 4  # noqa: E731 - one line
+        await page.message_where(name, is_last)
+        await robot.send("publish", topic="/tf", id="bad", msg={"transforms": [{**transform, "transform": {}}]})
+        assert "is no orientation" in (await robot.take("status", id="bad"))["msg"]
+
+
 async def test_without_a_world_anybody_may_be_the_simulator(connect: Connect) -> None:
     async with Simulator(port=0, world=False) as sim:
         stand_in, user = await connect(sim.url), await connect(sim.url)
