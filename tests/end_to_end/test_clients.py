@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterator
 
 import pytest
 
 from tests.end_to_end.programs import LIBRARIES, finish, start
-from tests.support import ServerProcess, read_line
+from tests.support import Frame, ServerProcess, read_line
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
 
@@ -20,11 +21,27 @@ PAIRS = (  # each library serves once and calls once, Python and JavaScript for 
 )
 
 
+@pytest.fixture(scope="module")
+def ros2_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
+    process = ServerProcess(tmp_path_factory.mktemp("ros2") / "log.txt", ("--ros", "2"))
+    yield process
+    process.stop_cleanly()
+
+
 @pytest.mark.parametrize("library", LIBRARIES)
 def test_a_client_finds_its_way_and_drives_the_car(server: ServerProcess, library: str) -> None:
-    seen = finish(start(library, "basics", server.port, "drive"))
+    check_drive(finish(start(library, "basics", server.port, "drive")), "morai_msgs/EgoVehicleStatus")
+
+
+@pytest.mark.parametrize("library", ["roslibpy-asyncio", "roslib2", "roslib1"])
+def test_a_client_drives_the_car_in_the_other_generation(ros2_server: ServerProcess, library: str) -> None:
+    """With the types as its program knows them; what it is told of them is ROS 2's."""
+    check_drive(finish(start(library, "basics", ros2_server.port, "drive")), "morai_msgs/msg/EgoVehicleStatus")
+
+
+def check_drive(seen: Frame, ego_type: str) -> None:
     assert {"/Ego_topic", "/Object_topic", "/ctrl_cmd", "/SyncModeInfo", "/clock", "/rosout"} <= set(seen["topics"])
-    assert seen["topic_type"] == "morai_msgs/EgoVehicleStatus"
+    assert seen["topic_type"] == ego_type
     assert {"/SyncModeCmd", "/SyncModeWaitForTick", "/rosapi/topics"} <= set(seen["services"])
     assert "/morai_sim" in seen["nodes"]
     assert seen["time"] > 0.0

@@ -26,7 +26,8 @@ async function drive() {
   controls.publish({ longlCmdType: 1, brake: 1.0 })
   ego.unsubscribe()
   await settle(ros)
-  say({ topics, topic_type, services, nodes, time: time.secs + time.nsecs / 1e9, first, last })
+  const seconds = (time.secs ?? time.sec) + (time.nsecs ?? time.nanosec) / 1e9
+  say({ topics, topic_type, services, nodes, time: seconds, first, last })
 }
 
 async function remember(name) {

@@ -46,7 +46,7 @@ def drive(ros: roslibpy.Ros) -> None:
         topic_type=ros.get_topic_type("/Ego_topic"),
         services=ros.get_services(),
         nodes=ros.get_nodes(),
-        time=when.to_sec(),
+        time=when,
         first=places[0],
         last=places[-1],
     )
@@ -74,7 +74,7 @@ def add(ros: roslibpy.Ros, name: str) -> None:
     say(ready=ros.get_service_type(name))
     serve()
     service.unadvertise()
-    settle(ros)
+    ros.get_time()  # answered after all that was sent before it
 
 
 def call(ros: roslibpy.Ros, name: str) -> None:
