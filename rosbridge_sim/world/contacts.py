@@ -42,22 +42,23 @@ MAX_PIECES: Final = 256
 EDGE: Final = 1e-6
 """What two boxes must overlap by [m]: coordinates of a map are rounded at 1e-9 and less."""
 
-LIFE: Final = 25
-"""Steps that a list lasts at most. More is fewer lists and more pairs on each; half a second is what it takes to brake
-or steer away from what was foreseen."""
+LIFE: Final = 12
+"""Steps that a list lasts at most: a quarter of a second, in which a driver changes little of what was foreseen."""
 
-MARGIN: Final = 0.3
-"""What anybody may stray from his foreseen place, either way east and either way north [m]: 3 m/s^2 for LIFE steps."""
+MARGIN: Final = 0.15
+"""What anybody may stray from his foreseen place, either way east and either way north [m]: 5 m/s^2 for LIFE steps."""
 
-TURN_MARGIN: Final = 0.1
-"""The same for his corners, because his heading is not the foreseen one [m]."""
+TURN_MARGIN: Final = 0.55
+"""What his corners may stray because his heading is not the foreseen one [m]. A car turns into a street corner without
+ending the list, and two cars side by side on lanes of 3.5 m are still not on it."""
 
 SMALL: Final = 64
 """A world of so few needs no cells: everybody is compared with everybody."""
 
 MAX_WIDE: Final = 8
-"""In a larger one those with the widest reach, and the egos, are compared with everybody; the others by cells as large
-as the widest of them needs."""
+MUCH: Final = 1.5
+"""In a larger one, cells are as large as the usual entity needs. A few may be larger by far, and are compared with
+everybody."""
 
 MAX_PAIRS: Final = 1 << 18
 """Pairs of others than egos that are compared for one list. More is a heap of hundreds of cars in one place: of that
@@ -79,7 +80,19 @@ class Watch:
     """
 
     __slots__ = (
-        *("_centre", "_drift", "_half", "_is_out", "_chord", "_life", "_margin", "_now", "_pairs", "_places"),
+        *(
+            "_centre",
+            "_drift",
+            "_half",
+            "_is_out",
+            "_chord",
+            "_life",
+            "_margin",
+            "_may_meet",
+            "_now",
+            "_pairs",
+            "_places",
+        ),
         *("_rate", "_reach", "_rows", "_seen", "_uid", "_world", "poses"),
     )
 
@@ -90,7 +103,10 @@ class Watch:
         self._uid = world.uid.copy()
         self._rows = rows[self._uid[rows].argsort()]
         # Around the reference point, whichever way the box is turned.
-        self._reach = np.hypot(world.half_length + np.abs(world.centre), world.half_width)
+        self._reach = np.maximum(np.hypot(world.half_length + np.abs(world.centre), world.half_width), EDGE)
+        is_car = world.kind[self._rows] <= Kind.VEHICLE
+        # A small world needs no cells: each of those with each of those after it.
+        self._may_meet = np.triu(is_car[:, None] | is_car, 1) if len(rows) <= SMALL else None
         self.poses: FloatArray = np.zeros((2, 5, n))
         self._now = world.block("x", "z")
         # Of x, y, yaw, as the step began and as it ended: where they are, were foreseen, and how far they may be off.
@@ -130,36 +146,44 @@ class Watch:
 
     def _look_around(self) -> None:
         """Make the list anew: for this step and `LIFE` more."""
-        world, rows = self._world, self._rows
+        world = self._world
         start, end = self._places
         self._life = LIFE
         self._seen = self._places.copy()
         self._rate = end - start
         turn = np.abs(wrap_angle(self._rate[YAW]))
         self._rate[YAW] = 0.0
-        way = np.abs(self._rate[:YAW]).max(axis=0)
+        reach = self._reach
         # Whoever turns now may go on to do so.
-        self._margin[:YAW] = MARGIN + 0.5 * LIFE * LIFE * way * turn
-        self._margin[YAW] = TURN_MARGIN / np.maximum(self._reach, EDGE) + LIFE * turn
-        extra = math.sqrt(2.0) * self._margin[X] + self._margin[YAW] * self._reach
+        self._margin[:YAW] = MARGIN + 0.5 * LIFE * LIFE * np.abs(self._rate[:YAW]).max(axis=0) * turn
+        self._margin[YAW] = TURN_MARGIN / reach + LIFE * turn
+        extra = math.sqrt(2.0) * self._margin[X] + self._margin[YAW] * reach
 
-        first = start[:YAW, rows]
-        last = end[:YAW, rows] + LIFE * self._rate[:YAW, rows]
-        span = 0.5 * np.abs(last - first) + (self._reach + extra)[rows]
-        kind = world.kind[rows]
-        is_ego, is_car = kind == Kind.EGO, kind <= Kind.VEHICLE
-        pairs = rows[_near_pairs(0.5 * (first + last), span, is_car, is_ego)]
+        # The middles of the boxes, from where this step began on, at the heading of now.
+        heading = _unit(end[YAW])
+        way, middle = _complex(self._rate[X], self._rate[Y]), heading * world.centre + _complex(end[X], end[Y])
+        first, last = middle - way, middle + LIFE * way
+        cos, sin, half = np.abs(heading.real), np.abs(heading.imag), (world.half_length, world.half_width)
+        span = np.stack([half[0] * cos + half[1] * sin, half[0] * sin + half[1] * cos])
+        span += 0.5 * (LIFE + 1) * np.abs(self._rate[:YAW]) + extra
+        middle = 0.5 * (first + last)
+        near = self._near(np.stack([middle.real, middle.imag]), span)
+        pairs = self._rows[near]
         if pairs.size:
-            heading = _unit(end[YAW, rows])
-            at = np.zeros(world.n, dtype=np.int64)
-            at[rows] = np.arange(len(rows))
-            i = at[pairs]
-            middle = heading * world.centre[rows]
-            half = np.stack([world.half_length[pairs], world.half_width[pairs]], axis=-1) + extra[pairs][..., None]
-            sides = [middle + place[X] + 1j * place[Y] for place in (first, last)]
-            apart = [side[i[1]] - side[i[0]] for side in sides]
-            pairs = pairs[:, do_boxes_meet(apart[0], apart[1], heading[i], half)]
+            sides = np.stack([half[0][pairs], half[1][pairs]], axis=-1) + extra[pairs][..., None]
+            apart = [place[pairs[1]] - place[pairs[0]] for place in (first, last)]
+            pairs = pairs[:, do_boxes_meet(apart[0], apart[1], heading[pairs], sides)]
         self._list(pairs)
+
+    def _near(self, place: FloatArray, span: FloatArray) -> IntArray:
+        """Pairs of indices into `_rows` whose rectangles overlap, (2, m): see `_near_by_cells`."""
+        rows = self._rows
+        place, span = place[:, rows], span[:, rows]
+        if self._may_meet is not None:
+            is_near = np.abs(place[:, :, None] - place[:, None]) <= span[:, :, None] + span[:, None]
+            return np.stack((is_near[0] & is_near[1] & self._may_meet).nonzero())
+        kind = self._world.kind[rows]
+        return _near_pairs(place, span, kind <= Kind.VEHICLE, kind == Kind.EGO)
 
     def _list(self, pairs: IntArray) -> None:
         world = self._world
@@ -254,11 +278,18 @@ def _unit(yaw: FloatArray) -> ComplexArray:
     return unit
 
 
+def _complex(x: FloatArray, y: FloatArray) -> ComplexArray:
+    """Plane vectors as complex numbers."""
+    vector = np.empty(x.shape, dtype=np.complex128)
+    vector.real, vector.imag = x, y
+    return vector
+
+
 # Near pairs
 
 
 def _near_pairs(place: FloatArray, span: FloatArray, is_car: BoolArray, is_ego: BoolArray) -> IntArray:
-    """Return the pairs whose rectangles overlap and that have a car among them.
+    """Return the pairs whose rectangles overlap and that have a car among them, by cells where that is faster.
 
     Args:
         place: (2, k) middles of the rectangles, east and north [m].
@@ -270,30 +301,30 @@ def _near_pairs(place: FloatArray, span: FloatArray, is_car: BoolArray, is_ego: 
         (2, m) indices, the lower one first, in rising order.
     """
     k = place.shape[1]
-    if k <= SMALL:
-        return _near_of_all(place, span, is_car)
     widest = span.max(axis=0)
-    limit = np.partition(widest, k - 1 - MAX_WIDE)[k - 1 - MAX_WIDE]
-    is_wide = is_ego | (widest > limit)
-    wide, rest = is_wide.nonzero()[0], (~is_wide).nonzero()[0]
-    parts = [_near_of_wide(place, span, is_car, wide)]
-    if len(rest):
-        parts.append(rest[_near_by_cells(place[:, rest], span[:, rest], is_car[rest])])
-    pairs = np.concatenate(parts, axis=1)
+    usual = np.partition(widest, k - 1 - MAX_WIDE)[k - 1 - MAX_WIDE]
+    is_wide = widest > MUCH * usual
+    pairs, is_whole = _near_of_both(place, span, is_car, is_wide)
+    if not is_whole:
+        pairs, _ = _near_of_both(place, span, is_car, is_wide | is_ego)
     low, high = np.minimum(pairs[0], pairs[1]), np.maximum(pairs[0], pairs[1])
     order = (low * k + high).argsort()
     return np.stack([low[order], high[order]])
 
 
-def _near_of_all(place: FloatArray, span: FloatArray, is_car: BoolArray) -> IntArray:
-    """The same, everybody against everybody."""
-    is_near = (np.abs(place[:, :, None] - place[:, None]) <= span[:, :, None] + span[:, None]).all(axis=0)
-    is_near &= is_car[:, None] | is_car
-    return np.stack(np.triu(is_near, 1).nonzero())
+def _near_of_both(place: FloatArray, span: FloatArray, is_car: BoolArray, is_wide: BoolArray) -> tuple[IntArray, bool]:
+    """The same in no order, and whether it is the whole of them: the wide against everybody, the rest by cells."""
+    rest = (~is_wide).nonzero()[0]
+    pairs, is_whole = _near_by_cells(place[:, rest], span[:, rest], is_car[rest])
+    pairs = rest[pairs]
+    wide = is_wide.nonzero()[0]
+    if len(wide):
+        pairs = np.concatenate([pairs, _near_of_wide(place, span, is_car, wide)], axis=1)
+    return pairs, is_whole
 
 
 def _near_of_wide(place: FloatArray, span: FloatArray, is_car: BoolArray, wide: IntArray) -> IntArray:
-    """The same, some against everybody."""
+    """Some against everybody; each pair once."""
     is_near = (np.abs(place[:, wide, None] - place[:, None]) <= span[:, wide, None] + span[:, None]).all(axis=0)
     is_near &= is_car[wide, None] | is_car
     # Two of them are a pair once, from the lower one on.
@@ -302,9 +333,9 @@ def _near_of_wide(place: FloatArray, span: FloatArray, is_car: BoolArray, wide: 
     return np.stack([wide[i], j])
 
 
-def _near_by_cells(place: FloatArray, span: FloatArray, is_car: BoolArray) -> IntArray:
-    """The same by a grid whose cells are as large as the largest two need; each pair once, in no order."""
-    column, line = np.floor(place / (2.0 * span.max())).astype(np.int64)
+def _near_by_cells(place: FloatArray, span: FloatArray, is_car: BoolArray) -> tuple[IntArray, bool]:
+    """By a grid whose cells are as large as the largest two need; each pair once. Not the whole beyond `MAX_PAIRS`."""
+    column, line = np.floor(place / (2.0 * span.max(initial=1.0))).astype(np.int64)
     number = column * COLUMN + line
     order = number.argsort(kind="stable")
     number = number[order]
@@ -313,12 +344,16 @@ def _near_by_cells(place: FloatArray, span: FloatArray, is_car: BoolArray) -> In
     starts = np.stack([here + 1, number.searchsorted(number + (COLUMN - 1), side="left")])
     ends = number.searchsorted(np.stack([number + 1, number + (COLUMN + 1)]), side="right")
     count = (ends - starts).ravel()
-    count[count.cumsum() > MAX_PAIRS] = 0
+    total = count.cumsum()
+    is_whole = bool(len(total) == 0 or total[-1] <= MAX_PAIRS)
+    if not is_whole:
+        count[total > MAX_PAIRS] = 0
+        total = count.cumsum()
     owner = np.tile(here, 2).repeat(count)
-    partner = np.arange(len(owner)) + (starts.ravel() - (count.cumsum() - count)).repeat(count)
-    pairs = order[np.stack([owner, partner])]
+    partner = np.arange(len(owner)) + (starts.ravel() - (total - count)).repeat(count)
     (x, y), (x_span, y_span) = place[:, order], span[:, order]
     is_near = np.abs(x[owner] - x[partner]) <= x_span[owner] + x_span[partner]
-    is_near &= np.abs(y[owner] - y[partner]) <= y_span[owner] + y_span[partner]
-    is_near &= is_car[pairs].any(axis=0)
-    return np.asarray(pairs[:, is_near])
+    owner, partner = owner[is_near], partner[is_near]
+    is_near = np.abs(y[owner] - y[partner]) <= y_span[owner] + y_span[partner]
+    pairs = order[np.stack([owner[is_near], partner[is_near]])]
+    return pairs[:, is_car[pairs].any(axis=0)], is_whole

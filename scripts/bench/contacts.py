@@ -26,6 +26,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from rosbridge_sim.world.dynamics import command, drive
 from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
+from rosbridge_sim.world.traffic import drive_lanes
 from rosbridge_sim.world.walking import walk
 
 CAR = Body()
@@ -56,7 +57,9 @@ def streets(num: int) -> World:
 
 
 def without(world: World) -> None:
-    """Step a world, but for the contacts."""
+    """Step a world as `step` does, but for the contacts."""
+    world.signals.advance(world.frame + 1)
+    drive_lanes(world, DT)
     walk(world, DT)
     drive(world, DT)
     world.frame += 1
