@@ -106,7 +106,7 @@ class Profile:
     Attributes:
         wheel_angle_unit: of EgoVehicleStatus.wheel_angle.
         object_size_order: what x, y, z of ObjectStatus.size are.
-        object_limit: how many objects are listed at most, those nearest to the first ego; 0 lists all.
+        object_limit: how many objects are listed at most, those nearest to the ego whose list it is; 0 lists all.
         object_velocity_unit: of ObjectStatus.velocity.
     """
 
