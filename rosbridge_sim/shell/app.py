@@ -222,7 +222,9 @@ def _start_recording(settings: Settings, bus: Bus, node: Node | None, texts: Tex
     bag = open_bag(path)
     store = bus.store if bag.ros == bus.store.ros else Store(texts, leniency=LENIENCY, ros=bag.ros)
     loop = asyncio.get_running_loop()
-    return Recorder(bus, Scribe(bag, store), path, simulator=node, patterns=settings.record_topics, loop=loop)
+    return Recorder(
+        bus, Scribe(bag, store, bus.store), path, simulator=node, patterns=settings.record_topics, loop=loop
+    )
 
 
 def _limits(settings: Settings) -> ServerLimits:

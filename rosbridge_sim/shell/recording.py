@@ -3,7 +3,8 @@
 Unless patterns choose, he listens to what the simulator publishes and to what it listens to itself: its state and its
 commands. That decides itself when somebody advertises or subscribes, so the bus tells of both. Each message gets the
 simulation's time as its stamp. Bytes are those of the bag's ROS generation: the message's own where the server speaks
-the same one, else the value is read once more as the other generation's type.
+the same one, else these in the other's spelling, which rosbags knows. The few types that differ in more than that are
+read once more from their JSON text, as the other generation's.
 
 A disk that is full ends the recording and nothing else: the world goes on, and the log says so.
 """
@@ -13,11 +14,15 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rosbridge_sim.errors import DocumentError, PeerError
 from rosbridge_sim.graph.bus import Bus, Owner, Topic
 from rosbridge_sim.graph.policy import Rule
+from rosbridge_sim.schema.check import Shape
 from rosbridge_sim.schema.compile import MessageType
 from rosbridge_sim.schema.store import Message, Store
 from rosbridge_sim.shell.bags import Bag, Channel
@@ -30,29 +35,55 @@ PERIOD = 1.0
 _log = logging.getLogger("rosbridge_sim.recording")
 
 
+@dataclass(frozen=True, slots=True)
+class _Track:
+    """A topic in a bag.
+
+    Attributes:
+        type: of the bag's generation.
+        channel: the bag's own name for it.
+        recode: a message's bytes at the source -> those in the bag; None where they must be made from its value.
+    """
+
+    type: MessageType
+    channel: Channel
+    recode: Callable[[bytes], bytes] | None
+
+
+def _layout(shape: Shape) -> list[object]:
+    """What decides in which order a type's bytes stand; equal in both generations for nearly all types."""
+    layout: list[object] = []
+    for slot in shape.slots.values():
+        one = slot.field
+        if shape.name == "std_msgs/Header" and one.name == "seq":
+            continue  # ROS 2 has none, and whoever recodes knows it
+        layout += [one.array, one.is_bounded, one.type if slot.shape is None else _layout(slot.shape)]
+    return layout
+
+
 class Scribe:
     """Writes messages of any topics into a bag.
 
     Attributes:
         num_messages: written so far.
         num_bytes: of these messages.
-        ros: the bag's generation.
     """
 
-    def __init__(self, bag: Bag, store: Store) -> None:
+    def __init__(self, bag: Bag, store: Store, source: Store | None = None) -> None:
         """A scribe for a bag whose topics are not known yet.
 
         Args:
             bag: open; the scribe closes it.
             store: of the bag's generation.
+            source: whose messages `write` gets; None where that is the same one.
         """
         assert bag.ros == store.ros
         self.num_messages = 0
         self.num_bytes = 0
-        self.ros = bag.ros
         self._bag = bag
         self._store = store
-        self._channels: dict[str, tuple[MessageType, Channel]] = {}
+        self._source = source or store
+        self._channels: dict[str, _Track] = {}
 
     def add(self, topic: str, type_name: str, *, is_latching: bool = False) -> None:
         """Get ready for a topic.
@@ -66,7 +97,38 @@ class Scribe:
         message_type = self._store.message(type_name)
         message_type.encode_raw(message_type.default())  # a type that cannot be written complains now
         text = self._store.full_text(message_type.name)
-        self._channels[topic] = message_type, self._bag.add(topic, message_type.name, text, latching=is_latching)
+        channel = self._bag.add(topic, message_type.name, text, latching=is_latching)
+        self._channels[topic] = _Track(message_type, channel, self._recoder(message_type))
+
+    def _recoder(self, message_type: MessageType) -> Callable[[bytes], bytes] | None:
+        """What makes the bag's bytes from those of the source; None where that takes more than their order."""
+        if self._source.ros == self._store.ros:
+            return bytes
+        try:
+            other = self._source.message(message_type.name)
+        except PeerError:
+            return None
+        if _layout(other.shape) != _layout(message_type.shape):
+            return None
+        full_name = message_type.name.replace("/", "/msg/")
+        ros2 = self._store if self._store.ros != 1 else self._source  # rosbags goes by the definition of ROS 2
+        types = get_typestore(Stores.EMPTY)
+        types.register(get_types_from_msg(ros2.full_text(message_type.name), full_name))
+        recode = types.cdr_to_ros1 if self._store.ros == 1 else types.ros1_to_cdr
+        return lambda raw: bytes(recode(raw, full_name))
+
+    def write(self, topic: str, message: Message, stamp_ns: int) -> None:
+        """Add a message of the source.
+
+        Raises:
+            PeerError: it cannot be written.
+            DocumentError: the disk does not take it.
+        """
+        recode = self._channels[topic].recode
+        if recode is None:
+            self.write_json(topic, message.json, stamp_ns)
+        else:
+            self._write(topic, recode(message.raw), stamp_ns)
 
     def write_json(self, topic: str, body: bytes, stamp_ns: int) -> None:
         """Add a message that is given as JSON text.
@@ -75,16 +137,11 @@ class Scribe:
             PeerError: it does not fit its type.
             DocumentError: the disk does not take it.
         """
-        message_type, _ = self._channels[topic]
-        self.write_raw(topic, message_type.encode_raw(message_type.decode_json(body, stamp_ns)), stamp_ns)
+        message_type = self._channels[topic].type
+        self._write(topic, message_type.encode_raw(message_type.decode_json(body, stamp_ns)), stamp_ns)
 
-    def write_raw(self, topic: str, raw: bytes, stamp_ns: int) -> None:
-        """Add a message that is given as the bytes of the bag's generation.
-
-        Raises:
-            DocumentError: the disk does not take it.
-        """
-        self._bag.write(self._channels[topic][1], stamp_ns, raw)
+    def _write(self, topic: str, raw: bytes, stamp_ns: int) -> None:
+        self._bag.write(self._channels[topic].channel, stamp_ns, raw)
         self.num_messages += 1
         self.num_bytes += len(raw)
 
@@ -146,7 +203,6 @@ class Recorder:
         self._rule = Rule(patterns) if patterns else None
         self._loop = loop
         self._seen: set[Topic] = set()
-        self._is_raw = bus.store.ros == scribe.ros
         self._given_up: set[Topic] = set()
         self._is_on = True
         self._timer = loop.call_later(PERIOD, self._tick)
@@ -196,10 +252,7 @@ class Recorder:
 
     def _write(self, topic: Topic, message: Message, _sender: Owner, _now: float) -> None:
         stamp_ns = self._bus.stamp_ns
-        if self._is_raw:
-            self._guard(lambda: self.scribe.write_raw(topic.name, message.raw, stamp_ns), topic)
-        else:
-            self._guard(lambda: self.scribe.write_json(topic.name, message.json, stamp_ns), topic)
+        self._guard(lambda: self.scribe.write(topic.name, message, stamp_ns), topic)
 
     def _guard(self, work: Callable[[], None], topic: Topic | None = None) -> bool:
         """Do it, and whether it went well. What goes wrong is nobody's business but the recorder's."""

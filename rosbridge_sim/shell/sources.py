@@ -216,7 +216,7 @@ def _make_parser() -> argparse.ArgumentParser:
         prog="rosbridge-sim serve",
         usage="rosbridge-sim [serve] [flags]",
         description="A rosbridge v2 server that needs no ROS, with a driving world inside that answers like MORAI SIM:"
-        " Drive. Other commands look at any rosbridge: rosbridge-sim topic, service and schema (with --help).",
+        " Drive. Other commands look at any rosbridge: rosbridge-sim topic, service, schema, record, bag (see --help).",
         epilog="Each flag is also an environment variable (--sync-lease is ROSBRIDGE_SIM_SYNC_LEASE) and a key of the"
         " TOML file (sync-lease). A flag beats the environment, the environment beats the file. In the environment,"
         f" folders are separated by {os.pathsep!r}, rates, patterns and origins by ','.",

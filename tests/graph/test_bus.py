@@ -220,6 +220,16 @@ def test_watchers_hear_who_left() -> None:
     assert left == [(somebody, 3.0)]
 
 
+def test_a_topic_is_told_of_when_somebody_begins_to_publish_or_to_listen() -> None:
+    bus = make_bus()
+    told: list[tuple[str, int, int]] = []
+    bus.on_topic.append(lambda topic: told.append((topic.name, len(topic.publishers), len(topic.subscriptions))))
+    one, two = Somebody("/one"), Somebody("/two")
+    bus.advertise(one, "chatter", "std_msgs/String")
+    bus.subscribe(two, "/chatter", two.deliver)
+    assert told == [("/chatter", 1, 0), ("/chatter", 1, 1)]
+
+
 class BusMachine(RuleBasedStateMachine):
     """Three owners do anything in any order."""
 

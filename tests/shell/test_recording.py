@@ -86,6 +86,24 @@ async def test_gateway_without_a_world_records_all_that_is_said(tmp_path: Path, 
     assert [one.data for topic, _, one in read_bag(tmp_path / "a.bag") if topic == "/chatter"] == ["hello"]
 
 
+@pytest.mark.parametrize(("ros", "name"), [(1, "a.mcap"), (2, "a.bag")])
+async def test_types_that_differ_between_the_generations_are_recorded(
+    tmp_path: Path, connect: Connect, ros: Literal[1, 2], name: str
+) -> None:
+    async with Simulator(port=0, world=False, ros=ros, record=tmp_path / name) as sim:
+        client = await connect(sim.url)
+        await client.send("advertise", topic="/camera", type="sensor_msgs/CameraInfo")  # K is k in ROS 2
+        await client.send("publish", topic="/camera", msg={"height": 7, "header": {"frame_id": "c"}})
+        await client.send("advertise", topic="/shape", type="shape_msgs/SolidPrimitive")  # has a polygon in ROS 2
+        await client.send("publish", topic="/shape", msg={"type": 1, "dimensions": [1.0, 2.0, 3.0]})
+        await client.settle()
+    seen = {topic: message for topic, _, message in read_bag(tmp_path / name)}
+    assert (seen["/camera"].height, seen["/camera"].header.frame_id) == (7, "c")
+    if ros == 1:  # the other way the polygon has no place to go, which is told
+        assert (seen["/shape"].type, list(seen["/shape"].dimensions)) == (1, [1.0, 2.0, 3.0])
+    assert ("/shape" in seen) == (ros == 1)
+
+
 async def test_type_that_nobody_knows_is_told_once_and_left_out(
     tmp_path: Path, connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
