@@ -1,0 +1,180 @@
+"""The shortcut reads what the library reads, whichever way the bytes arrive."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.frames import Frame, Opcode
+
+from rosbridge_sim.protocol.flow import BinaryFrame
+from rosbridge_sim.shell import direct
+from rosbridge_sim.shell.direct import DirectSocket
+
+MAX_SIZE = 70_000
+REQUEST = (
+    b"GET / HTTP/1.1\r\nHost: here\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+)
+
+
+def frame(opcode: Opcode, data: bytes, *, fin: bool = True) -> bytes:
+    return Frame(opcode, data, fin).serialize(mask=True)
+
+
+@asynccontextmanager
+async def listening(heard: list[bytes], *, is_direct: bool) -> AsyncIterator[int]:
+    """A server whose connections add what they hear; its port."""
+
+    async def handler(socket: ServerConnection) -> None:
+        if isinstance(socket, DirectSocket):
+            socket.listen(heard.append, lambda: None)
+            await socket.wait_closed()
+        else:
+            while True:
+                heard.append(await socket.recv(decode=False))
+
+    server = await serve(
+        handler,
+        "127.0.0.1",
+        0,
+        create_connection=DirectSocket if is_direct else ServerConnection,
+        max_size=MAX_SIZE,
+        compression=None,
+        close_timeout=1,
+        logger=logging.getLogger("quiet"),
+    )
+    async with server:
+        yield next(iter(server.sockets)).getsockname()[1]
+
+
+async def converse(pieces: list[bytes], *, is_direct: bool) -> tuple[list[bytes], bytes]:
+    """What the server heard, and what it said, when those pieces arrive one by one."""
+    heard: list[bytes] = []
+    async with listening(heard, is_direct=is_direct) as port:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(REQUEST)
+        await reader.readuntil(b"\r\n\r\n")
+        for piece in pieces:
+            writer.write(piece)
+            await writer.drain()
+            await asyncio.sleep(0)
+        writer.write_eof()
+        said = await reader.read()
+        writer.close()
+    return heard, said
+
+
+SIZES = (0, 1, 125, 126, 65_535, 65_536, MAX_SIZE)
+
+CONVERSATIONS = {
+    "sizes": b"".join(frame(Opcode.TEXT, bytes([65 + i]) * n) for i, n in enumerate(SIZES)),
+    "binary": frame(Opcode.BINARY, b"\xff\x00") + frame(Opcode.TEXT, b"x"),
+    "many": b"".join(frame(Opcode.TEXT, b"%d" % i) for i in range(500)),
+    "fragments with a ping between": frame(Opcode.TEXT, b"a", fin=False)
+    + frame(Opcode.PING, b"?")
+    + frame(Opcode.CONT, b"b", fin=False)
+    + frame(Opcode.CONT, b"c")
+    + frame(Opcode.TEXT, b"d"),
+    "a message inside a fragmented one": frame(Opcode.TEXT, b"a", fin=False) + frame(Opcode.TEXT, b"b"),
+    "a continuation of nothing": frame(Opcode.TEXT, b"a") + frame(Opcode.CONT, b"b") + frame(Opcode.TEXT, b"c"),
+    "ping and pong": frame(Opcode.PING, b"1") + frame(Opcode.PONG, b"2") + frame(Opcode.TEXT, b"a"),
+    "close": frame(Opcode.TEXT, b"a") + frame(Opcode.CLOSE, b"\x03\xe8") + frame(Opcode.TEXT, b"b"),
+    "too long": frame(Opcode.TEXT, b"a") + frame(Opcode.TEXT, b"b" * (MAX_SIZE + 1)),
+    "too long in fragments": frame(Opcode.TEXT, b"b" * MAX_SIZE, fin=False) + frame(Opcode.CONT, b"b"),
+    "not masked": frame(Opcode.TEXT, b"a") + b"\x81\x01b" + frame(Opcode.TEXT, b"c"),
+    "unknown opcode": frame(Opcode.TEXT, b"a") + b"\x83\x80\0\0\0\0" + frame(Opcode.TEXT, b"c"),
+    "a bit of an extension": frame(Opcode.TEXT, b"a") + b"\xc1\x80\0\0\0\0" + frame(Opcode.TEXT, b"c"),
+    "ends in the middle": frame(Opcode.TEXT, b"a") + frame(Opcode.TEXT, b"b")[:-1],
+    "a long ping": frame(Opcode.TEXT, b"a") + b"\x89\xfe\x00\x80\0\0\0\0" + bytes(128),
+}
+
+
+@pytest.mark.parametrize("name", CONVERSATIONS)
+async def test_what_is_heard_and_said_is_what_the_library_hears_and_says(name: str) -> None:
+    data = CONVERSATIONS[name]
+    assert await converse([data], is_direct=True) == await converse([data], is_direct=False)
+
+
+@pytest.mark.parametrize("name", [name for name, data in CONVERSATIONS.items() if len(data) < 1000])
+async def test_byte_by_byte_is_the_same_as_at_once(name: str) -> None:
+    data = CONVERSATIONS[name]
+    assert await converse([data[i : i + 1] for i in range(len(data))], is_direct=True) == await converse(
+        [data], is_direct=False
+    )
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    cuts=st.lists(st.integers(0, 6_000), max_size=6).map(sorted),
+    names=st.lists(st.sampled_from(["many", "binary", "ping and pong", "fragments with a ping between"]), max_size=4),
+)
+def test_any_cut_is_the_same_as_none(cuts: list[int], names: list[str]) -> None:
+    data = b"".join(CONVERSATIONS[name] for name in names)
+    pieces = [data[a:b] for a, b in zip([0, *cuts], [*cuts, len(data)], strict=True) if b > a]
+    heard, _ = asyncio.run(converse(pieces, is_direct=True))
+    assert (heard, _) == asyncio.run(converse([data], is_direct=False))
+
+
+@pytest.mark.parametrize("cut", [len(REQUEST) - n for n in range(6)] + [len(REQUEST) + 3])
+async def test_frames_right_behind_the_handshake_are_heard(cut: int) -> None:
+    heard: list[bytes] = []
+    data = REQUEST + frame(Opcode.TEXT, b"early") + frame(Opcode.TEXT, b"bird")
+    async with listening(heard, is_direct=True) as port:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        for piece in (data[:cut], data[cut:]):
+            writer.write(piece)
+            await asyncio.sleep(0.001)
+        writer.write(frame(Opcode.CLOSE, b"\x03\xe8"))
+        await reader.read()
+        writer.close()
+    assert heard == [b"early", b"bird"]
+
+
+async def test_others_have_their_turn_during_a_long_run() -> None:
+    turns: list[int] = []
+    heard: list[bytes] = []
+    async with listening(heard, is_direct=True) as port:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(REQUEST)
+        await reader.readuntil(b"\r\n\r\n")
+        writer.write(frame(Opcode.TEXT, b"x") * 1_000 + frame(Opcode.CLOSE, b"\x03\xe8"))
+        while len(heard) < 1_000:
+            await asyncio.sleep(0)
+            turns.append(len(heard))
+        writer.close()
+    steps = [b - a for a, b in pairwise(turns)]
+    assert max(steps) <= direct.MESSAGES_PER_TURN
+
+
+async def test_what_goes_out_is_what_the_library_would_send() -> None:
+    sent = [b"x" * n for n in SIZES] + [BinaryFrame(b"y" * n) for n in SIZES]
+
+    async def handler(socket: ServerConnection) -> None:
+        assert isinstance(socket, DirectSocket)
+        socket.listen(lambda _: None, lambda: None)
+        for message in sent:
+            socket.send_messages([message])
+        size = socket.send_messages(sent)
+        assert size > sum(map(len, sent))
+        await socket.close()
+
+    async with serve(handler, "127.0.0.1", 0, create_connection=DirectSocket, compression=None) as server:
+        port = next(iter(server.sockets)).getsockname()[1]
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(REQUEST)
+        await reader.readuntil(b"\r\n\r\n")
+        expected = b"".join(
+            Frame(Opcode.BINARY if isinstance(m, BinaryFrame) else Opcode.TEXT, m).serialize(mask=False) for m in sent
+        )
+        assert await reader.readexactly(2 * len(expected)) == 2 * expected
+        writer.write(frame(Opcode.CLOSE, b"\x03\xe8"))
+        await reader.read()
+        writer.close()
