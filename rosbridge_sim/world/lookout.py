@@ -22,7 +22,20 @@ from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.network import COMFORT, Network
 from rosbridge_sim.world.roads import Roads
 
-__all__ = ["ACCEL", "FIRM", "GAP", "HEADWAY", "Drivers", "Entries", "View", "braking_gap", "look", "spot"]
+__all__ = [
+    "ACCEL",
+    "BRAKE_FROM",
+    "BRAKE_FULLY",
+    "FIRM",
+    "GAP",
+    "HEADWAY",
+    "STOP_GAP",
+    "Drivers",
+    "Entries",
+    "View",
+    "look",
+    "spot",
+]
 
 ACCEL: Final = 1.5
 """How a driver picks up speed [m/s^2]."""
@@ -32,6 +45,13 @@ HEADWAY: Final = 1.2
 
 GAP: Final = 2.0
 """The distance that he keeps to him in a standing queue [m]."""
+
+STOP_GAP: Final = 1.0
+"""How far before a stop line people come to a stand [m]."""
+
+BRAKE_FROM: Final = 1.25
+BRAKE_FULLY: Final = 1.75
+"""A stop that takes less than the first is not begun yet; from the second on a driver does what it takes [m/s^2]."""
 
 FIRM: Final = 4.0
 """Nobody brakes harder than this for a light that has just become yellow: he goes through [m/s^2]."""
@@ -54,6 +74,7 @@ class Drivers:
     Attributes:
         lanes: (6, k) int64, where each is and will be; see `World.lane`.
         arc, speed: [m], [m/s].
+        point: int64, row of the point of the roads before each.
         nose, rear, length: how far he reaches before and behind his reference point, and both [m].
         uid: int64.
         claim, held, exit_lane: int64; the lane he may enter, the one he has entered and is not out of, and the one
@@ -63,6 +84,7 @@ class Drivers:
     lanes: IntArray
     arc: FloatArray
     speed: FloatArray
+    point: IntArray
     nose: FloatArray
     rear: FloatArray
     length: FloatArray
@@ -107,6 +129,7 @@ class View:
         lead: which driver that is; -1: another, or none.
         wall: from his bumper to where he must stop, inf without [m].
         pace: how fast he may be here, for the sake of what comes [m/s].
+        is_shut_out: bool, it would be his turn but there is no room behind the lane that he wants.
     """
 
     gap: FloatArray
@@ -114,10 +137,11 @@ class View:
     lead: IntArray
     wall: FloatArray
     pace: FloatArray
+    is_shut_out: BoolArray
 
 
-def braking_gap(speed: FloatArray) -> FloatArray:
-    """How near somebody may come to something that stands before he begins to brake [m]."""
+def _braking_gap(speed: FloatArray) -> FloatArray:
+    """How near somebody may come to one who stands before he brakes as hard as he speeds up [m]."""
     return GAP + HEADWAY * speed + speed * speed / (2.0 * math.sqrt(ACCEL * COMFORT))
 
 
@@ -130,17 +154,33 @@ def spot(
     speed: FloatArray,
     half_length: FloatArray,
     half_width: FloatArray,
-) -> Entries:
-    """Entries for boxes that do not keep to the lanes: middle [m], heading [rad], speed along it, half sizes, (n,)."""
-    who, places = roads.within(x, y, SPREAD + np.hypot(half_length, half_width))
-    turn = yaw[who] - places.yaw
-    cos, sin = np.abs(np.cos(turn)), np.abs(np.sin(turn))
-    half_across = sin * half_length[who] + cos * half_width[who]
-    half_along = cos * half_length[who] + sin * half_width[who]
-    at = np.flatnonzero(np.abs(places.lateral) < SPREAD + half_across)
+    foresight: FloatArray,
+) -> tuple[Entries, IntArray]:
+    """Entries for boxes that do not keep to the lanes, all (n,).
+
+    Args:
+        roads: the lanes.
+        x: middle, east [m].
+        y: the same, north [m].
+        yaw: heading [rad].
+        speed: along it [m/s].
+        half_length: [m].
+        half_width: [m].
+        foresight: whoever will be in the way within so long, if he goes on like that, is taken to be so now [s].
+
+    Returns:
+        The entries, and (m,) int64, whose each is, rising.
+    """
+    who, places = roads.within(x, y, SPREAD + np.hypot(half_length, half_width) + np.abs(speed) * foresight)
+    cos, sin = np.cos(yaw[who] - places.yaw), np.sin(yaw[who] - places.yaw)
+    half_across = np.abs(sin) * half_length[who] + np.abs(cos) * half_width[who]
+    half_along = np.abs(cos) * half_length[who] + np.abs(sin) * half_width[who]
+    then = places.lateral + sin * speed[who] * foresight[who]
+    left, right = np.fmax(places.lateral, then), np.fmin(places.lateral, then)
+    at = np.flatnonzero((right < SPREAD + half_across) & (left > -SPREAD - half_across))
     lane, s = places.lane[at], places.s[at]
-    along = np.maximum(speed[who[at]] * np.cos(turn[at]), 0.0)
-    return Entries(lane, s, s - half_along[at], along, np.full(len(at), -1, dtype=np.int64))
+    along = np.maximum(speed[who[at]] * cos[at], 0.0)
+    return Entries(lane, s, s - half_along[at], along, np.full(len(at), -1, dtype=np.int64)), who[at]
 
 
 def look(network: Network, may_enter: BoolArray, drivers: Drivers, others: Entries, num_moving: int) -> View:
@@ -202,13 +242,16 @@ class _Lookout:
         self.queue = _Queue(self.roads, Entries.join(own, self._shadows(own), others))
         after = self.queue.position[:num] + 1
         lead = np.where(self.queue.lane[after] == lane, after, self.queue.num)
-        point, share = self.roads.locate(lane, drivers.arc)
+        point, pace = drivers.point, network.pace
+        start, end = self.roads.s[point], self.roads.s[point + 1]
+        share = (drivers.arc - start) / (end - start)
         self.view = View(
             gap=self.queue.tail[lead] - drivers.arc - drivers.nose,
             lead_speed=self.queue.speed[lead],
             lead=self.queue.source[lead],
             wall=np.full(num, np.inf),
-            pace=network.pace[point] + share * (network.pace[point + 1] - network.pace[point]),
+            pace=pace[point] + share * (pace[point + 1] - pace[point]),
+            is_shut_out=np.zeros(num, dtype=bool),
         )
         self.wish = np.full(num, -1, dtype=np.int64)
         self.behind = self.wish.copy()
@@ -246,7 +289,7 @@ class _Lookout:
         """See what is on the lanes ahead, as far as it matters at each driver's speed."""
         drivers, view, roads, network = self.drivers, self.view, self.roads, self.network
         self._wish_here()
-        horizon = 1.5 * braking_gap(drivers.speed) + GAP
+        horizon = 1.5 * _braking_gap(drivers.speed) + GAP + drivers.nose
         way = roads.length[drivers.lanes[0]] - drivers.arc
         i = np.arange(len(way))
         for lanes, behind in zip(drivers.lanes[1:], [*drivers.lanes[2:], None], strict=True):
@@ -304,12 +347,16 @@ class _Lookout:
     def give_claims(self, others: Entries, num_moving: int) -> None:
         """Give lanes to those who ask for them, the nearest first, where no rival is taken; the rest must wait."""
         drivers, view, network = self.drivers, self.view, self.network
-        asks = (self.wish >= 0) & (self.way < 1.3 * braking_gap(drivers.speed) + GAP)
+        # In time to find out before he would begin to brake.
+        speed = drivers.speed
+        asks = (self.wish >= 0) & (self.way < speed * (speed / (2.0 * BRAKE_FROM) + HEADWAY) + STOP_GAP + GAP)
         # Who is behind somebody who waits himself would only keep others out.
         is_led = view.gap <= self.way
         asks &= ~is_led | ((view.lead >= 0) & (drivers.claim[view.lead] >= 0))
         at = np.flatnonzero(asks)
-        at = at[self._has_room(at)]
+        has_room = self._has_room(at)
+        view.is_shut_out[at[~has_room]] = True
+        at = at[has_room]
         if len(at):
             wish = self.wish[at]
             taken = self._taken(others, num_moving)

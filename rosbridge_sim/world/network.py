@@ -42,6 +42,13 @@ CLEAR: Final = 2.4
 """Lines nearer than this cannot be driven side by side: two cars of 1.9 m and half a metre between them. Lanes of the
 usual 3 to 3.5 m beside one another are not concerned [m]."""
 
+SWING: Final = 8.0
+"""In a bend of radius R the corners of a bus (overhang 2.6 m, wheelbase 5.4 m) leave its lane by this over R, to the
+outside with its nose and to the inside with its middle; each of two lines is given as much more room [m^2]."""
+
+MAX_CLEAR: Final = 4.5
+"""The most that is kept clear between two lines, however tight they are [m]."""
+
 BRIDGE: Final = 3.0
 """Lanes whose heights differ by more do not meet [m]."""
 
@@ -90,7 +97,8 @@ class Network:
         roads: the map's.
         pace: (n,) for each point of the roads the speed at which one may pass it: the limit, what the bends allow, and
             slow enough to brake for what comes on the same lane [m/s].
-        legs: (n, 9) for each point the straight leg to the next one: `state.LEG_COLUMNS`. A lane's last point has the
+        legs: (n, 8) for each point the straight leg to the next one: arc length at both its ends, the place where it
+            begins, east, north, up [m], and the direction, for each metre in the plane. A lane's last point has the
             leg before it.
         onward: lanes to choose from at the end of each: its successors, without those from which there is no way on
             for ever, if any other is left. (The figures mean nothing.)
@@ -105,10 +113,11 @@ class Network:
 
     def __init__(self, roads: Roads) -> None:
         self.roads = roads
-        self.pace = _pace(roads)
+        curvature = _curvature(roads)
+        self.pace = _pace(roads, curvature)
         self.legs = _legs(roads)
         self.onward = _onward(roads)
-        pairs = _overlaps(roads)
+        pairs = _overlaps(roads, curvature)
         is_sibling = _start_together(roads, pairs.lane, pairs.other)
         num = len(roads)
         self.siblings = _links(num, pairs.lane[is_sibling], pairs.other[is_sibling], pairs.to_s[is_sibling])
@@ -133,19 +142,24 @@ def _links(num: int, lane: IntArray, other: IntArray, figure: FloatArray) -> Lin
 # How fast
 
 
-def _pace(roads: Roads) -> FloatArray:
+def _curvature(roads: Roads) -> FloatArray:
+    """(n,) of the circle through three places of the line: that of the bend, whatever the points' spacing [1/m]."""
     lane = np.repeat(np.arange(len(roads), dtype=np.int64), np.diff(roads.first))
-    limit = np.where(roads.speed_limit > 0.0, roads.speed_limit, NO_LIMIT)[lane]
     if not len(lane):
-        return limit
-    # The circle through three places of the line: its curvature is that of the bend, whatever the points' spacing.
+        return np.zeros(0)
     reach = np.minimum(BEND, 0.5 * roads.length[lane])
     middle = np.clip(roads.s, reach, roads.length[lane] - reach)
     a, b, c = (roads.at(lane, middle + offset)[0][:, :2] for offset in (-reach, 0.0 * reach, reach))
     ab, bc, ac = b - a, c - b, c - a
     area = np.abs(ab[:, 0] * bc[:, 1] - ab[:, 1] * bc[:, 0])
-    sides = np.hypot(*ab.T) * np.hypot(*bc.T) * np.hypot(*ac.T)
-    curvature = 2.0 * area / np.maximum(sides, 1e-9)
+    return np.asarray(2.0 * area / np.maximum(np.hypot(*ab.T) * np.hypot(*bc.T) * np.hypot(*ac.T), 1e-9))
+
+
+def _pace(roads: Roads, curvature: FloatArray) -> FloatArray:
+    lane = np.repeat(np.arange(len(roads), dtype=np.int64), np.diff(roads.first))
+    limit = np.where(roads.speed_limit > 0.0, roads.speed_limit, NO_LIMIT)[lane]
+    if not len(lane):
+        return limit
     bend = np.sqrt(MAX_LATERAL / np.maximum(curvature, 1e-9))
     square = np.square(np.minimum(limit, np.maximum(bend, MIN_PACE)))
     # Slow enough for all that follows on the lane: v^2 + 2 b s never rises backwards. The lanes are set apart on the
@@ -157,7 +171,7 @@ def _pace(roads: Roads) -> FloatArray:
 
 
 def _legs(roads: Roads) -> FloatArray:
-    legs = np.zeros((len(roads.points), 9))
+    legs = np.zeros((len(roads.points), 8))
     if not len(legs):
         return legs
     start = np.arange(len(roads.points))
@@ -167,7 +181,6 @@ def _legs(roads: Roads) -> FloatArray:
     legs[:, 0], legs[:, 1] = roads.s[start], roads.s[start + 1]
     legs[:, 2:5] = roads.points[start]
     legs[:, 5:8] = step / length[:, None]
-    legs[:, 8] = wrap_angle(np.arctan2(step[:, 1], step[:, 0]))
     return legs
 
 
@@ -199,21 +212,25 @@ class _Pairs:
     other_to_s: FloatArray
 
 
-def _overlaps(roads: Roads) -> _Pairs:
+def _overlaps(roads: Roads, curvature: FloatArray) -> _Pairs:
     count = np.maximum(np.ceil(roads.length / SAMPLE).astype(np.int64), 1) + 1
     lane = np.repeat(np.arange(len(roads), dtype=np.int64), count)
     share = ranges(np.zeros_like(count), count) / np.repeat(count - 1, count)
     s = share * roads.length[lane]
     place = roads.at(lane, s)[0] if len(lane) else np.zeros((0, 3))
+    # The greater of the two beside each place: a corner's tip must not be lost between them.
+    point = roads.locate(lane, s)[0] if len(lane) else np.zeros(0, dtype=np.int64)
+    swing = SWING * np.maximum(curvature[point], curvature[point + 1]) if len(lane) else np.zeros(0)
     found = [np.zeros((4, 0))]
     for i, j in _near(place[:, :2]):
         apart = place[i] - place[j]
-        is_near = (np.square(apart[:, :2]).sum(axis=1) < CLEAR**2) & (np.abs(apart[:, 2]) < BRIDGE)
+        clear = np.minimum(CLEAR + swing[i] + swing[j], MAX_CLEAR)
+        is_near = (np.square(apart[:, :2]).sum(axis=1) < clear * clear) & (np.abs(apart[:, 2]) < BRIDGE)
         is_near &= lane[i] != lane[j]
         i, j = i[is_near], j[is_near]  # noqa: PLW2901  # the few that are left of many
         # The end of the one near the start of the other is how lanes follow one another.
-        is_turn = (s[i] > roads.length[lane[i]] - CLEAR) & (s[j] < CLEAR)
-        is_turn |= (s[j] > roads.length[lane[j]] - CLEAR) & (s[i] < CLEAR)
+        is_turn = (s[i] > roads.length[lane[i]] - MAX_CLEAR) & (s[j] < MAX_CLEAR)
+        is_turn |= (s[j] > roads.length[lane[j]] - MAX_CLEAR) & (s[i] < MAX_CLEAR)
         i, j = i[~is_turn], j[~is_turn]  # noqa: PLW2901  # as before
         found += [np.stack((lane[i], lane[j], s[i], s[j])), np.stack((lane[j], lane[i], s[j], s[i]))]
     lanes, others, on_lane, on_other = np.concatenate(found, axis=1)
@@ -229,10 +246,10 @@ def _overlaps(roads: Roads) -> _Pairs:
 
 
 def _near(place: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
-    """Pairs of places that may be nearer than `CLEAR`, each once, a portion at a time."""
+    """Pairs of places that may be nearer than `MAX_CLEAR`, each once, a portion at a time."""
     if not len(place):
         return
-    cell = np.floor((place - place.min(axis=0)) / CLEAR).astype(np.int64) + 1
+    cell = np.floor((place - place.min(axis=0)) / MAX_CLEAR).astype(np.int64) + 1
     rows = int(cell[:, 1].max()) + 3
     key = cell[:, 0] * rows + cell[:, 1]
     order = np.argsort(key, kind="stable")

@@ -1,24 +1,25 @@
 """Vehicles that keep to the lanes: they follow one another, heed limits, lights and whose turn it is, choose a way.
 
-*Where*: a driver is at arc length `arc` of a lane. He moves along the lane's line exactly as walkers move along their
-paths: on straight legs, so that he is on the line to the last bits. The next lanes are chosen five ahead, by his route
-or by chance; chance is a function of the world's seed, his id and how many lanes he has come through, so that nobody's
-way depends on who else is there.
+*Where*: the middle of a car's rear axle is at arc length `arc` of a lane. It moves along the lane's line exactly as
+walkers move along their paths: on straight legs, so that it is on the line to the last bits. The middle of the front
+axle is on the line as well, and that gives the heading. The next lanes are chosen five ahead, by a route or by chance;
+chance is a function of the world's seed, the car's id and how many choices it has made. Whoever has no route and
+stands before a street that is full chooses anew; or streets that fill up in a ring would stand for ever.
 
 *How fast*: the intelligent driver model (Treiber, Hennecke, Helbing 2000), with v the speed, v0 the wish or what the
 `lookout` allows, s the gap and dv the closing speed:
 
     v' = a (1 - (v / v0)^4 - (s* / s)^2)        s* = s0 + v T + v dv / (2 sqrt(a b))
 
-and, from the improved model of the same authors, -b (1 - (v0 / v)^(4 a / b)) in place of the first two terms where v is
-above v0. For what stands still (a stop line, the end of a road) nobody brakes harder than he must.
+Above v0 the first two terms give way to (v0 - v) / `SETTLE`. For what stands still (a stop line, the end of a road) the
+last term does: whoever would have to brake by more than a certain amount from here on brakes by just that amount.
 
 Drivers look and decide ten times a second and keep their acceleration in between, as people do: a decision is worked
 out for all at once and costs ten times as much as moving them. It falls on fixed frames, so no state but the columns
 matters.
 
-Where it stops being true: nobody changes lanes, overtakes or reverses; a driver sees egos and people only where they
-are, not where they will be.
+Where it stops being true: nobody changes lanes, overtakes or reverses; of those who do not keep to the lanes only
+people on foot are seen where they will be, the others where they are.
 """
 
 from __future__ import annotations
@@ -31,33 +32,55 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from rosbridge_sim.world.geometry import FloatArray, IntArray
-from rosbridge_sim.world.lookout import ACCEL, GAP, HEADWAY, Drivers, Entries, View, look, spot
-from rosbridge_sim.world.network import COMFORT, Links, Network
-from rosbridge_sim.world.state import Kind, World
+from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
+from rosbridge_sim.world.lookout import (
+    ACCEL,
+    BRAKE_FROM,
+    BRAKE_FULLY,
+    FIRM,
+    GAP,
+    HEADWAY,
+    STOP_GAP,
+    Drivers,
+    Entries,
+    View,
+    look,
+    spot,
+)
+from rosbridge_sim.world.network import COMFORT, Network
+from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.state import DT, Kind, World
 
 __all__ = ["DECISION", "drive_lanes", "keep_lane"]
 
 DECISION: Final = 5
 """Frames from one decision to the next: 0.1 s."""
 
+_INTERVAL: Final = DECISION * DT
+
 HARD: Final = 8.0
 """As hard as a car can brake [m/s^2]."""
 
-STOP_GAP: Final = 1.0
-"""How far before a stop line people come to a stand [m]."""
+SETTLE: Final = 0.4
+"""How soon a driver who is too fast is not [s]."""
 
 CREEP: Final = 0.1
-"""Slower than this nobody is asked to go: it keeps a quotient finite [m/s]."""
+"""Slower than this is as good as standing [m/s]; it keeps quotients finite, too."""
 
 MOVES: Final = 0.5
 """A vehicle faster than this is on its way through an intersection, not waiting in it [m/s]."""
+
+FORESIGHT: Final = 3.0
+"""Who will have walked onto the road in this time is waited for [s]."""
+
+PATIENCE: Final = 20
+"""Who stands before a full street chooses anew each time so many decisions have gone by: 2 s."""
 
 MAX_TURNS: Final = 8
 """Lanes entered within one step, at most: a map's snippets of a centimetre must not hold up the world."""
 
 _AHEAD: Final = tuple(f"ahead_{i}" for i in range(1, 6))
-_LEGS: Final = ("leg_start", "leg_end", "leg_x", "leg_y", "leg_z", "leg_dx", "leg_dy", "leg_dz", "yaw")
+_LEGS: Final = ("leg_start", "leg_end", "leg_x", "leg_y", "leg_z", "leg_dx", "leg_dy", "leg_dz")
 
 
 def keep_lane(
@@ -102,22 +125,22 @@ def keep_lane(
 
     network = roads.derived(Network)
     s = min(max(s, 0.0), float(roads.length[lane]))
-    points, yaw = roads.at(lane, s)
-    x, y, z = points[0].tolist()
+    x, y, z = roads.at(lane, s)[0][0].tolist()
     uid, speed = int(world.uid[row]), max(float(world.speed[row]), 0.0)
-    world.place(row, x=x, y=y, z=z, yaw=float(yaw[0]), speed=speed)
+    world.place(row, x=x, y=y, z=z, yaw=0.0, speed=speed)
     world.has_lane[row], world.is_loop[row], world.wish[row] = True, is_loop, wish
     world.lane[row], world.arc[row], world.turns[row] = lane, s, 0
     world.claim[row] = world.held[row] = world.exit_lane[row] = -1
+    body = world.bodies[row]
+    world.wheelbase[row] = body.wheelbase or 0.6 * body.length
     if len(route):
         world.routes[uid] = np.array(route, dtype=np.int64)
-    way_ahead = _Way(world, np.array([row]))
-    for i, (before, column) in enumerate(pairwise(("lane", *_AHEAD))):
-        chosen = way_ahead.choose(network.onward, np.array([0]), getattr(world, before)[[row]], np.array([i + 1]))
-        getattr(world, column)[row] = chosen[0]
+    _Way(world, np.array([row])).plan(np.array([0]))
     if s + world.half_length[row] + world.centre[row] > network.hold[lane]:
         world.held[row], world.exit_lane[row] = lane, world.ahead_1[row]
     _set_legs(world, network, np.array([row]))
+    lanes = world.int_block("lane", "ahead_5")[:, [row]]
+    world.yaw[row] = _heading(roads, lanes, world.arc[[row]], world.wheelbase[[row]])[0]
     world.touch()
 
 
@@ -135,8 +158,30 @@ def _set_legs(world: World, network: Network, rows: IntArray) -> None:
     """Find the straight legs that rows are on."""
     point, _ = world.roads.locate(world.lane[rows], world.arc[rows])
     world.point[rows] = point
-    for column, values in zip(_LEGS, network.legs[point].T, strict=True):
-        getattr(world, column)[rows] = values
+    world.block(_LEGS[0], _LEGS[-1])[:, rows] = network.legs[point].T
+
+
+def _heading(roads: Roads, lanes: IntArray, arc: FloatArray, wheelbase: FloatArray) -> FloatArray:
+    """Headings of cars whose rear axles are at `arc` of the first of their lanes, (k,) each, lanes (6, k) [m, rad]."""
+    rear, _ = roads.at(*_onto(roads, lanes, arc))
+    front, yaw = roads.at(*_onto(roads, lanes, arc + wheelbase))
+    step = front - rear
+    # At the end of the last lane there is no line for the front axle.
+    is_short = np.hypot(step[:, 0], step[:, 1]) < 0.5 * wheelbase
+    return np.where(is_short, yaw, np.arctan2(step[:, 1], step[:, 0]))
+
+
+def _onto(roads: Roads, lanes: IntArray, arc: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Lane and arc length of places that may be beyond the end of the first lane."""
+    lane, s = lanes[0].copy(), arc.copy()
+    for following in lanes[1:]:
+        length = roads.length[lane]
+        at = np.flatnonzero((s > length) & (following >= 0))
+        if not len(at):
+            break
+        s[at] -= length[at]
+        lane[at] = following[at]
+    return lane, s
 
 
 class _Traffic:
@@ -159,11 +204,12 @@ class _Traffic:
         half, centre = world.half_length[self.at], world.centre[self.at]
         self.nose, self.rear, self.length = half + centre, half - centre, 2.0 * half
         self.wish = world.wish[self.at].copy()
+        self.wheelbase = world.wheelbase[self.at].copy()
         self.uid = world.uid[self.at].copy()
         self.way = _Way(world, self.rows)
         others = world.alive & ~world.has_lane
         moves = (world.kind == Kind.EGO) | (world.speed != 0.0)
-        self.still = _spot(world, np.flatnonzero(others & ~moves))
+        self.still, _ = _spot(world, np.flatnonzero(others & ~moves))
         self.moving = np.flatnonzero(others & moves)
         self.on_wheels = (world.kind[self.moving] == Kind.EGO) | (world.kind[self.moving] == Kind.VEHICLE)
 
@@ -172,17 +218,34 @@ class _Traffic:
         world, at = self.world, self.at
         ints = world.int_block("lane", "ahead_5")[:, at]
         drivers = Drivers(
-            *(ints, world.arc[at], world.speed[at], self.nose, self.rear, self.length, self.uid),
+            *(ints, world.arc[at], world.speed[at], world.point[at], self.nose, self.rear, self.length, self.uid),
             *(world.claim[at], world.held[at], world.exit_lane[at]),
         )
         # Those who drive through come first: they hold the lanes of an intersection, others are only in the way.
         drives = self.on_wheels & (np.abs(world.speed[self.moving]) > MOVES)
-        through = _spot(world, self.moving[drives])
-        others = Entries.join(through, _spot(world, self.moving[~drives]), self.still)
-        view = look(self.network, world.signals.may_enter, drivers, others, len(through.lane))
-        world.accel[at] = _accelerate(drivers.speed, np.fmin(self.wish, view.pace), view)
+        seen, whose = _spot(world, np.concatenate([self.moving[drives], self.moving[~drives]]))
+        num_driving = int(np.count_nonzero(whose < np.count_nonzero(drives)))
+        view = look(self.network, world.signals.may_enter, drivers, Entries.join(seen, self.still), num_driving)
+        speed, accel = drivers.speed, _accelerate(drivers.speed, np.fmin(self.wish, view.pace), view)
+        world.accel[at] = accel
+        self._steer(ints, speed, accel)
+        turn_away = view.is_shut_out & (speed < CREEP) & ((world.frame // DECISION + self.uid) % PATIENCE == 0)
+        if turn_away.any():
+            self.way.change(np.flatnonzero(turn_away))
         if not isinstance(at, slice):
             world.claim[at], world.held[at], world.exit_lane[at] = drivers.claim, drivers.held, drivers.exit_lane
+
+    def _steer(self, lanes: IntArray, speed: FloatArray, accel: FloatArray) -> None:
+        """Turn so that the heading is right at the next decision, when the car is where this takes it."""
+        world, at = self.world, self.at
+        time = np.where(speed + accel * _INTERVAL < 0.0, speed / np.fmax(-accel, CREEP), _INTERVAL)
+        way = time * (speed + 0.5 * accel * time)
+        moves = np.flatnonzero(way > 0.0)
+        turn = np.zeros(self.num)
+        heading = _heading(self.roads, lanes[:, moves], (world.arc[at] + way)[moves], self.wheelbase[moves])
+        turn[moves] = wrap_angle(heading - world.yaw[at][moves])
+        world.yaw_rate[at] = turn / _INTERVAL
+        world.lateral_accel[at] = world.yaw_rate[at] * speed
 
     def move(self, dt: float) -> None:
         """Slide along the legs; whoever comes to the end of one is given the next."""
@@ -198,6 +261,8 @@ class _Traffic:
         world.x[at] = world.leg_x[at] + way * world.leg_dx[at]
         world.y[at] = world.leg_y[at] + way * world.leg_dy[at]
         world.z[at] = world.leg_z[at] + way * world.leg_dz[at]
+        yaw = world.yaw[at] + world.yaw_rate[at] * dt
+        world.yaw[at] = yaw if np.abs(yaw).max() < math.pi else wrap_angle(yaw)
 
     def _turn(self, which: IntArray) -> None:
         world, rows = self.world, self.rows[which]
@@ -220,9 +285,7 @@ class _Traffic:
         lanes = world.int_block("lane", "ahead_5")
         lanes[:-1, rows] = lanes[1:, rows]
         world.turns[rows] += 1
-        world.ahead_5[rows] = self.way.choose(
-            self.network.onward, which, world.ahead_4[rows], world.turns[rows] + len(_AHEAD)
-        )
+        world.ahead_5[rows] = self.way.choose(which, world.ahead_4[rows], world.turns[rows] + len(_AHEAD))
         lane = world.lane[rows]
         enters = self.network.hold[lane] == 0.0
         world.held[rows[enters]] = lane[enters]
@@ -230,7 +293,7 @@ class _Traffic:
         world.claim[rows[has_come]] = -1
 
 
-def _spot(world: World, rows: IntArray) -> Entries:
+def _spot(world: World, rows: IntArray) -> tuple[Entries, IntArray]:
     cos, sin = np.cos(world.yaw[rows]), np.sin(world.yaw[rows])
     return spot(
         world.roads,
@@ -240,33 +303,32 @@ def _spot(world: World, rows: IntArray) -> Entries:
         speed=world.speed[rows],
         half_length=world.half_length[rows],
         half_width=world.half_width[rows],
+        foresight=np.where(world.kind[rows] == Kind.PEDESTRIAN, FORESIGHT, 0.0),
     )
 
 
 def _accelerate(speed: FloatArray, wish: FloatArray, view: View) -> FloatArray:
     """The driver model; see the head of this file."""
-    wish = np.fmax(wish, CREEP)
-    above = -COMFORT * (1.0 - (wish / np.fmax(speed, wish)) ** (4.0 * ACCEL / COMFORT))
-    below = ACCEL * (1.0 - np.square(np.square(np.fmin(speed / wish, 1.0))))
-    free = np.where(speed > wish, above, below)
-    root = 2.0 * math.sqrt(ACCEL * COMFORT)
-    desired = GAP + np.fmax(speed * (HEADWAY + (speed - view.lead_speed) / root), 0.0)
+    below = ACCEL * (1.0 - np.square(np.square(np.fmin(speed / np.fmax(wish, CREEP), 1.0))))
+    free = np.where(speed < wish, below, np.fmax((wish - speed) / SETTLE, -FIRM))
+    desired = GAP + np.fmax(speed * (HEADWAY + (speed - view.lead_speed) / (2.0 * math.sqrt(ACCEL * COMFORT))), 0.0)
     behind = free - ACCEL * np.square(desired / np.fmax(view.gap, CREEP))
-    stand = GAP + speed * (HEADWAY + speed / root)
-    left = np.fmax(view.wall - STOP_GAP, CREEP)
-    # No harder than a stop at the line takes, and a hair more, so that it is before the line.
-    needed = np.where(view.wall > 0.0, 1.05 * speed * speed / (2.0 * left) + 0.2, HARD)
-    brake = np.fmin(ACCEL * np.square(stand / (left + GAP)), np.fmax(free + needed, 0.0))
-    return np.asarray(np.fmin(np.fmax(np.fmin(behind, free - brake), -HARD), ACCEL))
+    left = view.wall - STOP_GAP
+    needed = np.where(left > 0.0, speed * speed / (2.0 * np.fmax(left, 1e-3)), HARD)
+    share = np.fmin(np.fmax((needed - BRAKE_FROM) / (BRAKE_FULLY - BRAKE_FROM), 0.0), 1.0)
+    before = np.fmin(free, free - share * (free + needed))
+    return np.asarray(np.fmax(np.fmin(behind, before), -HARD))
 
 
 # The way
 
 
 class _Way:
-    """Which lane comes next, for some rows; row `i` of theirs."""
+    """Which lane comes next, for some rows; `which` are positions in these."""
 
     def __init__(self, world: World, rows: IntArray) -> None:
+        self.world, self.rows = world, rows
+        self.onward = world.roads.derived(Network).onward
         routes = [world.routes.get(uid, _NO_ROUTE) for uid in world.uid[rows].tolist()] if world.routes else []
         self.length = np.array([len(route) for route in routes] or [0] * len(rows), dtype=np.int64)
         self.first = np.cumsum(self.length) - self.length
@@ -274,8 +336,22 @@ class _Way:
         self.is_loop = world.is_loop[rows].copy()
         self.salt = _mix(world.uid[rows].astype(np.uint64) + np.uint64(world.seed * 0x632BE59BD9B4E019 % 2**64))
 
-    def choose(self, onward: Links, which: IntArray, lane: IntArray, turn: IntArray) -> IntArray:
-        """The lane after `lane` (k,) for the rows `which` (k,), as their `turn`-th (k,); -1 at a dead end."""
+    def plan(self, which: IntArray) -> None:
+        """Choose the lanes ahead."""
+        world, rows = self.world, self.rows[which]
+        lanes = world.int_block("lane", _AHEAD[-1])
+        for i in range(1, len(lanes)):
+            lanes[i, rows] = self.choose(which, lanes[i - 1, rows], world.turns[rows] + i)
+
+    def change(self, which: IntArray) -> None:
+        """Choose others, where there is no route."""
+        which = which[self.length[which] == 0]
+        self.world.turns[self.rows[which]] += len(_AHEAD) + 1
+        self.plan(which)
+
+    def choose(self, which: IntArray, lane: IntArray, turn: IntArray) -> IntArray:
+        """The lane after `lane` (k,), as the `turn`-th (k,); -1 at a dead end."""
+        onward = self.onward
         count = np.where(lane >= 0, onward.first[lane + 1] - onward.first[lane], 0)
         dice = _mix(self.salt[which] + turn.astype(np.uint64)) % np.maximum(count, 1).astype(np.uint64)
         chosen = np.full(len(which), -1, dtype=np.int64)

@@ -1,0 +1,75 @@
+"""A reference line of straights and arcs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+__all__ = ["Section", "bend", "lay", "straight"]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A piece of the reference line: a straight or an arc, with the pose at its start."""
+
+    length: float  # of the reference line [m]
+    curvature: float  # left positive [1/m]
+    max_speed_kmh: int
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+
+    def at(self, s: float, offset: float = 0.0) -> tuple[float, float]:
+        """The point `s` metres along the reference line and `offset` metres to the left of it."""
+        yaw = self.yaw + self.curvature * s
+        if self.curvature == 0.0:
+            x, y = self.x + s * math.cos(yaw), self.y + s * math.sin(yaw)
+        else:
+            x = self.x + (math.sin(yaw) - math.sin(self.yaw)) / self.curvature
+            y = self.y - (math.cos(yaw) - math.cos(self.yaw)) / self.curvature
+        return x - offset * math.sin(yaw), y + offset * math.cos(yaw)
+
+    def points(self, offset: float, step: float) -> list[tuple[float, float]]:
+        """Its line at `offset`, in equal steps of at most `step` metres, both ends included."""
+        num = max(1, math.ceil(self.length * (1.0 - offset * self.curvature) / step - 1e-9))
+        return [self.at(self.length * i / num, offset) for i in range(num + 1)]
+
+
+def bend(radius: float, degrees: float, max_speed_kmh: int) -> Section:
+    """An arc, left for positive degrees."""
+    turn = math.radians(degrees)
+    return Section(radius * abs(turn), math.copysign(1.0 / radius, turn), max_speed_kmh)
+
+
+def straight(length: float, max_speed_kmh: int) -> Section:
+    """A straight."""
+    return Section(length, 0.0, max_speed_kmh)
+
+
+def lay(way: Sequence[Section], to_west: int, to_south: int) -> list[Section]:
+    """A closed loop, counter-clockwise from (0, 0) to the east.
+
+    Two lengths follow from the loop being closed: those of the straights `to_west` and `to_south`, given as 0.
+    """
+    way = list(way)
+    x, y = _end(way)
+    for i, length in ((to_west, x), (to_south, y)):
+        way[i] = straight(length, way[i].max_speed_kmh)
+    laid: list[Section] = []
+    x, y, yaw = 0.0, 0.0, 0.0
+    for section in way:
+        here = Section(section.length, section.curvature, section.max_speed_kmh, x, y, yaw)
+        (x, y), yaw = here.at(here.length), yaw + here.curvature * here.length
+        laid.append(here)
+    if math.hypot(x, y) > 1e-9 or min(section.length for section in laid) <= 0.0:
+        raise AssertionError("the loop is not closed")
+    return laid
+
+
+def _end(way: Sequence[Section]) -> tuple[float, float]:
+    x, y, yaw = 0.0, 0.0, 0.0
+    for section in way:
+        here = Section(section.length, section.curvature, 0, x, y, yaw)
+        (x, y), yaw = here.at(here.length), yaw + here.curvature * here.length
+    return x, y

@@ -1,0 +1,150 @@
+"""The test track: a closed loop of two lanes, and the scene `demo` on it."""
+
+from __future__ import annotations
+
+import math
+
+from rosbridge_sim.morai.catalogue import find_model
+from scripts.drawing.mgeo import LANE, MapFiles, engine_waypoints, init, json_lines, pose
+from scripts.drawing.section import Section, bend, lay, straight
+
+__all__ = ["demo_scenario", "track", "track_files"]
+
+INNER, OUTER = 0.5 * LANE, -0.5 * LANE  # the two lanes' lines, left of the reference line between them [m]
+STEP = 1.0  # between points of a lane [m]; on the tightest bend the chord leaves the arc by 3 mm
+PATH_STEP = 2.0  # between waypoints in a bend [m]; by 13 mm
+
+
+def track() -> list[Section]:
+    """The loop, 1.19 km. 40 km/h are 3 m/s^2 to the side on a radius of 40 m."""
+    way = [
+        straight(300, 60),  # 0 start
+        bend(60, 90, 40),
+        straight(90, 60),
+        bend(40, 90, 40),
+        straight(60, 60),
+        bend(45, -60, 40),  # 5 the S
+        bend(45, 60, 40),
+        straight(0, 60),  # 7 to the west
+        bend(50, 90, 40),
+        straight(0, 60),  # 9 to the south
+        bend(60, 90, 40),
+    ]
+    return lay(way, to_west=7, to_south=9)
+
+
+def track_files() -> dict[str, bytes]:
+    """The map as MGeo files."""
+    sections = track()
+    files = MapFiles(330000.0, 4120000.0)  # somewhere in zone 52, chosen for its round numbers
+    for lane, offset in enumerate((INNER, OUTER), start=1):
+        for i, section in enumerate(sections):
+            files.node(_node(lane, i), section.at(0.0, offset))
+            other = f"L{3 - lane}_{i:02}"
+            files.link(
+                f"L{lane}_{i:02}",
+                _node(lane, i),
+                _node(lane, (i + 1) % len(sections)),
+                section.points(offset, STEP),
+                section.max_speed_kmh,
+                left_lane_change_dst_link_idx=other if lane == 2 else None,
+                right_lane_change_dst_link_idx=other if lane == 1 else None,
+                road_id=str(i),
+                ego_lane=lane,
+            )
+    return files.files()
+
+
+def _node(lane: int, i: int) -> str:
+    return f"N{lane}_{i:02}"
+
+
+SPEED_KMH = 30  # of all NPCs: on one path and with one speed they never meet
+NPCS = (  # model, metres along the inner lane
+    ("2015_Kia_K5", 75.0),
+    ("Van", 300.0),
+    ("2021_VW_Golf_GTI", 525.0),
+    ("Bus", 760.0),
+    ("2016_Kia_Niro(HEV)", 1010.0),
+)
+WALKS = (  # model, km/h, from, to: beside the start straight, outside and inside of the loop
+    ("Man", 5.0, (60.0, -6.0), (130.0, -6.0)),
+    ("Child", 4.0, (150.0, 6.5), (95.0, 6.5)),
+)
+THINGS = (  # model, x, y, heading: none on a lane, whose edges lie at -3.5 and 3.5
+    ("Traffic_Cone", 90.0, -4.2, 0.0),
+    ("Traffic_Cone", 95.0, -4.2, 0.0),
+    ("Traffic_Cone", 100.0, -4.2, 0.0),
+    ("Barrel", 120.0, -4.6, 0.0),
+    ("Barrel", 122.0, -4.6, 0.0),
+    ("Wooden_Box", 170.0, -5.0, 20.0),
+    ("Cargo_Box", 60.0, 5.0, 90.0),
+    ("Box", 62.0, 4.8, 35.0),
+)
+
+
+def demo_scenario() -> bytes:
+    """The scene: an ego in the outer lane with a free road, traffic in the inner one, people and things beside."""
+    sections = track()
+    ids = iter(range(1, 1000))
+    vehicles = []
+    for model, s in NPCS:
+        (x, y), yaw = _along(sections, s, INNER)
+        vehicles.append(
+            {
+                "UNIQUEID": next(ids),
+                "modelName": model,
+                "initPosition": init(x, y, yaw),
+                "velocityType": 2,
+                "constantVelocity": SPEED_KMH,
+                "isCloseLoop": True,
+                "pathName": "inner lane",
+            }
+        )
+    paths = [{"pathName": "inner lane", "waypointData": list(engine_waypoints(_inner_lane(sections)))}]
+    people = []
+    for model, speed, start, goal in WALKS:
+        uid = next(ids)
+        yaw = math.degrees(math.atan2(goal[1] - start[1], goal[0] - start[0]))
+        who = {"UNIQUEID": uid, "modelName": model, **pose(*start, yaw), "speed": speed, "loop": True}
+        people.append(who)
+        paths.append({"pathName": f"PedPath - {uid}", "waypointData": list(engine_waypoints([start, goal]))})
+    things = []
+    for model, x, y, yaw in THINGS:
+        entry = find_model(model)
+        if entry is None or not entry.data_ids:
+            raise AssertionError(f"{model} has no DataID")
+        things.append({"UNIQUEID": next(ids), "DataID": entry.data_ids[0], **pose(x, y, yaw)})
+    document = {
+        "mapInfo": {"mapName": "track"},
+        "egoVehicle": {
+            "UNIQUEID": -1,
+            "modelName": "2016_Hyundai_Ioniq",
+            "initPosition": init(40.0, OUTER, 0.0),
+            "gear": 4,
+        },
+        "vehicleList": vehicles,
+        "pedestrianList": people,
+        "objectList": things,
+        "waypointDataList": paths,
+    }
+    return json_lines(document)
+
+
+def _along(sections: list[Section], s: float, offset: float) -> tuple[tuple[float, float], float]:
+    """The point `s` metres along a lane, and its heading [deg]."""
+    for section in sections:
+        scale = 1.0 - offset * section.curvature
+        if s <= section.length * scale:
+            yaw = section.yaw + section.curvature * s / scale
+            return section.at(s / scale, offset), math.degrees(math.remainder(yaw, math.tau))
+        s -= section.length * scale
+    raise AssertionError("beyond the lane's end")
+
+
+def _inner_lane(sections: list[Section]) -> list[tuple[float, float]]:
+    line: list[tuple[float, float]] = []
+    for section in sections:
+        step = PATH_STEP if section.curvature else math.inf
+        line += section.points(INNER, step)[:-1]
+    return line

@@ -1,0 +1,650 @@
+"""What drivers do: on a free road, behind others, at lights, where lanes cross and part, with whoever is in the way."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rosbridge_sim.world.dynamics import teleport
+from rosbridge_sim.world.geometry import BoolArray, FloatArray
+from rosbridge_sim.world.lookout import FIRM, GAP, HEADWAY, STOP_GAP, View, look
+from rosbridge_sim.world.network import MAX_LATERAL, Network
+from rosbridge_sim.world.plan import Lamp, Light, Plan
+from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.state import DT, Body, Kind, World
+from rosbridge_sim.world.step import step
+from rosbridge_sim.world.traffic import DECISION, keep_lane
+from tests.world.roadworks import CAR, arc, built_in, car, crossing, ego, line, make, road, signalled
+
+BUS = Body(10.955, 2.49, 3.22, wheelbase=5.4, front_overhang=2.565, rear_overhang=2.99)
+NOSE = CAR.length - CAR.rear_overhang
+
+
+def world_of(roads: Roads, plan: Plan | None = None, seed: int = 0) -> World:
+    world = World(seed)
+    world.lay_roads(roads, plan)
+    return world
+
+
+def run(world: World, seconds: float) -> FloatArray:
+    """Speeds of all rows, (frames, n), while time passes; nobody ever touches anybody."""
+    speeds = []
+    for _ in range(round(seconds / DT)):
+        step(world)
+        assert not len(world.contacts), [world.names[world.row(int(uid))] for uid in world.contacts[0]]
+        speeds.append(world.speed.copy())
+    return np.array(speeds)
+
+
+def to_line(world: World, row: int) -> float:
+    """From the bumper to the end of the lane [m]."""
+    nose = world.half_length[row] + world.centre[row]
+    return float(world.roads.length[world.lane[row]] - world.arc[row] - nose)
+
+
+def lane_of(world: World, row: int) -> str:
+    return str(world.roads.ids[world.lane[row]])
+
+
+# Alone
+
+
+def test_on_a_free_road_the_limit_is_reached_and_kept() -> None:
+    world = world_of(road(limit=15.0))
+    car(world, "a", 10.0)
+    speeds = run(world, 40.0)
+    assert speeds.max() <= 15.0 + 1e-9
+    assert speeds[-1, 0] > 14.5
+    assert np.diff(speeds[:, 0]).max() / DT < 2.0
+
+
+def test_nobody_is_faster_than_he_wishes() -> None:
+    world = world_of(road(limit=30.0))
+    row = car(world, "a", 10.0, speed=12.0, wish=8.0)
+    speeds = run(world, 30.0)
+    assert speeds[-1, row] == pytest.approx(8.0, abs=0.1)
+
+
+def test_the_end_of_the_road_is_the_end() -> None:
+    world = world_of(road(length=200.0))
+    row = car(world, "a", 10.0, speed=15.0)
+    run(world, 60.0)
+    assert world.speed[row] < 0.01
+    assert to_line(world, row) == pytest.approx(STOP_GAP, abs=0.3)
+
+
+def test_who_comes_to_the_end_too_fast_stands_on_it() -> None:
+    world = world_of(road(length=50.0))
+    row = car(world, "a", 44.0, speed=15.0)
+    run(world, 10.0)
+    assert (world.x[row], world.speed[row]) == (pytest.approx(50.0), 0.0)
+
+
+def test_a_lower_limit_is_kept_from_its_first_metre() -> None:
+    roads = make(
+        a=(line((0, 0), (300, 0)), "b", 20.0),
+        b=(line((300, 0), (400, 0)), "c", 8.0),
+        c=(line((400, 0), (900, 0)), "", 20.0),
+    )
+    world = world_of(roads)
+    row = car(world, "a", 10.0, speed=20.0)
+    at = {"a": 0.0, "b": 0.0, "c": 0.0}
+    for _ in range(2000):
+        step(world)
+        at[lane_of(world, row)] = max(at[lane_of(world, row)], float(world.speed[row]))
+    assert at["b"] < 8.0 + 1.0
+    assert at["c"] > 15.0
+
+
+def test_bends_are_taken_at_a_speed_that_people_take() -> None:
+    ring = make(a=(arc(0, 0, 30.0, 0, 180), "b", 30.0), b=(arc(0, 0, 30.0, 180, 180), "a", 30.0))
+    world = world_of(ring)
+    row = car(world, "a", 5.0)
+    run(world, 30.0)
+    assert world.speed[row] == pytest.approx(math.sqrt(MAX_LATERAL * 30.0), rel=0.05)
+    assert world.yaw_rate[row] == pytest.approx(world.speed[row] / 30.0, rel=0.1)
+    assert world.lateral_accel[row] == pytest.approx(MAX_LATERAL, rel=0.15)
+
+
+def test_both_axles_stay_on_the_line() -> None:
+    ring = make(a=(arc(0, 0, 20.0, 0, 180), "b", 10.0), b=(arc(0, 0, 20.0, 180, 180), "a", 10.0))
+    world = world_of(ring)
+    row = car(world, "a", 5.0, body=BUS)
+    for _ in range(1500):
+        step(world)
+        assert -math.pi < world.yaw[row] <= math.pi
+        rear = complex(world.x[row], world.y[row])
+        front = rear + BUS.wheelbase * complex(math.cos(world.yaw[row]), math.sin(world.yaw[row]))
+        assert abs(rear) == pytest.approx(20.0, abs=0.01)
+        assert abs(front) == pytest.approx(20.0, abs=0.06)
+
+
+def test_heights_are_followed() -> None:
+    points = np.array([(0.0, 0.0, 0.0), (100.0, 0.0, 10.0), (200.0, 0.0, 10.0)])
+    world = world_of(make(a=(points, "")))
+    row = car(world, "a", 5.0, speed=10.0)
+    for _ in range(300):
+        step(world)
+        assert world.z[row] == pytest.approx(min(world.x[row] / 10.0, 10.0), abs=1e-9)
+
+
+# Behind others
+
+
+def test_a_slower_one_is_followed_at_a_distance_in_time() -> None:
+    world = world_of(road(length=3000.0, limit=20.0))
+    slow = car(world, "a", 200.0, wish=10.0, speed=10.0)
+    fast = car(world, "a", 20.0, speed=20.0)
+    run(world, 90.0)
+    gap = world.arc[slow] - CAR.rear_overhang - world.arc[fast] - NOSE
+    assert world.speed[fast] == pytest.approx(10.0, abs=0.1)
+    # The model's own distance at half the wish: (s0 + v T) / sqrt(1 - (v / v0)^4).
+    assert gap == pytest.approx((GAP + HEADWAY * 10.0) / math.sqrt(1.0 - 0.5**4), rel=0.05)
+
+
+def test_a_queue_stands_and_moves_off_in_order() -> None:
+    roads, plan = signalled(green=1500)
+    world = world_of(roads, plan)
+    rows = [car(world, "s", 150.0 - 12.0 * i, speed=8.0) for i in range(8)]
+    run(world, 30.0)
+    assert (world.speed[rows] < 0.05).all()
+    gaps = -np.diff(world.arc[rows]) - CAR.length
+    assert gaps == pytest.approx(GAP, abs=0.6)
+    run(world, 10.0)  # 3 s of yellow for the others, then it is theirs
+    assert lane_of(world, rows[0]) != "s"
+    assert (np.diff(world.y[rows]) < 0.0).all()
+
+
+def test_somebody_on_the_lane_after_the_next_is_seen_in_time() -> None:
+    snippets = {f"l{i}": (line((10.0 * i, 0), (10.0 * i + 10.0, 0)), f"l{i + 1}") for i in range(40)}
+    roads = make(**snippets, l40=(line((400, 0), (500, 0)), ""))
+    world = world_of(roads)
+    front = car(world, "l40", 5.0, wish=0.0)
+    back = car(world, "l0", 1.0, speed=15.0)
+    speeds = run(world, 60.0)
+    assert speeds[-1, back] < 0.02
+    assert world.x[front] - CAR.rear_overhang - world.x[back] - NOSE == pytest.approx(GAP, abs=0.3)
+
+
+def test_who_stands_where_lanes_part_is_in_the_way_of_both() -> None:
+    roads = make(
+        a=(line((0, 0), (100, 0)), "b c"),
+        b=(line((100, 0), (300, 0)), ""),
+        c=(line((100, 0), (200, 20)), ""),
+    )
+    world = world_of(roads)
+    car(world, "b", 1.5, wish=0.0)
+    other = car(world, "a", 10.0, speed=10.0, route="a c")
+    run(world, 30.0)
+    assert lane_of(world, other) == "a"
+    assert world.speed[other] < 0.02
+
+
+# Lights
+
+
+def enters(world: World, row: int, seconds: float) -> float | None:
+    """When the bumper is over the line [s]; None: it is not."""
+    lane = world.lane[row]
+    for frame in range(round(seconds / DT)):
+        step(world)
+        if world.lane[row] != lane or to_line(world, row) < 0.0:
+            return frame * DT
+    return None
+
+
+def test_red_is_waited_for_a_metre_before_the_line() -> None:
+    roads, plan = signalled(green=500)
+    world = world_of(roads, plan)
+    row = car(world, "s", 100.0, speed=14.0)
+    run(world, 12.0)
+    assert world.speed[row] < 0.02
+    assert to_line(world, row) == pytest.approx(STOP_GAP, abs=0.2)
+    assert enters(world, row, 20.0) == pytest.approx(1.0 + 1.5, abs=1.0), "green comes a second later"
+
+
+def test_green_is_not_braked_for() -> None:
+    roads, plan = signalled(green=3000)
+    world = world_of(roads, plan)
+    car(world, "w", 50.0, speed=15.0)
+    assert run(world, 12.0).min() > 14.7
+
+
+@pytest.mark.parametrize("distance", [5.0, 15.0, 25.0, 30.0, 40.0, 60.0])
+def test_yellow_is_heeded_by_whoever_can(distance: float) -> None:
+    roads, plan = signalled(green=DECISION, yellow=150)  # yellow from the second decision on, for 3 s
+    world = world_of(roads, plan)
+    row = car(world, "w", 190.0 - NOSE - distance, speed=14.0)
+    when = enters(world, row, 4.0)
+    can_stop = distance - 14.0 * DECISION * DT > 14.0**2 / (2.0 * FIRM)
+    assert (when is None) == can_stop
+    assert when is None or when <= 3.1, "he is over the line while it is yellow"
+    assert world.accel.min() > -FIRM - 1.0
+
+
+def test_an_arrow_is_waited_for() -> None:
+    roads = make(
+        a=(line((0, 0), (100, 0)), "b c"),
+        b=(line((100, 0), (130, 0)), ""),
+        c=(arc(100, 20, 20, -90, 90), ""),
+    )
+    plan = Plan(roads, [Light("x", lamps=Lamp.GREEN | Lamp.LEFT, lanes=(1, 2))], passes=[16, 16, 32])
+    world = world_of(roads, plan)
+    world.signals.force(0, Lamp.GREEN)
+    row = car(world, "a", 50.0, speed=10.0, route="a c")
+    run(world, 15.0)
+    assert lane_of(world, row) == "a"
+    world.signals.force(0, Lamp.RED | Lamp.LEFT)
+    run(world, 5.0)
+    assert lane_of(world, row) == "c"
+
+
+def test_an_unlit_light_stops_nobody() -> None:
+    roads, _ = signalled()
+    world = world_of(roads, Plan(roads, [Light("x", lanes=(1,)), Light("warn", lamps=Lamp.YELLOW, lanes=(4,))]))
+    rows = [car(world, "w", 100.0, speed=10.0), car(world, "s", 20.0, speed=10.0)]
+    run(world, 30.0)
+    assert [lane_of(world, row) for row in rows] == ["e", "n"]
+
+
+# Where lanes cross and join
+
+
+@pytest.mark.parametrize("offset", [0.0, 3.0, 9.0, 20.0])
+def test_two_who_would_meet_take_turns(offset: float) -> None:
+    world = world_of(crossing())
+    rows = [car(world, "w", 60.0, speed=12.0), car(world, "s", 60.0 - offset, speed=12.0)]
+    run(world, 30.0)
+    assert [lane_of(world, row) for row in rows] == ["e", "n"]
+
+
+def test_the_nearer_one_goes_first_and_needs_not_brake() -> None:
+    world = world_of(crossing())
+    near, far = car(world, "w", 100.0, speed=12.0), car(world, "s", 60.0, speed=12.0)
+    speeds = run(world, 20.0)
+    assert speeds[:, near].min() > 11.5
+    assert speeds[:, far].min() < 11.0
+
+
+def test_streams_that_cross_get_through() -> None:
+    world = world_of(crossing())
+    rows = [car(world, lane, 30.0 + 25.0 * i, speed=8.0) for i in range(6) for lane in ("w", "s")]
+    run(world, 60.0)
+    assert [lane_of(world, row) for row in rows] == ["e", "n"] * 6
+
+
+def test_lanes_that_join_are_entered_one_by_one() -> None:
+    roads = make(
+        a=(line((0, 0), (200, 0)), "c"),
+        b=(line((0, -90), (150, -1.5), (200, 0)), "c"),
+        c=(line((200, 0), (900, 0)), ""),
+    )
+    world = world_of(roads)
+    rows = [car(world, lane, 10.0 + 20.0 * i, speed=10.0) for i in range(5) for lane in ("a", "b")]
+    run(world, 60.0)
+    assert {lane_of(world, row) for row in rows} == {"c"}
+
+
+def test_nobody_enters_who_would_have_to_stop_inside() -> None:
+    world = world_of(crossing())
+    blocker = car(world, "e", 4.0, wish=0.0)
+    waiting = car(world, "w", 100.0, speed=10.0)
+    crosses = car(world, "s", 60.0, speed=10.0)
+    run(world, 30.0)
+    assert (lane_of(world, waiting), lane_of(world, crosses)) == ("w", "n")
+    world.remove(int(world.uid[blocker]))
+    run(world, 10.0)
+    assert lane_of(world, waiting) == "e"
+
+
+def test_who_finds_a_street_full_takes_another() -> None:
+    roads = make(
+        a=(line((0, 0), (100, 0)), "b c"),
+        b=(line((100, 0), (120, 0)), "d"),
+        c=(arc(100, 15, 15, -90, 90), "e"),
+        d=(line((120, 0), (220, 0)), ""),
+        e=(line((115, 15), (115, 115)), ""),
+        x=(line((110, -50), (110, 50)), ""),
+    )
+    for seed in range(4):
+        world = world_of(roads, seed=seed)
+        car(world, "d", 3.0, wish=0.0)
+        row = car(world, "a", 50.0, speed=8.0)
+        run(world, 60.0)
+        assert lane_of(world, row) == "e"
+    world = world_of(roads)
+    car(world, "d", 3.0, wish=0.0)
+    row = car(world, "a", 50.0, speed=8.0, route="a b d")
+    run(world, 60.0)
+    assert lane_of(world, row) == "a", "but not if he knows where he wants to go"
+
+
+# Others in the way
+
+
+def test_an_ego_is_followed_and_waited_for() -> None:
+    world = world_of(road())
+    other = ego(world, 100.0, 0.3)
+    row = car(world, "a", 10.0, speed=15.0)
+    run(world, 20.0)
+    assert world.speed[row] < 0.02
+    assert world.x[other] - CAR.rear_overhang - world.x[row] - NOSE == pytest.approx(GAP, abs=0.3)
+
+
+def test_who_is_beside_the_lane_is_not_in_the_way() -> None:
+    world = world_of(road())
+    ego(world, 100.0, 3.5)
+    world.spawn(Kind.OBSTACLE, Body.box(0.4, 0.4, 0.7), name="cone", x=200.0, y=-2.0)
+    row = car(world, "a", 10.0, speed=15.0)
+    assert run(world, 30.0)[:, row].min() > 14.5
+
+
+@pytest.mark.parametrize("kind", [Kind.PEDESTRIAN, Kind.OBSTACLE])
+def test_people_and_things_on_the_road_are_stopped_for(kind: Kind) -> None:
+    world = world_of(road())
+    uid = world.spawn(kind, Body.box(0.5, 0.5, 1.7), name="thing", x=120.0, y=0.8)
+    row = car(world, "a", 10.0, speed=15.0)
+    run(world, 20.0)
+    assert (world.speed[row] < 0.02, world.x[row] < 120.0 - NOSE) == (True, True)
+    world.remove(uid)
+    run(world, 5.0)
+    assert world.speed[row] > 3.0
+
+
+def test_somebody_who_walks_across_is_let_pass() -> None:
+    world = world_of(road())
+    way = np.array([[150.0, -8.0], [150.0, 8.0]])
+    world.spawn(Kind.PEDESTRIAN, Body.box(0.5, 0.5, 1.7), name="man", x=150.0, y=-8.0, path=way, speed=1.2)
+    row = car(world, "a", 80.0, speed=10.0)
+    run(world, 25.0)
+    assert world.x[row] > 200.0
+
+
+def test_an_ego_on_its_way_through_a_crossing_is_not_driven_into() -> None:
+    world = world_of(crossing())
+    ego(world, 0.0, -10.0, yaw=math.pi / 2, speed=3.0)
+    row = car(world, "w", 130.0, speed=10.0)
+    run(world, 15.0)
+    assert lane_of(world, row) == "e"
+
+
+def test_far_away_from_roads_nobody_minds() -> None:
+    world = world_of(road())
+    ego(world, 1e6, 1e6)
+    row = car(world, "a", 10.0, speed=10.0)
+    run(world, 1.0)
+    assert world.speed[row] > 10.0
+
+
+# The way
+
+
+def ring() -> Roads:
+    """A loop with a choice of two ways on half of it."""
+
+    def half(radius: float) -> FloatArray:
+        return np.concatenate([arc(60, radius, radius, -90, 180), line((0, 2 * radius))])
+
+    return make(
+        a=(line((0, 0), (60, 0)), "b c"),
+        b=(half(30.0), "d"),
+        c=(half(40.0), "e"),
+        d=(arc(0, 30, 30, 90, 180), "a"),
+        e=(arc(0, 40, 40, 90, 180), "a"),
+    )
+
+
+def ways(seed: int, others: int = 0) -> str:
+    world = world_of(ring(), seed=seed)
+    row = car(world, "a", 1.0, speed=5.0)
+    for i in range(others):
+        car(world, "d", 5.0 + 15.0 * i)
+    seen = "a"
+    for _ in range(6000):
+        step(world)
+        seen += lane_of(world, row) if lane_of(world, row) != seen[-1] else ""
+    return seen
+
+
+def test_chance_depends_on_the_seed_and_on_nothing_else() -> None:
+    first = ways(0)
+    assert len(first) > 8
+    assert ways(0) == first
+    assert ways(0, others=2).startswith(first[:8])
+    assert len({ways(seed)[:8] for seed in range(6)}) > 1
+    assert {"b", "c"} <= set("".join(ways(seed) for seed in range(3)))
+
+
+def test_a_route_is_kept_and_chance_goes_on_at_its_end() -> None:
+    world = world_of(ring())
+    row = car(world, "a", 1.0, speed=5.0, route="a c e a b d a c")
+    seen = "a"
+    while len(seen) < 9:
+        step(world)
+        seen += lane_of(world, row) if lane_of(world, row) != seen[-1] else ""
+    assert seen[:8] == "acea" + "bdac"
+
+
+def test_a_route_may_begin_again() -> None:
+    world = world_of(ring())
+    row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=5.0))
+    keep_lane(world, row, 0, 1.0, route=[0, 2, 4], is_loop=True)
+    seen = "a"
+    while len(seen) < 10:
+        step(world)
+        seen += lane_of(world, row) if lane_of(world, row) != seen[-1] else ""
+    assert seen == "aceaceacea"
+
+
+@pytest.mark.parametrize(
+    ("figures", "message"),
+    [
+        ({"lane": 5}, "lane: expected 0..4"),
+        ({"lane": -1}, "lane: expected 0..4"),
+        ({"s": math.nan}, "s and wish"),
+        ({"wish": -1.0}, "s and wish"),
+        ({"wish": math.nan}, "s and wish"),
+        ({"route": [1, 3]}, "route: expected to begin with lane 0"),
+        ({"route": [0, 1, 2]}, "lane 2 does not follow lane 1"),
+        ({"route": [0, 99]}, "lane 99 does not follow lane 0"),
+        ({"route": [0, 1], "is_loop": True}, "lane 0 does not follow lane 1"),
+    ],
+)
+def test_what_cannot_be_is_refused_and_changes_nothing(figures: dict[str, Any], message: str) -> None:
+    world = world_of(ring())
+    row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=3.0, y=4.0, speed=5.0))
+    before = world.digest()
+    with pytest.raises(ValueError, match=message):
+        keep_lane(world, row, **({"lane": 0, "s": 1.0} | figures))
+    assert world.digest() == before
+
+
+def test_only_vehicles_keep_to_lanes() -> None:
+    world = world_of(ring())
+    with pytest.raises(ValueError, match="no vehicle"):
+        keep_lane(world, ego(world, 0.0, 0.0), 0, 1.0)
+    empty = World()
+    empty.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0)
+    with pytest.raises(ValueError, match="lane: expected"):
+        keep_lane(empty, 0, 0, 0.0)
+
+
+def test_who_is_put_elsewhere_has_left_the_lanes() -> None:
+    world = world_of(ring())
+    row = car(world, "a", 1.0, speed=5.0, route="a b")
+    run(world, 1.0)
+    teleport(world, row, x=500.0, y=500.0, z=0.0, yaw=0.0, speed=2.0)
+    run(world, 1.0)
+    assert (bool(world.has_lane[row]), world.routes) == (False, {})
+    assert world.x[row] == pytest.approx(502.0)
+
+
+def test_on_other_roads_whoever_kept_to_the_old_ones_stands() -> None:
+    world = world_of(ring())
+    row = car(world, "a", 1.0, speed=5.0)
+    run(world, 1.0)
+    x = float(world.x[row])
+    world.lay_roads(road())
+    run(world, 1.0)
+    assert (float(world.x[row]), float(world.speed[row]), bool(world.has_lane[row])) == (x, 0.0, False)
+    with pytest.raises(ValueError, match="the plan is for"):
+        world.lay_roads(ring(), Plan(road()))
+
+
+def test_a_row_may_be_used_again() -> None:
+    world = world_of(ring())
+    car(world, "a", 30.0)
+    row = car(world, "a", 1.0, route="a b")
+    world.remove(int(world.uid[row]))
+    row = world.row(world.spawn(Kind.VEHICLE, CAR, name="other", x=9.0, y=9.0, speed=1.0))
+    run(world, 1.0)
+    assert (bool(world.has_lane[row]), world.routes) == (False, {})
+    assert world.x[row] == pytest.approx(10.0)
+
+
+def test_snippets_of_lanes_do_not_hold_up_the_world() -> None:
+    snippets = {f"l{i}": (line((0.01 * i, 0), (0.01 * i + 0.01, 0)), f"l{i + 1}") for i in range(200)}
+    world = world_of(make(**snippets, l200=(line((2, 0), (300, 0)), "")))
+    row = car(world, "l0", 0.0, speed=10.0)
+    run(world, 20.0)
+    assert lane_of(world, row) == "l200"
+
+
+# Bits
+
+
+def crowd(seed: int = 0, num: int = 30, *, is_alone: bool = False) -> World:
+    """The town with cars in it and, unless these are alone, an ego that rolls and one who walks."""
+    town = built_in("town")
+    world = world_of(town.roads, town.plan, seed)
+    network = town.roads.derived(Network)
+    free = [lane for lane in range(len(town.roads)) if math.isinf(network.hold[lane])]
+    for i in range(num):
+        lane = free[i * 7 % len(free)]
+        car(world, town.roads.ids[lane], 10.0 + 12.0 * (i % 5), speed=5.0, body=BUS if i % 9 == 0 else CAR)
+    if not is_alone:
+        ego(world, 20.0, -5.25, speed=4.0)
+        world.spawn(Kind.PEDESTRIAN, CAR, name="man", x=9.0, y=9.0, speed=1.0)
+    return world
+
+
+def test_the_same_seed_gives_the_same_bits_with_or_without_a_snapshot_between() -> None:
+    first, second, third = crowd(), crowd(), crowd(seed=5)
+    for frame in range(400):
+        if frame == 173:
+            third.restore(first.snapshot())
+        if frame == 201:
+            second.touch()
+        for world in (first, second, third):
+            step(world)
+        if frame > 173 and frame % 50 == 0:
+            assert first.digest() == second.digest() == third.digest()
+    assert first.digest() == second.digest() == third.digest()
+
+
+def test_other_seeds_and_other_roads_have_another_digest() -> None:
+    world = crowd()
+    assert world.digest() == crowd().digest() != crowd(seed=1).digest()
+    bare = World()
+    before = bare.digest()
+    bare.lay_roads(ring())
+    assert bare.digest() != before
+
+
+def test_gaps_between_the_rows_change_nothing() -> None:
+    plain, holed = world_of(ring()), world_of(ring())
+    for i in range(4):
+        car(plain, "a", 2.0 + 13.0 * i, speed=3.0)
+        holed.spawn(Kind.OBSTACLE, CAR, name="far", x=1e5 + 30.0 * i, y=1e5, uid=100 + i)
+        row = holed.row(holed.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=3.0, uid=i + 1))
+        keep_lane(holed, row, 0, 2.0 + 13.0 * i)
+    run(plain, 30.0)
+    run(holed, 30.0)
+    for uid in range(1, 5):
+        one, other = plain.row(uid), holed.row(uid)
+        for column in ("x", "y", "yaw", "speed", "accel", "lane", "arc"):
+            assert getattr(plain, column)[one] == getattr(holed, column)[other], column
+
+
+ACTIONS = st.one_of(
+    st.tuples(st.just("step"), st.integers(1, 40)),
+    st.tuples(st.just("car"), st.integers(0, 300)),
+    st.tuples(st.just("remove"), st.integers(0, 9)),
+    st.tuples(st.just("teleport"), st.integers(0, 9)),
+    st.tuples(st.just("ego"), st.integers(0, 60)),
+    st.tuples(st.just("force"), st.integers(0, 1)),
+)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(ACTIONS, max_size=20))
+def test_whatever_happens_everybody_is_on_his_lane(actions: list[tuple[str, int]]) -> None:
+    roads, plan = signalled(green=60, yellow=20)
+    world = world_of(roads, plan)
+    for action, value in actions:
+        some = list(world.placed())
+        if action == "step":
+            for _ in range(value):
+                step(world)
+        elif action == "car":
+            car(world, roads.ids[value % 6], float(value % 97), speed=value % 17)
+        elif action == "ego":
+            ego(world, value - 30.0, 0.5, speed=value % 5)
+        elif action == "force":
+            world.signals.force(value, Lamp.GREEN)
+        elif some and action == "remove":
+            world.remove(int(world.uid[some[value % len(some)]]))
+        elif some:
+            teleport(world, some[value % len(some)], x=value, y=value, z=0.0, yaw=value, speed=value)
+    for row in np.flatnonzero(world.has_lane).tolist():
+        points, _ = roads.at(world.lane[row], world.arc[row])
+        assert points[0] == pytest.approx([world.x[row], world.y[row], world.z[row]], abs=1e-6)
+        assert 0.0 <= world.arc[row] <= roads.length[world.lane[row]]
+        assert world.speed[row] >= 0.0
+    assert np.isfinite(world.yaw).all()
+    assert np.isfinite(world.accel).all()
+
+
+# The town
+
+
+def red_runs(world: World, seconds: float) -> int:
+    """How often a bumper comes over a stop line at red; what is yellow is for those who cannot stop."""
+    plan, roads = world.signals.plan, world.roads
+    rows = np.flatnonzero(world.has_lane)
+    nose = world.half_length[rows] + world.centre[rows]
+    num = 0
+    rest = roads.length[world.lane[rows]] - world.arc[rows] - nose
+    for _ in range(round(seconds / DT)):
+        lane, before = world.lane[rows].copy(), rest
+        following = world.ahead_1[rows].copy()
+        step(world)
+        assert not len(world.contacts)
+        rest = roads.length[world.lane[rows]] - world.arc[rows] - nose
+        crosses = (before >= 0.0) & (rest < 0.0) & (lane == world.lane[rows]) & (following >= 0)
+        entered = world.ahead_1[rows[crosses]]
+        light = plan.light_of_lane[entered]
+        shown = world.signals.shown[light]
+        is_red = (light >= 0) & (shown & Lamp.RED != 0) & (shown & plan.pass_of_lane[entered] == 0)
+        num += int(np.count_nonzero(is_red & ~plan.is_warning[light]))
+    return num
+
+
+def test_the_count_of_red_runs_finds_those_who_do_not_look(monkeypatch: pytest.MonkeyPatch) -> None:
+    def blind(network: Network, may_enter: BoolArray, *rest: Any) -> View:  # noqa: ANN401 - as `look` has them
+        return look(network, np.ones_like(may_enter), *rest)
+
+    monkeypatch.setattr("rosbridge_sim.world.traffic.look", blind)
+    assert red_runs(crowd(num=20, is_alone=True), 30.0) > 5
+
+
+@pytest.mark.slow
+def test_nobody_runs_a_red_light_in_ten_minutes() -> None:
+    world = crowd(num=40, is_alone=True)
+    assert red_runs(world, 600.0) == 0
+    assert world.turns.min() >= 10, "and nobody stands for ever"
