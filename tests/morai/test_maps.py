@@ -84,7 +84,7 @@ def test_lights_hang_across_the_crossing_and_look_at_whom_they_serve() -> None:
             ahead = (light.x - start[0]) * math.cos(yaw[0]) + (light.y - start[1]) * math.sin(yaw[0])
             assert 20.0 < ahead < 30.0
             assert math.hypot(light.x - start[0], light.y - start[1]) < 30.0
-            assert math.remainder(light.yaw - yaw[0] - math.pi, math.tau) == pytest.approx(0.0, abs=0.05)
+            assert abs(math.remainder(light.yaw - yaw[0] - math.pi, math.tau)) < math.radians(5.0)
 
 
 def test_a_light_stands_at_every_stop_line() -> None:

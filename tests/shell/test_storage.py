@@ -265,7 +265,7 @@ def test_built_in_map_is_found() -> None:
 
 @pytest.mark.parametrize("name", ["", "..", "nothing", "../maps/track", "/etc"])
 def test_unknown_map_is_told_with_the_known_ones(name: str) -> None:
-    with pytest.raises(DocumentError, match=r"no map .*; known are track"):
+    with pytest.raises(DocumentError, match=r"no map .*; known are loop, town, track"):
         DiskLibrary().map(name)
 
 
