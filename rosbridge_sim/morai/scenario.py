@@ -1,15 +1,9 @@
 """Scenario documents: MORAI's JSON -> what to spawn.
 
-The models below are the documented subset: every key they name is read, and whatever else MORAI writes (physics of
-the moment, traffic generators, editor state) is passed over. Two keys are ours, since a person who writes a scenario
-by hand knows neither MORAI's numbers nor its ids: `modelName`, a name of the catalogue instead of `DataID`, and
-`pathName`, a path by its name instead of by the item's `UNIQUEID`. `schemas/scenario.schema.json` is made from here.
-
-Two frames meet in one file. Positions are ENU metres of the map, headings degrees counter-clockwise from east;
-waypoints are in the axes of MORAI's engine, (x, y, z) = (-east, up, -north). Speeds are km/h throughout.
+What is read of a document is in `scenario_document`; what it means, here. Two frames meet in one file. Positions are
+ENU metres of the map, headings degrees counter-clockwise from east; waypoints are in the axes of MORAI's engine,
+(x, y, z) = (-east, up, -north). Speeds are km/h throughout.
 """
-
-# ruff: noqa: N815  # the document's own spelling
 
 from __future__ import annotations
 
@@ -17,171 +11,70 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Final, TypeVar
+from itertools import pairwise
+from typing import Final
 
 import numpy as np
-from pydantic import Field, TypeAdapter, model_validator
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.catalogue import Model, default_model, find_model, model_of_data_id
-from rosbridge_sim.morai.documents import Coordinate, Document, Flag, Number, Ratio, Whole, read_document
+from rosbridge_sim.morai.scenario_document import (
+    EgoVehicle,
+    EnuPosition,
+    Follower,
+    InitPosition,
+    Item,
+    NpcVehicle,
+    Obstacle,
+    Pedestrian,
+    Rotation,
+    ScenarioDocument,
+    WaypointPath,
+    read_scenario_document,
+)
 from rosbridge_sim.world.geometry import FloatArray, arc_lengths
 from rosbridge_sim.world.paths import MAX_PATH_LENGTH
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import Gear, Kind
 
-__all__ = ["Scenario", "Spawn", "place_on_roads", "read_scenario", "scenario_schema"]
+__all__ = ["Driver", "PhaseStart", "Scenario", "Spawn", "place_on_roads", "read_scenario"]
 
-MAX_BYTES: Final = 1 << 25
-"""32 MiB: a hundred times what MORAI saves for a full scene."""
-
-MAX_ITEMS: Final = 1_000
-"""Vehicles, pedestrians, obstacles: of each, fifty times what one step is made for."""
-
-MAX_PATHS: Final = 3 * MAX_ITEMS
-MAX_WAYPOINTS: Final = 100_000
-MAX_TEXT: Final = 200
 MAX_NOTES: Final = 20
 
 KMH: Final = 1.0 / 3.6
 """One km/h [m/s]."""
 
-T = TypeVar("T")
+MAX_TO_LANE: Final = 2.5
+"""Whoever stands farther than this from a lane's line is not on the lane [m]."""
 
-Text = Annotated[str, Field(max_length=MAX_TEXT)]
-Speed = Annotated[Number, Field(ge=-1_000.0, le=1_000.0)]
-Items = Annotated[list[T], Field(max_length=MAX_ITEMS)]
-
-# -- the document
+MAX_TURN: Final = math.radians(45.0)
+"""Whoever looks farther aside does not drive along it."""
 
 
-class EnuPosition(Document):
-    """A place on the map: metres east, north and up of its origin."""
+@dataclass(frozen=True, slots=True)
+class Driver:
+    """How a vehicle keeps to the lanes.
 
-    x: Coordinate
-    y: Coordinate
-    z: Coordinate = 0.0
+    Attributes:
+        wish: how fast at most, inf for as fast as is allowed [m/s].
+        links: ids of the links of its route; none: chance chooses.
+        lane, s, route: where on which lane it starts [m], and the route's lanes, once `place_on_roads` has found them.
+    """
 
-    @model_validator(mode="before")
-    @classmethod
-    def _from_texts(cls, value: Any) -> Any:  # noqa: ANN401  # whatever stood in the document
-        """MORAI writes each number twice, `x` and the text `_x`: the text serves where the number is missing."""
-        if not isinstance(value, dict):
-            return value
-        texts = {key: value["_" + key] for key in "xyz" if value.get(key) is None and value.get("_" + key) is not None}
-        return {**value, **texts}
-
-
-class Rotation(Document):
-    """A heading."""
-
-    yaw: Annotated[Number, Field(description="degrees counter-clockwise from east")] = 0.0
+    wish: float
+    links: tuple[str, ...] = ()
+    lane: int = -1
+    s: float = 0.0
+    route: tuple[int, ...] = ()
 
 
-class InitPosition(Document):
-    """Where a vehicle starts: at a place, or somewhere along a link of the map."""
+@dataclass(frozen=True, slots=True)
+class PhaseStart:
+    """The phase that an intersection is to be in: its controller's id, the number, and how long it has lasted [s]."""
 
-    initPositionMode: Annotated[Text, Field(description='"Absolute": pos and rot; "Link": initLink')] = "Absolute"
-    pos: EnuPosition | None = None
-    rot: Rotation | None = None
-    initLink: Annotated[Text | None, Field(description="id of a link of the map")] = None
-    initLinkRatio: Annotated[Ratio | None, Field(description="0 at the link's start, 1 at its end")] = None
-
-
-class Item(Document):
-    """What every agent has."""
-
-    UNIQUEID: Annotated[Whole | None, Field(description="its id; without one the next free is taken")] = None
-    DataID: Annotated[Whole | None, Field(description="MORAI's number of the model")] = None
-    modelName: Annotated[Text | None, Field(description="name of the model, beats DataID (ours)")] = None
-
-
-class EgoVehicle(Item):
-    """The car that clients drive. UNIQUEID -1, as MORAI has it, is the first ego: 0 on the wire."""
-
-    initPosition: InitPosition
-    gear: Annotated[Whole | None, Field(description="1 P, 2 R, 3 N, 4 D; otherwise D")] = None
-    currentVelocity: Annotated[Speed | None, Field(description="speed at the start [km/h]")] = None
-
-
-class Follower(Item):
-    """What may follow a path of waypointDataList."""
-
-    isWaypointMode: Annotated[Flag | None, Field(description="false: the path is not followed")] = None
-    pathName: Annotated[
-        Text | None, Field(description="which path; else the one that ends in ' - UNIQUEID' (ours)")
-    ] = None
-
-
-class NpcVehicle(Follower):
-    """A vehicle that keeps its speed: along its path, or straight ahead without one."""
-
-    initPosition: InitPosition
-    velocityType: Annotated[Whole | None, Field(description="1: linkVelocity, 2: constantVelocity")] = None
-    constantVelocity: Annotated[Speed | None, Field(description="[km/h]")] = None
-    linkVelocity: Annotated[Speed | None, Field(description="[km/h]")] = None
-    isCloseLoop: Annotated[Flag | None, Field(description="the path begins again at its end")] = None
-
-
-class Pedestrian(Follower):
-    """Somebody who walks: along the path, else movingDistance straight ahead, else straight ahead for ever."""
-
-    pos: EnuPosition
-    rot: Rotation | None = None
-    speed: Annotated[Speed | None, Field(description="[km/h]")] = None
-    loop: Annotated[Flag | None, Field(description="begins again at the end of the way, or walks back")] = None
-    movingDistance: Annotated[Coordinate | None, Field(description="[m]")] = None
-
-
-class Obstacle(Follower):
-    """A thing that stands, or moves along its path."""
-
-    pos: EnuPosition
-    rot: Rotation | None = None
-    moveSpeed: Annotated[Speed | None, Field(description="[km/h]")] = None
-
-
-class EnginePosition(Document):
-    """A waypoint's place in the engine's axes: x west, y up, z south [m]."""
-
-    x: Coordinate
-    y: Coordinate = 0.0
-    z: Coordinate
-
-
-class Waypoint(Document):
-    """A point of a path."""
-
-    pos: EnginePosition
-
-
-class WaypointPath(Document):
-    """A path."""
-
-    pathName: Annotated[Text, Field(description='any name; "... - 7" is the path of the item with UNIQUEID 7')]
-    waypointData: Annotated[list[Waypoint], Field(max_length=MAX_WAYPOINTS)]
-
-
-class MapInfo(Document):
-    """The map that the scenario is made for."""
-
-    mapName: Text | None = None
-
-
-class ScenarioDocument(Document):
-    """A scenario: the part of MORAI's scenario files that rosbridge_sim reads. Other keys are passed over."""
-
-    mapInfo: MapInfo | None = None
-    egoVehicle: EgoVehicle | None = None
-    vehicleList: Items[NpcVehicle] | None = None
-    pedestrianList: Items[Pedestrian] | None = None
-    objectList: Items[Obstacle] | None = None
-    waypointDataList: Annotated[list[WaypointPath], Field(max_length=MAX_PATHS)] | None = None
-
-
-_DOCUMENT: Final = TypeAdapter(ScenarioDocument)
-
-# -- what it means
+    controller: str
+    phase: int
+    elapsed: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -195,8 +88,9 @@ class Spawn:
         yaw: (-pi, pi] [rad].
         speed: along the heading or the path; never negative on a path [m/s].
         path: (m, 3) waypoints, map frame, two different ones at least [m]; None: straight ahead.
-        is_loop: the path is closed.
+        is_loop: the path is closed, or the driver's route.
         gear: of an ego.
+        driver: of a vehicle that keeps to the lanes.
         link: id of the link that it starts on, until `place_on_roads`; then None.
         link_ratio: how far along that link, 0..1.
         is_placed: x, y and z are good.
@@ -215,6 +109,7 @@ class Spawn:
     path: FloatArray | None = None
     is_loop: bool = False
     gear: Gear = Gear.DRIVE
+    driver: Driver | None = None
     link: str | None = None
     link_ratio: float = 0.0
     is_placed: bool = True
@@ -229,6 +124,7 @@ class Scenario:
         name: of the file, without `.json`.
         map_name: the map it is made for, if it says so.
         egos, vehicles, pedestrians, obstacles: what to spawn. No two have one `uid`.
+        phases: what intersections are to be in.
         notes: what was read otherwise than written: a line each, for the log.
     """
 
@@ -238,6 +134,7 @@ class Scenario:
     vehicles: tuple[Spawn, ...] = ()
     pedestrians: tuple[Spawn, ...] = ()
     obstacles: tuple[Spawn, ...] = ()
+    phases: tuple[PhaseStart, ...] = ()
     notes: tuple[str, ...] = ()
 
 
@@ -253,7 +150,7 @@ def read_scenario(text: bytes, source: str) -> Scenario:
     Raises:
         DocumentError: one line: where, what was expected, what came.
     """
-    document = read_document(_DOCUMENT, text, source, MAX_BYTES)
+    document = read_scenario_document(text, source)
     if not document.model_fields_set:
         expected = ", ".join(ScenarioDocument.model_fields)
         raise DocumentError(f"{source}: expected a scenario, with some of {expected}")
@@ -282,41 +179,62 @@ def place_on_roads(scenario: Scenario, roads: Roads) -> Scenario:
                 ) from None
             _note(notes, f"{spawn.where}: the map has no link {spawn.link!r}; placed by its position instead")
             return replace(spawn, link=None)
-        points, yaw = roads.at(lane, spawn.link_ratio * roads.length[lane])
+        s = spawn.link_ratio * float(roads.length[lane])
+        points, yaw = roads.at(lane, s)
         x, y, z = points[0].tolist()
-        return replace(spawn, x=x, y=y, z=z, yaw=float(yaw[0]), link=None, is_placed=True)
+        driver = spawn.driver and replace(spawn.driver, lane=lane, s=s)
+        return replace(spawn, x=x, y=y, z=z, yaw=float(yaw[0]), driver=driver, link=None, is_placed=True)
+
+    def take_lane(spawn: Spawn) -> Spawn:
+        driver = spawn.driver
+        if driver is None:
+            return spawn
+        if driver.lane < 0:
+            driver = _find_lane(spawn, driver, roads)
+        if driver is None:
+            _note(notes, f"{spawn.where}: no lane leads there; it goes straight ahead")
+            return replace(spawn, driver=None)
+        where = f"{scenario.name}: {spawn.where}.route"
+        route = _route(driver, roads, where, is_loop=spawn.is_loop)
+        return replace(spawn, speed=max(spawn.speed, 0.0), driver=replace(driver, route=route))
 
     return replace(
         scenario,
         egos=tuple(map(place, scenario.egos)),
-        vehicles=tuple(map(place, scenario.vehicles)),
+        vehicles=tuple(take_lane(place(spawn)) for spawn in scenario.vehicles),
         notes=tuple(notes),
     )
 
 
-def scenario_schema() -> dict[str, Any]:
-    """The documented subset as a JSON Schema (draft 2020-12)."""
-    schema = _without_noise(_DOCUMENT.json_schema())
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Scenario", **schema}
+def _find_lane(spawn: Spawn, driver: Driver, roads: Roads) -> Driver | None:
+    """The driver on the lane that the vehicle stands on; None where it stands on none."""
+    place = roads.nearest(spawn.x, spawn.y, spawn.yaw)
+    turn = abs(math.remainder(float(place.yaw[0]) - spawn.yaw, math.tau))
+    if not (place.lane[0] >= 0 and place.distance[0] <= MAX_TO_LANE and turn <= MAX_TURN):
+        return None
+    return replace(driver, lane=int(place.lane[0]), s=float(place.s[0]))
 
 
-def _without_noise(schema: Any) -> Any:  # noqa: ANN401  # a JSON value
-    """A schema without pydantic's made-up titles and with one `type` where it writes "this or null" at length."""
-    if isinstance(schema, list):
-        return [_without_noise(item) for item in schema]
-    if not isinstance(schema, dict):
-        return schema
-    plain = {
-        key: _without_noise(value)
-        for key, value in schema.items()
-        if not (key == "title" and isinstance(value, str)) and not (key == "default" and value is None)
-    }
-    match plain.get("anyOf"):
-        case [{"type": str() | list() as kind, **rest}, {"type": "null"}]:
-            del plain["anyOf"]
-            kinds = [kind] if isinstance(kind, str) else kind
-            return {"type": [*kinds, "null"], **rest, **plain}
-    return plain
+def _route(driver: Driver, roads: Roads, where: str, *, is_loop: bool) -> tuple[int, ...]:
+    """The lanes of a driver's route.
+
+    Raises:
+        DocumentError: a link that the map lacks, or that does not follow the one before it.
+    """
+    rows = []
+    for i, link in enumerate(driver.links):
+        try:
+            rows.append(roads.row(link))
+        except KeyError:
+            raise DocumentError(f"{where}[{i}]: the map has no link {link!r}") from None
+    if rows and rows[0] != driver.lane:
+        raise DocumentError(
+            f"{where}[0]: expected {roads.ids[driver.lane]!r}, where it starts, got {driver.links[0]!r}"
+        )
+    for i, (here, there) in enumerate(pairwise([*rows, *rows[:1]] if is_loop else rows)):
+        if there not in roads.successors(here):
+            raise DocumentError(f"{where}[{i}]: {roads.ids[there]!r} does not follow {roads.ids[here]!r}")
+    return tuple(rows)
 
 
 class _Reader:
@@ -338,7 +256,8 @@ class _Reader:
         obstacles = tuple(self._obstacle(f"objectList[{i}]", o) for i, o in enumerate(document.objectList or ()))
         name = re.split(r"[\\/]", self._source)[-1].removesuffix(".json")
         map_name = (document.mapInfo.mapName or None) if document.mapInfo else None
-        return Scenario(name, map_name, egos, vehicles, people, obstacles, tuple(self._notes))
+        phases = tuple(PhaseStart(entry.index, entry.state, entry.deltaTime or 0.0) for entry in document.tlList or ())
+        return Scenario(name, map_name, egos, vehicles, people, obstacles, phases, tuple(self._notes))
 
     def _ego(self, item: EgoVehicle) -> Spawn:
         where = "egoVehicle"
@@ -354,7 +273,14 @@ class _Reader:
         if item.velocityType == 1:
             first, second = second, first
         speed_kmh = first if first is not None else second
-        return self._follow(where, item, spawn, speed_kmh, is_loop=item.isCloseLoop)
+        spawn = self._follow(where, item, spawn, speed_kmh, is_loop=item.isCloseLoop)
+        if spawn.path is not None or (spawn.link is None and item.isWaypointMode is not False):
+            return spawn
+        # Its speed by link, or no word of one: as fast as is allowed.
+        is_free = item.velocityType == 1 or speed_kmh is None
+        now_kmh = speed_kmh if item.currentVelocity is None else item.currentVelocity
+        driver = Driver(math.inf if is_free else max(spawn.speed, 0.0), tuple(item.route or ()))
+        return replace(spawn, speed=(now_kmh or 0.0) * KMH, is_loop=bool(item.isCloseLoop), driver=driver)
 
     def _pedestrian(self, where: str, item: Pedestrian) -> Spawn:
         spawn = self._on_foot(where, Kind.PEDESTRIAN, item, item.pos, item.rot)

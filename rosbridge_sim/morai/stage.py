@@ -1,7 +1,8 @@
 """Who is on the stage and on which map: how a scenario gets into the world, and how single objects do.
 
 A load is prepared first (map, links, options: all that can go wrong in a document) and carried out later, at once and
-wholly: whoever finds it refused finds the world as it was. Frames go on counting.
+wholly: whoever finds it refused finds the world as it was. Frames go on counting, and so do the traffic lights unless
+the scenario says where in their cycles they are or comes with another map.
 
 Ids never repeat. A scenario's own ids (`UNIQUEID`) are kept where nobody can have had them before; the second load of
 the same file gets new ones. The first ego is 0 always: a new car under the old name.
@@ -11,15 +12,16 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, Protocol
 
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.morai.catalogue import DEFAULT_EGO, Model
 from rosbridge_sim.morai.commands import Pose
 from rosbridge_sim.morai.mgeo import RoadMap
-from rosbridge_sim.morai.scenario import Scenario, Spawn, place_on_roads
-from rosbridge_sim.world.state import Body, Gear, Kind, World
+from rosbridge_sim.morai.scenario import PhaseStart, Scenario, Spawn, place_on_roads
+from rosbridge_sim.world.state import DT, Body, Gear, Kind, World
+from rosbridge_sim.world.traffic import keep_lane
 
 __all__ = [
     "DEFAULT_MAP",
@@ -98,16 +100,18 @@ class Load:
         name: of the scenario.
         egos, others: what will be spawned.
         is_clearing: everybody else goes first.
-        map_name: what the map was asked for as; None where it stays.
-        road_map: the new map, or None.
+        map_name: what the map was asked for as.
+        road_map: the map that it is prepared for.
+        phases: what its intersections are to be in; each is there and has that phase.
     """
 
     name: str
     egos: tuple[Spawn, ...]
     others: tuple[Spawn, ...]
     is_clearing: bool
-    map_name: str | None = None
-    road_map: RoadMap | None = None
+    map_name: str
+    road_map: RoadMap
+    phases: tuple[PhaseStart, ...] = ()
 
 
 class Stage:
@@ -135,10 +139,9 @@ class Stage:
         self._next_uid = FIRST_UID
         self._map_name = scenario.map_name or DEFAULT_MAP
         self.road_map = self._find_map(self._map_name)
-        opening = self.prepare(scenario, WHOLE)
-        self._opening = replace(opening, map_name=self._map_name, road_map=self.road_map)
+        self._opening = self.prepare(scenario, WHOLE)
         self._ego_gear = ego_gear
-        if not opening.egos:
+        if not self._opening.egos:
             _log.info("scenario %s has no ego: one stands at the origin", scenario.name)
         self._open()
 
@@ -165,10 +168,10 @@ class Stage:
         Raises:
             DocumentError: the scenario does not fit its map.
         """
-        map_name, road_map = None, None
-        if scenario.map_name is not None and scenario.map_name != self._map_name:
+        map_name, road_map = self._map_name, self.road_map
+        if scenario.map_name is not None and scenario.map_name != map_name:
             map_name, road_map = scenario.map_name, self._find_map(scenario.map_name)
-        placed = place_on_roads(scenario, (road_map or self.road_map).roads)
+        placed = place_on_roads(scenario, road_map.roads)
         for note in placed.notes:
             _log.info("scenario %s: %s", placed.name, note)
         others: tuple[Spawn, ...] = ()
@@ -180,7 +183,8 @@ class Stage:
             if is_wanted:
                 others += spawns
         egos = placed.egos[:1] if options.ego else ()
-        return Load(scenario.name, egos, others, options.delete_all, map_name, road_map)
+        phases = _known_phases(placed, road_map)
+        return Load(scenario.name, egos, others, options.delete_all, map_name, road_map, phases)
 
     def carry_out(self, load: Load, *, ego_gear: Gear | None = None) -> None:
         """Do what was prepared: wholly or not at all.
@@ -203,8 +207,7 @@ class Stage:
             world.restore(before)
             raise DocumentError(f"{load.name}: {error}") from error
         self._next_uid = next_uid
-        if load.road_map is not None and load.map_name is not None:
-            self.road_map, self._map_name = load.road_map, load.map_name
+        self.road_map, self._map_name = load.road_map, load.map_name
         _log.info("scenario %s: %d egos, %d others loaded", load.name, len(load.egos), len(load.others))
 
     def add(self, model: Model, *, x: float, y: float, z: float, yaw: float) -> int:
@@ -278,12 +281,15 @@ class Stage:
 
     def _find_map(self, name: str) -> RoadMap:
         try:
-            return self._library.map(name)
+            road_map = self._library.map(name)
         except DocumentError as error:
             if name == DEFAULT_MAP:
                 raise
             _log.warning("%s; the built-in map %s serves in its place", error, DEFAULT_MAP)
-            return self._library.map(DEFAULT_MAP)
+            road_map = self._library.map(DEFAULT_MAP)
+        for note in road_map.notes:
+            _log.info("map %s: %s", road_map.name, note)
+        return road_map
 
     def _populate(self, load: Load, ego_gear: Gear | None) -> int:
         """Remove and spawn; return the next id.
@@ -298,12 +304,40 @@ class Stage:
             is_ego = world.kind[world.row(uid)] == Kind.EGO
             if (uid == FIRST_EGO and load.egos) if is_ego else load.is_clearing:
                 world.remove(uid)
+        roads = load.road_map.roads
+        if world.roads is not roads:
+            world.lay_roads(roads, load.road_map.plan)
+        for start in load.phases:
+            _set_phase(world, start)
         for ego in load.egos:
             _spawn(world, ego, FIRST_EGO, ego_gear or ego.gear)
         uids, next_uid = _choose_uids(load.others, self._next_uid)
         for spawn, uid in zip(load.others, uids, strict=True):
             _spawn(world, spawn, uid, spawn.gear)
         return next_uid
+
+
+def _known_phases(scenario: Scenario, road_map: RoadMap) -> tuple[PhaseStart, ...]:
+    """Those of a scenario's phases that the map's intersections have; the log is told of the others."""
+    num_phases = {
+        controller.name: len(controller.phases) for controller in (road_map.plan.controllers if road_map.plan else ())
+    }
+    known = []
+    for start in scenario.phases:
+        if 0 <= start.phase < num_phases.get(start.controller, 0):
+            known.append(start)
+        else:
+            _log.info("scenario %s: no intersection %r has a phase %d", scenario.name, start.controller, start.phase)
+    return tuple(known)
+
+
+def _set_phase(world: World, start: PhaseStart) -> None:
+    """Put an intersection into a phase; one that would be over by then is at its end."""
+    signals = world.signals
+    names = [controller.name for controller in signals.plan.controllers]
+    controller = names.index(start.controller)
+    last = signals.phase_length(controller, start.phase) - 1
+    signals.set_phase(controller, start.phase, min(round(start.elapsed / DT), last))
 
 
 def _choose_uids(spawns: Sequence[Spawn], first: int) -> tuple[list[int], int]:
@@ -333,3 +367,14 @@ def _spawn(world: World, spawn: Spawn, uid: int, gear: Gear) -> None:
         is_loop=spawn.is_loop,
         gear=gear,
     )
+    driver = spawn.driver
+    if driver is not None:
+        keep_lane(
+            world,
+            world.row(uid),
+            driver.lane,
+            driver.s,
+            wish=driver.wish,
+            route=driver.route,
+            is_loop=spawn.is_loop and len(driver.route) > 0,
+        )

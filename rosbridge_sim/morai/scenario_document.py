@@ -1,0 +1,230 @@
+"""The shape of scenario documents: the part of MORAI's scenario JSON that is read, key by key.
+
+Every key that these models name is read, and whatever else MORAI writes (physics of the moment, traffic generators,
+editor state) is passed over. Three keys are ours, since a person who writes a scenario by hand knows neither MORAI's
+numbers nor its ids: `modelName`, a name of the catalogue instead of `DataID`; `pathName`, a path by its name instead of
+by the item's `UNIQUEID`; `route`, the links that a vehicle follows. `schemas/scenario.schema.json` is made from here.
+"""
+
+# ruff: noqa: N815  # the document's own spelling
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Final, TypeVar
+
+from pydantic import Field, TypeAdapter, model_validator
+
+from rosbridge_sim.morai.documents import Coordinate, Document, Flag, Number, Ratio, Whole, read_document
+
+__all__ = [
+    "EgoVehicle",
+    "EnuPosition",
+    "Follower",
+    "InitPosition",
+    "Item",
+    "NpcVehicle",
+    "Obstacle",
+    "Pedestrian",
+    "Rotation",
+    "ScenarioDocument",
+    "WaypointPath",
+    "read_scenario_document",
+    "scenario_schema",
+]
+
+MAX_BYTES: Final = 1 << 25
+"""32 MiB: a hundred times what MORAI saves for a full scene."""
+
+MAX_ITEMS: Final = 1_000
+"""Vehicles, pedestrians, obstacles: of each, fifty times what one step is made for."""
+
+MAX_PATHS: Final = 3 * MAX_ITEMS
+MAX_WAYPOINTS: Final = 100_000
+MAX_TEXT: Final = 200
+
+T = TypeVar("T")
+
+Text = Annotated[str, Field(max_length=MAX_TEXT)]
+Speed = Annotated[Number, Field(ge=-1_000.0, le=1_000.0)]
+Items = Annotated[list[T], Field(max_length=MAX_ITEMS)]
+
+
+class EnuPosition(Document):
+    """A place on the map: metres east, north and up of its origin."""
+
+    x: Coordinate
+    y: Coordinate
+    z: Coordinate = 0.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_texts(cls, value: Any) -> Any:  # noqa: ANN401  # whatever stood in the document
+        """MORAI writes each number twice, `x` and the text `_x`: the text serves where the number is missing."""
+        if not isinstance(value, dict):
+            return value
+        texts = {key: value["_" + key] for key in "xyz" if value.get(key) is None and value.get("_" + key) is not None}
+        return {**value, **texts}
+
+
+class Rotation(Document):
+    """A heading."""
+
+    yaw: Annotated[Number, Field(description="degrees counter-clockwise from east")] = 0.0
+
+
+class InitPosition(Document):
+    """Where a vehicle starts: at a place, or somewhere along a link of the map."""
+
+    initPositionMode: Annotated[Text, Field(description='"Absolute": pos and rot; "Link": initLink')] = "Absolute"
+    pos: EnuPosition | None = None
+    rot: Rotation | None = None
+    initLink: Annotated[Text | None, Field(description="id of a link of the map")] = None
+    initLinkRatio: Annotated[Ratio | None, Field(description="0 at the link's start, 1 at its end")] = None
+
+
+class Item(Document):
+    """What every agent has."""
+
+    UNIQUEID: Annotated[Whole | None, Field(description="its id; without one the next free is taken")] = None
+    DataID: Annotated[Whole | None, Field(description="MORAI's number of the model")] = None
+    modelName: Annotated[Text | None, Field(description="name of the model, beats DataID (ours)")] = None
+
+
+class EgoVehicle(Item):
+    """The car that clients drive. UNIQUEID -1, as MORAI has it, is the first ego: 0 on the wire."""
+
+    initPosition: InitPosition
+    gear: Annotated[Whole | None, Field(description="1 P, 2 R, 3 N, 4 D; otherwise D")] = None
+    currentVelocity: Annotated[Speed | None, Field(description="speed at the start [km/h]")] = None
+
+
+class Follower(Item):
+    """What may follow a path of waypointDataList."""
+
+    isWaypointMode: Annotated[Flag | None, Field(description="false: the path is not followed")] = None
+    pathName: Annotated[
+        Text | None, Field(description="which path; else the one that ends in ' - UNIQUEID' (ours)")
+    ] = None
+
+
+class NpcVehicle(Follower):
+    """A vehicle: along its path at a constant speed; else along the lanes as a driver would; else straight ahead.
+
+    It keeps to the lanes if it starts on a link, or if `isWaypointMode` is false and it stands on a lane.
+    """
+
+    initPosition: InitPosition
+    velocityType: Annotated[
+        Whole | None,
+        Field(description="1: linkVelocity, on lanes as fast as is allowed; 2: constantVelocity, on lanes at most"),
+    ] = None
+    constantVelocity: Annotated[Speed | None, Field(description="[km/h]")] = None
+    linkVelocity: Annotated[Speed | None, Field(description="[km/h]")] = None
+    currentVelocity: Annotated[Speed | None, Field(description="speed at the start, on lanes [km/h]")] = None
+    isCloseLoop: Annotated[Flag | None, Field(description="the path or route begins again at its end")] = None
+    route: Annotated[
+        list[Text] | None,
+        Field(max_length=MAX_WAYPOINTS, description="ids of links, from the one it starts on (ours); then by chance"),
+    ] = None
+
+
+class Pedestrian(Follower):
+    """Somebody who walks: along the path, else movingDistance straight ahead, else straight ahead for ever."""
+
+    pos: EnuPosition
+    rot: Rotation | None = None
+    speed: Annotated[Speed | None, Field(description="[km/h]")] = None
+    loop: Annotated[Flag | None, Field(description="begins again at the end of the way, or walks back")] = None
+    movingDistance: Annotated[Coordinate | None, Field(description="[m]")] = None
+
+
+class Obstacle(Follower):
+    """A thing that stands, or moves along its path."""
+
+    pos: EnuPosition
+    rot: Rotation | None = None
+    moveSpeed: Annotated[Speed | None, Field(description="[km/h]")] = None
+
+
+class EnginePosition(Document):
+    """A waypoint's place in the engine's axes: x west, y up, z south [m]."""
+
+    x: Coordinate
+    y: Coordinate = 0.0
+    z: Coordinate
+
+
+class Waypoint(Document):
+    """A point of a path."""
+
+    pos: EnginePosition
+
+
+class WaypointPath(Document):
+    """A path."""
+
+    pathName: Annotated[Text, Field(description='any name; "... - 7" is the path of the item with UNIQUEID 7')]
+    waypointData: Annotated[list[Waypoint], Field(max_length=MAX_WAYPOINTS)]
+
+
+class IntersectionState(Document):
+    """The phase that an intersection is in at the start."""
+
+    index: Annotated[Text, Field(description="id of its controller")]
+    state: Annotated[Whole, Field(description="number of the phase, from 0")] = 0
+    deltaTime: Annotated[Number | None, Field(ge=0.0, description="how long it has lasted [s]")] = None
+
+
+class MapInfo(Document):
+    """The map that the scenario is made for."""
+
+    mapName: Text | None = None
+
+
+class ScenarioDocument(Document):
+    """A scenario: the part of MORAI's scenario files that rosbridge_sim reads. Other keys are passed over."""
+
+    mapInfo: MapInfo | None = None
+    egoVehicle: EgoVehicle | None = None
+    vehicleList: Items[NpcVehicle] | None = None
+    pedestrianList: Items[Pedestrian] | None = None
+    objectList: Items[Obstacle] | None = None
+    waypointDataList: Annotated[list[WaypointPath], Field(max_length=MAX_PATHS)] | None = None
+    tlList: Annotated[list[IntersectionState], Field(max_length=MAX_PATHS)] | None = None
+
+
+_DOCUMENT: Final = TypeAdapter(ScenarioDocument)
+
+
+def read_scenario_document(text: bytes, source: str) -> ScenarioDocument:
+    """The document, checked.
+
+    Raises:
+        DocumentError: one line: where, what was expected, what came.
+    """
+    return read_document(_DOCUMENT, text, source, MAX_BYTES)
+
+
+def scenario_schema() -> dict[str, Any]:
+    """The documented subset as a JSON Schema (draft 2020-12)."""
+    schema = _without_noise(_DOCUMENT.json_schema())
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Scenario", **schema}
+
+
+def _without_noise(schema: Any) -> Any:  # noqa: ANN401  # a JSON value
+    """A schema without pydantic's made-up titles and with one `type` where it writes "this or null" at length."""
+    if isinstance(schema, list):
+        return [_without_noise(item) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    plain = {
+        key: _without_noise(value)
+        for key, value in schema.items()
+        if not (key == "title" and isinstance(value, str)) and not (key == "default" and value is None)
+    }
+    match plain.get("anyOf"):
+        case [{"type": str() | list() as kind, **rest}, {"type": "null"}]:
+            del plain["anyOf"]
+            kinds = [kind] if isinstance(kind, str) else kind
+            return {"type": [*kinds, "null"], **rest, **plain}
+    return plain

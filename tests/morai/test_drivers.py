@@ -1,0 +1,240 @@
+"""Vehicles of scenarios that keep to the lanes, and the phases that intersections begin in."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+from typing import Any
+
+import pytest
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.morai.mgeo import RoadMap
+from rosbridge_sim.morai.scenario import Scenario, place_on_roads, read_scenario
+from rosbridge_sim.morai.stage import WHOLE, LoadOptions, Stage
+from rosbridge_sim.shell.storage import DiskLibrary
+from rosbridge_sim.world.state import Gear, Kind, World
+from rosbridge_sim.world.step import step
+from tests.morai.maps import ROADRUNNER, read
+from tests.world.roadworks import built_in
+
+LINK = {"initPositionMode": "Link", "initLink": "A1B1", "initLinkRatio": 0.25}
+
+
+def scenario_of(*vehicles: dict[str, Any], **more: Any) -> Scenario:  # noqa: ANN401 - parts of a document
+    return read_scenario(json.dumps({"vehicleList": vehicles, **more}).encode(), "drive.json")
+
+
+def placed(**vehicle: Any) -> Scenario:  # noqa: ANN401 - keys of a vehicle
+    return place_on_roads(scenario_of(vehicle), read(ROADRUNNER).roads)
+
+
+def refusal(**vehicle: Any) -> str:  # noqa: ANN401 - keys of a vehicle
+    with pytest.raises(DocumentError) as caught:
+        placed(**vehicle)
+    return str(caught.value)
+
+
+# Documents
+
+
+def test_whoever_starts_on_a_link_keeps_to_the_lanes() -> None:
+    (spawn,) = placed(initPosition=LINK, velocityType=1, linkVelocity=30, currentVelocity=18).vehicles
+    assert spawn.driver is not None
+    assert (spawn.driver.lane, spawn.driver.s, spawn.driver.wish, spawn.driver.route) == (0, 25.0, math.inf, ())
+    assert (spawn.x, spawn.y, spawn.speed, spawn.path) == (25.0, 0.0, 5.0, None)
+
+
+@pytest.mark.parametrize(
+    ("speeds", "wish", "speed"),
+    [
+        ({}, math.inf, 0.0),
+        ({"velocityType": 1, "linkVelocity": 36}, math.inf, 10.0),
+        ({"velocityType": 2, "constantVelocity": 36}, 10.0, 10.0),
+        ({"velocityType": 2, "constantVelocity": 36, "currentVelocity": 0}, 10.0, 0.0),
+        ({"constantVelocity": 36}, 10.0, 10.0),
+        ({"constantVelocity": 0}, 0.0, 0.0),
+        ({"constantVelocity": -36}, 0.0, 0.0),
+    ],
+)
+def test_speeds_of_ones_own_are_wishes(speeds: dict[str, Any], wish: float, speed: float) -> None:
+    (spawn,) = placed(initPosition=LINK, **speeds).vehicles
+    assert spawn.driver is not None
+    assert (spawn.driver.wish, spawn.speed) == (wish, speed)
+
+
+def at(x: float, y: float, yaw: float = 0.0) -> dict[str, Any]:
+    return {"initPositionMode": "Absolute", "pos": {"x": x, "y": y}, "rot": {"yaw": yaw}}
+
+
+def test_without_waypoints_one_keeps_to_the_lane_that_one_stands_on() -> None:
+    (spawn,) = placed(initPosition=at(40.0, 2.4, 10.0), isWaypointMode=False).vehicles
+    assert spawn.driver is not None
+    assert (spawn.driver.lane, spawn.driver.s) == (1, 40.0)
+    (spawn,) = placed(initPosition=at(40.0, 2.4, 10.0)).vehicles
+    assert spawn.driver is None, "only if the document says that there are no waypoints"
+
+
+@pytest.mark.parametrize("where", [at(40.0, 30.0), at(40.0, 1.0, 180.0), at(40.0, 1.0, 60.0)])
+def test_off_the_lanes_or_across_them_one_goes_straight_ahead(where: dict[str, Any]) -> None:
+    scenario = placed(initPosition=where, isWaypointMode=False, constantVelocity=36)
+    assert (scenario.vehicles[0].driver, scenario.vehicles[0].speed) == (None, 10.0)
+    assert scenario.notes == ("vehicleList[0]: no lane leads there; it goes straight ahead",)
+
+
+def test_a_link_that_the_map_lacks_is_sought_by_the_place() -> None:
+    start = {**at(40.0, 0.0), "initPositionMode": "Link", "initLink": "gone"}
+    (spawn,) = placed(initPosition=start).vehicles
+    assert spawn.driver is not None
+    assert (spawn.driver.lane, spawn.driver.s) == (0, 40.0)
+
+
+def test_a_path_beats_the_lanes() -> None:
+    path = [{"pathName": "way", "waypointData": [{"pos": {"x": 0, "z": 0}}, {"pos": {"x": -50, "z": 0}}]}]
+    scenario = scenario_of({"initPosition": LINK, "pathName": "way"}, waypointDataList=path)
+    assert place_on_roads(scenario, read(ROADRUNNER).roads).vehicles[0].driver is None
+
+
+def test_a_route_is_links_that_follow_one_another() -> None:
+    (spawn,) = placed(initPosition=LINK, route=["A1B1", "B1C1"]).vehicles
+    assert spawn.driver is not None
+    assert spawn.driver.route == (0, 2)
+    where = "drive: vehicleList[0].route"
+    assert refusal(initPosition=LINK, route=["B1C1"]) == f"{where}[0]: expected 'A1B1', where it starts, got 'B1C1'"
+    assert refusal(initPosition=LINK, route=["A1B1", "B2D"]) == f"{where}[0]: 'B2D' does not follow 'A1B1'"
+    assert refusal(initPosition=LINK, route=["A1B1", "X"]) == f"{where}[1]: the map has no link 'X'"
+    loop = {"route": ["A1B1", "B1C1"], "isCloseLoop": True}
+    assert refusal(initPosition=LINK, **loop) == f"{where}[1]: 'A1B1' does not follow 'B1C1'"
+
+
+def test_phases_of_intersections_are_read() -> None:
+    scenario = scenario_of(tlList=[{"index": "IntTL13", "state": 1, "deltaTime": "2.5"}, {"index": 7}])
+    assert [(p.controller, p.phase, p.elapsed) for p in scenario.phases] == [("IntTL13", 1, 2.5), ("7", 0, 0.0)]
+    with pytest.raises(DocumentError, match=r"drive.json: tlList\[0\].deltaTime: expected at least 0, got -1"):
+        scenario_of(tlList=[{"index": "I", "deltaTime": -1}])
+
+
+# On the stage
+
+
+class TinyLibrary:
+    """The hand-written map under any name but one."""
+
+    def __init__(self) -> None:
+        self.tiny = read(ROADRUNNER)
+
+    def scenario(self, name: str) -> Scenario:
+        raise DocumentError(name)
+
+    def map(self, name: str) -> RoadMap:
+        return built_in("loop") if name == "loop" else self.tiny
+
+
+def stage_of(scenario: Scenario) -> Stage:
+    return Stage(World(), TinyLibrary(), scenario, ego_gear=Gear.DRIVE)
+
+
+def test_drivers_drive() -> None:
+    scenario = scenario_of(
+        {"initPosition": LINK, "route": ["A1B1", "B1C1"]}, {"initPosition": at(0, 50), "constantVelocity": 36}
+    )
+    world = stage_of(scenario).world
+    driver, other = world.rows(Kind.VEHICLE).tolist()
+    assert (bool(world.has_lane[driver]), bool(world.has_lane[other])) == (True, False)
+    for _ in range(200):
+        step(world)
+    assert world.x[driver] > 35.0
+    assert world.x[other] == pytest.approx(40.0)
+
+
+def test_lights_begin_where_the_scenario_says(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
+    phases = [{"index": "IntTL13", "state": 1, "deltaTime": 2.0}, {"index": "IntTL9"}, {"index": "IntTL13", "state": 7}]
+    stage = stage_of(scenario_of(tlList=phases))
+    signals = stage.world.signals
+    assert (signals.phase.tolist(), signals.elapsed(0)) == ([1], 100)
+    assert "scenario drive: no intersection 'IntTL9' has a phase 0" in caplog.text
+    assert "scenario drive: no intersection 'IntTL13' has a phase 7" in caplog.text
+    late = stage_of(scenario_of(tlList=[{"index": "IntTL13", "state": 0, "deltaTime": 1000.0}])).world.signals
+    assert late.remaining(0) == 1
+
+
+def test_a_load_leaves_the_lights_alone_unless_it_says_or_changes_the_map() -> None:
+    stage = stage_of(scenario_of())
+    world = stage.world
+    for _ in range(700):
+        step(world)
+    stage.carry_out(stage.prepare(scenario_of({"initPosition": LINK}), WHOLE))
+    assert (world.signals.phase.tolist(), world.signals.elapsed(0)) == ([1], 50)
+    stage.carry_out(stage.prepare(scenario_of(tlList=[{"index": "IntTL13"}]), WHOLE))
+    assert (world.signals.phase.tolist(), world.signals.elapsed(0)) == ([0], 0)
+    stage.carry_out(stage.prepare(scenario_of(mapInfo={"mapName": "loop"}), WHOLE))
+    assert (len(world.signals.plan.controllers), len(world.roads)) == (0, 33)
+
+
+def test_on_another_map_drivers_of_the_old_one_stand() -> None:
+    stage = stage_of(scenario_of({"initPosition": LINK, "currentVelocity": 36}))
+    keep = LoadOptions(delete_all=False, ego=False, vehicles=True, pedestrians=False, obstacles=False)
+    stage.carry_out(stage.prepare(scenario_of(mapInfo={"mapName": "loop"}), keep))
+    world = stage.world
+    (row,) = world.rows(Kind.VEHICLE).tolist()
+    assert (bool(world.has_lane[row]), float(world.speed[row])) == (False, 0.0)
+
+
+def test_a_load_is_carried_out_on_the_map_that_it_was_prepared_for() -> None:
+    stage = stage_of(scenario_of())
+    load = stage.prepare(scenario_of({"initPosition": LINK}), WHOLE)
+    stage.carry_out(stage.prepare(scenario_of(mapInfo={"mapName": "loop"}), WHOLE))
+    stage.carry_out(load)
+    world = stage.world
+    assert world.roads is stage.road_map.roads
+    assert world.roads.ids[world.lane[world.rows(Kind.VEHICLE)[0]]] == "A1B1"
+
+
+def test_a_reset_is_the_beginning_again() -> None:
+    phases = [{"index": "IntTL13", "state": 1, "deltaTime": 2.0}]
+    stage = stage_of(scenario_of({"initPosition": LINK}, tlList=phases))
+    before = stage.world.digest()
+    for _ in range(123):
+        step(stage.world)
+    stage.reset(None)
+    assert stage.world.digest() == before
+
+
+def test_a_load_that_fails_leaves_roads_and_lights_as_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
+    stage = stage_of(scenario_of({"initPosition": LINK}))
+    load = stage.prepare(scenario_of({"initPosition": at(0, 0)}, mapInfo={"mapName": "loop"}), WHOLE)
+    for _ in range(50):
+        step(stage.world)
+    before = stage.world.digest()
+
+    def refuse(*_: object, **__: object) -> int:
+        raise ValueError("no room")
+
+    monkeypatch.setattr(stage.world, "spawn", refuse)
+    with pytest.raises(DocumentError, match="drive: no room"):
+        stage.carry_out(load)
+    assert stage.world.digest() == before
+
+
+# What ships
+
+
+@pytest.mark.parametrize(("name", "num"), [("town", 24), ("loop", 20)])
+def test_the_built_in_scenes_drive(name: str, num: int) -> None:
+    library = DiskLibrary()
+    scenario = library.scenario(name)
+    assert scenario.notes == ()
+    stage = Stage(World(), library, scenario, ego_gear=Gear.DRIVE)
+    world = stage.world
+    rows = world.rows(Kind.VEHICLE)
+    assert len(rows) == num
+    assert world.has_lane[rows].all()
+    before = world.x.copy(), world.y.copy()
+    for _ in range(1000):
+        step(world)
+        assert not len(world.contacts)
+    moved = abs(world.x - before[0]) + abs(world.y - before[1])
+    assert (moved[rows] > 5.0).all()
+    assert world.speed[rows].mean() > (15.0 if name == "loop" else 2.0)
