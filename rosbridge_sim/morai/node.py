@@ -25,6 +25,7 @@ from rosbridge_sim.graph.bus import Bus, Owner
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.commands import EgoSetting
 from rosbridge_sim.morai.convert import MANUAL, Converter, Profile, maker
+from rosbridge_sim.morai.crossings import Crossings
 from rosbridge_sim.morai.ego import CtrlMode, Ego
 from rosbridge_sim.morai.frames import TF, Mount, Transforms
 from rosbridge_sim.morai.inputs import Inputs
@@ -140,7 +141,9 @@ class Node:
         self._outputs.add("/clock", "rosgraph_msgs/Clock", lambda: self.convert.clock(world.frame))
         self._transforms = Transforms(bus.store, world, self.convert)
         self._outputs.add("/tf", TF, lambda: self._transforms.moving(self.egos), is_exclusive=False)
+        self._crossings = Crossings(self)
         self._show_ego(self.egos[0], "/")
+        self._crossings.show(self._outputs)
         self._outputs.add("/VehicleCollisionData", "morai_msgs/VehicleCollisionData", self._crashes)
         self._outputs.check_rates()
         self._info_topic = bus.advertise(self, "/SyncModeInfo", "morai_msgs/SyncModeInfo", depth=1, is_exclusive=True)
@@ -150,6 +153,7 @@ class Node:
         self._services, self._inputs = Services(self), Inputs(self)
         self._bindings: dict[int, Bindings] = {}  # of the further egos, by their number
         bindings = Bindings(self, bus)
+        self._crossings.bind(bindings)
         for part in (self._services, self._inputs):
             part.bind(bindings)
             part.bind_ego(self.egos[0], bindings)
@@ -331,6 +335,7 @@ class Node:
         add(prefix + "Ego_topic", "morai_msgs/EgoVehicleStatus", ego.status)
         add(prefix + "Object_topic", "morai_msgs/ObjectStatusList", partial(self._objects, ego))
         add(prefix + "CollisionData", "morai_msgs/CollisionData", partial(self._collisions, ego))
+        self._crossings.show_ego(ego, prefix, self._outputs)
 
     # For the services
 

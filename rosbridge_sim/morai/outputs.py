@@ -43,7 +43,8 @@ class Feed:
 
     Attributes:
         topic: on the bus.
-        make: the struct of the world as it stands; called at most once a frame.
+        make: the struct of the world as it stands, or None while there is nothing to say; called at most once a
+            frame.
         per_frame: how many publications a frame brings, on average.
     """
 
@@ -81,7 +82,7 @@ class Outputs:
         Args:
             name: of the topic.
             type_name: its type.
-            make: the struct of the world as it stands.
+            make: the struct of the world as it stands, or None while there is nothing to say.
             is_exclusive: nobody else may publish there.
 
         Raises:
@@ -120,8 +121,11 @@ class Outputs:
         """Publish the world as it stands on every topic that somebody listens to."""
         for feed in self._feeds:
             topic = feed.topic
-            if topic.has_listener:
-                self.publish(topic, Message(topic.type, feed.make()), now)
+            if not topic.has_listener:
+                continue
+            value = feed.make()
+            if value is not None:
+                self.publish(topic, Message(topic.type, value), now)
 
     def show_due(self, frame: int, shown_at: float, now: float) -> None:
         """Publish the world as it stands on the topics whose turn it is, and put what is to be repeated on the list.
@@ -136,7 +140,10 @@ class Outputs:
             topic = feed.topic
             if not num or not topic.has_listener:
                 continue
-            message = Message(topic.type, feed.make())
+            value = feed.make()
+            if value is None:
+                continue
+            message = Message(topic.type, value)
             self.publish(topic, message, now)
             for i in range(1, num):
                 heapq.heappush(self._repeats, (shown_at + i * DT / num, next(self._ticket), topic, message))

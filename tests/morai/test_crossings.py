@@ -1,0 +1,368 @@
+"""Lights and intersections as clients see and set them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from rosbridge_sim.errors import FieldError
+from rosbridge_sim.morai.scenario import read_scenario
+from tests.morai.town import Crossroads, Driver, Judge
+
+STATUS, INSIDE, ALL = "/GetTrafficLightStatus", "/InsnStatus", "/IntscnTL_topic"
+
+
+def put(stand: Crossroads, x: float, y: float, yaw_deg: float = 0.0) -> None:
+    """Have the ego stand somewhere."""
+    zeros = {"global_position_z": [0.0], "global_roll": [0.0], "global_pitch": [0.0], "velocity": [0.0]}
+    stand.client.send(
+        "/ego_setting",
+        "morai_msgs/MultiEgoSetting",
+        number_of_ego_vehicle=1,
+        camera_index=0,
+        ego_index=[0],
+        gear=[4],
+        ctrl_mode=[16],
+        **{"global_position_x": [x], "global_position_y": [y], "global_yaw": [yaw_deg], **zeros},
+    )
+
+
+def set_light(stand: Crossroads, index: str, status: int) -> None:
+    stand.client.send(
+        "/SetTrafficLight", "morai_msgs/SetTrafficLight", trafficLightIndex=index, trafficLightStatus=status
+    )
+
+
+def set_phase(stand: Crossroads, number: object, phase: int, seconds: float = 0.0) -> None:
+    stand.client.send(
+        "/InsnControl",
+        "morai_msgs/IntersectionControl",
+        intersection_index=number,
+        intersection_status=phase,
+        intersection_status_time=seconds,
+    )
+
+
+def ask(stand: Crossroads, index: str) -> tuple[str, int]:
+    info = stand.client.ask("/Morai_TLSrv", idx=index)
+    assert info["header"]["seq"] == stand.world.frame
+    return info["idx"], info["status"]
+
+
+# The light ahead
+
+
+def test_the_light_ahead_is_told_with_every_frame() -> None:
+    stand = Crossroads.tiny()
+    stand.client.listen(STATUS)
+    stand.run(0.1)
+    heard = stand.client.messages(STATUS)
+    assert [message["header"]["seq"] for message in heard] == [1, 2, 3, 4, 5]
+    assert heard[0] == {
+        "header": {"seq": 1, "stamp": {"secs": 0, "nsecs": 20_000_000}, "frame_id": "TrafficLightStatus"},
+        "trafficLightIndex": "C1",
+        "trafficLightType": 0,
+        "trafficLightStatus": 16,
+    }
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "yaw_deg", "is_told"),
+    [
+        (0.0, 3.5, 0.0, True),
+        (99.0, 0.0, 0.0, True),
+        (101.0, 0.0, 0.0, False),  # it has been passed
+        (50.0, 0.0, 180.0, False),  # on the wrong side of the road: no lane leads there
+        (50.0, 30.0, 0.0, False),  # off the road
+        (-6.0, 3.5, 0.0, False),  # before the road begins
+    ],
+)
+def test_there_is_a_light_or_silence(x: float, y: float, yaw_deg: float, is_told: bool) -> None:  # noqa: FBT001 - a column
+    stand = Crossroads.tiny()
+    put(stand, x, y, yaw_deg)
+    stand.client.listen(STATUS)
+    stand.run(0.04)
+    assert (stand.last(STATUS) is not None) == is_told
+
+
+def test_a_stop_line_is_seen_from_a_hundred_metres() -> None:
+    town = Crossroads.built_in("town")
+    town.client.listen(STATUS)
+    put(town, -100.0, -5.25)  # inside of crossing 12, 86 m before the next line
+    town.run(0.02)
+    heard = town.last(STATUS)
+    assert heard is not None
+    assert (heard["trafficLightIndex"], heard["trafficLightType"]) == ("TL22W", 0)
+    put(town, -119.0, -5.25)
+    town.run(0.02)
+    assert town.last(STATUS) is None
+
+
+def test_the_motorway_has_no_lights() -> None:
+    loop = Crossroads.built_in("loop")
+    loop.client.listen(STATUS, INSIDE, ALL)
+    loop.run(0.02)
+    assert (loop.last(STATUS), loop.last(INSIDE)) == (None, None)
+    everything = loop.last(ALL)
+    assert everything is not None
+    assert (everything["idx"], everything["state"], everything["delta_time"]) == ([], [], [])
+
+
+def test_the_light_ahead_changes_with_its_phase() -> None:
+    stand = Crossroads.tiny()
+    stand.client.listen(STATUS)
+    stand.run(22.0)
+    seen = [message["trafficLightStatus"] for message in stand.client.messages(STATUS)]
+    changes = [(i + 1, value) for i, value in enumerate(seen) if i == 0 or value != seen[i - 1]]
+    # Frame 500: ten seconds of green are over; three of yellow; then the arrow for 5.5 and its two of yellow.
+    assert changes == [(1, 16), (500, 4), (650, 1), (1025, 16)]
+
+
+def test_every_type_of_light_is_told() -> None:
+    town = Crossroads.built_in("town")
+    town.client.listen(STATUS)
+    kinds = {}
+    for x, y, yaw_deg in ((-50, -5.25, 0), (-50, -1.75, 0), (108.25, 60, -90), (221.75, 150, 90)):
+        put(town, x, y, yaw_deg)
+        town.run(0.02)
+        heard = town.last(STATUS)
+        assert heard is not None
+        kinds[heard["trafficLightType"]] = (heard["trafficLightIndex"], heard["trafficLightStatus"])
+    assert kinds.keys() == {0, 1, 2, 100}
+    assert kinds[1][0] == "TL22WL"
+    assert kinds[100] == ("TL44S", 4)
+
+
+def test_each_ego_is_told_of_its_own() -> None:
+    stand = Crossroads.tiny()
+    stand.client.send(
+        "/ego_setting",
+        "morai_msgs/MultiEgoSetting",
+        number_of_ego_vehicle=1,
+        camera_index=0,
+        ego_index=[2],
+        gear=[4],
+        ctrl_mode=[16],
+        global_position_x=[103.0],
+        global_position_y=[0.0],
+        global_position_z=[0.0],
+        global_yaw=[0.0],
+        global_roll=[0.0],
+        global_pitch=[0.0],
+        velocity=[0.0],
+    )
+    stand.client.listen(STATUS, INSIDE, "/Ego-2" + STATUS, "/Ego-2" + INSIDE)
+    stand.run(0.02)
+    assert stand.last(STATUS) is not None
+    assert stand.last(INSIDE) is None
+    assert stand.last("/Ego-2" + STATUS) is None
+    assert stand.last("/Ego-2" + INSIDE) is not None
+
+
+# Setting lights
+
+
+def test_a_set_light_takes_its_group_until_the_next_phase() -> None:
+    stand = Crossroads.tiny()
+    stand.client.listen(STATUS)
+    stand.run(1.0)
+    set_light(stand, "C2", 5)
+    assert (ask(stand, "C1"), ask(stand, "C2"), ask(stand, "L1")) == (("C1", 5), ("C2", 5), ("L1", 1))
+    stand.run(0.02)
+    heard = stand.last(STATUS)
+    assert heard is not None
+    assert heard["trafficLightStatus"] == 5
+    stand.run(11.96)
+    assert ask(stand, "C1") == ("C1", 5)
+    stand.run(0.02)
+    assert (ask(stand, "C1"), ask(stand, "C2"), ask(stand, "L1")) == (("C1", 1), ("C2", 4), ("L1", 32))
+
+
+def test_a_set_light_is_handed_back() -> None:
+    stand = Crossroads.tiny()
+    set_light(stand, "C1", 0)
+    assert ask(stand, "C1") == ("C1", 0)
+    set_light(stand, "C1", -1)
+    assert ask(stand, "C1") == ("C1", 16)
+    set_light(stand, "P1", 16)
+    assert (ask(stand, "P1"), ask(stand, "C1")) == (("P1", 16), ("C1", 16))
+
+
+def test_setting_it_at_every_message_keeps_it() -> None:
+    stand = Crossroads.tiny()
+    stand.client.start()
+    for _ in range(900):
+        stand.client.tick()
+        set_light(stand, "C1", 16)
+    assert ask(stand, "C1") == ("C1", 16)
+
+
+@pytest.mark.parametrize(
+    ("index", "status", "message"),
+    [
+        ("nobody", 1, "trafficLightIndex: the map has no traffic light 'nobody'"),
+        ("C1", 2, "trafficLightStatus: expected a sum of lamps, or -1 to hand back, got 2"),
+        ("C1", 8, "got 8"),
+        ("C1", -2, "got -2"),
+        ("C1", 4096, "got 4096"),
+    ],
+)
+def test_what_no_light_can_show_is_refused(index: str, status: int, message: str) -> None:
+    stand = Crossroads.tiny()
+    with pytest.raises(FieldError, match=message):
+        set_light(stand, index, status)
+    assert ask(stand, "C1") == ("C1", 16)
+
+
+def test_an_unknown_light_has_no_name_and_no_status() -> None:
+    assert ask(Crossroads.tiny(), "nobody") == ("", -2)
+
+
+# Intersections
+
+
+def test_the_intersection_is_told_while_one_is_inside() -> None:
+    stand = Crossroads.tiny()
+    stand.client.listen(INSIDE)
+    stand.run(14.0)
+    assert stand.client.messages(INSIDE) == []
+    put(stand, 104.0, 0.0)
+    stand.run(0.02)
+    assert stand.last(INSIDE) == {
+        "header": {"seq": 701, "stamp": {"secs": 14, "nsecs": 20_000_000}, "frame_id": "IntersectionStatus"},
+        "intersection_index": 13,
+        "intersection_status": 1,
+        "intersection_status_time": pytest.approx(1.02),
+    }
+
+
+@pytest.mark.parametrize("number", [13, "13", "IntTL13"])
+def test_an_intersection_can_be_put_into_a_phase(number: object) -> None:
+    stand = Crossroads.tiny()
+    stand.client.listen(ALL)
+    set_light(stand, "C1", 0)
+    set_phase(stand, number, 1, 4.5)
+    assert (ask(stand, "C1"), ask(stand, "L1")) == (("C1", 1), ("L1", 32))
+    stand.run(0.02)
+    heard = stand.last(ALL)
+    assert heard is not None
+    # The phase has 5.5 s and two of yellow.
+    assert (heard["idx"], heard["state"], heard["delta_time"]) == (["IntTL13"], [1], [pytest.approx(2.98)])
+    assert heard["header"]["frame_id"] == "IntscnTL"
+    stand.run(1.0)
+    assert ask(stand, "L1") == ("L1", 4)
+    stand.run(2.0)
+    assert ask(stand, "C1") == ("C1", 16)
+
+
+@pytest.mark.parametrize(
+    ("number", "phase", "seconds", "message"),
+    [
+        (5, 0, 0.0, "intersection_index: the map has no intersection 5"),
+        (13, 2, 0.0, "intersection_status: intersection 13 has 2 phases, got 2"),
+        (13, -1, 0.0, "intersection_status: intersection 13 has 2 phases, got -1"),
+        (13, 1, 7.5, "intersection_status_time: phase 1 lasts 7.50 s, got 7.5"),
+        (13, 1, -0.5, "intersection_status_time: phase 1 lasts 7.50 s, got -0.5"),
+        (13, 1, math.nan, "intersection_status_time: phase 1 lasts 7.50 s, got nan"),
+    ],
+)
+def test_phases_that_are_not_there_are_refused(number: int, phase: int, seconds: float, message: str) -> None:
+    stand = Crossroads.tiny()
+    before = stand.world.digest()
+    with pytest.raises(FieldError, match=message):
+        set_phase(stand, number, phase, seconds)
+    assert stand.world.digest() == before
+
+
+def test_an_intersection_without_a_schedule_has_no_phase() -> None:
+    stand = Crossroads.tiny()
+    with pytest.raises(FieldError, match="the map has no intersection 0"):
+        Crossroads(read_scenario(b'{"mapInfo": {"mapName": "track"}}', "x.json")).client.send(
+            "/InsnControl", "morai_msgs/IntersectionControl", intersection_index=0
+        )
+    assert stand.world.signals.phase.tolist() == [0]
+
+
+def test_all_intersections_are_told_at_once() -> None:
+    town = Crossroads.built_in("town")
+    town.client.listen(ALL)
+    town.run(0.02)
+    heard = town.last(ALL)
+    assert heard is not None
+    assert heard["idx"] == [f"IntTL{i}" for i in range(21)]
+    assert heard["state"] == [i % 3 for i in range(21)], "as the scenario has them"
+    assert all(0.0 < left <= 24.0 for left in heard["delta_time"])
+
+
+# Determinism
+
+
+def test_the_same_calls_give_the_same_bytes() -> None:
+    def play() -> list[bytes]:
+        town = Crossroads.built_in("town")
+        town.client.listen(STATUS, INSIDE, ALL, "/Object_topic")
+        town.run(1.0)
+        set_light(town, "TL22W", 16)
+        set_phase(town, 3, 1, 2.0)
+        town.run(5.0)
+        return town.client.raw
+
+    first = play()
+    assert len(first) == 300 * 3
+    assert play() == first
+
+
+def test_a_reset_begins_the_lights_anew() -> None:
+    stand = Crossroads.tiny()
+    before = stand.world.digest()
+    stand.run(14.0)
+    set_light(stand, "C1", 0)
+    stand.client.stop()
+    stand.node.reset(None, 0.0)
+    assert stand.world.digest() == before
+
+
+# A round through the town
+
+LEFT_ROUND = "R1222L1 J22W1N R2223L1 J23S1W R2313L1 J13E1S R1312L1 J12N1E"
+
+
+def drive_round(*, heeds_lights: bool) -> tuple[Judge, Driver, Crossroads]:
+    """Once around the block north of the avenue, in the traffic of the built-in scene."""
+    town = Crossroads.built_in("town")
+    road_map = town.node.stage.road_map
+    put(town, -86.0, -1.75)
+    client = town.client
+    client.listen(STATUS, "/Object_topic")
+    client.start(time_step=100)
+    driver = Driver(client, road_map, LEFT_ROUND.split(), heeds_lights=heeds_lights)
+    judge = Judge(town.world)
+    tick: dict[str, Any] = client.tick()
+    for _ in range(5_000):
+        driver.hear(client.heard)
+        client.heard.clear()
+        client.raw.clear()
+        driver.drive(tick["vehicle_status"])
+        if driver.is_done:
+            break
+        tick = client.tick()
+        judge.watch()
+    return judge, driver, town
+
+
+@pytest.mark.slow
+def test_who_obeys_the_lights_drives_a_round_without_a_red_one() -> None:
+    judge, driver, town = drive_round(heeds_lights=True)
+    assert driver.is_done
+    assert judge.passed == ["TL22WL", "TL23SL", "TL13E", "TL12N"]
+    assert judge.red == []
+    assert town.world.frame * 0.02 < 400.0
+
+
+@pytest.mark.slow
+def test_who_ignores_them_is_caught() -> None:
+    judge, driver, _ = drive_round(heeds_lights=False)
+    assert driver.is_done
+    assert len(judge.red) >= 1

@@ -1,0 +1,181 @@
+"""The simulator on a map with lights, on a bare bus, and a client that drives in it."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.morai.mgeo import RoadMap
+from rosbridge_sim.morai.node import Node, NodeSettings
+from rosbridge_sim.morai.scenario import Scenario, read_scenario
+from rosbridge_sim.shell.storage import DiskLibrary
+from rosbridge_sim.world.geometry import arc_lengths, nearest_on_polyline, point_at
+from rosbridge_sim.world.plan import Lamp
+from rosbridge_sim.world.state import World
+from tests.morai.maps import ROADRUNNER, read
+from tests.morai.stand import Client, make_store
+
+__all__ = ["Crossroads", "Driver", "Judge", "Town"]
+
+
+class TinyLibrary(DiskLibrary):
+    """The hand-written crossing as the map `tiny`, beside the built-in ones."""
+
+    def map(self, name: str) -> RoadMap:
+        return read(ROADRUNNER) if name == "tiny" else super().map(name)
+
+
+class Crossroads:
+    """A simulator in synchronous mode with a client who is its master."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.bus = Bus(make_store())
+        self.world = World()
+        self.node = Node(self.bus, self.world, TinyLibrary(), scenario, NodeSettings(start="sync"))
+        self.client = Client(self.bus, "/client")
+
+    @classmethod
+    def tiny(cls, x: float = 50.0, y: float = 3.5, **more: Any) -> Crossroads:  # noqa: ANN401 - parts of a document
+        """The hand-written crossing; its stop line is at x = 100, its ego stands on the inner lane."""
+        ego = {"initPosition": {"pos": {"x": x, "y": y}}, "gear": 4}
+        document = {"mapInfo": {"mapName": "tiny"}, "egoVehicle": ego, **more}
+        return cls(read_scenario(json.dumps(document).encode(), "tiny.json"))
+
+    @classmethod
+    def built_in(cls, name: str) -> Crossroads:
+        return cls(DiskLibrary().scenario(name))
+
+    def run(self, seconds: float) -> None:
+        """Let the master tick."""
+        if not self.node.sync.master_id:
+            self.client.start()
+        for _ in range(round(seconds / 0.02)):
+            self.client.tick()
+
+    def last(self, topic: str) -> dict[str, Any] | None:
+        """What was heard there with the newest frame, if anything was."""
+        heard = self.client.messages(topic)
+        return heard[-1] if heard and heard[-1]["header"]["seq"] == self.world.frame else None
+
+
+Town = Crossroads
+
+
+class Driver:
+    """Somebody who knows the map and drives a round of links: pure pursuit, a limit, and brakes for what is ahead.
+
+    Attributes:
+        is_done: he has come round.
+    """
+
+    def __init__(self, client: Client, road_map: RoadMap, links: list[str], *, heeds_lights: bool) -> None:
+        self._client = client
+        roads = self._roads = road_map.roads
+        rows = [roads.row(link) for link in links]
+        self._line = np.concatenate([roads.points[roads.first[row] : roads.first[row + 1]] for row in rows])[:, :2]
+        self._arcs = arc_lengths(self._line)
+        lengths = np.cumsum([0.0, *(roads.length[row] for row in rows)])
+        # Where a light's stop line is on the way, and what must be lit there for him.
+        self._lines: dict[str, tuple[float, int]] = {}
+        for light in road_map.plan.lights if road_map.plan else ():
+            for at, link, row in zip(lengths, links, rows, strict=False):
+                if row in light.lanes:
+                    need = Lamp.LEFT if roads.turn[row] > 1.0 else Lamp.GREEN
+                    self._lines[light.name] = (float(at), int(need))
+                    assert link.startswith("J")
+        self._heeds_lights = heeds_lights
+        self._s = 10.0
+        self._light: dict[str, Any] | None = None
+        self._objects: list[dict[str, Any]] = []
+        self.is_done = False
+
+    def drive(self, status: dict[str, Any]) -> None:
+        """Answer a tick's `vehicle_status` with a command."""
+        x, y = status["position"]["x"], status["position"]["y"]
+        near = nearest_on_polyline(self._line, x, y)
+        here = float(near.arc[0])
+        if abs(here - self._s) < 20.0:  # the way ends where it begins
+            self._s = here
+        self.is_done = bool(self._s > self._arcs[-1] - 5.0)
+        speed = status["velocity"]["x"]
+        goal = point_at(self._line, self._arcs, min(self._s + 3.0 + 0.3 * speed, self._arcs[-1]))[0]
+        yaw = math.radians(status["heading"])
+        ahead = (goal[0] - x) * math.cos(yaw) + (goal[1] - y) * math.sin(yaw)
+        aside = (goal[1] - y) * math.cos(yaw) - (goal[0] - x) * math.sin(yaw)
+        steering = math.atan2(2.0 * 2.7 * aside, ahead**2 + aside**2)
+        room = min(self._room_before_line(), self._room_before_others())
+        wish = min(25.0 / 3.6 if abs(steering) > 0.1 else 40.0 / 3.6, math.sqrt(2.0 * 1.5 * max(room, 0.0)))
+        command = {"longlCmdType": 2, "velocity": wish * 3.6, "steering": steering}
+        assert self._client.control(0, **command)
+
+    def hear(self, messages: list[tuple[str, dict[str, Any]]]) -> None:
+        """Take what was published with a tick."""
+        self._light, self._objects = None, []
+        for topic, message in messages:
+            if topic == "/GetTrafficLightStatus":
+                self._light = message
+            elif topic == "/Object_topic":
+                self._objects = message["npc_list"]
+
+    def _room_before_line(self) -> float:
+        light = self._light
+        if not self._heeds_lights or light is None or light["trafficLightIndex"] not in self._lines:
+            return math.inf
+        at, need = self._lines[light["trafficLightIndex"]]
+        room = at - self._s - 3.58 - 1.0  # from the bumper to a metre before the line
+        if light["trafficLightStatus"] & need or room < -1.0:
+            return math.inf
+        # A yellow light that takes more than firm braking is passed.
+        return room if not light["trafficLightStatus"] & Lamp.YELLOW or room > 8.0 else math.inf
+
+    def _room_before_others(self) -> float:
+        room = math.inf
+        x, y = point_at(self._line, self._arcs, self._s)[0].tolist()
+        for other in self._objects:
+            if math.hypot(other["position"]["x"] - x, other["position"]["y"] - y) > 50.0:
+                continue
+            place = nearest_on_polyline(self._line, other["position"]["x"], other["position"]["y"])
+            away = float(place.arc[0]) - self._s
+            if 0.0 < away < 40.0 and abs(float(place.lateral[0])) < 2.0:
+                room = min(room, away - 3.58 - 3.0 - 2.0)
+        return room
+
+
+class Judge:
+    """Sees who comes over a stop line at red; knows nothing but the world.
+
+    Attributes:
+        red: names of the lights that were not heeded.
+        passed: names of all lights that were passed.
+    """
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._lane = -1
+        self.red: list[str] = []
+        self.passed: list[str] = []
+
+    def watch(self) -> None:
+        """Look once, after a frame."""
+        world, row = self._world, self._world.row(0)
+        nose = world.half_length[row] + world.centre[row]
+        yaw = world.yaw[row]
+        x, y = world.x[row] + nose * np.cos(yaw), world.y[row] + nose * np.sin(yaw)
+        lane = int(world.roads.nearest(x, y, yaw).lane[0])
+        before, self._lane = self._lane, lane
+        if lane == before or before < 0 or lane not in world.roads.successors(before):
+            return
+        plan, shown = world.signals.plan, world.signals.shown
+        light = int(plan.light_of_lane[lane])
+        if light < 0:
+            return
+        # Where lanes part, the nearest one may not be that on which the car will go on: it is red if all are.
+        lanes = [other for other in world.roads.successors(before).tolist() if plan.light_of_lane[other] >= 0]
+        values = [int(shown[plan.light_of_lane[other]]) for other in lanes]
+        self.passed.append(plan.lights[light].name)
+        if all(v & Lamp.RED and not v & plan.pass_of_lane[other] for v, other in zip(values, lanes, strict=True)):
+            self.red.append(plan.lights[light].name)
