@@ -5,9 +5,6 @@ that go their own way), `traffic` (rows that keep to the lanes) and `step`, whic
 
 All numbers are SI and radians in the map frame (ENU metres, yaw counter-clockwise from east). The reference point of a
 vehicle is the middle of its rear axle on the ground, that of a pedestrian or an obstacle its centre on the ground.
-
-Why one block of memory with a row of it per quantity: what is read together lies together, `digest` and `snapshot`
-copy the block and can forget nothing, and a run of neighbouring entities is a plain slice for numpy.
 """
 
 from __future__ import annotations
@@ -19,9 +16,9 @@ from hashlib import blake2b
 from typing import Any, Final, TypeVar, cast
 
 import numpy as np
-import numpy.typing as npt
 
 from rosbridge_sim.world.bodies import MAX_COORDINATE, MAX_SPEED, Body, Gear, Kind, Mode
+from rosbridge_sim.world.columns import INTS, LEG_COLUMNS, NOBODY, BoolArray, Columns
 from rosbridge_sim.world.geometry import FloatArray, IntArray, nearest_on_polyline, wrap_angle
 from rosbridge_sim.world.paths import DX, DY, DZ, END, START, Paths, PathsSnapshot, Segments, X, Y, Z, lay_segments
 from rosbridge_sim.world.plan import Plan
@@ -48,39 +45,18 @@ DT: Final = 0.02  # one step [s]
 STEP_NS: Final = 20_000_000  # the same [ns]
 MAX_UID: Final = 2**31 - 1  # ids go out as int32
 FIRST_UID: Final = 1  # 0 is left to the first ego, whose id is given
-MIN_CAPACITY: Final = 32
 
 # A resistance too small to see that is left out when the controller works out its pedals. Where throttle and rolling
 # resistance balance at rest it decides against the 1e-18 m/s that rounding would leave.
 STICTION: Final = 1e-9  # [m/s^2]
 
-BoolArray = npt.NDArray[np.bool_]
 T = TypeVar("T")
 
 
-NOBODY: Final = Body()  # in the rows that nobody has
 NO_CONTACTS: Final[IntArray] = np.empty((0, 2), dtype=np.int64)
 NO_ROADS: Final = Roads()
 NO_PLAN: Final = Plan(NO_ROADS)
 
-# Columns of float64. The order is not free: what `dynamics` reads is one run, what it writes is a run inside it, and so
-# for `walking`; so a gather is one call. Runs are named by their first and last column in those modules.
-FLOATS: Final = (
-    # read by dynamics
-    *("target", "accel_max", "accel_min", "throttle_max", "sense", "drive", "hold", "steer_cmd"),
-    *("wheelbase", "steer_rate", "max_accel", "max_decel", "rolling", "drag"),
-    # written by dynamics
-    *("throttle", "brake", "steer", "accel", "lateral_accel", "yaw_rate"),
-    # written by both
-    *("x", "y", "yaw", "speed"),
-    # written by walking
-    *("z", "arc", "leg_start", "leg_end", "leg_x", "leg_y", "leg_z", "leg_dx", "leg_dy", "leg_dz"),
-    # neither
-    *("path_length", "wish", "roll", "pitch", "speed_cmd", "accel_cmd", "max_steer", "speed_accel", "speed_decel"),
-    # read by contacts
-    *("half_length", "half_width", "height", "centre"),
-)
-LEG_COLUMNS: Final = ("leg_start", "leg_end", *("leg_x", "leg_y", "leg_z"), *("leg_dx", "leg_dy", "leg_dz"), "yaw")
 _BODY_COLUMNS: Final = {
     "wheelbase": "wheelbase",
     "steer_rate": "max_steer_rate",
@@ -94,12 +70,6 @@ _BODY_COLUMNS: Final = {
 }
 _BOX_COLUMNS: Final = ("half_length", "half_width", "height", "centre")
 _GEAR_DRIVE: Final = {Gear.PARK: 0.0, Gear.REVERSE: -1.0, Gear.NEUTRAL: 0.0, Gear.DRIVE: 1.0}
-INTS: Final = (
-    *("uid", "kind", "gear", "mode", "path_base", "label"),
-    # of traffic; `lane` and the lanes ahead of it are one run
-    *("turns", "claim", "held", "exit_lane", "point", "lane", "ahead_1", "ahead_2", "ahead_3", "ahead_4", "ahead_5"),
-)
-BOOLS: Final = ("alive", "has_path", "is_loop", "has_lane", "is_ghost")
 _LANE_COLUMNS: Final = ("wish", *INTS[INTS.index("turns") :], "has_lane", "is_loop")
 
 
@@ -124,135 +94,31 @@ class Snapshot:
     rng_state: dict[str, Any]  # numpy's own, whose shape depends on the generator
 
 
-class World:
-    """Everything that is, one row each.
+class World(Columns):
+    """Everything that is, one row each in `Columns`, which `spawn`, `remove`, `clear`, `reset` and `restore` replace.
 
-    All arrays are (n,) float64 unless noted; where `alive` is False they hold zeros. They are views that `spawn`,
-    `remove`, `clear`, `reset` and `restore` replace: take them from the world each time. An entity stays in its row
-    as long as it lives; the row may then get another one. Read anything; write through `spawn`, `remove`, and
-    `dynamics.command`, `shift` and `teleport`, since some columns follow from others.
+    An entity stays in its row as long as it lives; the row may then get another one. Read anything; write through
+    `spawn`, `remove`, `traffic.keep_lane`, and `dynamics.command`, `shift` and `teleport`, since some columns follow
+    from others.
 
     Attributes:
         frame: steps done since the last reset; time is frame * 20 ms.
         seed, rng: the only source of chance.
-        n: rows, with the gaps that removed entities left.
-        names, bodies: lists of length n.
-
-        alive: row in use, bool.
-        uid: its id, unique and never given again until `reset`, int64.
-        kind: `Kind`, int64.
-        x, y, z: reference point [m].
-        roll, pitch, yaw: [rad]; yaw within (-pi, pi].
-        speed: along the heading, or along the path; negative when going backwards [m/s].
-
-        accel, lateral_accel: forward and to the left, over the last step [m/s^2].
-        yaw_rate: counter-clockwise, over the last step [rad/s].
-        steer: angle of the front wheels, left positive [rad].
-        throttle, brake: pedals 0..1, as commanded or as the controller of the mode presses them.
-        gear, mode: `Gear` and `Mode`, int64.
-        steer_cmd, speed_cmd, accel_cmd: last commands [rad, m/s, m/s^2]. All of these are for driven rows (EGO).
-
-        arc: distance along the path or the lane; without either, since the row was put where it is; 0 for driven
-            rows [m].
-        has_path, is_loop: follows a path; begins again at its end, bool.
-        path_length: of the path, 0 for rows without one [m].
-
-        has_lane: keeps to the lanes, bool. The rest means something for those alone.
-        lane, ahead_1 ..: rows of `roads`: where it is, and where it will go from there; -1 beyond a dead end, int64.
-        wish: how fast it would like to go, inf for as fast as is allowed [m/s].
-        turns, claim, held, exit_lane, point: see `traffic`.
-
-        is_ghost: steps leave it where it stands, whatever its speed; see `dynamics.place_ghost`, bool.
-
+        paths, routes: of those who follow waypoints, and of drivers who know where to, by id.
         roads: the lanes; see `lay_roads`.
         signals: the traffic lights as they are at this frame.
         contacts: (m, 2) int64, ids of those who touched during the last step; see `contacts`.
-
-        The other columns (target, sense, drive, hold, leg_*, ...) follow from these and are the working memory of
-        `dynamics` and `walking`, who explain them.
     """
 
-    target: FloatArray
-    accel_max: FloatArray
-    accel_min: FloatArray
-    throttle_max: FloatArray
-    sense: FloatArray
-    drive: FloatArray
-    hold: FloatArray
-    steer_cmd: FloatArray
-    wheelbase: FloatArray
-    steer_rate: FloatArray
-    max_accel: FloatArray
-    max_decel: FloatArray
-    rolling: FloatArray
-    drag: FloatArray
-    throttle: FloatArray
-    brake: FloatArray
-    steer: FloatArray
-    accel: FloatArray
-    lateral_accel: FloatArray
-    yaw_rate: FloatArray
-    x: FloatArray
-    y: FloatArray
-    yaw: FloatArray
-    speed: FloatArray
-    z: FloatArray
-    arc: FloatArray
-    leg_start: FloatArray
-    leg_end: FloatArray
-    leg_x: FloatArray
-    leg_y: FloatArray
-    leg_z: FloatArray
-    leg_dx: FloatArray
-    leg_dy: FloatArray
-    leg_dz: FloatArray
-    path_length: FloatArray
-    wish: FloatArray
-    roll: FloatArray
-    pitch: FloatArray
-    speed_cmd: FloatArray
-    accel_cmd: FloatArray
-    max_steer: FloatArray
-    speed_accel: FloatArray
-    speed_decel: FloatArray
-    half_length: FloatArray
-    half_width: FloatArray
-    height: FloatArray
-    centre: FloatArray
-    uid: IntArray
-    kind: IntArray
-    gear: IntArray
-    mode: IntArray
-    path_base: IntArray
-    label: IntArray
-    turns: IntArray
-    claim: IntArray
-    held: IntArray
-    exit_lane: IntArray
-    point: IntArray
-    lane: IntArray
-    ahead_1: IntArray
-    ahead_2: IntArray
-    ahead_3: IntArray
-    ahead_4: IntArray
-    ahead_5: IntArray
-    alive: BoolArray
-    has_path: BoolArray
-    is_loop: BoolArray
-    has_lane: BoolArray
-    is_ghost: BoolArray
-
     def __init__(self, seed: int = 0) -> None:
+        super().__init__()
         self.seed = seed
-        self.names: list[str] = []
-        self.bodies: list[Body] = []
         self.paths = Paths()
         self.contacts = NO_CONTACTS
         self.roads, self.signals = NO_ROADS, Signals(NO_PLAN)
         self.routes: dict[int, IntArray] = {}  # by id, of those who keep to the lanes and know where to
         self._rows: dict[int, int] = {}  # uid -> row, in order of spawning
         self._derived: dict[object, object] = {}
-        self._floats, self._ints, self._bools = _blocks(MIN_CAPACITY)
         self.reset()
 
     # -- the population
@@ -356,8 +222,7 @@ class World:
         self.routes = {}
         self.contacts = NO_CONTACTS
         self.paths.clear()
-        self._floats, self._ints, self._bools = _blocks(MIN_CAPACITY)
-        self._bind(0)
+        self._allocate(0)
         self.touch()
 
     def reset(self, seed: int | None = None) -> None:
@@ -443,8 +308,7 @@ class World:
         """Become what the snapshot was: the same calls from here on give the same bits."""
         self.clear()
         n = len(saved.names)
-        self._floats, self._ints, self._bools = _blocks(n)
-        self._bind(n)
+        self._allocate(n)
         self._floats[:, :n], self._ints[:, :n], self._bools[:, :n] = saved.floats, saved.ints, saved.bools
         self.names, self.bodies = list(saved.names), list(saved.bodies)
         self._rows = dict(saved.uids)
@@ -471,14 +335,6 @@ class World:
         for uid, route in self.routes.items():
             state.update(uid.to_bytes(4) + route.tobytes())
         return state.hexdigest()
-
-    def block(self, first: str, last: str) -> FloatArray:
-        """Return the columns from `first` to `last` as one (columns, n) view."""
-        return self._floats[FLOATS.index(first) : FLOATS.index(last) + 1, : self.n]
-
-    def int_block(self, first: str, last: str) -> IntArray:
-        """Return the same of the columns of integers."""
-        return self._ints[INTS.index(first) : INTS.index(last) + 1, : self.n]
 
     # -- for the modules of this room
 
@@ -585,31 +441,6 @@ class World:
         if self.paths.remove(int(self.uid[row])):
             for other in np.flatnonzero(self.has_path):  # rare: the store moved together
                 self.path_base[other] = self.paths.base(int(self.uid[other]))
-
-    def _grow(self) -> None:
-        blocks = _blocks(2 * self.n)
-        for new, old in zip(blocks, (self._floats, self._ints, self._bools), strict=True):
-            new[:, : self.n] = old
-        self._floats, self._ints, self._bools = blocks
-
-    def _bind(self, n: int) -> None:
-        """Set the number of rows, and the named views to it."""
-        self.n = n
-        self.names[n:] = [""] * (n - len(self.names))
-        self.bodies[n:] = [NOBODY] * (n - len(self.bodies))
-        for block, columns in ((self._floats, FLOATS), (self._ints, INTS), (self._bools, BOOLS)):
-            for i, column in enumerate(columns):
-                setattr(self, column, block[i, :n])
-
-
-def _blocks(capacity: int) -> tuple[FloatArray, IntArray, BoolArray]:
-    """Return blocks of zeros for at least so many rows."""
-    capacity = max(MIN_CAPACITY, capacity)
-    return (
-        np.zeros((len(FLOATS), capacity)),
-        np.zeros((len(INTS), capacity), dtype=np.int64),
-        np.zeros((len(BOOLS), capacity), dtype=bool),
-    )
 
 
 class _RowsByKind:
