@@ -10,6 +10,7 @@ all of them alike: compare the ratios. Cases:
     mixed       egos, one in two with gaps between their rows, modes and pedals at random
     straight    agents with constant motion
     paths       agents on closed paths with a waypoint every half metre, at 5 to 15 m/s
+    town        drivers in copies of the built-in town, 250 in each, and an ego: lanes, lights, traffic
     demo        1 ego, 10 cars on paths, 5 cars straight ahead, 2 walkers, 3 boxes (whatever the size asked for)
 """
 
@@ -20,18 +21,26 @@ import math
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from rosbridge_sim.shell.storage import DiskLibrary
 from rosbridge_sim.world.dynamics import command
 from rosbridge_sim.world.geometry import FloatArray
+from rosbridge_sim.world.network import Network
+from rosbridge_sim.world.plan import Plan
+from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
+from rosbridge_sim.world.traffic import DECISION, keep_lane
 
 CAR = Body()
+CARS_IN_TOWN = 250  # one to 49 m of lanes: busy, not jammed
+TOWN_SIZE = 700.0  # from one copy to the next [m]
 TARGET_SECONDS = 0.004  # for one turn of a case: long against the clock, short against the noise
 
 
@@ -95,6 +104,54 @@ def paths(num: int) -> World:
     return world
 
 
+def town(num: int) -> World:
+    """See the head of this file."""
+    world, rng = World(), np.random.default_rng(0)
+    world.lay_roads(*towns(-(-num // CARS_IN_TOWN)))
+    roads = world.roads
+    world.spawn(Kind.EGO, CAR, name="ego", x=0.0, y=-5.25)
+    hold = roads.derived(Network).hold
+    places = [(i, s) for i in np.flatnonzero(np.isinf(hold)) for s in np.arange(6.0, roads.length[i] - 6.0, 14.0)]
+    rng.shuffle(places)
+    for lane, s in places[:num]:
+        uid = world.spawn(Kind.VEHICLE, CAR, name="npc", x=0.0, y=0.0, speed=5.0)
+        keep_lane(world, world.row(uid), int(lane), float(s))
+    for _ in range(1000):  # until they stand before the lights and move between them
+        step(world)
+    return world
+
+
+def towns(copies: int) -> tuple[Roads, Plan]:
+    """The built-in town so many times, side by side."""
+    one = DiskLibrary().map("town")
+    assert one.plan is not None
+    roads, plan, size = one.roads, one.plan, len(one.roads)
+    parts = range(copies)
+    lines = [roads.points[roads.first[i] : roads.first[i + 1]] for i in range(size)]
+    many = Roads(
+        [f"{k}.{name}" for k in parts for name in roads.ids],
+        [np.add(line, (k % 8 * TOWN_SIZE, k // 8 * TOWN_SIZE, 0.0)) for k in parts for line in lines],
+        [[int(other) + k * size for other in roads.successors(i)] for k in parts for i in range(size)],
+        roads.width.tolist() * copies,
+        roads.speed_limit.tolist() * copies,
+    )
+    lights = [
+        replace(light, name=f"{k}.{light.name}", lanes=tuple(lane + k * size for lane in light.lanes))
+        for k in parts
+        for light in plan.lights
+    ]
+    controllers = [
+        replace(
+            controller,
+            name=f"{k}.{controller.name}",
+            groups=tuple(tuple(row + k * len(plan.lights) for row in group) for group in controller.groups),
+        )
+        for k in parts
+        for controller in plan.controllers
+    ]
+    return many, Plan(many, lights, controllers, passes=plan.pass_of_lane.tolist() * copies)
+
+
 def demo(_: int) -> World:
     """See the head of this file."""
     world = driven(1)
@@ -109,26 +166,33 @@ def demo(_: int) -> World:
     return world
 
 
-def stepper(world: World) -> Callable[[], None]:
-    """Return a call that steps a world."""
-    return lambda: step(world)
+def stepper(world: World) -> tuple[Callable[[], None], int]:
+    """Return a call that steps a world, and how often: with drivers in it from one of their decisions to the next."""
+    if not world.has_lane.any():
+        return lambda: step(world), 1
+
+    def to_next_decision() -> None:
+        for _ in range(DECISION):
+            step(world)
+
+    return to_next_decision, DECISION
 
 
-def measure(cases: dict[str, Callable[[], None]], rounds: int) -> dict[str, FloatArray]:
-    """Return the microseconds a call of each case took in each round."""
+def measure(cases: dict[str, tuple[Callable[[], None], int]], rounds: int) -> dict[str, FloatArray]:
+    """Return the microseconds a step of each case took in each round; a case is a call and how many steps it makes."""
     times: dict[str, list[float]] = {name: [] for name in cases}
     counts = {}
-    for name, call in cases.items():
+    for name, (call, _) in cases.items():
         call()
         start = time.perf_counter()
         call()
         counts[name] = max(1, int(TARGET_SECONDS / (time.perf_counter() - start)))
     for _ in range(rounds):
-        for name, call in cases.items():
+        for name, (call, steps) in cases.items():
             start = time.perf_counter()
             for _ in range(counts[name]):
                 call()
-            times[name].append((time.perf_counter() - start) / counts[name] * 1e6)
+            times[name].append((time.perf_counter() - start) / counts[name] / steps * 1e6)
     return {name: np.array(values) for name, values in times.items()}
 
 
@@ -140,8 +204,8 @@ def main() -> None:
     arguments = parser.parse_args()
     print(f"{'case':10}{'n':>7}{'p50 us':>10}{'p99 us':>10}{'best us':>10}{'million/s':>11}{'x floor':>9}")
     for num in map(int, arguments.sizes.split(",")):
-        makers = {"driven": driven, "mixed": mixed, "straight": straight, "paths": paths, "demo": demo}
-        cases = {"floor": floor(num)} | {name: stepper(make(num)) for name, make in makers.items()}
+        makers = {"driven": driven, "mixed": mixed, "straight": straight, "paths": paths, "town": town, "demo": demo}
+        cases = {"floor": (floor(num), 1)} | {name: stepper(make(num)) for name, make in makers.items()}
         times = measure(cases, arguments.rounds)
         base = np.median(times["floor"])
         for name, values in times.items():
