@@ -139,8 +139,8 @@ def test_heights_are_followed() -> None:
 def test_a_slower_one_is_followed_at_a_distance_in_time() -> None:
     world = world_of(road(length=3000.0, limit=20.0))
     slow = car(world, "a", 200.0, wish=10.0, speed=10.0)
-    fast = car(world, "a", 20.0, speed=20.0)
-    run(world, 90.0)
+    fast = car(world, "a", 120.0, speed=15.0)
+    run(world, 50.0)
     gap = world.arc[slow] - CAR.rear_overhang - world.arc[fast] - NOSE
     assert world.speed[fast] == pytest.approx(10.0, abs=0.1)
     # The model's own distance at half the wish: (s0 + v T) / sqrt(1 - (v / v0)^4).
@@ -165,8 +165,8 @@ def test_somebody_on_the_lane_after_the_next_is_seen_in_time() -> None:
     roads = make(**snippets, l40=(line((400, 0), (500, 0)), ""))
     world = world_of(roads)
     front = car(world, "l40", 5.0, wish=0.0)
-    back = car(world, "l0", 1.0, speed=15.0)
-    speeds = run(world, 60.0)
+    back = car(world, "l20", 1.0, speed=15.0)
+    speeds = run(world, 30.0)
     assert speeds[-1, back] < 0.02
     assert world.x[front] - CAR.rear_overhang - world.x[back] - NOSE == pytest.approx(GAP, abs=0.3)
 
@@ -311,16 +311,16 @@ def test_who_finds_a_street_full_takes_another() -> None:
         e=(line((115, 15), (115, 115)), ""),
         x=(line((110, -50), (110, 50)), ""),
     )
-    for seed in range(4):
+    for seed in range(2):
         world = world_of(roads, seed=seed)
         car(world, "d", 3.0, wish=0.0)
-        row = car(world, "a", 50.0, speed=8.0)
-        run(world, 60.0)
+        row = car(world, "a", 70.0, speed=8.0)
+        run(world, 30.0)
         assert lane_of(world, row) == "e"
     world = world_of(roads)
     car(world, "d", 3.0, wish=0.0)
-    row = car(world, "a", 50.0, speed=8.0, route="a b d")
-    run(world, 60.0)
+    row = car(world, "a", 70.0, speed=8.0, route="a b d")
+    run(world, 20.0)
     assert lane_of(world, row) == "a", "but not if he knows where he wants to go"
 
 
@@ -399,35 +399,41 @@ def ring() -> Roads:
     )
 
 
-def ways(seed: int, others: int = 0) -> str:
-    world = world_of(ring(), seed=seed)
-    row = car(world, "a", 1.0, speed=5.0)
+def ways(others: int = 0) -> str:
+    """The lanes that somebody comes through in forty seconds."""
+    world = world_of(ring())
+    row = car(world, "a", 1.0, speed=10.0)
     for i in range(others):
-        car(world, "d", 5.0 + 15.0 * i)
+        car(world, "d", 5.0 + 15.0 * i, speed=5.0)
     seen = "a"
-    for _ in range(6000):
+    for _ in range(2000):
         step(world)
         seen += lane_of(world, row) if lane_of(world, row) != seen[-1] else ""
     return seen
 
 
+def planned(seed: int) -> str:
+    """The lanes that he has in mind at the start."""
+    world = world_of(ring(), seed=seed)
+    row = car(world, "a", 1.0)
+    return "".join(world.roads.ids[lane] for lane in world.int_block("lane", "ahead_5")[:, row])
+
+
 def test_chance_depends_on_the_seed_and_on_nothing_else() -> None:
-    first = ways(0)
-    assert len(first) > 8
-    assert ways(0) == first
-    assert ways(0, others=2).startswith(first[:8])
-    assert len({ways(seed)[:8] for seed in range(6)}) > 1
-    assert {"b", "c"} <= set("".join(ways(seed) for seed in range(3)))
+    assert ways().startswith(planned(0)[:4])
+    assert ways(others=2).startswith(planned(0)[:4])
+    assert len({planned(seed) for seed in range(20)}) == 4, "two choices in five lanes"
+    assert planned(2**70) == planned(2**70)
 
 
 def test_a_route_is_kept_and_chance_goes_on_at_its_end() -> None:
     world = world_of(ring())
-    row = car(world, "a", 1.0, speed=5.0, route="a c e a b d a c")
+    row = car(world, "a", 30.0, speed=10.0, route="a c e a b d")
     seen = "a"
-    while len(seen) < 9:
+    while len(seen) < 7:
         step(world)
         seen += lane_of(world, row) if lane_of(world, row) != seen[-1] else ""
-    assert seen[:8] == "acea" + "bdac"
+    assert seen == "aceabda"
 
 
 def test_a_route_may_begin_again() -> None:
@@ -435,10 +441,10 @@ def test_a_route_may_begin_again() -> None:
     row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=5.0))
     keep_lane(world, row, 0, 1.0, route=[0, 2, 4], is_loop=True)
     seen = "a"
-    while len(seen) < 10:
+    while len(seen) < 7:
         step(world)
         seen += lane_of(world, row) if lane_of(world, row) != seen[-1] else ""
-    assert seen == "aceaceacea"
+    assert seen == "aceacea"
 
 
 @pytest.mark.parametrize(
@@ -535,21 +541,21 @@ def crowd(seed: int = 0, num: int = 30, *, is_alone: bool = False) -> World:
 
 def test_the_same_seed_gives_the_same_bits_with_or_without_a_snapshot_between() -> None:
     first, second, third = crowd(), crowd(), crowd(seed=5)
-    for frame in range(400):
-        if frame == 173:
+    for frame in range(200):
+        if frame == 73:
             third.restore(first.snapshot())
-        if frame == 201:
+        if frame == 101:
             second.touch()
         for world in (first, second, third):
             step(world)
-        if frame > 173 and frame % 50 == 0:
+        if frame > 73 and frame % 50 == 0:
             assert first.digest() == second.digest() == third.digest()
     assert first.digest() == second.digest() == third.digest()
 
 
 def test_other_seeds_and_other_roads_have_another_digest() -> None:
     world = crowd()
-    assert world.digest() == crowd().digest() != crowd(seed=1).digest()
+    assert world.digest() != crowd(seed=1).digest()
     bare = World()
     before = bare.digest()
     bare.lay_roads(ring())
@@ -559,12 +565,12 @@ def test_other_seeds_and_other_roads_have_another_digest() -> None:
 def test_gaps_between_the_rows_change_nothing() -> None:
     plain, holed = world_of(ring()), world_of(ring())
     for i in range(4):
-        car(plain, "a", 2.0 + 13.0 * i, speed=3.0)
+        car(plain, "a", 2.0 + 13.0 * i, speed=6.0)
         holed.spawn(Kind.OBSTACLE, CAR, name="far", x=1e5 + 30.0 * i, y=1e5, uid=100 + i)
-        row = holed.row(holed.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=3.0, uid=i + 1))
+        row = holed.row(holed.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=6.0, uid=i + 1))
         keep_lane(holed, row, 0, 2.0 + 13.0 * i)
-    run(plain, 30.0)
-    run(holed, 30.0)
+    run(plain, 15.0)
+    run(holed, 15.0)
     for uid in range(1, 5):
         one, other = plain.row(uid), holed.row(uid)
         for column in ("x", "y", "yaw", "speed", "accel", "lane", "arc"):
@@ -640,7 +646,7 @@ def test_the_count_of_red_runs_finds_those_who_do_not_look(monkeypatch: pytest.M
         return look(network, np.ones_like(may_enter), *rest)
 
     monkeypatch.setattr("rosbridge_sim.world.traffic.look", blind)
-    assert red_runs(crowd(num=20, is_alone=True), 30.0) > 5
+    assert red_runs(crowd(num=20, is_alone=True), 15.0) > 3
 
 
 @pytest.mark.slow
