@@ -63,6 +63,7 @@ class DirectSocket(ServerConnection):
         self._need = 0  # length from which on `_kept` is worth looking at
         self._is_held = True
         self._is_paused = False
+        self._has_ended = False  # the other side says nothing any more
         self._message = bytearray()  # the fragments of a message so far
 
     def listen(self, on_message: Callable[[bytes], None], on_turn: Callable[[], None]) -> None:
@@ -70,6 +71,8 @@ class DirectSocket(ServerConnection):
         self._on_message = on_message
         self._on_turn = on_turn
         self._go_on()
+        if self._has_ended:
+            self._end()
 
     def send_messages(self, messages: Sequence[bytes]) -> int:
         """Hand messages to the transport: `BinaryFrame` as binary, others as text. The connection must be open.
@@ -127,11 +130,17 @@ class DirectSocket(ServerConnection):
         else:
             self._read(data)
 
-    def eof_received(self) -> None:
-        """Handle all that came before the end; then let the library end it."""
-        while self._is_held and self._on_message is not None:
-            self._go_on()
-        super().eof_received()
+    def eof_received(self) -> bool:  # type: ignore[override] # asyncio says so; the library never answers
+        """Handle all that came before the end; then let the library end it.
+
+        Returns:
+            Whether the transport stays open: somebody will listen to what was kept, and end it.
+        """
+        self._has_ended = True
+        if self._kept and self._on_message is None:
+            return True
+        self._end()
+        return False
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget what nobody waits for any more."""
@@ -153,6 +162,14 @@ class DirectSocket(ServerConnection):
             self._on_message(message)
 
     # How bytes become messages
+
+    def _end(self) -> None:
+        """Nothing comes any more: handle what is whole, forget the rest, and close."""
+        while self._is_held and self._on_message is not None:
+            self._go_on()
+        self._kept.clear()  # a turn may still be on its way here
+        super().eof_received()
+        self.transport.close()
 
     def _read_head(self, data: bytes) -> bytes:
         """Give the library the HTTP request; what comes behind it."""

@@ -7,6 +7,7 @@ import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from itertools import pairwise
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -58,6 +59,8 @@ async def listening(heard: list[bytes], *, is_direct: bool) -> AsyncIterator[int
 async def converse(pieces: list[bytes], *, is_direct: bool) -> tuple[list[bytes], bytes]:
     """What the server heard, and what it said, when those pieces arrive one by one."""
     heard: list[bytes] = []
+    mishaps: list[dict[str, Any]] = []
+    asyncio.get_running_loop().set_exception_handler(lambda _, context: mishaps.append(context))
     async with listening(heard, is_direct=is_direct) as port:
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
         writer.write(REQUEST)
@@ -69,6 +72,7 @@ async def converse(pieces: list[bytes], *, is_direct: bool) -> tuple[list[bytes]
         writer.write_eof()
         said = await reader.read()
         writer.close()
+    assert not mishaps
     return heard, said
 
 
@@ -92,6 +96,7 @@ CONVERSATIONS = {
     "not masked": frame(Opcode.TEXT, b"a") + b"\x81\x01b" + frame(Opcode.TEXT, b"c"),
     "unknown opcode": frame(Opcode.TEXT, b"a") + b"\x83\x80\0\0\0\0" + frame(Opcode.TEXT, b"c"),
     "a bit of an extension": frame(Opcode.TEXT, b"a") + b"\xc1\x80\0\0\0\0" + frame(Opcode.TEXT, b"c"),
+    "ends in the middle after a long run": frame(Opcode.TEXT, b"a") * 500 + frame(Opcode.TEXT, b"b")[:-1],
     "ends in the middle": frame(Opcode.TEXT, b"a") + frame(Opcode.TEXT, b"b")[:-1],
     "a long ping": frame(Opcode.TEXT, b"a") + b"\x89\xfe\x00\x80\0\0\0\0" + bytes(128),
 }
@@ -136,6 +141,17 @@ async def test_frames_right_behind_the_handshake_are_heard(cut: int) -> None:
         await reader.read()
         writer.close()
     assert heard == [b"early", b"bird"]
+
+
+async def test_frames_right_behind_the_handshake_are_heard_even_if_nothing_follows() -> None:
+    heard: list[bytes] = []
+    async with listening(heard, is_direct=True) as port:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(REQUEST + frame(Opcode.TEXT, b"early") * 100 + frame(Opcode.TEXT, b"bird")[:-1])
+        writer.write_eof()
+        await reader.read()
+        writer.close()
+    assert heard == [b"early"] * 100
 
 
 async def test_others_have_their_turn_during_a_long_run() -> None:
