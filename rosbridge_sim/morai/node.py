@@ -70,7 +70,7 @@ class NodeSettings:
         profile: units and orders where documents and clients disagree.
         start: run in real time, or stand at frame 0 until the first master comes.
         start_mode: external control in D, or keyboard control in P as MORAI starts.
-        rate: topic -> publications a second in real time [Hz]; 50 for those not named.
+        rate: topic -> publications a second [Hz]; those not named have 50, or what is usual for them.
         sync_frames: whether a tick must name the frame that it will end on.
         sync_lease: silence after which a master is lost [s]; None counts departures only.
         sync_on_loss: what becomes of the world when the master is lost.
@@ -227,7 +227,7 @@ class Node:
         self.refresh()
         self.bus.stamp_ns = world.frame * STEP_NS
         if is_tick:
-            self._outputs.show_every(now)
+            self._outputs.show_every(world.frame, now)
         else:
             self._pace.count()
             self._outputs.show_due(world.frame, self._pace.shown_at, now)

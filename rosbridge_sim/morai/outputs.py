@@ -6,7 +6,8 @@ that whoever reads that one has seen the others of its frame. A message is made 
 Rates count in simulated frames, so what a topic carries depends on the frame alone and not on when somebody began to
 listen: at R Hz frame i brings floor(i R / 50) - floor((i - 1) R / 50) publications. Below 50 Hz that is one or none.
 Above, the first goes with the frame and the others are the same message again, with its own stamp, spread evenly over
-the 20 ms that the frame lasts. In synchronous mode every frame goes out once, at any rate: that is what a tick is for.
+the 20 ms that the frame lasts. In synchronous mode the state of every frame goes out once, at any rate: that is what a
+tick is for. What is *sampled*, as a sensor is, keeps its rate there too, and comes once a frame at most.
 """
 
 from __future__ import annotations
@@ -46,14 +47,16 @@ class Feed:
         make: the struct of the world as it stands, or None while there is nothing to say; called at most once a
             frame.
         per_frame: how many publications a frame brings, on average.
+        is_sampled: it keeps its rate in synchronous mode too.
     """
 
     topic: Topic
     make: Callable[[], Any]
     per_frame: Fraction = Fraction(1)
+    is_sampled: bool = False
 
     def num_due(self, frame: int) -> int:
-        """How many publications this frame brings in real time."""
+        """How many publications this frame brings at its rate."""
         up, down = self.per_frame.numerator, self.per_frame.denominator
         return frame * up // down - (frame - 1) * up // down
 
@@ -67,7 +70,7 @@ class Outputs:
         Args:
             owner: the simulator's node.
             bus: where they are published.
-            rates: topic -> publications a second of simulated time [Hz]; 50 for the others.
+            rates: topic -> publications a second of simulated time [Hz]; the others have those of `add`.
         """
         self._owner = owner
         self._bus = bus
@@ -76,7 +79,16 @@ class Outputs:
         self._repeats: list[tuple[float, int, Topic, Message]] = []
         self._ticket = count()
 
-    def add(self, name: str, type_name: str, make: Callable[[], Any], *, is_exclusive: bool = True) -> None:
+    def add(
+        self,
+        name: str,
+        type_name: str,
+        make: Callable[[], Any],
+        *,
+        is_exclusive: bool = True,
+        rate: float = _FRAME_RATE,
+        is_sampled: bool = False,
+    ) -> None:
         """Publish a topic with every frame, or at its rate; a further ego's at that of the first where it has none.
 
         Args:
@@ -84,15 +96,18 @@ class Outputs:
             type_name: its type.
             make: the struct of the world as it stands, or None while there is nothing to say.
             is_exclusive: nobody else may publish there.
+            rate: publications a second, unless somebody has chosen another one [Hz].
+            is_sampled: in synchronous mode, too, it goes out at its rate in simulated time and not with every frame.
 
         Raises:
             DocumentError: its rate is none.
             GraphError: somebody has given the topic another type.
         """
-        rate = self._rates.get(name, self._rates.get(_of_first_ego(name), float(_FRAME_RATE)))
+        rate = self._rates.get(name, self._rates.get(_of_first_ego(name), rate))
         _check_rate(name, rate)
         topic = self._bus.advertise(self._owner, name, type_name, is_exclusive=is_exclusive, is_on_demand=True)
-        self._feeds.append(Feed(topic, make, Fraction(rate).limit_denominator(10_000) / _FRAME_RATE))
+        per_frame = Fraction(rate).limit_denominator(10_000) / _FRAME_RATE
+        self._feeds.append(Feed(topic, make, per_frame, is_sampled))
 
     def remove(self, prefix: str, now: float) -> None:
         """Publish the topics under a prefix no longer."""
@@ -117,11 +132,16 @@ class Outputs:
                     f"rate of {name}: the simulator publishes {', '.join(known)} at a rate of one's own"
                 )
 
-    def show_every(self, now: float) -> None:
-        """Publish the world as it stands on every topic that somebody listens to."""
+    def show_every(self, frame: int, now: float) -> None:
+        """Publish the world as it stands on every topic that somebody listens to; what is sampled when its turn comes.
+
+        Args:
+            frame: the world's.
+            now: monotonic time [s].
+        """
         for feed in self._feeds:
             topic = feed.topic
-            if not topic.has_listener:
+            if not topic.has_listener or (feed.is_sampled and not feed.num_due(frame)):
                 continue
             value = feed.make()
             if value is not None:

@@ -66,6 +66,31 @@ def test_synchronous_mode_sends_every_frame_once_at_any_rate() -> None:
         assert [message["header"]["seq"] for message in client.messages("/Ego_topic")] == list(range(1, 11))
 
 
+def sampled(bus: Bus, rates: dict[str, float]) -> tuple[Outputs, Client]:
+    outputs, listener = Outputs(Client(bus, "/a"), bus, rates), Client(bus, "/b")
+    make = make_store().message("std_msgs/Int32").default
+    outputs.add("/five", "std_msgs/Int32", make, rate=5.0, is_sampled=True)
+    outputs.add("/fast", "std_msgs/Int32", make, rate=120.0, is_sampled=True)
+    outputs.add("/state", "std_msgs/Int32", make, rate=5.0)
+    listener.listen("/five", "/fast", "/state")
+    return outputs, listener
+
+
+def test_what_is_sampled_keeps_its_rate_in_synchronous_mode_and_comes_once_a_frame_at_most() -> None:
+    outputs, listener = sampled(Bus(make_store()), {})
+    for frame in range(1, 51):
+        outputs.show_every(frame, 0.0)
+    assert [len(listener.messages(topic)) for topic in ("/five", "/fast", "/state")] == [5, 50, 50]
+
+
+def test_the_usual_rate_of_a_topic_gives_way_to_one_that_somebody_chose() -> None:
+    outputs, listener = sampled(Bus(make_store()), {"/state": 10.0})
+    for frame in range(1, 51):
+        outputs.show_due(frame, frame * 0.02, frame * 0.02)
+    outputs.repeat(2.0)
+    assert [len(listener.messages(topic)) for topic in ("/five", "/fast", "/state")] == [5, 120, 10]
+
+
 def test_nothing_is_repeated_after_real_time_has_stopped() -> None:
     stand = Stand(rate={"/Ego_topic": 100.0})
     client = stand.client()
@@ -98,5 +123,5 @@ def test_a_listener_that_complains_does_not_stop_the_world(caplog: pytest.LogCap
         raise FieldError("not that one")
 
     bus.subscribe(listener, "/clock", complain)
-    outputs.show_every(0.0)
+    outputs.show_every(1, 0.0)
     assert "a listener of /clock refused a message: not that one" in caplog.text
