@@ -22,6 +22,7 @@ from rosbridge_sim.morai.convert import maker
 from rosbridge_sim.morai.ego import Ego
 from rosbridge_sim.morai.lights import light_type
 from rosbridge_sim.morai.outputs import Outputs
+from rosbridge_sim.morai.part import Part
 from rosbridge_sim.schema.check import round32
 from rosbridge_sim.world.plan import UNSET, Lamp
 from rosbridge_sim.world.signals import Signals, light_ahead
@@ -46,7 +47,7 @@ _LAMPS: Final = sum(int(lamp) for lamp in Lamp)
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
-class Crossings:
+class Crossings(Part):
     """The part of a node that has to do with lights. It holds no state: that is the world's."""
 
     def __init__(self, node: Node) -> None:

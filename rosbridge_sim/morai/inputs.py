@@ -21,6 +21,7 @@ from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.commands import EgoSetting, ego_settings, ghost_pose, lamps_of, npc_ghosts
 from rosbridge_sim.morai.ego import CtrlMode, Ego
 from rosbridge_sim.morai.ghosts import Ghosts
+from rosbridge_sim.morai.part import Part
 
 if TYPE_CHECKING:
     from rosbridge_sim.morai.node import Node
@@ -33,7 +34,7 @@ _AUTO_MODE: Final = 16
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
-class Inputs:
+class Inputs(Part):
     """Binds a node's input topics, but for those of synchronous mode."""
 
     def __init__(self, node: Node) -> None:

@@ -1,7 +1,7 @@
 """The simulator as one ROS node: its topics and services on the bus, bound to synchronous mode and to the world.
 
-`Node` is the middle: it has the parts (`sync` decides, `stage` holds who is there, `outputs` publish, `services`
-answer) and the two ways in which the world moves:
+`Node` is the middle: `sync` decides, `stage` holds who is there, `outputs` publish, and its `Part`s, which it is given,
+answer and listen. It has the two ways in which the world moves:
 
 - `advance(now)`: real time. The shell calls it whenever `next_due` says so; it computes the frames that are owed.
 - `tick`: synchronous mode. A service call moves the frames of one time step within the call, and everything that those
@@ -17,26 +17,22 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError
 from rosbridge_sim.graph.bus import Bus, Owner
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.commands import EgoSetting
 from rosbridge_sim.morai.convert import MANUAL, Converter, Profile, maker
-from rosbridge_sim.morai.crossings import Crossings
 from rosbridge_sim.morai.ego import CtrlMode, Ego
 from rosbridge_sim.morai.frames import TF, Mount, Transforms
-from rosbridge_sim.morai.inputs import Inputs
 from rosbridge_sim.morai.outputs import Outputs
 from rosbridge_sim.morai.pace import Pace
+from rosbridge_sim.morai.part import Part
 from rosbridge_sim.morai.scenario import Scenario
-from rosbridge_sim.morai.services import Services
 from rosbridge_sim.morai.stage import FIRST_EGO, MAX_ENTITIES, Library, Load, Stage
 from rosbridge_sim.morai.sync import Effect, Outcome, Sync
 from rosbridge_sim.schema.store import Message
-from rosbridge_sim.world import contacts
 from rosbridge_sim.world.state import STEP_NS, Gear, World
 from rosbridge_sim.world.step import step
 
@@ -52,9 +48,6 @@ MAX_EGOS: Final = 32
 
 LAST_RESERVED: Final = 1
 """MORAI's egos are 0, 2, 3, ...: nobody has seen a 1."""
-
-MAX_CRASHES: Final = 1_000
-"""Pairs of vehicles in one VehicleCollisionData at most: 0.5 MB."""
 
 Command = Callable[[float], None]
 """What waits for its frame in synchronous mode; called with `now`."""
@@ -102,7 +95,14 @@ class Node:
     name = NODE_NAME
 
     def __init__(
-        self, bus: Bus, world: World, library: Library, scenario: Scenario, settings: NodeSettings | None = None
+        self,
+        bus: Bus,
+        world: World,
+        library: Library,
+        scenario: Scenario,
+        *,
+        settings: NodeSettings,
+        parts: Sequence[Callable[[Node], Part]],
     ) -> None:
         """The simulator with its opening scene, on the bus.
 
@@ -111,12 +111,12 @@ class Node:
             world: empty; moved by this node alone.
             library: where scenarios and maps come from.
             scenario: the opening scene.
-            settings: None for the defaults.
+            settings: what can be chosen.
+            parts: what makes its parts, once all else of it is there; their topics go out in this order.
 
         Raises:
             DocumentError: the scenario does not fit its map, or a rate is none.
         """
-        settings = settings or NodeSettings()
         is_external = settings.start_mode == "external"
         self.bus = bus
         self.world = world
@@ -141,22 +141,19 @@ class Node:
         self._outputs.add("/clock", "rosgraph_msgs/Clock", lambda: self.convert.clock(world.frame))
         self._transforms = Transforms(bus.store, world, self.convert)
         self._outputs.add("/tf", TF, lambda: self._transforms.moving(self.egos), is_exclusive=False)
-        self._crossings = Crossings(self)
-        self._show_ego(self.egos[0], "/")
-        self._crossings.show(self._outputs)
-        self._outputs.add("/VehicleCollisionData", "morai_msgs/VehicleCollisionData", self._crashes)
-        self._outputs.check_rates()
         self._info_topic = bus.advertise(self, "/SyncModeInfo", "morai_msgs/SyncModeInfo", depth=1, is_exclusive=True)
         self._static_topic = bus.advertise(self, "/tf_static", TF, depth=1)
         self._mounts: tuple[Mount, ...] | None = None
         self._make_info = maker(bus.store, "morai_msgs/SyncModeInfo", "master_id", "status", "frame", "can_send_tick")
-        self._services, self._inputs = Services(self), Inputs(self)
+        self._parts = [make(self) for make in parts]
         self._bindings: dict[int, Bindings] = {}  # of the further egos, by their number
         bindings = Bindings(self, bus)
-        self._crossings.bind(bindings)
-        for part in (self._services, self._inputs):
+        for part in self._parts:
+            part.show_ego(self.egos[0], bindings.prefix, self._outputs)
+            part.show(self._outputs)
             part.bind(bindings)
             part.bind_ego(self.egos[0], bindings)
+        self._outputs.check_rates()
         bus.watchers.append(self._see_off)
         bus.stamp_ns = world.frame * STEP_NS
         self._announce(0.0)
@@ -309,9 +306,9 @@ class Node:
     def _bind_ego(self, ego: Ego) -> None:
         """Give a further ego its names."""
         bindings = self._bindings[ego.index] = Bindings(self, self.bus, f"/Ego-{ego.index}/")
-        self._show_ego(ego, bindings.prefix)
-        self._services.bind_ego(ego, bindings)
-        self._inputs.bind_ego(ego, bindings)
+        for part in self._parts:
+            part.show_ego(ego, bindings.prefix, self._outputs)
+            part.bind_ego(ego, bindings)
         _log.info("ego %d has come: %s...", ego.index, bindings.prefix)
 
     def _drop_ego(self, ego: Ego, now: float) -> None:
@@ -329,15 +326,7 @@ class Node:
             static = self._transforms.static(mounts)
             self._outputs.publish(self._static_topic, Message(self._static_topic.type, static), now)
 
-    def _show_ego(self, ego: Ego, prefix: str) -> None:
-        """Publish what each ego has of its own."""
-        add = self._outputs.add
-        add(prefix + "Ego_topic", "morai_msgs/EgoVehicleStatus", ego.status)
-        add(prefix + "Object_topic", "morai_msgs/ObjectStatusList", partial(self._objects, ego))
-        add(prefix + "CollisionData", "morai_msgs/CollisionData", partial(self._collisions, ego))
-        self._crossings.show_ego(ego, prefix, self._outputs)
-
-    # For the services
+    # For the parts
 
     def refresh(self) -> None:
         """The world has changed: what was made from it is made again."""
@@ -382,7 +371,8 @@ class Node:
         self.egos[0].ctrl_mode = self._ctrl_mode
         self.camera_index = FIRST_EGO
         self.sync.forget()
-        self._inputs.forget()
+        for part in self._parts:
+            part.forget()
         self._outputs.forget_repeats()
         self.bus.stamp_ns = self.world.frame * STEP_NS
         self.refresh()
@@ -401,18 +391,3 @@ class Node:
     def tell(self, level: str, text: str) -> None:
         """What the bus has to say to the simulator goes into the log."""
         _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)
-
-    def _objects(self, ego: Ego) -> Any:  # noqa: ANN401 - a generated struct
-        return self.convert.object_status_list(self.world, ego.row)
-
-    def _collisions(self, ego: Ego) -> Any:  # noqa: ANN401 - a generated struct
-        rows = contacts.find_touched(self.world, ego.uid)
-        return self.convert.collision_data(self.world, rows, self._unique_id)
-
-    def _crashes(self) -> Any:  # noqa: ANN401 - a generated struct
-        pairs = contacts.find_crashes(self.world, MAX_CRASHES)
-        return self.convert.vehicle_collision_data(self.world, pairs, self._unique_id)
-
-    def _unique_id(self, row: int) -> int:
-        uid: int = self.world.uid.item(row)
-        return next((ego.index for ego in self.egos if ego.uid == uid), uid)

@@ -26,6 +26,7 @@ from rosbridge_sim.morai.catalogue import find_model
 from rosbridge_sim.morai.commands import lamps_of
 from rosbridge_sim.morai.convert import gear_of, maker, time_text
 from rosbridge_sim.morai.ego import CtrlMode, Ego
+from rosbridge_sim.morai.part import Part
 from rosbridge_sim.morai.stage import Load, LoadOptions
 from rosbridge_sim.morai.sync import Effect, Outcome
 from rosbridge_sim.world.state import Gear
@@ -42,7 +43,7 @@ _MODE_BIT, _GEAR_BITS, _LAMP_BIT, _PAUSE_BIT = 1, 2 | 16, 4, 8
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
-class Services:
+class Services(Part):
     """A node's services, and the topics of synchronous mode. It holds no state: that is the parts' of the node."""
 
     def __init__(self, node: Node) -> None:

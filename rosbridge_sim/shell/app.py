@@ -28,6 +28,7 @@ from rosbridge_sim.graph.republisher import Republisher
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.morai.convert import LENIENCY, choose_profile
 from rosbridge_sim.morai.node import Node, NodeSettings
+from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.protocol.flow import OutboxLimits
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.access import Access, load_certificate
@@ -204,7 +205,7 @@ def _make_node(bus: Bus, settings: Settings) -> Node:
         sync_on_loss=settings.sync_on_loss,
         anyone_may_stop=settings.anyone_may_stop,
     )
-    return Node(bus, World(settings.seed), library, library.opening_scenario(settings.scenario), choices)
+    return make_node(bus, World(settings.seed), library, library.opening_scenario(settings.scenario), choices)
 
 
 def _start_recording(settings: Settings, bus: Bus, node: Node | None, texts: Texts) -> Recorder | None:

@@ -24,7 +24,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.morai.convert import LENIENCY
-from rosbridge_sim.morai.node import Node, NodeSettings
+from rosbridge_sim.morai.node import NodeSettings
+from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.schema.store import Store
@@ -44,7 +45,7 @@ class Core:
         library = DiskLibrary()
         bus = Bus(Store(read_definitions("22.R2"), leniency=LENIENCY))
         self.world = World(0)
-        node = Node(bus, self.world, library, library.opening_scenario("demo"), NodeSettings(start="sync"))
+        node = make_node(bus, self.world, library, library.opening_scenario("demo"), NodeSettings(start="sync"))
         self._outbox = Outbox(OutboxLimits(), _nothing, _nothing)
         self._peer = Peer(bus, Session(self._outbox, _ignore))
         start = {"user_id": "bench", "start_sync_mode": True, "time_step": 20}

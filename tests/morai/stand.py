@@ -10,8 +10,9 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Answer, Bus, Owner, Topic
 from rosbridge_sim.morai.convert import LENIENCY
 from rosbridge_sim.morai.mgeo import Projection, RoadMap
-from rosbridge_sim.morai.node import Node, NodeSettings
+from rosbridge_sim.morai.node import NodeSettings
 from rosbridge_sim.morai.scenario import Scenario, read_scenario
+from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.schema.store import Message, Store
 from rosbridge_sim.shell.storage import read_definitions
 from rosbridge_sim.world.roads import Roads
@@ -176,7 +177,7 @@ class Stand:
         self.bus = Bus(make_store(release))
         self.world = World(seed=0)
         self.shelf = Shelf()
-        self.node = Node(self.bus, self.world, self.shelf, self.shelf.scenario(scenario), NodeSettings(**settings))
+        self.node = make_node(self.bus, self.world, self.shelf, self.shelf.scenario(scenario), NodeSettings(**settings))
         self.now = 100.0
         self._num_clients = 0
 

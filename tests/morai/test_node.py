@@ -13,7 +13,8 @@ import pytest
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.bus import Answer, Bus, Owner, Topic
 from rosbridge_sim.morai.convert import FIELD
-from rosbridge_sim.morai.node import MAX_FRAMES, Node
+from rosbridge_sim.morai.node import MAX_FRAMES
+from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.morai.stage import FIRST_EGO
 from rosbridge_sim.schema.store import Message
 from rosbridge_sim.shell.storage import DiskLibrary
@@ -413,7 +414,7 @@ def test_who_else_listens_changes_nothing() -> None:
 
 def test_the_built_in_scene_opens() -> None:
     library, world, bus = DiskLibrary(), World(), Bus(make_store())
-    node = Node(bus, world, library, library.scenario("demo"))
+    node = make_node(bus, world, library, library.scenario("demo"))
     assert len(world) > 5
     client = Client(bus, "/client")
     client.listen("/Object_topic")

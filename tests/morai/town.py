@@ -10,8 +10,9 @@ import numpy as np
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.morai.mgeo import RoadMap
-from rosbridge_sim.morai.node import Node, NodeSettings
+from rosbridge_sim.morai.node import NodeSettings
 from rosbridge_sim.morai.scenario import Scenario, read_scenario
+from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.shell.storage import DiskLibrary
 from rosbridge_sim.world.geometry import arc_lengths, nearest_on_polyline, point_at
 from rosbridge_sim.world.plan import Lamp
@@ -35,7 +36,7 @@ class Crossroads:
     def __init__(self, scenario: Scenario) -> None:
         self.bus = Bus(make_store())
         self.world = World()
-        self.node = Node(self.bus, self.world, TinyLibrary(), scenario, NodeSettings(start="sync"))
+        self.node = make_node(self.bus, self.world, TinyLibrary(), scenario, NodeSettings(start="sync"))
         self.client = Client(self.bus, "/client")
 
     @classmethod

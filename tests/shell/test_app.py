@@ -19,7 +19,8 @@ import rosbridge_sim
 from rosbridge_sim import DocumentError, Simulator
 from rosbridge_sim.graph.bus import Answer, Bus
 from rosbridge_sim.morai.convert import LENIENCY
-from rosbridge_sim.morai.node import Node, NodeSettings
+from rosbridge_sim.morai.node import NodeSettings
+from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.app import AddressError, Clockwork, WorldFailedError
 from rosbridge_sim.shell.settings import Settings
@@ -229,7 +230,7 @@ class Room:
         self.bus = Bus(Store(read_definitions("22.R2"), leniency=LENIENCY), service_timeout=1.0)
         library = DiskLibrary()
         settings = NodeSettings(start=start)
-        self.node = Node(self.bus, World(0), library, library.scenario("demo"), settings)
+        self.node = make_node(self.bus, World(0), library, library.scenario("demo"), settings)
         self.failures: list[None] = []
         self.clockwork = Clockwork(
             cast("asyncio.AbstractEventLoop", self.loop), self.bus, [self.node], lambda: self.failures.append(None)

@@ -1,0 +1,54 @@
+"""What the simulator tells of the world: each ego, the objects around it, and who touches whom."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
+
+from rosbridge_sim.morai.ego import Ego
+from rosbridge_sim.morai.outputs import Outputs
+from rosbridge_sim.morai.part import Part
+from rosbridge_sim.world import contacts
+
+if TYPE_CHECKING:
+    from rosbridge_sim.morai.node import Node
+
+__all__ = ["States"]
+
+MAX_CRASHES: Final = 1_000
+"""Pairs of vehicles in one VehicleCollisionData at most: 0.5 MB."""
+
+
+class States(Part):
+    """The part of a node that publishes what is. It holds no state: that is the world's."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+
+    def show(self, outputs: Outputs) -> None:
+        """Publish what the world has once."""
+        outputs.add("/VehicleCollisionData", "morai_msgs/VehicleCollisionData", self._crashes)
+
+    def show_ego(self, ego: Ego, prefix: str, outputs: Outputs) -> None:
+        """Publish what each ego has of its own."""
+        outputs.add(prefix + "Ego_topic", "morai_msgs/EgoVehicleStatus", ego.status)
+        outputs.add(prefix + "Object_topic", "morai_msgs/ObjectStatusList", partial(self._objects, ego))
+        outputs.add(prefix + "CollisionData", "morai_msgs/CollisionData", partial(self._collisions, ego))
+
+    def _objects(self, ego: Ego) -> Any:  # noqa: ANN401 - a generated struct
+        node = self._node
+        return node.convert.object_status_list(node.world, ego.row)
+
+    def _collisions(self, ego: Ego) -> Any:  # noqa: ANN401 - a generated struct
+        node = self._node
+        return node.convert.collision_data(node.world, contacts.find_touched(node.world, ego.uid), self._unique_id)
+
+    def _crashes(self) -> Any:  # noqa: ANN401 - a generated struct
+        node = self._node
+        pairs = contacts.find_crashes(node.world, MAX_CRASHES)
+        return node.convert.vehicle_collision_data(node.world, pairs, self._unique_id)
+
+    def _unique_id(self, row: int) -> int:
+        """What clients call whoever is in this row."""
+        uid: int = self._node.world.uid.item(row)
+        return next((ego.index for ego in self._node.egos if ego.uid == uid), uid)
