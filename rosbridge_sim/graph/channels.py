@@ -1,0 +1,170 @@
+"""What there is on a bus: topics with their listeners, services with their calls. The bus alone makes and changes them.
+
+A call ends exactly once: it is answered, refused or given up, and whatever comes after that is ignored.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from rosbridge_sim.graph.owner import Owner
+from rosbridge_sim.schema.compile import MessageType, OpaqueType, ServiceType
+from rosbridge_sim.schema.store import Message
+
+__all__ = ["Answer", "Call", "Deliver", "Handle", "OnAnswer", "Service", "Subscription", "Topic"]
+
+Deliver = Callable[["Topic", Message, Owner, float], None]
+"""`(topic, message, sender, now)`; a PeerError that it raises goes back to the sender."""
+
+Handle = Callable[["Call", float], None]
+"""`(call, now)`: answers the call, now or later; a PeerError that it raises refuses it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """How a call ended.
+
+    Attributes:
+        is_ok: `result` on the wire.
+        values: the response when `is_ok`; else why not: a text, or whatever JSON value the provider sent.
+    """
+
+    is_ok: bool
+    values: object
+
+
+OnAnswer = Callable[[Answer], None]
+
+
+@dataclass(eq=False, slots=True)
+class Subscription:
+    """One listener on one topic; the bus compares it by identity.
+
+    Attributes:
+        is_idle: it overhears what is published anyhow, but nothing has to be published for its sake.
+    """
+
+    topic: Topic
+    owner: Owner
+    deliver: Deliver
+    is_idle: bool = False
+
+
+@dataclass(eq=False, slots=True)
+class Topic:
+    """A named channel of one type.
+
+    Attributes:
+        publishers: owner -> the keys under which it advertised, and how many messages each wants latched.
+        subscriptions: in order of arrival; a tuple, so that a delivery may change it safely.
+        depth: how many messages of each publisher are kept for those who come late: what the advertiser who asked for
+            most asked for; 0 keeps none.
+        kept: publisher -> its last messages; whoever published last stands last.
+        owner: the one owner that may publish, for the simulator's outputs; None where all may.
+        on_demand: the publishers that are silent while nobody listens.
+        orphaned_at: when the last publisher left [s]; None while there is one.
+    """
+
+    name: str
+    type: MessageType | OpaqueType
+    publishers: dict[Owner, dict[object, int]] = field(default_factory=dict)
+    subscriptions: tuple[Subscription, ...] = ()
+    depth: int = 0
+    kept: dict[Owner, deque[Message]] = field(default_factory=dict)
+    owner: Owner | None = None
+    on_demand: dict[Owner, None] = field(default_factory=dict)
+    orphaned_at: float | None = None
+
+    @property
+    def is_latching(self) -> bool:
+        """Whether messages are kept for those who come late."""
+        return bool(self.depth)
+
+    @property
+    def latched(self) -> list[Message]:
+        """What is kept for those who come late: of each publisher the last messages, oldest first."""
+        return [message for messages in self.kept.values() for message in messages]
+
+    @property
+    def has_listener(self) -> bool:
+        """Whether somebody waits for a message; who only overhears does not count."""
+        for subscription in self.subscriptions:  # noqa: SIM110 - asked for each output at each frame; `any` is slower
+            if not subscription.is_idle:
+                return True
+        return False
+
+    @property
+    def is_worth_publishing(self) -> bool:
+        """Whether a message would reach anybody now or, latched, later."""
+        return self.is_latching or self.has_listener
+
+    def keep(self, sender: Owner, message: Message) -> None:
+        """Keep a message for those who come late (for the bus alone)."""
+        messages = self.kept.pop(sender, None)
+        if messages is None:
+            messages = deque(maxlen=self.depth)
+            self.kept = {owner: old for owner, old in self.kept.items() if owner in self.publishers}
+        messages.append(message)
+        self.kept[sender] = messages
+
+
+@dataclass(eq=False, slots=True)
+class Service:
+    """A named service and who provides it."""
+
+    name: str
+    type: ServiceType
+    owner: Owner
+    handle: Handle
+    is_exclusive: bool = False
+    calls: dict[Call, None] = field(default_factory=dict)
+
+
+class _Bookkeeper(Protocol):
+    """What of the bus a call needs."""
+
+    def forget_call(self, call: Call) -> None:
+        """Strike a finished call from its caller's list."""
+
+
+@dataclass(eq=False, slots=True)
+class Call:
+    """One call, from its request to its one answer.
+
+    Attributes:
+        request: a struct of the service's request type.
+        deadline: when it is given up [s], or None.
+        is_done: answered, refused or given up; whatever comes after that is ignored.
+    """
+
+    service: Service
+    caller: Owner
+    request: object
+    on_answer: OnAnswer
+    bus: _Bookkeeper
+    deadline: float | None = None
+    is_done: bool = False
+
+    def answer(self, values: object) -> None:
+        """End the call with a struct of the service's response type."""
+        self._end(Answer(is_ok=True, values=Message(self.service.type.response, values)))
+
+    def refuse(self, why: object) -> None:
+        """End the call with `result: false` and a text (or what the provider sent in its place)."""
+        self._end(Answer(is_ok=False, values=why))
+
+    def abandon(self) -> None:
+        """End the call without an answer: its caller is gone."""
+        self._end(None)
+
+    def _end(self, answer: Answer | None) -> None:
+        if self.is_done:
+            return
+        self.is_done = True
+        self.service.calls.pop(self, None)
+        self.bus.forget_call(self)
+        if answer is not None:
+            self.on_answer(answer)
