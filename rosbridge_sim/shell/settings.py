@@ -18,7 +18,20 @@ from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal, TypeVar, cast
 
-__all__ = ["FIELDS", "FILE", "FOLDERS", "RATES", "SECRET", "SWITCH", "Flag", "Kind", "Settings", "flag_of", "show_size"]
+__all__ = [
+    "FIELDS",
+    "FILE",
+    "FOLDER",
+    "FOLDERS",
+    "RATES",
+    "SECRET",
+    "SWITCH",
+    "Flag",
+    "Kind",
+    "Settings",
+    "flag_of",
+    "show_size",
+]
 
 T = TypeVar("T")
 
@@ -132,6 +145,8 @@ def _is_word(value: object, *words: str) -> bool:
 
 
 FILE = _or_none(_text("a file", "FILE"), "none")
+
+FOLDER = _text("a folder", "DIR")
 
 _SIZE = re.compile(r"(\d+(?:\.\d+)?)\s*(?:([kmg])(i)?)?b?", re.IGNORECASE)
 
@@ -318,6 +333,12 @@ class Settings:
     )
     scenario_path: tuple[str, ...] = _flag(
         (), _WORLD, FOLDERS, "folder in which clients' scenarios are found; may be repeated"
+    )
+    data_dir: str = _flag(
+        "SaveFile",
+        _WORLD,
+        FOLDER,
+        "folder in which sensors' data is saved and network settings are looked for; made when it is needed",
     )
     start: Literal["run", "sync"] = _flag(
         "run", _WORLD, _choice("run", "sync"), "run in real time, or stand at frame 0 until a first master comes"

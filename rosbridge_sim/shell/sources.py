@@ -18,7 +18,18 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.shell.settings import FIELDS, FILE, FOLDERS, RATES, SECRET, SWITCH, Settings, flag_of, show_size
+from rosbridge_sim.shell.settings import (
+    FIELDS,
+    FILE,
+    FOLDER,
+    FOLDERS,
+    RATES,
+    SECRET,
+    SWITCH,
+    Settings,
+    flag_of,
+    show_size,
+)
 
 __all__ = [
     "PREFIX",
@@ -355,7 +366,7 @@ def _beside(key: str, value: object, folder: Path) -> object:
     """The value with its paths taken from `folder`, so that a file means the same wherever the server starts."""
     if flag_of(key).kind is FOLDERS and isinstance(value, tuple):
         return tuple(str(folder / one) for one in value)
-    if flag_of(key).kind is FILE and isinstance(value, str):
+    if flag_of(key).kind in (FILE, FOLDER) and isinstance(value, str):
         return str(folder / value)
     if key in {"scenario", "map"} and isinstance(value, str) and looks_like_path(value):
         return str(folder / value)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rosbridge_sim.shell.settings import FIELDS, FILE, FOLDERS, SWITCH, Settings, flag_of
+from rosbridge_sim.shell.settings import FIELDS, FILE, FOLDER, FOLDERS, SWITCH, Settings, flag_of
 from rosbridge_sim.shell.sources import (
     PREFIX,
     SettingError,
@@ -42,6 +42,7 @@ OTHER: dict[str, object] = {
     "scenario": "loop",
     "map": "track",
     "scenario_path": ("a", "b c"),
+    "data_dir": "data",
     "start": "sync",
     "seed": 3,
     "rate": {"/Ego_topic": 10.0, "/a b": 0.5},
@@ -135,7 +136,7 @@ def test_every_setting_is_a_flag_a_variable_a_key_and_an_option(name: str, tmp_p
     file.write_text(format_config(wanted))
     from_file = read_settings(["--config", str(file)], {})
     kind = flag_of(key).kind
-    if kind is FOLDERS or kind is FILE:  # paths are taken from the file's folder
+    if kind in (FOLDERS, FOLDER, FILE):  # paths are taken from the file's folder
         paths = value if isinstance(value, tuple) else (value,)
         beside = tuple(str(tmp_path / str(path)) for path in paths)
         value = beside if kind is FOLDERS else beside[0]
@@ -192,11 +193,12 @@ def test_keys_of_a_file_may_have_underscores_and_the_file_a_byte_order_mark(tmp_
 
 def test_paths_in_a_file_are_taken_from_its_folder(tmp_path: Path) -> None:
     file = tmp_path / "s.toml"
-    file.write_text('schema-path = ["msgs", "/abs"]\nscenario = "mine.json"\nmap = "./city"\n')
+    file.write_text('schema-path = ["msgs", "/abs"]\nscenario = "mine.json"\nmap = "./city"\ndata-dir = "data"\n')
     settings = read_settings(["--config", str(file)], {})
     assert settings.schema_path == (str(tmp_path / "msgs"), "/abs")
     assert settings.scenario == str(tmp_path / "mine.json")
     assert settings.map == str(tmp_path / "city")
+    assert settings.data_dir == str(tmp_path / "data")
 
 
 def test_names_in_a_file_stay_names(tmp_path: Path) -> None:
@@ -208,7 +210,13 @@ def test_names_in_a_file_stay_names(tmp_path: Path) -> None:
 
 def test_printed_config_gives_the_settings_back(tmp_path: Path) -> None:
     file = tmp_path / "s.toml"
-    paths = {"scenario_path": ("/a",), "schema_path": ('/x"\\\n',), "certfile": "/c.pem", "keyfile": "/k.pem"}
+    paths = {
+        "scenario_path": ("/a",),
+        "data_dir": "/d",
+        "schema_path": ('/x"\\\n',),
+        "certfile": "/c.pem",
+        "keyfile": "/k.pem",
+    }
     file.write_text(format_config(check_options({**OTHER, **paths})))
     assert read_settings(["--config", str(file)], {}) == check_options({**OTHER, **paths, "config": str(file)})
 
