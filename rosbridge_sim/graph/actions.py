@@ -4,21 +4,33 @@ Like a call, a goal ends exactly once: with what its provider says, or because o
 is a wish that goes straight to the provider and never waits behind the goal; the provider still ends it. Where
 the *caller* leaves, its goals are cancelled and their ends are nobody's; where the *provider* leaves, its goals
 fail at once.
+
+Beside each action stands the service by which ROS 2 cancels, `<action>/_action/cancel_goal`; roslib's `cancelAllGoals`
+calls it. Goals of a bus have no UUID, so it knows one request alone, that for all goals, and takes it to mean those of
+the caller.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Protocol
+from typing import Any, Final, Protocol
 
 from rosbridge_sim.errors import GraphError, PeerError
+from rosbridge_sim.graph.channels import Call, Handle, Service
 from rosbridge_sim.graph.owner import Body, Owner, decode_body, resolve
 from rosbridge_sim.schema.compile import ActionType
 from rosbridge_sim.schema.store import Message, Store
 
 __all__ = ["Action", "Actions", "Goal", "GoalStatus", "Outcome"]
+
+
+_CANCEL: Final = "/_action/cancel_goal"
+
+_NO_ERROR, _UNKNOWN_GOAL = 0, 2
+"""`return_code` of action_msgs/CancelGoal."""
 
 
 class GoalStatus(IntEnum):
@@ -115,17 +127,23 @@ class Goal:
             self.on_outcome(outcome)
 
 
-class _Clock(Protocol):
-    """What of the bus is needed here: its types and its time."""
+class _Bus(Protocol):
+    """What of the bus is needed here."""
 
     store: Store
     stamp_ns: int
+
+    def provide(self, owner: Owner, name: str, type_name: str, handle: Handle, *, is_exclusive: bool) -> Service:
+        """Offer a service."""
+
+    def withdraw(self, owner: Owner, name: str) -> None:
+        """Stop offering it."""
 
 
 class Actions:
     """The actions of one bus."""
 
-    def __init__(self, bus: _Clock, max_goals: int) -> None:
+    def __init__(self, bus: _Bus, max_goals: int) -> None:
         """No actions yet; the bus tells who leaves. One caller may have `max_goals` under way."""
         self._bus = bus
         self.max_goals = max_goals
@@ -150,6 +168,7 @@ class Actions:
             cancel: gets each goal that is to end.
 
         Raises:
+            GraphError: somebody else has its service for cancelling to himself.
             TypeNameError: the type cannot be had.
         """
         name = resolve(name)
@@ -159,6 +178,10 @@ class Actions:
             if old.owner is not owner:
                 owner.tell("warning", f"Duplicate action advertised. Overwriting {name}.")
             self._drop(old, f"Action {name} was unadvertised")
+        self._bus.provide(
+            *(owner, name + _CANCEL, "action_msgs/CancelGoal", lambda call, _: self._cancel(action, call)),
+            is_exclusive=True,
+        )
         self.by_name[name] = action
         return action
 
@@ -224,8 +247,23 @@ class Actions:
             if action.owner is owner:
                 self._drop(action, f"Action {action.name} was unadvertised: its provider disconnected")
 
+    def _cancel(self, action: Action, call: Call) -> None:
+        """Cancel the caller's goals, since ROS 2 asks for it by a call."""
+        request: Any = call.request
+        info = request.goal_info
+        response = call.service.type.response.struct
+        if any(info.goal_id.uuid):
+            call.answer(response(_UNKNOWN_GOAL, []))
+            return
+        goals = [goal for goal in action.goals if goal.caller is call.caller]
+        call.answer(response(_NO_ERROR, [info for _ in goals]))
+        for goal in goals:
+            goal.cancel()
+
     def _drop(self, action: Action, why: str) -> None:
         if self.by_name.get(action.name) is action:
             del self.by_name[action.name]
+            with suppress(GraphError):  # the provider may have taken it back itself
+                self._bus.withdraw(action.owner, action.name + _CANCEL)
         for goal in list(action.goals):
             goal.fail(why)

@@ -140,7 +140,9 @@ class Rosapi:
     # Services
 
     def _sorted_services(self) -> list[Service]:
-        return [service for name, service in sorted(self._bus.services.items()) if self._policy.may_call(name)]
+        may_call = self._policy.may_call
+        hidden = "/_" if self._bus.store.ros == 2 else "/_action/"  # noqa: PLR2004 - see above; ROS 1 knows no actions
+        return [s for n, s in sorted(self._bus.services.items()) if may_call(n) and hidden not in n]
 
     def _find_service(self, name: str) -> Service | None:
         service = self._bus.services.get(resolve(name))

@@ -58,9 +58,11 @@ def test_an_action_by_ops_from_roslib_to_itself(server: ServerProcess) -> None:
     name = name_of("roslib2", "roslib2")
     with performing("roslib2", "perform", server.port, name):
         seen = finish(start("roslib2", "actions", server.port, "send", name, TYPE))
+    cancelled = {"feedback": STEPS[:1], "error": 'GoalError: Action was canceled: {"sequence":[0,1,1]}'}
     assert seen == {
         "whole": WHOLE,
-        "cancelled": {"feedback": STEPS[:1], "error": 'GoalError: Action was canceled: {"sequence":[0,1,1]}'},
+        "cancelled": cancelled,
+        "cancelled_by_all": cancelled,
         "failed": {"feedback": [], "error": 'GoalError: Action was aborted: {"sequence":[]}'},
         "is_listed": True,
     }

@@ -93,9 +93,10 @@ async function send() {
     })
   const whole = await follow(5)
   const cancelled = await follow(ENDLESS, (id) => action.cancelGoal(id))
+  const cancelled_by_all = await follow(ENDLESS, () => action.cancelAllGoals())
   const failed = await follow(-1)
   const servers = await ask((done, failed) => ros.getActionServers(done, failed))
-  say({ whole, cancelled, failed, is_listed: servers.includes(name) })
+  say({ whole, cancelled, cancelled_by_all, failed, is_listed: servers.includes(name) })
 }
 
 const ros = await open()
