@@ -19,6 +19,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NoReturn, Self
+from urllib.request import urlopen
 
 import pytest
 from websockets.asyncio.client import ClientConnection, connect
@@ -29,6 +30,9 @@ __all__ = [
     "PATIENCE",
     "ROOT",
     "Client",
+    "FarSideProcess",
+    "Frame",
+    "Process",
     "ServerProcess",
     "mask",
     "miss",
@@ -86,37 +90,40 @@ def read_line(process: subprocess.Popen[str]) -> str:
     return process.stdout.readline() if is_ready else ""
 
 
-class ServerProcess:
-    """A running `rosbridge-sim serve`, known by its first line.
+class Process:
+    """A program that says a first line when it is ready, and is expected to end when it is told to and not before.
 
     Attributes:
-        url: where it listens.
-        port: the same, the number alone.
+        said: what follows the expected beginning of its first line.
         pid: of the process.
     """
 
-    def __init__(self, log: Path, flags: Sequence[str] = (), env: dict[str, str] | None = None) -> None:
-        """Start it on a free port and wait until it listens.
+    def __init__(self, log: Path, command: Sequence[str], ready: str, env: dict[str, str] | None = None) -> None:
+        """Start it and wait until it is ready.
 
         Args:
-            log: where its stderr goes.
-            flags: after `serve --port 0`.
+            log: where its stderr goes, behind what is there already.
+            command: words after Python's own.
+            ready: how its first line begins.
             env: beside the test's own environment.
         """
         self._log = log
         self._is_told_to_stop = False
-        command = [sys.executable, "-m", "rosbridge_sim", "serve", "--port", "0", *flags]
-        with log.open("wb") as stderr:
+        with log.open("ab") as stderr:
             self._process = subprocess.Popen(
-                command, cwd=ROOT, env={**os.environ, **(env or {})}, stdout=subprocess.PIPE, stderr=stderr, text=True
+                [sys.executable, *command],
+                cwd=ROOT,
+                env={**os.environ, **(env or {})},
+                stdout=subprocess.PIPE,
+                stderr=stderr,
+                text=True,
             )
         self.pid = self._process.pid
         line = read_line(self._process)
-        if not line.startswith(_READY):
+        if not line.startswith(ready):
             self.kill()
-            raise AssertionError(f"{' '.join(command)} said {line!r} and not where it listens. Its log:\n{self.log}")
-        self.url = line[len(_READY) :].strip()
-        self.port = int(self.url.rpartition(":")[2].strip("/"))
+            raise AssertionError(f"{' '.join(command)} said {line!r} and not {ready!r}. Its log:\n{self.log}")
+        self.said = line[len(ready) :].strip()
 
     @property
     def log(self) -> str:
@@ -159,9 +166,59 @@ class ServerProcess:
             self.stop()
         self.kill()
         code = self._process.returncode
-        assert self._is_told_to_stop, f"the server ended by itself, with {code}. Its log:\n{self.log}"
-        assert code == 0, f"the server ended with {code}. Its log:\n{self.log}"
-        assert "Traceback" not in self.log, f"the server logged a traceback:\n{self.log}"
+        assert self._is_told_to_stop, f"it ended by itself, with {code}. Its log:\n{self.log}"
+        assert code == 0, f"it ended with {code}. Its log:\n{self.log}"
+        assert "Traceback" not in self.log, f"it logged a traceback:\n{self.log}"
+
+
+class ServerProcess(Process):
+    """A running `rosbridge-sim serve`.
+
+    Attributes:
+        url: where it listens.
+        port: the same, the number alone.
+    """
+
+    def __init__(self, log: Path, flags: Sequence[str] = (), env: dict[str, str] | None = None, port: int = 0) -> None:
+        """Start it and wait until it listens.
+
+        Args:
+            log: where its stderr goes.
+            flags: after `serve --port N`.
+            env: beside the test's own environment.
+            port: to listen on; 0 takes a free one.
+        """
+        super().__init__(log, ["-m", "rosbridge_sim", "serve", "--port", str(port), *flags], _READY, env)
+        self.url = self.said
+        self.port = int(self.url.rpartition(":")[2].strip("/"))
+
+
+class FarSideProcess(Process):
+    """A running `python -m tests.far_side`.
+
+    Attributes:
+        url: where it listens.
+        port: the same, the number alone.
+    """
+
+    def __init__(self, log: Path, flags: Sequence[str] = (), port: int = 0) -> None:
+        """Start it and wait until it listens.
+
+        Args:
+            log: where its stderr goes.
+            flags: after `--port N`.
+            port: to listen on; 0 takes a free one.
+        """
+        super().__init__(log, ["-m", "tests.far_side", "--port", str(port), *flags], "far side listening on ")
+        self.url = self.said
+        self.port = int(self.url.rpartition(":")[2])
+
+    @property
+    def report(self) -> dict[str, int]:
+        """Its counts: `handled`, `most_waiting`, `clients`."""
+        with urlopen(f"http://127.0.0.1:{self.port}/report", timeout=PATIENCE) as answer:
+            report: dict[str, int] = json.load(answer)
+        return report
 
 
 # The client
