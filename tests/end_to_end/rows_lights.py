@@ -1,0 +1,130 @@
+"""Rows: traffic lights and intersections."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+
+from tests.end_to_end.play import Play, Table
+
+__all__ = ["TABLE"]
+
+TABLE = Table()
+
+RED, YELLOW, GREEN, LEFT = 1, 4, 16, 32
+
+
+@TABLE.row(
+    "/GetTrafficLightStatus",
+    done="the ego waits on the avenue through a whole cycle of its light, and is then put behind the stop line",
+    seen="the light's name and type, and its green, yellow and red as /Morai_TLSrv has them; behind the line silence",
+)
+async def _(play: Play) -> None:
+    await play.listen("/GetTrafficLightStatus")
+    shown = []
+    await play.lead(1000)
+    for _ in range(60):
+        await play.tick(1.0)
+        said = play.last("/GetTrafficLightStatus")
+        assert (said["trafficLightIndex"], said["trafficLightType"]) == ("TL22W", 0)
+        assert said["trafficLightStatus"] == await play.light("TL22W")
+        shown.append(said["trafficLightStatus"])
+    changes = [value for i, value in enumerate(shown) if not i or value != shown[i - 1]]
+    assert set(changes) == {RED, YELLOW, GREEN}
+    assert all(after == YELLOW for now, after in pairwise(changes) if now == GREEN)
+    assert play.last("/GetTrafficLightStatus")["header"]["frame_id"] == "TrafficLightStatus"
+    await play.put(0.0, 300.0)
+    await play.tick()
+    assert play.heard("/GetTrafficLightStatus") == []
+
+
+@TABLE.row(
+    "/SetTrafficLight",
+    done="the light before a car is held at red for half a minute, then set to green, then handed back (-1)",
+    seen="the car waits before the line and goes when it is green; the whole group shows it, others do not",
+)
+async def _(play: Play) -> None:
+    await play.listen("/Object_topic")
+    await play.lead(1000)
+    for _ in range(30):
+        await play.send("/SetTrafficLight", trafficLightIndex="TL22W", trafficLightStatus=RED)
+        await play.tick(1.0)
+    car = (await play.objects())[9]
+    assert (car["velocity"]["x"], -22.0 < car["position"]["x"] < -16.0) == (0.0, True), (
+        "its rear axle; the line is at -14"
+    )
+    assert await play.light("TL22W") == RED
+    await play.send("/SetTrafficLight", trafficLightIndex="TL22W", trafficLightStatus=GREEN + LEFT)
+    assert await play.light("TL22W") == GREEN + LEFT
+    await play.tick(6.0)  # the command holds until the crossing's next phase
+    assert (await play.objects())[9]["position"]["x"] > -14.0
+    await play.send("/SetTrafficLight", trafficLightIndex="TL22W", trafficLightStatus=-1)
+    assert await play.light("TL22W") in {RED, YELLOW, GREEN}
+    assert "no traffic light 'TL99'" in await play.send_badly(
+        "/SetTrafficLight", trafficLightIndex="TL99", trafficLightStatus=RED
+    )
+    assert "sum of lamps" in await play.send_badly("/SetTrafficLight", trafficLightIndex="TL22W", trafficLightStatus=2)
+
+
+@TABLE.row(
+    "/InsnStatus",
+    done="the ego is put into the middle crossing, and stands there while a phase goes by",
+    seen="silence outside; inside the crossing's number, its phase, and for how long it has lasted",
+)
+async def _(play: Play) -> None:
+    await play.listen("/InsnStatus", "/IntscnTL_topic")
+    await play.tick(2.0)
+    assert play.heard("/InsnStatus") == []
+    await play.put(0.0, -5.25)
+    await play.lead(1000)
+    phases = []
+    for _ in range(30):
+        await play.tick(1.0)
+        said, everything = play.last("/InsnStatus"), play.last("/IntscnTL_topic")
+        place = everything["idx"].index(f"IntTL{said['intersection_index']}")
+        assert said["intersection_status"] == everything["state"][place]
+        phases.append((said["intersection_status"], said["intersection_status_time"]))
+    assert {phase for phase, _ in phases} >= {0, 1}
+    for (phase, time), (following, later) in pairwise(phases):
+        assert later == pytest.approx(time + 1.0, abs=1e-3) if following == phase else later <= 1.0
+
+
+@TABLE.row(
+    "/InsnControl",
+    done="the crossing that the ego stands in is put into phase 1, 4.5 s after its beginning, by number and by name",
+    seen="/InsnStatus says so from the next frame on, and its lights show what belongs to that phase",
+)
+async def _(play: Play) -> None:
+    await play.put(0.0, -5.25)
+    await play.listen("/InsnStatus")
+    await play.tick()
+    number, before = play.last("/InsnStatus")["intersection_index"], await play.light("TL22W")
+    for index in (number, str(number), f"IntTL{number}"):
+        await play.send("/InsnControl", intersection_index=index, intersection_status=0, intersection_status_time=0.0)
+        assert await play.light("TL22W") == before
+        await play.send("/InsnControl", intersection_index=index, intersection_status=1, intersection_status_time=4.5)
+        await play.tick()
+        said = play.last("/InsnStatus")
+        assert (said["intersection_status"], said["intersection_status_time"]) == (1, pytest.approx(4.52))
+        assert await play.light("TL22W") != before
+    assert "phases" in await play.send_badly("/InsnControl", intersection_index=number, intersection_status=77)
+
+
+@TABLE.row(
+    "/Morai_TLSrv",
+    done="a crossing goes through its phases",
+    seen="each light's status is told by its name, wherever the ego is; an unknown one has no name and -2",
+)
+async def _(play: Play) -> None:
+    shown = set()
+    await play.lead(1000)
+    for _ in range(60):
+        await play.tick(1.0)
+        info = await play.ask("/Morai_TLSrv", idx="TL22W")
+        assert info["idx"] == "TL22W"
+        shown.add(info["status"])
+        assert not ((await play.light("TL22S")) & GREEN and info["status"] & GREEN), "the two roads take turns"
+    assert shown == {RED, YELLOW, GREEN}
+    nobody = await play.ask("/Morai_TLSrv", idx="TL99")
+    assert (nobody["idx"], nobody["status"]) == ("", -2)

@@ -1,0 +1,110 @@
+"""Rows: who else is there, what they run into, and scenarios."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.end_to_end.play import Play, Table
+
+__all__ = ["TABLE"]
+
+TABLE = Table()
+
+WHOLE = {
+    "delete_all": True,
+    "load_network_connection_data": False,
+    "load_ego_vehicle_data": True,
+    "load_surrounding_vehicle_data": True,
+    "load_pedestrian_data": True,
+    "load_obstacle_data": True,
+    "set_pause": False,
+}
+
+
+@TABLE.row(
+    "/Object_topic",
+    done="a second goes by: a car drives straight on at 36 km/h, somebody walks, a barrier stands",
+    seen="all of them by kind, as many as the counts say, each moving as its velocity says, with sizes of their models",
+)
+async def _(play: Play) -> None:
+    await play.listen("/Object_topic")
+    before = await play.objects()
+    await play.tick(1.0)
+    said = play.last("/Object_topic")
+    lists = ("npc_list", "pedestrian_list", "obstacle_list")
+    assert [len(said[name]) for name in lists] == [3, 1, 1]
+    assert [said[f"num_of_{name}"] for name in ("npcs", "pedestrian", "obstacle")] == [3, 1, 1]
+    assert [{one["type"] for one in said[name]} for name in lists] == [{1}, {0}, {2}]
+    assert said["header"]["frame_id"] == "ObjectInfo"
+    after = {one["unique_id"]: one for name in lists for one in said[name]}
+    car, walker, barrier = after[7], after[12], after[15]
+    assert (car["name"], car["velocity"]["x"], car["heading"]) == ("2015_Kia_K5", pytest.approx(36.0), 0.0)
+    assert car["position"]["x"] - before[7]["position"]["x"] == pytest.approx(10.0)
+    assert [car["size"][axis] for axis in "xyz"] == [1.835, 4.845, 1.475], "width, length, height in this profile"
+    assert (walker["velocity"]["x"], walker["heading"]) == (pytest.approx(5.4), pytest.approx(90.0))
+    assert walker["position"]["y"] - before[12]["position"]["y"] == pytest.approx(1.5)
+    assert barrier["position"] == before[15]["position"]
+
+
+@TABLE.row(
+    "/VehicleCollisionData",
+    done="a car drives into a bus that stands in its way",
+    seen="nothing before; from then on the pair of them",
+)
+async def _(play: Play) -> None:
+    await play.listen("/VehicleCollisionData")
+    await play.tick(2.0)
+    assert all(data["collisions"] == [] for data in play.heard("/VehicleCollisionData"))
+    await play.tick(2.0)
+    (crash,) = play.last("/VehicleCollisionData")["collisions"]
+    assert {car["unique_id"] for car in crash["crashed_vehicles"]} == {7, 8}
+    assert {car["name"] for car in crash["crashed_vehicles"]} == {"2015_Kia_K5", "Bus"}
+    assert play.last("/VehicleCollisionData")["header"]["frame_id"] == "VehicleCollisionData"
+
+
+@TABLE.row(
+    "/Service_MoraiSL",
+    done="another scenario is loaded: its obstacles alone beside what is there, then all of it with a pause; then none",
+    seen="/Object_topic and the ego are the new ones and nobody moves; a wrong name is false and changes nothing",
+)
+async def _(play: Play) -> None:
+    await play.listen("/Object_topic")
+    before = await play.objects()
+    only = dict.fromkeys(WHOLE, False) | {"load_object_data": True}  # the manual's name of it
+    del only["load_obstacle_data"]
+    assert (await play.ask("/Service_MoraiSL", file_name="elsewhere", **only))["result"] is True
+    after = await play.objects()
+    (new,) = after.keys() - before.keys()
+    assert (after[new]["type"], after[new]["position"]["x"], len(after)) == (2, 80.0, len(before) + 1)
+
+    answer = await play.ask("/Service_MoraiSL", file_name="elsewhere", **(WHOLE | {"set_pause": True}))
+    assert answer["result"] is True
+    tick = await play.ask("/SyncModeWaitForTick", user_id="reader", frame=0)
+    assert (tick["tick_status"], tick["pause_status"]) == (False, True)
+    assert tick["vehicle_status"]["position"] == {"x": -5.25, "y": 60.0, "z": 0.0}
+    event = await play.ask("/Service_MoraiEventCmd", option=8, set_pause=False)
+    assert event["gear"] == 1
+    kinds = [one["type"] for one in (await play.objects()).values()]
+    assert sorted(kinds) == [0, 0, 1, 2]
+    assert (await play.ask("/Service_MoraiVehicleSpec", unique_id=0))["wheel_base"] == 3.0, "the new ego's model"
+
+    assert (await play.ask("/Service_MoraiSL", file_name="nowhere", **WHOLE))["result"] is False
+    assert len(await play.objects()) == 4
+
+
+@TABLE.row(
+    "/Service_MoraiMapSpec",
+    done="a scenario on another map is loaded",
+    seen="zone and origin of either map",
+)
+async def _(play: Play) -> None:
+    specs = []
+    for name in ("page", "motorway"):
+        assert (await play.ask("/Service_MoraiSL", file_name=name, **WHOLE))["result"] is True
+        specs.append(await play.ask("/Service_MoraiMapSpec", load_map_data=True))
+    assert [(spec["plane_coordinate_system"], spec["utm_num"], spec["ellipse"]) for spec in specs] == [
+        (0, 52, "WGS84"),
+        (0, 52, "WGS84"),
+    ]
+    assert all(spec["utm_offset"]["x"] > 1e5 and spec["utm_offset"]["y"] > 4e6 for spec in specs)
+    assert specs[0]["utm_offset"] != specs[1]["utm_offset"]

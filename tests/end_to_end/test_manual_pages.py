@@ -1,0 +1,100 @@
+"""The table of all topics and services of MORAI's manual: what was done to the world, and what was seen of it.
+
+`python -m tests.end_to_end.test_manual_pages` prints it. A row is green when its effect was seen by a rosbridge client
+on a live server, in each release that has it.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import Connect
+from tests.end_to_end import rows_ego, rows_lights, rows_scene, rows_synchronous
+from tests.end_to_end.play import Play, Row, write_scenes
+from tests.morai.pages import INTERFACES, RELEASES, REPLACED, Interface
+from tests.support import Client, ServerProcess
+
+pytestmark = pytest.mark.slow
+
+ROWS = [*rows_ego.TABLE, *rows_scene.TABLE, *rows_lights.TABLE, *rows_synchronous.TABLE]
+
+KNOWN = {interface.name: interface for interface in (*INTERFACES, *REPLACED.values())}
+
+
+@pytest.fixture(scope="module", params=RELEASES)
+def stage(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[tuple[ServerProcess, str, Path]]:
+    """A server of a release, and its folder."""
+    release: str = request.param
+    folder = tmp_path_factory.mktemp(f"stage-{release}")
+    write_scenes(folder)
+    flags = ("--release", release, "--start", "sync", "--sync-on-loss", "wait", "--scenario-path", str(folder))
+    process = ServerProcess(folder / "log.txt", (*flags, "--scenario", str(folder / "page.json")))
+    yield process, release, folder
+    process.stop_cleanly()
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
+async def test_what_the_manual_promises_happens(
+    stage: tuple[ServerProcess, str, Path], connect: Connect, row: Row
+) -> None:
+    process, release, folder = stage
+    if release not in row.releases:
+        assert not await _is_there(await connect(process.url), row.name)
+        return
+    play = Play(await connect(process.url), release, folder)
+    await play.begin()
+    await _check_type_and_way(play, KNOWN[row.name])
+    await row.act(play)
+
+
+async def _check_type_and_way(play: Play, interface: Interface) -> None:
+    """The bus itself says of what type it is, and that the simulator is at the right end of it."""
+    short = interface.type.rpartition("/")[2]
+    expected = {"SyncModeSLSrv": "MoraiSyncModeSLSrv"}.get(short, short)
+    values = play.client.values
+    if interface.way == "service":
+        answer = await values("/rosapi/service_type", {"service": interface.name})
+        ends = [(await values("/rosapi/service_node", {"service": interface.name}))["node"]]
+    else:
+        answer = await values("/rosapi/topic_type", {"topic": interface.name})
+        side = "subscribers" if interface.way == "to the simulator" else "publishers"
+        ends = (await values(f"/rosapi/{side}", {"topic": interface.name}))[side]
+    assert answer["type"] == f"morai_msgs/{expected}"
+    assert "/morai_sim" in ends
+
+
+async def _is_there(client: Client, name: str) -> bool:
+    topics, services = await client.values("/rosapi/topics"), await client.values("/rosapi/services")
+    return name in topics["topics"] + services["services"]
+
+
+def test_rows_are_of_the_pages_and_once() -> None:
+    rows = [(row.name, release) for row in ROWS for release in row.releases]
+    wanted = {
+        (REPLACED.get(one.name, one).name if release == "26.R1" else one.name, release)
+        for one in INTERFACES
+        for release in RELEASES
+    }
+    assert set(rows) <= wanted
+    assert len(set(rows)) == len(rows)
+    assert all(row.done and row.seen for row in ROWS)
+
+
+def table() -> str:
+    """The rows for a reader, in the order of the manual."""
+    order = list(KNOWN)
+    lines = ["| name | type | direction | done | seen |", "|---|---|---|---|---|"]
+    for row in sorted(ROWS, key=lambda row: order.index(row.name)):
+        interface = KNOWN[row.name]
+        lines.append(f"| `{row.name}` | `{interface.type}` | {interface.way} | {row.done} | {row.seen} |")
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(table())
