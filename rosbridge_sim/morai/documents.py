@@ -7,14 +7,28 @@ is the only file that knows how pydantic reports.
 from __future__ import annotations
 
 import re
-from typing import Annotated, Any, TypeVar
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, TypeVar, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError, WithJsonSchema
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["Coordinate", "Document", "Flag", "Number", "Ratio", "Whole", "read_document"]
+__all__ = [
+    "Coordinate",
+    "Document",
+    "Flag",
+    "Mistake",
+    "Number",
+    "Ratio",
+    "Whole",
+    "find_mistakes",
+    "read_document",
+    "sort_keys",
+]
 
 T = TypeVar("T")
 
@@ -30,7 +44,13 @@ _JSON_PLACE = re.compile(r"(?P<what>.*) at line (?P<line>\d+) column (?P<column>
 
 
 class Document(BaseModel):
-    """An object of a document. Keys that we do not read are passed over: MORAI writes many and adds more."""
+    """An object of a document. Keys that we do not read are passed over: MORAI writes many and adds more.
+
+    Attributes:
+        other_keys: what is read beside the fields.
+    """
+
+    other_keys: ClassVar[frozenset[str]] = frozenset()
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False, coerce_numbers_to_str=True)
 
@@ -94,15 +114,44 @@ def read_document(kind: TypeAdapter[T], text: bytes, source: str, max_bytes: int
             `demo.json: vehicleList[2].initPosition.pos.x: expected a number, got 'abc'` where a value does not fit.
             Of several mistakes the first is told.
     """
+    try:
+        return _validate(kind, text, source, max_bytes)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+    raise DocumentError(_one_line(first, source))
+
+
+@dataclass(frozen=True, slots=True)
+class Mistake:
+    """Something in a document that cannot be used.
+
+    Attributes:
+        place: keys and numbers that lead to it; none for the document as a whole.
+        text: the line that says where it is and what it is.
+    """
+
+    place: tuple[int | str, ...]
+    text: str
+
+
+def find_mistakes(kind: TypeAdapter[T], text: bytes, source: str, max_bytes: int) -> list[Mistake]:
+    """Every mistake of a document, in its order, each told as `read_document` tells the first; none in a good one."""
+    try:
+        _validate(kind, text, source, max_bytes)
+    except DocumentError as error:
+        return [Mistake((), str(error))]
+    except ValidationError as error:
+        found = [Mistake(one["loc"], _one_line(one, source)) for one in error.errors(include_url=False)]
+        return list({mistake.text: mistake for mistake in found}.values())
+    return []
+
+
+def _validate(kind: TypeAdapter[T], text: bytes, source: str, max_bytes: int) -> T:
     if len(text) > max_bytes:
         raise DocumentError(f"{source}: expected at most {max_bytes:,} bytes, got {len(text):,}")
     if not text.strip():
         raise DocumentError(f"{source}: expected a JSON document, got nothing")
-    try:
-        return kind.validate_json(text.removeprefix(b"\xef\xbb\xbf"))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-    raise DocumentError(_one_line(first, source))
+    return kind.validate_json(text.removeprefix(b"\xef\xbb\xbf"))
 
 
 def _one_line(error: ErrorDetails, source: str) -> str:
@@ -167,3 +216,45 @@ def _shown(value: Any) -> str:  # noqa: ANN401  # whatever stood in the document
         return "true" if value else "false"
     text = repr(value) if len(str(value)) <= MAX_SHOWN else repr(str(value)[:MAX_SHOWN]) + "..."
     return " ".join(text.split())
+
+
+# Keys
+
+
+def sort_keys(kind: type[Document], value: object) -> tuple[Counter[str], Counter[str]]:
+    """Which keys of a JSON value are read as a document of that kind, and which are passed over.
+
+    Args:
+        kind: of the value, or of each entry if the value is a list.
+        value: the document as it was parsed, good or bad.
+
+    Returns:
+        How often each key stands there, by its path (`vehicleList[].initPosition.pos.x`), in order of appearance. Of
+        what is passed over nothing is told but its outermost key.
+    """
+    read: Counter[str] = Counter()
+    passed_over: Counter[str] = Counter()
+    for path, is_read in _keys(kind, value, ""):
+        (read if is_read else passed_over)[path] += 1
+    return read, passed_over
+
+
+def _keys(kind: type[Document], value: object, path: str) -> Iterator[tuple[str, bool]]:
+    if isinstance(value, list):
+        for one in value:
+            yield from _keys(kind, one, f"{path}[]")
+    elif isinstance(value, dict):
+        for key, one in value.items():
+            where = f"{path}.{key}".removeprefix(".")
+            field = kind.model_fields.get(key)
+            yield where, field is not None or key in kind.other_keys
+            inner = None if field is None else _kind_within(field.annotation)
+            if inner is not None:
+                yield from _keys(inner, one, where)
+
+
+def _kind_within(annotation: object) -> type[Document] | None:
+    """The document that a field holds: itself, or in a list, or where it is not None."""
+    if isinstance(annotation, type) and issubclass(annotation, Document):
+        return annotation
+    return next((kind for kind in map(_kind_within, get_args(annotation)) if kind is not None), None)

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 
@@ -34,10 +34,13 @@ from rosbridge_sim.morai.scenario_document import (
 )
 from rosbridge_sim.world.geometry import FloatArray, arc_lengths
 from rosbridge_sim.world.paths import MAX_PATH_LENGTH
+from rosbridge_sim.world.plan import Plan
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import Gear, Kind
 
-__all__ = ["Driver", "PhaseStart", "Scenario", "Spawn", "place_on_roads", "read_scenario"]
+__all__ = ["Driver", "PhaseStart", "Scenario", "Spawn", "place_on_roads", "read_scenario", "sort_phases"]
+
+T = TypeVar("T")
 
 MAX_NOTES: Final = 20
 
@@ -138,7 +141,15 @@ class Scenario:
     notes: tuple[str, ...] = ()
 
 
-def read_scenario(text: bytes, source: str) -> Scenario:
+Tell = Callable[[DocumentError], None]
+"""What is done about a mistake: raise it, or take note and go on without the item that it is in."""
+
+
+def _refuse(error: DocumentError) -> None:
+    raise error
+
+
+def read_scenario(text: bytes, source: str, tell: Tell = _refuse) -> Scenario:
     """Read a scenario document.
 
     Agents that start on a link have no place yet: give the result to `place_on_roads`.
@@ -146,6 +157,7 @@ def read_scenario(text: bytes, source: str) -> Scenario:
     Args:
         text: the file's bytes.
         source: its name, for errors and for the scenario's own name.
+        tell: what is done about a single item that cannot be used; it is raised if nothing else is said.
 
     Raises:
         DocumentError: one line: where, what was expected, what came.
@@ -154,13 +166,18 @@ def read_scenario(text: bytes, source: str) -> Scenario:
     if not document.model_fields_set:
         expected = ", ".join(ScenarioDocument.model_fields)
         raise DocumentError(f"{source}: expected a scenario, with some of {expected}")
-    return _Reader(document, source).scenario()
+    return _Reader(document, source, tell).scenario()
 
 
-def place_on_roads(scenario: Scenario, roads: Roads) -> Scenario:
+def place_on_roads(scenario: Scenario, roads: Roads, tell: Tell = _refuse) -> Scenario:
     """The same scenario with everything that starts on a link put there, heading along it.
 
     A link that the map lacks does no harm where the document gives a place as well (MORAI writes both).
+
+    Args:
+        scenario: as it was read.
+        roads: of its map.
+        tell: as for `read_scenario`.
 
     Raises:
         DocumentError: the map has no such link and the document no place.
@@ -200,10 +217,32 @@ def place_on_roads(scenario: Scenario, roads: Roads) -> Scenario:
 
     return replace(
         scenario,
-        egos=tuple(map(place, scenario.egos)),
-        vehicles=tuple(take_lane(place(spawn)) for spawn in scenario.vehicles),
+        egos=tuple(_each(scenario.egos, place, tell)),
+        vehicles=tuple(_each(scenario.vehicles, lambda spawn: take_lane(place(spawn)), tell)),
         notes=tuple(notes),
     )
+
+
+def _each(items: Iterable[T], work: Callable[[T], Spawn], tell: Tell) -> Iterator[Spawn]:
+    """What is made of each item, without those that have a mistake which is only told."""
+    for item in items:
+        try:
+            yield work(item)
+        except DocumentError as error:
+            tell(error)
+
+
+def sort_phases(scenario: Scenario, plan: Plan | None) -> tuple[tuple[PhaseStart, ...], list[str]]:
+    """Those of a scenario's phases that the lights of a map have, and a line about each of the others."""
+    num_phases = {controller.name: len(controller.phases) for controller in (plan.controllers if plan else ())}
+    known = []
+    strange = []
+    for start in scenario.phases:
+        if 0 <= start.phase < num_phases.get(start.controller, 0):
+            known.append(start)
+        else:
+            strange.append(f"no intersection {start.controller!r} has a phase {start.phase}")
+    return tuple(known), strange
 
 
 def _find_lane(spawn: Spawn, driver: Driver, roads: Roads) -> Driver | None:
@@ -240,9 +279,10 @@ def _route(driver: Driver, roads: Roads, where: str, *, is_loop: bool) -> tuple[
 class _Reader:
     """The passage from one document to one `Scenario`."""
 
-    def __init__(self, document: ScenarioDocument, source: str) -> None:
+    def __init__(self, document: ScenarioDocument, source: str, tell: Tell) -> None:
         self._document = document
         self._source = source
+        self._tell = tell
         self._notes: list[str] = []
         self._taken: dict[int, str] = {}
         self._paths, self._paths_of = self._read_paths(document.waypointDataList or ())
@@ -250,14 +290,19 @@ class _Reader:
     def scenario(self) -> Scenario:
         document = self._document
         # In the order of the document: of two items with one id the first keeps it.
-        egos = () if document.egoVehicle is None else (self._ego(document.egoVehicle),)
-        vehicles = tuple(self._vehicle(f"vehicleList[{i}]", v) for i, v in enumerate(document.vehicleList or ()))
-        people = tuple(self._pedestrian(f"pedestrianList[{i}]", p) for i, p in enumerate(document.pedestrianList or ()))
-        obstacles = tuple(self._obstacle(f"objectList[{i}]", o) for i, o in enumerate(document.objectList or ()))
+        ego = () if document.egoVehicle is None else (document.egoVehicle,)
+        egos = tuple(_each(ego, self._ego, self._tell))
+        vehicles = self._items("vehicleList", document.vehicleList, self._vehicle)
+        people = self._items("pedestrianList", document.pedestrianList, self._pedestrian)
+        obstacles = self._items("objectList", document.objectList, self._obstacle)
         name = re.split(r"[\\/]", self._source)[-1].removesuffix(".json")
         map_name = (document.mapInfo.mapName or None) if document.mapInfo else None
         phases = tuple(PhaseStart(entry.index, entry.state, entry.deltaTime or 0.0) for entry in document.tlList or ())
         return Scenario(name, map_name, egos, vehicles, people, obstacles, phases, tuple(self._notes))
+
+    def _items(self, key: str, items: Sequence[T] | None, read: Callable[[str, T], Spawn]) -> tuple[Spawn, ...]:
+        numbered = enumerate(items or ())
+        return tuple(_each(numbered, lambda entry: read(f"{key}[{entry[0]}]", entry[1]), self._tell))
 
     def _ego(self, item: EgoVehicle) -> Spawn:
         where = "egoVehicle"
@@ -392,17 +437,30 @@ class _Reader:
         by_name: dict[str, FloatArray] = {}
         by_owner: dict[tuple[bool, int], FloatArray] = {}
         for i, path in enumerate(paths):
-            where = f"{self._source}: waypointDataList[{i}]"
-            if not path.waypointData:
-                raise DocumentError(f"{where}.waypointData: expected at least one waypoint, got none")
-            points = np.array([(-p.pos.x, -p.pos.z, p.pos.y) for p in path.waypointData])
-            if arc_lengths(np.concatenate([points, points[:1]]))[-1] > MAX_PATH_LENGTH:
-                raise DocumentError(f"{where}: expected a path of at most {MAX_PATH_LENGTH / 1000:,g} km")
+            try:
+                points = _waypoints(path, f"{self._source}: waypointDataList[{i}]")
+            except DocumentError as error:
+                self._tell(error)
+                points = np.zeros((1, 3))  # who follows it makes no mistake
             by_name.setdefault(path.pathName, points)
             what, _, uid = path.pathName.rpartition(" - ")  # "PedPath - 12", "ObstaclePath - 12"
             if uid.isdecimal():
                 by_owner.setdefault((what.strip().casefold() == "pedpath", int(uid)), points)
         return by_name, by_owner
+
+
+def _waypoints(path: WaypointPath, where: str) -> FloatArray:
+    """(m, 3) the points of a path on the map [m].
+
+    Raises:
+        DocumentError: it has none, or leads too far.
+    """
+    if not path.waypointData:
+        raise DocumentError(f"{where}.waypointData: expected at least one waypoint, got none")
+    points = np.array([(-p.pos.x, -p.pos.z, p.pos.y) for p in path.waypointData])
+    if arc_lengths(np.concatenate([points, points[:1]]))[-1] > MAX_PATH_LENGTH:
+        raise DocumentError(f"{where}: expected a path of at most {MAX_PATH_LENGTH / 1000:,g} km")
+    return points
 
 
 def _has_length(path: FloatArray) -> bool:

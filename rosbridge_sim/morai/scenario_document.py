@@ -10,11 +10,21 @@ by the item's `UNIQUEID`; `route`, the links that a vehicle follows. `schemas/sc
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final, TypeVar
+from typing import Annotated, Any, ClassVar, Final, TypeVar
 
 from pydantic import Field, TypeAdapter, model_validator
 
-from rosbridge_sim.morai.documents import Coordinate, Document, Flag, Number, Ratio, Whole, read_document
+from rosbridge_sim.morai.documents import (
+    Coordinate,
+    Document,
+    Flag,
+    Mistake,
+    Number,
+    Ratio,
+    Whole,
+    find_mistakes,
+    read_document,
+)
 
 __all__ = [
     "EgoVehicle",
@@ -28,6 +38,7 @@ __all__ = [
     "Rotation",
     "ScenarioDocument",
     "WaypointPath",
+    "find_scenario_mistakes",
     "read_scenario_document",
     "scenario_schema",
 ]
@@ -51,6 +62,8 @@ Items = Annotated[list[T], Field(max_length=MAX_ITEMS)]
 
 class EnuPosition(Document):
     """A place on the map: metres east, north and up of its origin."""
+
+    other_keys: ClassVar[frozenset[str]] = frozenset({"_x", "_y", "_z"})
 
     x: Coordinate
     y: Coordinate
@@ -203,6 +216,11 @@ def read_scenario_document(text: bytes, source: str) -> ScenarioDocument:
         DocumentError: one line: where, what was expected, what came.
     """
     return read_document(_DOCUMENT, text, source, MAX_BYTES)
+
+
+def find_scenario_mistakes(text: bytes, source: str) -> list[Mistake]:
+    """Every value of a document that does not fit its place."""
+    return find_mistakes(_DOCUMENT, text, source, MAX_BYTES)
 
 
 def scenario_schema() -> dict[str, Any]:

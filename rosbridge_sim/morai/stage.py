@@ -19,7 +19,7 @@ from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.morai.catalogue import DEFAULT_EGO, Model
 from rosbridge_sim.morai.commands import Pose
 from rosbridge_sim.morai.mgeo import RoadMap
-from rosbridge_sim.morai.scenario import PhaseStart, Scenario, Spawn, place_on_roads
+from rosbridge_sim.morai.scenario import PhaseStart, Scenario, Spawn, place_on_roads, sort_phases
 from rosbridge_sim.world.state import DT, Body, Gear, Kind, World
 from rosbridge_sim.world.traffic import keep_lane
 
@@ -183,7 +183,9 @@ class Stage:
             if is_wanted:
                 others += spawns
         egos = placed.egos[:1] if options.ego else ()
-        phases = _known_phases(placed, road_map)
+        phases, strange = sort_phases(placed, road_map.plan)
+        for line in strange:
+            _log.info("scenario %s: %s", placed.name, line)
         return Load(scenario.name, egos, others, options.delete_all, map_name, road_map, phases)
 
     def carry_out(self, load: Load, *, ego_gear: Gear | None = None) -> None:
@@ -315,20 +317,6 @@ class Stage:
         for spawn, uid in zip(load.others, uids, strict=True):
             _spawn(world, spawn, uid, spawn.gear)
         return next_uid
-
-
-def _known_phases(scenario: Scenario, road_map: RoadMap) -> tuple[PhaseStart, ...]:
-    """Those of a scenario's phases that the map's intersections have; the log is told of the others."""
-    num_phases = {
-        controller.name: len(controller.phases) for controller in (road_map.plan.controllers if road_map.plan else ())
-    }
-    known = []
-    for start in scenario.phases:
-        if 0 <= start.phase < num_phases.get(start.controller, 0):
-            known.append(start)
-        else:
-            _log.info("scenario %s: no intersection %r has a phase %d", scenario.name, start.controller, start.phase)
-    return tuple(known)
 
 
 def _set_phase(world: World, start: PhaseStart) -> None:

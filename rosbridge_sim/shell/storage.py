@@ -19,7 +19,7 @@ from rosbridge_sim.morai.scenario import Scenario, read_scenario
 from rosbridge_sim.schema.parse import parse_action, parse_message, parse_service
 from rosbridge_sim.shell.sources import looks_like_path
 
-__all__ = ["DiskLibrary", "Texts", "read_definitions"]
+__all__ = ["DiskLibrary", "Texts", "read_definitions", "read_folder"]
 
 _log = logging.getLogger("rosbridge_sim.storage")
 
@@ -224,12 +224,7 @@ class DiskLibrary:
         Raises:
             DocumentError: no such scenario, a name that leads out of the folders, or a file that cannot be used.
         """
-        parts = _safe_parts(name)
-        for folder in [*self._folders, DATA / "scenarios"]:
-            path = _find_scenario(folder, parts)
-            if path is not None:
-                return read_scenario(_read(path, MAX_DOCUMENT_SIZE), str(path))
-        raise DocumentError(f"no scenario {name!r}; known are {', '.join(self.scenario_names()) or 'none'}")
+        return read_scenario(*self._read_scenario(self._find_scenario(name)))
 
     def opening_scenario(self, name: str) -> Scenario:
         """The scenario that the person who starts the server names: as above, or any file.
@@ -237,10 +232,28 @@ class DiskLibrary:
         Raises:
             DocumentError: as above.
         """
+        return read_scenario(*self.opening_file(name))
+
+    def opening_file(self, name: str) -> tuple[bytes, str]:
+        """Content and path of the file of that scenario.
+
+        Raises:
+            DocumentError: there is none, or it cannot be read.
+        """
         path = Path(name)
-        if looks_like_path(name) and (path.is_file() or path.parent != Path()):
-            return read_scenario(_read(path, MAX_DOCUMENT_SIZE), str(path))
-        return self.scenario(name)
+        is_any_file = looks_like_path(name) and (path.is_file() or path.parent != Path())
+        return self._read_scenario(path if is_any_file else self._find_scenario(name))
+
+    def _find_scenario(self, name: str) -> Path:
+        parts = _safe_parts(name)
+        for folder in [*self._folders, DATA / "scenarios"]:
+            path = _find_scenario(folder, parts)
+            if path is not None:
+                return path
+        raise DocumentError(f"no scenario {name!r}; known are {', '.join(self.scenario_names()) or 'none'}")
+
+    def _read_scenario(self, path: Path) -> tuple[bytes, str]:
+        return _read(path, MAX_DOCUMENT_SIZE), str(path)
 
     def scenario_names(self) -> list[str]:
         """Some of the names that `scenario` takes, in order of search, for a person to read."""
@@ -256,13 +269,22 @@ class DiskLibrary:
         Raises:
             DocumentError: no such map, or a file that cannot be used.
         """
+        folder = self.map_folder(name)
+        return read_map(read_folder(folder), str(folder))
+
+    def map_folder(self, name: str) -> Path:
+        """Where the map of that name is, or the one that stands in for all.
+
+        Raises:
+            DocumentError: there is no such map.
+        """
         folder = DATA / "maps" / (self._own_map or name)
         if self._own_map is not None and (looks_like_path(self._own_map) or not folder.is_dir()):
             folder = Path(self._own_map)
         if not folder.is_dir() or (self._own_map is None and not _PLAIN_NAME.fullmatch(name)):
             known = ", ".join(sorted(at.name for at in (DATA / "maps").iterdir() if at.is_dir()))
             raise DocumentError(f"no map {self._own_map or name!r}; known are {known}, and --map takes a folder")
-        return read_map(_read_folder(folder), str(folder))
+        return folder
 
 
 def _safe_parts(name: str) -> tuple[str, ...]:
@@ -289,6 +311,6 @@ def _find_scenario(folder: Path, parts: tuple[str, ...]) -> Path | None:
     return found[0]
 
 
-def _read_folder(folder: Path) -> dict[str, bytes]:
+def read_folder(folder: Path) -> dict[str, bytes]:
     """Name -> content of the files of a map that are read; a city's folder holds many more, and large ones."""
     return {name: _read(folder / name, MAX_DOCUMENT_SIZE) for name in MAP_FILES if (folder / name).exists()}
