@@ -14,8 +14,9 @@ import pytest
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.morai.mgeo import RoadMap
-from rosbridge_sim.morai.node import Node, NodeSettings
+from rosbridge_sim.morai.node import NodeSettings
 from rosbridge_sim.morai.scenario import Scenario, read_scenario
+from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.morai.stage import WHOLE
 from rosbridge_sim.world.state import World
 from scripts.soak.scenes import BAD, GOOD, MISSING
@@ -48,7 +49,7 @@ class Run:
         self.bus = Bus(make_store())
         self.world = World(seed=0)
         shelf = Shelf()
-        self.node = Node(self.bus, self.world, shelf, shelf.scenario("things"), NodeSettings())
+        self.node = make_node(self.bus, self.world, shelf, shelf.scenario("things"), NodeSettings())
         self.client, self.listener = Client(self.bus, "/loader"), Client(self.bus, "/listener")
         self.listener.listen("/Ego_topic", "/Object_topic", "/CollisionData", "/IntscnTL_topic", "/SyncModeInfo")
         self.random = random.Random(0)  # noqa: S311
