@@ -1,0 +1,115 @@
+"""What all commands of the command line share: how they are run and end, their help, their flags and numbers.
+
+Code 0: done. Code 1: whoever was asked says no. Code 2: a mistake in the command line, or no rosbridge to talk to. A
+command that has no end of its own ends well by Ctrl-C (0); another one was cut off (130). A reader that has had enough
+(`| head`) is no mistake. The tools themselves are imported once it is known which one is wanted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Sequence
+from io import TextIOWrapper
+from typing import TYPE_CHECKING
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.shell.sources import Parser, SettingError, layout
+from rosbridge_sim.shell.tools.faults import RefusedError
+from rosbridge_sim.shell.tools.text import note
+
+if TYPE_CHECKING:
+    from rosbridge_sim.shell.tools.schema import Choice
+
+__all__ = ["Options", "add_definitions", "add_json", "choice_of", "group_of", "make_number", "run_command"]
+
+INTERRUPTED = 130
+"""What a shell reports of a program that Ctrl-C has ended."""
+
+Options = argparse.Namespace
+
+
+# What ends a command
+
+
+def run_command(parser: argparse.ArgumentParser, argv: Sequence[str]) -> int:
+    """Run the command that the words name; the exit code."""
+    options = Options(end=INTERRUPTED)
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a terminal without Korean still gets an answer
+    try:
+        parser.parse_args(argv, options)
+        code: int = options.run(options)
+    except RefusedError as error:
+        note(str(error))
+        return 1
+    except DocumentError as error:
+        note(str(error))
+        return 2
+    except KeyboardInterrupt:
+        end: int = options.end
+        return end
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left to flush has nowhere to go
+        return 0
+    return code
+
+
+# What they have in common
+
+
+def group_of(name: str, text: str) -> tuple[Parser, Callable[..., Parser]]:
+    """The parser of `rosbridge-sim NAME`, and what adds a command to it."""
+    prog = f"rosbridge-sim {name}"
+    group = Parser(prog=prog, description=text, allow_abbrev=False, formatter_class=layout)
+    commands = group.add_subparsers(title="commands", metavar="COMMAND", dest="command")
+
+    def none_given(_options: Options) -> int:
+        raise SettingError(f"{name}: expected a command: {', '.join(commands.choices)}; {prog} --help says more")
+
+    group.set_defaults(run=none_given)
+
+    def add(command: str, run: Callable[[Options], int], text: str) -> Parser:
+        parser: Parser = commands.add_parser(
+            command, help=text, description=f"{text[0].upper()}{text[1:]}.", allow_abbrev=False, formatter_class=layout
+        )
+        parser.set_defaults(run=run)
+        return parser
+
+    return group, add
+
+
+def add_json(parser: Parser) -> None:
+    """The flag of all that show something."""
+    parser.add_argument("--json", action="store_true", help="for programs: one JSON value, or one a line")
+
+
+def add_definitions(parser: Parser) -> None:
+    """What decides which definitions there are."""
+    parser.add_argument("--release", help="MORAI SIM release whose messages are meant")
+    parser.add_argument(
+        "--schema-path", action="append", default=[], metavar="DIR", help="folder with ROS packages; may be repeated"
+    )
+
+
+def choice_of(options: Options) -> Choice:
+    """What these flags have decided; a command without `--ros` leaves that open."""
+    from rosbridge_sim.shell.tools.schema import Choice  # noqa: PLC0415 - with all that knows definitions
+
+    return Choice(options.release, vars(options).get("ros"), tuple(options.schema_path))
+
+
+def make_number(low: float, high: float, what: str, as_type: type[int | float]) -> Callable[[str], float]:
+    """What reads a flag's number within bounds; `what` is expected of it."""
+
+    def read(text: str) -> float:
+        try:
+            number = as_type(text)
+        except ValueError:
+            number = low - 1
+        if not low <= number <= high:
+            raise argparse.ArgumentTypeError(f"expected {what}; got {text!r}")
+        return number
+
+    return read

@@ -1,0 +1,66 @@
+"""The commands that look at files and ask no server: `rosbridge-sim schema|bag|scenario|map ...`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rosbridge_sim.shell.command_line import Options, add_definitions, add_json, choice_of, group_of, run_command
+from rosbridge_sim.shell.sources import Parser
+
+__all__ = ["run_bag", "run_schema"]
+
+
+# schema
+
+
+def run_schema(argv: Sequence[str]) -> int:
+    """`rosbridge-sim schema ...`."""
+    group, add = group_of("schema", "The definitions of types that are known here; no server is asked.")
+
+    parser = add("list", _list_types, "the types that are known")
+    parser.add_argument("package", metavar="PACKAGE", nargs="?", help="those of one package")
+    _add_folders(parser)
+
+    parser = add("show", _show_type, "the definition of a type")
+    parser.add_argument("type", metavar="TYPE", help="pkg/Type, or Type of any package")
+    parser.add_argument("--full", action="store_true", help="with the definitions of all types in it")
+    _add_folders(parser)
+    return run_command(group, argv)
+
+
+def _add_folders(parser: Parser) -> None:
+    add_json(parser)
+    add_definitions(parser)
+    parser.add_argument("--ros", metavar="1|2", help="ROS generation whose standard messages are meant")
+
+
+def _list_types(options: Options) -> int:
+    from rosbridge_sim.shell.tools import schema  # noqa: PLC0415
+
+    return schema.list_types(options.package, choice_of(options), is_json=options.json)
+
+
+def _show_type(options: Options) -> int:
+    from rosbridge_sim.shell.tools import schema  # noqa: PLC0415
+
+    return schema.show_type(options.type, choice_of(options), is_full=options.full, is_json=options.json)
+
+
+# bag
+
+
+def run_bag(argv: Sequence[str]) -> int:
+    """`rosbridge-sim bag ...`."""
+    group, add = group_of("bag", "Bags, as files; no server is asked.")
+
+    parser = add("repair", _repair_bag, "copy what is whole of a bag whose recorder was killed into a new one")
+    parser.add_argument("file", metavar="FILE", help="NAME.bag, NAME.mcap, or a folder of rosbag2")
+    parser.add_argument("-o", "--output", metavar="FILE", help="the new bag [NAME.repaired.bag, as the old one ends]")
+    add_json(parser)
+    return run_command(group, argv)
+
+
+def _repair_bag(options: Options) -> int:
+    from rosbridge_sim.shell.tools import bag  # noqa: PLC0415
+
+    return bag.repair_bag(options.file, options.output, is_json=options.json)
