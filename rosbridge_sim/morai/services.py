@@ -64,6 +64,7 @@ class Services(Part):
         """What the world has once."""
         bindings.provide("SyncModeScenarioLoad", "MoraiSyncModeSLSrv", self._load_at_frame)
         bindings.provide("Service_MoraiSL", "MoraiScenarioLoadSrv", self._load_now)
+        bindings.listen("ScenarioLoad", "ScenarioLoad", self._hear_load)
         bindings.provide("Service_MoraiVehicleSpec", "MoraiVehicleSpecSrv", self._vehicle_spec)
         bindings.provide("Service_MoraiMapSpec", "MoraiMapSpecSrv", self._map_spec)
         bindings.provide("sim/reset", "rosbridge_sim_msgs/Reset", self._reset)
@@ -240,14 +241,28 @@ class Services(Part):
     # Real time
 
     def _load_now(self, call: Call, now: float) -> None:
-        request: Any = _request(call)
         is_loaded = False
         try:
-            self._node.carry_out(self._prepare(request, call.caller), is_pausing=request.set_pause, now=now)
+            self._load(_request(call), call.caller, now)
             is_loaded = True
         except DocumentError as error:
-            _complain(call.caller, f"/Service_MoraiSL: {error}")
+            _complain(call.caller, f"{call.service.name}: {error}")
         _respond(call, self._make_load_result(is_loaded))
+
+    def _hear_load(self, request: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+        """The same over a topic; as there, synchronous mode does not stand in the way."""
+        try:
+            self._load(request, sender, now)
+        except DocumentError as error:
+            raise GraphError(f"/ScenarioLoad: {error}") from None
+
+    def _load(self, request: Any, caller: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+        """Load a scenario at once.
+
+        Raises:
+            DocumentError: it cannot be loaded; nothing has changed.
+        """
+        self._node.carry_out(self._prepare(request, caller), is_pausing=request.set_pause, now=now)
 
     def _prepare(self, request: Any, caller: Owner) -> Load:  # noqa: ANN401 - a generated struct
         """Read the scenario that a request of either service names.

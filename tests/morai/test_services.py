@@ -315,6 +315,31 @@ def test_a_load_that_cannot_be_is_false_and_says_why(name: str, caplog: pytest.L
     assert stand.world.digest() == before
 
 
+LOAD = ("/ScenarioLoad", "morai_msgs/ScenarioLoad")
+
+
+def test_a_load_over_the_topic_is_that_of_the_service_in_either_mode() -> None:
+    stand = Stand()
+    client = stand.client()
+    client.send(*LOAD, file_name="parked", **ALL)
+    assert len(stand.world) == 1
+    client.start()
+    client.send(*LOAD, file_name="crowd", set_pause=True, load_object_data=True, load_surrounding_vehicle_data=True)
+    assert len(stand.world) == 5, "two vehicles and, by the manual's name of the option, two obstacles"
+    assert client.tick()["pause_status"] is True
+    assert client.told == [("warning", "/SyncModeWaitForTick: the simulation is paused")]
+
+
+@pytest.mark.parametrize("name", ["nothing", "torn", "lost", "", "../../etc/passwd"])
+def test_a_load_over_the_topic_that_cannot_be_is_told_to_its_sender(name: str) -> None:
+    stand = Stand()
+    client = stand.client()
+    before = stand.world.digest()
+    with pytest.raises(GraphError, match=r"^/ScenarioLoad: "):
+        client.send(*LOAD, file_name=name, **ALL)
+    assert stand.world.digest() == before
+
+
 def test_a_load_may_pause() -> None:
     stand, client = in_sync()
     assert client.ask("/Service_MoraiSL", file_name="crowd", set_pause=True, **ALL) == {"result": True}
