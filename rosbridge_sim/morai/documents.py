@@ -26,6 +26,7 @@ __all__ = [
     "Ratio",
     "Whole",
     "find_mistakes",
+    "keys_beside",
     "read_document",
     "sort_keys",
 ]
@@ -237,6 +238,16 @@ def sort_keys(kind: type[Document], value: object) -> tuple[Counter[str], Counte
     for path, is_read in _keys(kind, value, ""):
         (read if is_read else passed_over)[path] += 1
     return read, passed_over
+
+
+def keys_beside(kind: type[Document], path: str) -> list[str]:
+    """The keys that could be read where `sort_keys` found that path."""
+    *way, _ = [part.removesuffix("[]") for part in path.split(".")]
+    for part in filter(None, way):
+        inner = _kind_within(kind.model_fields[part].annotation)
+        assert inner is not None, "it was found by this way"
+        kind = inner
+    return list(kind.model_fields)
 
 
 def _keys(kind: type[Document], value: object, path: str) -> Iterator[tuple[str, bool]]:

@@ -2,7 +2,8 @@
 
 Reading for use stops at the first mistake; here all are wanted. So whatever does not fit its place is told and then
 replaced by something harmless, and the reading goes on with what is left, through the same readers. Odd is what can be
-loaded and is hardly meant: vehicles off the road or against their lane, and things within each other.
+loaded and is hardly meant: vehicles off the road or against their lane, paths that lie somewhere else, and things
+within each other.
 """
 
 from __future__ import annotations
@@ -16,17 +17,20 @@ from typing import Any, Final
 import numpy as np
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.documents import Mistake, sort_keys
+from rosbridge_sim.morai.documents import Mistake, keys_beside, sort_keys
 from rosbridge_sim.morai.mgeo import RoadMap
 from rosbridge_sim.morai.scenario import Scenario, Spawn, place_on_roads, read_scenario, sort_phases
 from rosbridge_sim.morai.scenario_document import ScenarioDocument, find_scenario_mistakes
-from rosbridge_sim.world.geometry import do_boxes_meet
+from rosbridge_sim.world.geometry import do_boxes_meet, nearest_on_polyline
 from rosbridge_sim.world.roads import Roads, ranges
 
-__all__ = ["Draft", "find_oddities", "place_draft", "read_draft"]
+__all__ = ["Draft", "find_oddities", "keys_near", "place_draft", "read_draft"]
 
 AGAINST: Final = math.radians(90.0)
 """Whoever looks farther aside than this from the way of the nearest lane stands against it."""
+
+FAR: Final = 10.0
+"""Who is farther than this from the path that he follows was hardly put there on purpose [m]."""
 
 MAX_TOLD: Final = 50
 """Lines of one kind."""
@@ -86,6 +90,11 @@ def read_draft(text: bytes, source: str) -> Draft:
     return Draft(scenario, tuple(dict.fromkeys(lines)), read, passed_over, document)
 
 
+def keys_near(path: str) -> list[str]:
+    """The keys that could have been meant by one that is passed over."""
+    return keys_beside(ScenarioDocument, path)
+
+
 def _without(document: dict[str, Any], mistakes: Sequence[Mistake]) -> tuple[dict[str, Any], set[str]]:
     """The document without what cannot be read, and what was an item of its own (`vehicleList[2]`)."""
     rest = dict(document)
@@ -131,7 +140,7 @@ def place_draft(scenario: Scenario, road_map: RoadMap) -> tuple[Scenario, list[s
 
 
 def find_oddities(scenario: Scenario, roads: Roads | None) -> list[str]:
-    """A line for each vehicle off the road or against its lane, and for any two who stand within each other.
+    """A line for each vehicle off the road or against its lane, each path far away, any two within each other.
 
     Args:
         scenario: placed, as far as a map is known.
@@ -139,12 +148,13 @@ def find_oddities(scenario: Scenario, roads: Roads | None) -> list[str]:
     """
     drivers = [spawn for spawn in (*scenario.egos, *scenario.vehicles) if spawn.is_placed]
     others = [spawn for spawn in (*scenario.pedestrians, *scenario.obstacles) if spawn.is_placed]
-    lines = [*(_beside_roads(drivers, roads) if roads is not None and len(roads) else ())]
+    lines = list(_beside_roads(drivers, roads)) if drivers and roads is not None and len(roads) else []
+    strays = [line for line in map(_far_from_path, (*drivers, *others)) if line is not None]
     meeting = [
         f"{a.where} ({a.name}) and {b.where} ({b.name}) stand within each other"
         for a, b in _meeting([*drivers, *others])
     ]
-    return [*_short(lines), *_short(meeting)]
+    return [*_short(lines), *_short(strays), *_short(meeting)]
 
 
 def _beside_roads(spawns: Sequence[Spawn], roads: Roads) -> Iterator[str]:
@@ -160,6 +170,18 @@ def _beside_roads(spawns: Sequence[Spawn], roads: Roads) -> Iterator[str]:
             yield f"{spawn.where} ({spawn.name}) stands {outside[i]:.1f} m off the nearest lane, {lane!r}"
         elif abs(math.remainder(float(places.yaw[i]) - spawn.yaw, math.tau)) > AGAINST:
             yield f"{spawn.where} ({spawn.name}) stands against the way of its lane, {lane!r}"
+
+
+def _far_from_path(spawn: Spawn) -> str | None:
+    if spawn.path is None:
+        return None
+    away = abs(float(nearest_on_polyline(spawn.path, spawn.x, spawn.y).lateral[0]))
+    if away <= FAR:
+        return None
+    return (
+        f"{spawn.where} ({spawn.name}) stands {away:.1f} m off its path; waypoints are (-east, up, -north), "
+        "as the engine has them"
+    )
 
 
 def _meeting(spawns: Sequence[Spawn]) -> Iterator[tuple[Spawn, Spawn]]:

@@ -16,7 +16,7 @@ from rosbridge_sim.shell.command_line import (
     make_number,
     run_command,
 )
-from rosbridge_sim.shell.file_commands import run_bag, run_schema
+from rosbridge_sim.shell.file_commands import run_bag, run_scenario, run_schema
 from rosbridge_sim.shell.sources import PREFIX, Parser, SettingError, layout
 from rosbridge_sim.shell.tools.text import read_body
 
@@ -281,6 +281,7 @@ TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "service": _service,
     "schema": run_schema,
     "bag": run_bag,
+    "scenario": run_scenario,
     "record": _record,
 }
 """Name -> what runs it with the words behind the name."""

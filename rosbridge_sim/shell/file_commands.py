@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rosbridge_sim.shell.command_line import Options, add_definitions, add_json, choice_of, group_of, run_command
 from rosbridge_sim.shell.sources import Parser
 
-__all__ = ["run_bag", "run_schema"]
+__all__ = ["run_bag", "run_scenario", "run_schema"]
 
 
 # schema
@@ -64,3 +64,30 @@ def _repair_bag(options: Options) -> int:
     from rosbridge_sim.shell.tools import bag  # noqa: PLC0415
 
     return bag.repair_bag(options.file, options.output, is_json=options.json)
+
+
+# scenario
+
+
+def run_scenario(argv: Sequence[str]) -> int:
+    """`rosbridge-sim scenario ...`."""
+    group, add = group_of("scenario", "Scenario files; no server is asked.")
+
+    parser = add("check", _check_scenario, "explain a scenario file: what it holds, what of it is read, what is wrong")
+    parser.add_argument("file", metavar="FILE", help="FILE.json, or the name of a scenario that a server would find")
+    _add_map(parser)
+    parser.add_argument(
+        "--scenario-path", action="append", default=[], metavar="DIR", help="folder with scenarios; may be repeated"
+    )
+    add_json(parser)
+    return run_command(group, argv)
+
+
+def _add_map(parser: Parser) -> None:
+    parser.add_argument("--map", metavar="NAME|DIR", help="the map to check it on [the one that it names]")
+
+
+def _check_scenario(options: Options) -> int:
+    from rosbridge_sim.shell.tools import scenario  # noqa: PLC0415
+
+    return scenario.check_scenario(options.file, options.map, tuple(options.scenario_path), is_json=options.json)

@@ -241,7 +241,7 @@ class DiskLibrary:
             DocumentError: there is none, or it cannot be read.
         """
         path = Path(name)
-        is_any_file = looks_like_path(name) and (path.is_file() or path.parent != Path())
+        is_any_file = looks_like_path(name) and (path.is_file() or name != path.name)
         return self._read_scenario(path if is_any_file else self._find_scenario(name))
 
     def _find_scenario(self, name: str) -> Path:

@@ -1,0 +1,128 @@
+"""`scenario check`: a file explained to a person and to a program."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.morai.maps import ROADRUNNER
+from tests.shell.tooling import run
+from tests.support import ROOT
+
+CAR = {"UNIQUEID": 7, "DataID": 30200001, "initPosition": {"pos": {"x": 50, "y": 0}}, "velocityTyp": 1}
+SCENE = {
+    "version": "1.0",
+    "mapInfo": {"mapName": "R_KR_Somewhere"},
+    "egoVehicle": {"modelName": "kia k5", "initPosition": {"pos": {"x": 1, "y": 0}}, "gear": 4},
+    "vehicleList": [CAR],
+    "pedestrianList": [{"pos": {"x": 20, "y": 9}, "speed": 3.6, "movingDistance": 10, "loop": True}],
+    "tlList": [{"index": "IntTL13", "state": 1, "deltaTime": 2.5}],
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with a scenario and a map of the user's."""
+    (tmp_path / "mine.json").write_text(json.dumps(SCENE))
+    bad = {**SCENE, "vehicleList": [{"initPosition": 1}, CAR], "objectList": [{"pos": {}}]}
+    (tmp_path / "bad.json").write_text(json.dumps(bad))
+    (tmp_path / "tiny").mkdir()
+    for name, content in ROADRUNNER.items():
+        (tmp_path / "tiny" / name).write_text(json.dumps(content))
+    return tmp_path
+
+
+def test_a_good_file_is_explained(folder: Path) -> None:
+    done = run("scenario", "check", str(folder / "mine.json"), "--map", str(folder / "tiny"))
+    assert (done.code, done.err) == (0, "")
+    assert done.lines[0] == f"{folder}/mine.json: good, 1 note"
+    assert done.lines[1] == f"  map: R_KR_Somewhere; checked on {folder}/tiny (5 lanes, 4 lights)"
+    assert done.lines[2:6] == ["  egoVehicle: 1", "  vehicleList: 1", "  pedestrianList: 1", "  tlList: 1"]
+    table = [line.split("  ") for line in done.lines if line.startswith(("egoVehicle ", "vehicleList[0] "))]
+    assert [[cell.strip() for cell in row if cell] for row in table] == [
+        ["egoVehicle", "2015_Kia_K5", "0", "1.00", "0.00", "0.0", "0", "driven from outside, in drive"],
+        ["vehicleList[0]", "2016_Hyundai_Ioniq (for 30200001)", "7", "50.00", "0.00", "0.0", "0", "stands"],
+    ]
+    assert "path of 2 waypoints, 10 m, round and round" in done.out
+    assert "  vehicleList[]: velocityTyp (1) (did you mean velocityType?)" in done.lines
+
+
+def test_the_same_for_a_program(folder: Path) -> None:
+    account = run("scenario", "check", str(folder / "mine.json"), "--map", str(folder / "tiny"), "--json").json
+    assert (account["is_good"], account["mistakes"]) == (True, [])
+    assert account["map"] == {
+        "name": "R_KR_Somewhere",
+        "is_known": True,
+        "checked_on": f"{folder}/tiny",
+        "lanes": 5,
+        "lights": 4,
+    }
+    assert account["holds"] == {"egoVehicle": 1, "vehicleList": 1, "pedestrianList": 1, "tlList": 1}
+    car = account["items"][1]
+    assert (car["at"], car["is_replaced"], car["x"], car["way"]) == ("vehicleList[0]", True, 50.0, "stands")
+    assert account["phases"] == [{"intersection": "IntTL13", "phase": 1, "elapsed": 2.5}]
+    assert account["passed_over"] == {"version": 1, "vehicleList[].velocityTyp": 1}
+    assert account["read"]["egoVehicle.gear"] == 1
+
+
+def test_a_file_with_mistakes_has_code_1_and_all_of_them(folder: Path) -> None:
+    done = run("scenario", "check", str(folder / "bad.json"))
+    assert (done.code, done.err) == (1, "")
+    assert done.lines[0] == f"{folder}/bad.json: 3 mistakes, 1 note"
+    at = done.lines.index("mistakes:")
+    assert done.lines[at + 1 : at + 4] == [
+        "  vehicleList[0].initPosition: expected an object, got 1",
+        "  objectList[0].pos.x: missing",
+        "  objectList[0].pos.y: missing",
+    ]
+    assert any(line.startswith("vehicleList[1]  ") for line in done.lines), "it keeps its number"
+
+
+def test_an_unknown_map_is_no_mistake_and_said(folder: Path) -> None:
+    done = run("scenario", "check", str(folder / "mine.json"))
+    assert done.code == 0
+    assert done.lines[1].startswith("  map: no map 'R_KR_Somewhere'; known are loop, town, track")
+    assert done.lines[1].endswith("track would serve in its place. Roads, links and lights were not checked")
+
+
+def test_a_scenario_is_found_by_name(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert run("scenario", "check", "mine", "--scenario-path", str(folder)).code == 0
+    monkeypatch.setenv("ROSBRIDGE_SIM_SCENARIO_PATH", str(folder))
+    monkeypatch.setenv("ROSBRIDGE_SIM_PORT", "none of our business")
+    assert run("scenario", "check", "bad").code == 1
+
+
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "rosbridge_sim/data/scenarios").glob("*.json")), ids=lambda path: path.stem
+)
+def test_what_is_built_in_is_good(path: Path) -> None:
+    account = run("scenario", "check", path.stem, "--json").json
+    assert (account["is_good"], account["notes"]) == (True, [])
+    assert {key.rpartition(".")[2] for key in account["passed_over"]} <= {"roll", "pitch"}
+
+
+def test_a_torn_file_tells_line_and_column(folder: Path) -> None:
+    (folder / "torn.json").write_text('{"egoVehicle": 1,\n}')
+    done = run("scenario", "check", str(folder / "torn.json"))
+    assert (done.code, done.err) == (1, "")
+    assert done.lines[0] == f"{folder}/torn.json: 1 mistake"
+    assert done.lines[-1] == f"  {folder}/torn.json:2:1: not JSON: trailing comma"
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ((), "scenario: expected a command: check; rosbridge-sim scenario --help says more"),
+        (("check",), "the following arguments are required: FILE"),
+        (("check", "nowhere"), "no scenario 'nowhere'; known are demo, loop, town"),
+        (("check", "./nowhere.json"), "nowhere.json: cannot be read: No such file or directory"),
+        (("check", "demo", "--map", "nowhere"), "no map 'nowhere'; known are loop, town, track"),
+        (("check", "demo", "--scenario-path", "/nowhere"), "/nowhere: expected a folder with scenarios"),
+    ],
+)
+def test_a_mistake_in_the_command_is_one_line_and_code_2(words: tuple[str, ...], line: str) -> None:
+    done = run("scenario", *words)
+    assert (done.code, done.out) == (2, "")
+    assert done.complaint.startswith(line)
