@@ -16,6 +16,7 @@ from rosbridge_sim.morai.convert import Control, Converter
 from rosbridge_sim.world import dynamics
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import Gear, Mode, World
+from rosbridge_sim.world.traffic import leave_lane, take_wheel
 
 __all__ = ["CtrlMode", "Ego"]
 
@@ -28,7 +29,7 @@ class CtrlMode(IntEnum):
     KEYBOARD = 1
     GAME_PAD = 2
     EXTERNAL = 3  # /ctrl_cmd
-    AUTONOMOUS = 6  # MORAI's own agent; nobody here
+    AUTONOMOUS = 6  # itself: it keeps to the lanes as other vehicles do
 
 
 class Ego:
@@ -110,9 +111,11 @@ class Ego:
         self.forget_status()
 
     def control(self, control: Control) -> None:
-        """Drive like this from the next frame on; the command of one who is gone is nobody's."""
+        """Drive like this from the next frame on, by hand from now on; the command of one who is gone is nobody's."""
         if not self.is_there:
             return
+        if self.ctrl_mode is CtrlMode.AUTONOMOUS:
+            self.hand_over(CtrlMode.EXTERNAL)
         dynamics.command(
             self._world,
             self.row,
@@ -136,6 +139,7 @@ class Ego:
         self._place(pose, speed=pose.speed)
         if pose.steer is not None:
             dynamics.turn_wheels(self._world, self.row, pose.steer)
+        self.resume()
         self.forget_status()
 
     def haunt(self, pose: Pose) -> None:
@@ -172,11 +176,32 @@ class Ego:
             pitch=pose.pitch,
         )
 
-    def hand_over(self, ctrl_mode: CtrlMode) -> None:
-        """Have somebody else drive; whoever takes over from a client has pressed nothing yet."""
-        if self.ctrl_mode is CtrlMode.EXTERNAL is not ctrl_mode:
-            dynamics.command(self._world, self.row, mode=Mode.PEDALS, steer=0.0)
+    def hand_over(self, ctrl_mode: CtrlMode) -> str | None:
+        """Have somebody else drive; whoever takes over from a client or from the car has pressed nothing yet.
+
+        Returns:
+            None when he drives now, else why not, for a person to read.
+        """
+        row = self.row
+        if ctrl_mode is CtrlMode.AUTONOMOUS:
+            why = self.shift(Gear.DRIVE)
+            if why is None and not take_wheel(self._world, row):
+                why = f"ctrl_mode {ctrl_mode.name} refused: ego {self.index} stands on no lane, or across it"
+            if why is not None:
+                return why
+        else:
+            leave_lane(self._world, row)
+            is_foreign = self.ctrl_mode in {CtrlMode.EXTERNAL, CtrlMode.AUTONOMOUS}
+            if is_foreign and self.ctrl_mode is not ctrl_mode:
+                dynamics.command(self._world, row, mode=Mode.PEDALS, steer=0.0)
         self.ctrl_mode = ctrl_mode
+        return None
+
+    def resume(self) -> None:
+        """It stands somewhere else, or on another map: if it drove itself it goes on, or stops where there is no lane."""
+        if self.ctrl_mode is CtrlMode.AUTONOMOUS and not take_wheel(self._world, self.row):
+            _log.info("ego %d stands on no lane: ctrl_mode is %s", self.index, CtrlMode.KEYBOARD.name)
+            self.hand_over(CtrlMode.KEYBOARD)
 
     def shift(self, gear: Gear) -> str | None:
         """Change gear.

@@ -87,7 +87,7 @@ class Inputs(Part):
     def _lamps(self, ego: Ego, message: Any, _sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
         ego.turn_signal, ego.emergency_signal = lamps_of(message)
 
-    def _ego_setting(self, message: Any, _sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+    def _ego_setting(self, message: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
         """Put egos somewhere; those whose number is new come into the world."""
         settings = [(setting, _ctrl_mode(setting)) for setting in ego_settings(message)]
         node = self._node
@@ -95,9 +95,14 @@ class Inputs(Part):
         for setting, ctrl_mode in settings:
             ego = node.find_ego(setting.index)
             assert ego is not None
-            if ctrl_mode is not None:
+            is_itself = ctrl_mode is CtrlMode.AUTONOMOUS  # that takes a lane, and so the place first
+            if ctrl_mode is not None and not is_itself:
                 ego.hand_over(ctrl_mode)
             ego.put(setting.pose, setting.gear)
+            if is_itself:
+                why = ego.hand_over(CtrlMode.AUTONOMOUS)
+                if why is not None:
+                    sender.tell("warning", f"/ego_setting: {why}")
             if setting.lamps is not None:
                 ego.turn_signal, ego.emergency_signal = setting.lamps
         node.camera_index = message.camera_index

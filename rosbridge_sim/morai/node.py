@@ -346,6 +346,8 @@ class Node:
             if not ego.is_there:
                 self._drop_ego(ego, now)
         self.egos = [ego for ego in self.egos if ego.is_there]
+        for ego in self.egos:
+            ego.resume()
         self.refresh()
         self._announce_mounts(now)
         if is_pausing:
@@ -367,8 +369,8 @@ class Node:
             self._drop_ego(ego, now)
         self.egos = self.egos[:1]
         self.stage.reset(seed)
-        self.egos[0].renew()
         self.egos[0].ctrl_mode = self._ctrl_mode
+        self.egos[0].renew()
         self.camera_index = FIRST_EGO
         self.sync.forget()
         for part in self._parts:

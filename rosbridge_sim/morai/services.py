@@ -288,10 +288,10 @@ class Services(Part):
         ctrl_mode = _ctrl_mode(request.ctrl_mode) if option & _MODE_BIT else None
         gear: Gear | None = gear_of(request.gear) if option & _GEAR_BITS else None
         lamps = lamps_of(request.lamps) if option & _LAMP_BIT else None
-        if ctrl_mode is not None:
-            ego.hand_over(ctrl_mode)
+        refusals = [ego.hand_over(ctrl_mode) if ctrl_mode is not None else None]
         if gear is not None:
-            why = ego.shift(gear)
+            refusals.append(ego.shift(gear))
+        for why in refusals:
             if why is not None:
                 call.caller.tell("warning", f"{call.service.name}: {why}")
         if lamps is not None:

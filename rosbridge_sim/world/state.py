@@ -434,6 +434,7 @@ class World(Columns):
             self.routes.pop(int(self.uid[row]), None)
             for column in _LANE_COLUMNS:
                 getattr(self, column)[row] = 0
+            self.touch()
         if not self.has_path[row]:
             return
         self.has_path[row] = self.is_loop[row] = False

@@ -18,6 +18,10 @@ Drivers look and decide ten times a second and keep their acceleration in betwee
 out for all at once and costs ten times as much as moving them. It falls on fixed frames, so no state but the columns
 matters.
 
+*Pilots* are driven rows that drive themselves (`take_wheel`): they decide as all the others do, but what they decide
+goes to their pedals and, by pure pursuit of the lane's line, to their wheels. `dynamics` moves them; their place on the
+lane is that beside which they are.
+
 Where it stops being true: nobody changes lanes, overtakes or reverses; of those who do not keep to the lanes only
 people on foot are seen where they will be, the others where they are.
 """
@@ -32,6 +36,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from rosbridge_sim.world.dynamics import command
 from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.lookout import (
     ACCEL,
@@ -49,9 +54,9 @@ from rosbridge_sim.world.lookout import (
 )
 from rosbridge_sim.world.network import COMFORT, Network
 from rosbridge_sim.world.roads import Roads
-from rosbridge_sim.world.state import DT, Kind, World
+from rosbridge_sim.world.state import DT, Gear, Kind, Mode, World
 
-__all__ = ["DECISION", "drive_lanes", "keep_lane"]
+__all__ = ["DECISION", "drive_lanes", "keep_lane", "leave_lane", "take_wheel"]
 
 DECISION: Final = 5
 """Frames from one decision to the next: 0.1 s."""
@@ -78,6 +83,16 @@ PATIENCE: Final = 20
 
 MAX_TURNS: Final = 8
 """Lanes entered within one step, at most: a map's snippets of a centimetre must not hold up the world."""
+
+MAX_ASIDE: Final = 3.0
+"""A pilot takes the wheel only so near to the middle of a lane [m],"""
+
+MAX_ASLANT: Final = math.radians(60.0)
+"""and with no more than this between its heading and the lane's [rad]."""
+
+PURSUIT: Final = 0.6
+MIN_PURSUIT: Final = 4.0
+"""A pilot steers towards where the lane's line will be after so long, and not nearer than this [s, m]."""
 
 _AHEAD: Final = tuple(f"ahead_{i}" for i in range(1, 6))
 _LEGS: Final = ("leg_start", "leg_end", "leg_x", "leg_y", "leg_z", "leg_dx", "leg_dy", "leg_dz")
@@ -123,25 +138,63 @@ def keep_lane(
         if not 0 <= here < len(roads) or there not in roads.successors(here):
             raise ValueError(f"route[{i}]: lane {there} does not follow lane {here}")
 
-    network = roads.derived(Network)
     s = min(max(s, 0.0), float(roads.length[lane]))
     x, y, z = roads.at(lane, s)[0][0].tolist()
-    uid, speed = int(world.uid[row]), max(float(world.speed[row]), 0.0)
-    world.place(row, x=x, y=y, z=z, yaw=0.0, speed=speed)
-    world.has_lane[row], world.is_loop[row], world.wish[row] = True, is_loop, wish
-    world.lane[row], world.arc[row], world.turns[row] = lane, s, 0
-    world.claim[row] = world.held[row] = world.exit_lane[row] = -1
+    world.place(row, x=x, y=y, z=z, yaw=0.0, speed=max(float(world.speed[row]), 0.0))
     body = world.bodies[row]
     world.wheelbase[row] = body.wheelbase or 0.6 * body.length
     if len(route):
-        world.routes[uid] = np.array(route, dtype=np.int64)
-    _Way(world, np.array([row])).plan(np.array([0]))
-    if s + world.half_length[row] + world.centre[row] > network.hold[lane]:
-        world.held[row], world.exit_lane[row] = lane, world.ahead_1[row]
-    _set_legs(world, network, np.array([row]))
+        world.routes[int(world.uid[row])] = np.array(route, dtype=np.int64)
+    _join(world, row, lane, s, wish=wish, is_loop=is_loop)
+    _set_legs(world, roads.derived(Network), np.array([row]))
     lanes = world.int_block("lane", "ahead_5")[:, [row]]
     world.yaw[row] = _heading(roads, lanes, world.arc[[row]], world.wheelbase[[row]])[0]
     world.touch()
+
+
+def take_wheel(world: World, row: int) -> bool:
+    """Have a driven row drive itself along the lanes, from where it is, until `leave_lane` or whatever places it.
+
+    It decides on the frames of decision; a `command` from outside holds until then.
+
+    Args:
+        world: written in place.
+        row: of an EGO.
+
+    Returns:
+        Whether there is a lane that it could drive on; if not, nothing has changed.
+
+    Raises:
+        ValueError: the row is not driven.
+    """
+    if world.kind[row] != Kind.EGO or not world.alive[row]:
+        raise ValueError(f"row {row} is not driven")
+    near = world.roads.nearest(world.x[row], world.y[row], world.yaw[row])
+    is_along = math.cos(near.yaw[0] - world.yaw[row]) >= math.cos(MAX_ASLANT)
+    if not (near.distance[0] <= MAX_ASIDE and is_along):
+        return False
+    leave_lane(world, row)
+    _join(world, row, int(near.lane[0]), float(near.s[0]), wish=math.inf, is_loop=False)
+    world.touch()
+    return True
+
+
+def leave_lane(world: World, row: int) -> None:
+    """Have a row keep to no lane any more; it goes on as it moves now. Who keeps to none is left alone."""
+    if world.has_lane[row]:
+        x, y, z, yaw, speed = (float(getattr(world, name)[row]) for name in ("x", "y", "z", "yaw", "speed"))
+        world.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
+        world.touch()
+
+
+def _join(world: World, row: int, lane: int, s: float, *, wish: float, is_loop: bool) -> None:
+    """Write what makes a row one of those who keep to the lanes."""
+    world.has_lane[row], world.is_loop[row], world.wish[row] = True, is_loop, wish
+    world.lane[row], world.arc[row], world.turns[row] = lane, s, 0
+    world.claim[row] = world.held[row] = world.exit_lane[row] = -1
+    _Way(world, np.array([row])).plan(np.array([0]))
+    if s + world.half_length[row] + world.centre[row] > world.roads.derived(Network).hold[lane]:
+        world.held[row], world.exit_lane[row] = lane, world.ahead_1[row]
 
 
 def drive_lanes(world: World, dt: float) -> None:
@@ -207,6 +260,7 @@ class _Traffic:
         self.wheelbase = world.wheelbase[self.at].copy()
         self.uid = world.uid[self.at].copy()
         self.way = _Way(world, self.rows)
+        self.pilots = np.flatnonzero(world.kind[self.rows] == Kind.EGO)
         others = world.alive & ~world.has_lane
         moves = (world.kind == Kind.EGO) | (world.speed != 0.0)
         self.still, _ = _spot(world, np.flatnonzero(others & ~moves))
@@ -216,6 +270,8 @@ class _Traffic:
     def decide(self) -> None:
         """Choose the accelerations until the next decision."""
         world, at = self.world, self.at
+        if len(self.pilots):
+            self._find_pilots()
         ints = world.int_block("lane", "ahead_5")[:, at]
         drivers = Drivers(
             *(ints, world.arc[at], world.speed[at], world.point[at], self.nose, self.rear, self.length, self.uid),
@@ -229,11 +285,35 @@ class _Traffic:
         speed, accel = drivers.speed, _accelerate(drivers.speed, np.fmin(self.wish, view.pace), view)
         world.accel[at] = accel
         self._steer(ints, speed, accel)
+        if len(self.pilots):
+            self._command_pilots(ints, accel)
         turn_away = view.is_shut_out & (speed < CREEP) & ((world.frame // DECISION + self.uid) % PATIENCE == 0)
         if turn_away.any():
             self.way.change(np.flatnonzero(turn_away))
         if not isinstance(at, slice):
             world.claim[at], world.held[at], world.exit_lane[at] = drivers.claim, drivers.held, drivers.exit_lane
+
+    def _find_pilots(self) -> None:
+        """See where on their lanes they are: beside which point of the line."""
+        world, rows = self.world, self.rows[self.pilots]
+        foot, yaw = self.roads.at(world.lane[rows], world.arc[rows])
+        along = (world.x[rows] - foot[:, 0]) * np.cos(yaw) + (world.y[rows] - foot[:, 1]) * np.sin(yaw)
+        world.arc[rows] = np.fmax(world.arc[rows] + along, 0.0)
+        self._turn(self.pilots)
+
+    def _command_pilots(self, lanes: IntArray, accel: FloatArray) -> None:
+        """Press their pedals and turn their wheels."""
+        world, rows = self.world, self.rows[self.pilots]
+        reach = np.fmax(world.speed[rows] * PURSUIT, MIN_PURSUIT)
+        goal, _ = self.roads.at(*_onto(self.roads, lanes[:, self.pilots], world.arc[rows] + reach))
+        east, north, yaw = goal[:, 0] - world.x[rows], goal[:, 1] - world.y[rows], world.yaw[rows]
+        aside = north * np.cos(yaw) - east * np.sin(yaw)
+        steer = np.arctan2(2.0 * world.wheelbase[rows] * aside, np.fmax(east * east + north * north, 1.0))
+        for row, angle, wish in zip(rows.tolist(), steer.tolist(), accel[self.pilots].tolist(), strict=True):
+            if world.gear[row] == Gear.DRIVE:
+                command(world, row, mode=Mode.ACCEL, steer=angle, accel=wish)
+            else:
+                command(world, row, mode=Mode.PEDALS, steer=angle, brake=1.0)
 
     def _steer(self, lanes: IntArray, speed: FloatArray, accel: FloatArray) -> None:
         """Turn so that the heading is right at the next decision, when the car is where this takes it."""
@@ -248,8 +328,11 @@ class _Traffic:
         world.lateral_accel[at] = world.yaw_rate[at] * speed
 
     def move(self, dt: float) -> None:
-        """Slide along the legs; whoever comes to the end of one is given the next."""
+        """Slide along the legs, all but the pilots; whoever comes to the end of one is given the next."""
         world, at = self.world, self.at
+        if len(self.pilots):
+            rows = self.rows[self.pilots]
+            kept = {name: getattr(world, name)[rows] for name in ("x", "y", "z", "yaw", "speed")}
         before = world.speed[at]
         after = np.fmax(before + world.accel[at] * dt, 0.0)
         arc = world.arc[at] + (before + after) * (0.5 * dt)
@@ -263,6 +346,9 @@ class _Traffic:
         world.z[at] = world.leg_z[at] + way * world.leg_dz[at]
         yaw = world.yaw[at] + world.yaw_rate[at] * dt
         world.yaw[at] = yaw if np.abs(yaw).max() < math.pi else wrap_angle(yaw)
+        if len(self.pilots):
+            for name, values in kept.items():
+                getattr(world, name)[rows] = values
 
     def _turn(self, which: IntArray) -> None:
         world, rows = self.world, self.rows[which]

@@ -53,7 +53,7 @@ def test_only_handing_over_from_a_client_lifts_the_feet() -> None:
     ego.control(THROTTLE)
     ego.hand_over(CtrlMode.EXTERNAL)
     assert world.throttle[ego.row] == 1.0
-    ego.hand_over(CtrlMode.AUTONOMOUS)
+    ego.hand_over(CtrlMode.GAME_PAD)
     assert world.throttle[ego.row] == 0.0
     ego.control(THROTTLE)
     ego.hand_over(CtrlMode.KEYBOARD)

@@ -1,0 +1,95 @@
+"""The control mode in which the ego drives itself."""
+
+from __future__ import annotations
+
+import pytest
+
+from rosbridge_sim.morai.ego import CtrlMode
+from tests.morai.stand import ALL, Stand
+from tests.morai.town import Crossroads, Judge
+
+ITSELF = {"option": 1, "ctrl_mode": CtrlMode.AUTONOMOUS.value}
+
+
+@pytest.mark.slow
+def test_it_drives_through_the_town_and_no_red_light() -> None:
+    town = Crossroads.built_in("town")
+    judge = Judge(town.world)
+    town.client.start()
+    assert town.client.ask("/Service_MoraiEventCmd", **ITSELF)["ctrl_mode"] == 6
+    hits = way = 0.0
+    for _ in range(50 * 120):
+        status = town.client.tick()["vehicle_status"]
+        judge.watch()
+        hits += bool((town.world.contacts == 0).any())
+        way += status["velocity"]["x"] * 0.02
+    assert way > 300.0
+    assert judge.passed
+    assert (judge.red, hits) == ([], 0.0)
+
+
+def test_who_commands_it_in_synchronous_mode_drives_from_then_on() -> None:
+    town = Crossroads.built_in("town")
+    town.client.start()
+    town.client.ask("/Service_MoraiEventCmd", **ITSELF)
+    town.run(3.0)
+    assert town.client.control(0, longlCmdType=1, brake=1.0)
+    town.run(5.0)
+    assert town.client.tick()["vehicle_status"]["velocity"]["x"] == 0.0
+    assert town.client.ask("/Service_MoraiEventCmd", option=0)["ctrl_mode"] == 3
+
+
+def test_in_real_time_control_by_topic_is_ignored_meanwhile() -> None:
+    stand = Stand("elsewhere")
+    client = stand.client()
+    assert client.ask("/Service_MoraiEventCmd", **ITSELF)["gear"] == 4
+    client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, brake=1.0)
+    assert client.told == [
+        ("warning", "/ctrl_cmd is ignored: ctrl_mode is AUTONOMOUS; set 3 by /Service_MoraiEventCmd")
+    ]
+    stand.run(2.0)
+    assert stand.world.speed[0] > 1.0
+
+
+def test_off_the_road_the_mode_is_refused() -> None:
+    stand = Stand()  # on a map without roads
+    client = stand.client()
+    assert client.ask("/Service_MoraiEventCmd", **ITSELF)["ctrl_mode"] == 3
+    assert client.told == [
+        ("warning", "/Service_MoraiEventCmd: ctrl_mode AUTONOMOUS refused: ego 0 stands on no lane, or across it")
+    ]
+
+
+def test_a_scenario_that_moves_it_off_the_road_ends_the_mode() -> None:
+    stand = Stand("elsewhere")
+    client = stand.client()
+    client.ask("/Service_MoraiEventCmd", **ITSELF)
+    assert client.ask("/Service_MoraiSL", file_name="elsewhere", **ALL)["result"]
+    assert client.ask("/Service_MoraiEventCmd", option=0)["ctrl_mode"] == 6
+    assert client.ask("/Service_MoraiSL", file_name="crowd", **ALL)["result"]
+    assert client.ask("/Service_MoraiEventCmd", option=0)["ctrl_mode"] == 1
+
+
+def test_put_elsewhere_it_drives_on_from_there() -> None:
+    stand = Stand("elsewhere")
+    client = stand.client()
+    lists = ("global_position_x", "global_position_y", "global_position_z", "global_roll", "global_pitch", "global_yaw")
+    there = {name: [0.0] for name in (*lists, "velocity")} | {"global_position_y": [40.0], "global_yaw": [90.0]}
+    setting = {"number_of_ego_vehicle": 1, "camera_index": 0, "ego_index": [0], "gear": [4], "ctrl_mode": [6], **there}
+    client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **setting)
+    stand.run(2.0)
+    assert stand.world.y[0] > 41.0
+    assert client.told == []
+    client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **setting | {"global_position_x": [80.0]})
+    stand.run(2.0)
+    assert (stand.world.speed[0], stand.world.has_lane[0]) == (0.0, False)
+    assert client.told[0][1].startswith("/ego_setting: ctrl_mode AUTONOMOUS refused")
+
+
+def test_a_reset_gives_the_wheel_back() -> None:
+    stand = Stand("elsewhere")
+    client = stand.client()
+    client.ask("/Service_MoraiEventCmd", **ITSELF)
+    client.call("/sim/reset", {"seed": -1})
+    assert client.ask("/Service_MoraiEventCmd", option=0)["ctrl_mode"] == 3
+    assert not stand.world.has_lane[0]
