@@ -198,7 +198,7 @@ class Ego:
         return None
 
     def resume(self) -> None:
-        """It stands somewhere else, or on another map: if it drove itself it goes on, or stops where there is no lane."""
+        """It stands somewhere else, or on another map: if it drove itself it goes on, or not, where no lane is."""
         if self.ctrl_mode is CtrlMode.AUTONOMOUS and not take_wheel(self._world, self.row):
             _log.info("ego %d stands on no lane: ctrl_mode is %s", self.index, CtrlMode.KEYBOARD.name)
             self.hand_over(CtrlMode.KEYBOARD)

@@ -373,10 +373,10 @@ def test_a_new_ego_has_its_lamps_off_and_keeps_who_drives() -> None:
     stand = Stand()
     client = stand.client()
     lamps = {"turnSignal": 1, "emergencySignal": 1}
-    client.ask("/Service_MoraiEventCmd", option=5, ctrl_mode=6, lamps=lamps)
+    client.ask("/Service_MoraiEventCmd", option=5, ctrl_mode=2, lamps=lamps)
     client.ask("/Service_MoraiSL", file_name="crowd", **ALL)
     state = client.ask("/Service_MoraiEventCmd", option=0)
-    assert (state["ctrl_mode"], state["lamps"]["turnSignal"], state["lamps"]["emergencySignal"]) == (6, 0, 0)
+    assert (state["ctrl_mode"], state["lamps"]["turnSignal"], state["lamps"]["emergencySignal"]) == (2, 0, 0)
 
 
 # /Service_MoraiEventCmd
