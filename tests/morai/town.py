@@ -20,7 +20,7 @@ from rosbridge_sim.world.state import World
 from tests.morai.maps import ROADRUNNER, read
 from tests.morai.stand import Client, make_store
 
-__all__ = ["Crossroads", "Driver", "Judge", "Town"]
+__all__ = ["Crossroads", "Driver", "Judge", "Town", "Way"]
 
 
 class TinyLibrary(DiskLibrary):
@@ -66,6 +66,29 @@ class Crossroads:
 Town = Crossroads
 
 
+class Way:
+    """A way along links of a map, as one line.
+
+    Attributes:
+        line, arcs: its points and how far along it they are [m].
+        stops: (how far along its stop line is [m], row of the lane that begins there), for lanes with a light.
+    """
+
+    def __init__(self, road_map: RoadMap, links: list[str]) -> None:
+        roads = road_map.roads
+        rows = [roads.row(link) for link in links]
+        self.line = np.concatenate([roads.points[roads.first[row] : roads.first[row + 1]] for row in rows])[:, :2]
+        self.arcs = arc_lengths(self.line)
+        starts = np.cumsum([0.0, *(roads.length[row] for row in rows)]).tolist()
+        lit = {lane for light in (road_map.plan.lights if road_map.plan else ()) for lane in light.lanes}
+        self.stops = [(at, row) for at, row in zip(starts, rows, strict=False) if row in lit]
+
+    def find(self, x: float, y: float, near: float) -> float:
+        """How far along somebody is who was `near` a moment ago; the way may end where it begins [m]."""
+        here = float(nearest_on_polyline(self.line, x, y).arc[0])
+        return here if abs(here - near) < 20.0 else near
+
+
 class Driver:
     """Somebody who knows the map and drives a round of links: pure pursuit, a limit, and brakes for what is ahead.
 
@@ -73,21 +96,17 @@ class Driver:
         is_done: he has come round.
     """
 
-    def __init__(self, client: Client, road_map: RoadMap, links: list[str], *, heeds_lights: bool) -> None:
+    def __init__(self, client: Client, road_map: RoadMap, way: Way, *, heeds_lights: bool) -> None:
         self._client = client
-        roads = self._roads = road_map.roads
-        rows = [roads.row(link) for link in links]
-        self._line = np.concatenate([roads.points[roads.first[row] : roads.first[row + 1]] for row in rows])[:, :2]
-        self._arcs = arc_lengths(self._line)
-        lengths = np.cumsum([0.0, *(roads.length[row] for row in rows)])
+        self._line, self._arcs = way.line, way.arcs
+        self._way = way
         # Where a light's stop line is on the way, and what must be lit there for him.
+        plan = road_map.plan
         self._lines: dict[str, tuple[float, int]] = {}
-        for light in road_map.plan.lights if road_map.plan else ():
-            for at, link, row in zip(lengths, links, rows, strict=False):
-                if row in light.lanes:
-                    need = Lamp.LEFT if roads.turn[row] > 1.0 else Lamp.GREEN
-                    self._lines[light.name] = (float(at), int(need))
-                    assert link.startswith("J")
+        for at, row in way.stops:
+            assert plan is not None
+            need = Lamp.LEFT if road_map.roads.turn[row] > 1.0 else Lamp.GREEN
+            self._lines[plan.lights[plan.light_of_lane[row]].name] = (at, int(need))
         self._heeds_lights = heeds_lights
         self._s = 10.0
         self._light: dict[str, Any] | None = None
@@ -97,10 +116,7 @@ class Driver:
     def drive(self, status: dict[str, Any]) -> None:
         """Answer a tick's `vehicle_status` with a command."""
         x, y = status["position"]["x"], status["position"]["y"]
-        near = nearest_on_polyline(self._line, x, y)
-        here = float(near.arc[0])
-        if abs(here - self._s) < 20.0:  # the way ends where it begins
-            self._s = here
+        self._s = self._way.find(x, y, self._s)
         self.is_done = bool(self._s > self._arcs[-1] - 5.0)
         speed = status["velocity"]["x"]
         goal = point_at(self._line, self._arcs, min(self._s + 3.0 + 0.3 * speed, self._arcs[-1]))[0]
@@ -147,36 +163,35 @@ class Driver:
 
 
 class Judge:
-    """Sees who comes over a stop line at red; knows nothing but the world.
+    """Sees how the ego comes over the stop lines of its way; knows nothing but the world.
+
+    It is the front bumper that counts, and what the light of the lane beyond the line shows in that frame.
 
     Attributes:
-        red: names of the lights that were not heeded.
-        passed: names of all lights that were passed.
+        passed: (name, what was lit) of all lights that were passed.
+        red: names of those that were red, with nothing beside it that lets pass.
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, way: Way) -> None:
         self._world = world
-        self._lane = -1
+        self._way = way
+        self._nose = 10.0
+        self.passed: list[tuple[str, int]] = []
         self.red: list[str] = []
-        self.passed: list[str] = []
 
     def watch(self) -> None:
         """Look once, after a frame."""
         world, row = self._world, self._world.row(0)
-        nose = world.half_length[row] + world.centre[row]
+        reach = world.half_length[row] + world.centre[row]
         yaw = world.yaw[row]
-        x, y = world.x[row] + nose * np.cos(yaw), world.y[row] + nose * np.sin(yaw)
-        lane = int(world.roads.nearest(x, y, yaw).lane[0])
-        before, self._lane = self._lane, lane
-        if lane == before or before < 0 or lane not in world.roads.successors(before):
-            return
-        plan, shown = world.signals.plan, world.signals.shown
-        light = int(plan.light_of_lane[lane])
-        if light < 0:
-            return
-        # Where lanes part, the nearest one may not be that on which the car will go on: it is red if all are.
-        lanes = [other for other in world.roads.successors(before).tolist() if plan.light_of_lane[other] >= 0]
-        values = [int(shown[plan.light_of_lane[other]]) for other in lanes]
-        self.passed.append(plan.lights[light].name)
-        if all(v & Lamp.RED and not v & plan.pass_of_lane[other] for v, other in zip(values, lanes, strict=True)):
-            self.red.append(plan.lights[light].name)
+        x, y = world.x[row] + reach * math.cos(yaw), world.y[row] + reach * math.sin(yaw)
+        before, self._nose = self._nose, self._way.find(x, y, self._nose)
+        plan = world.signals.plan
+        for at, lane in self._way.stops:
+            if not before < at <= self._nose:
+                continue
+            light = int(plan.light_of_lane[lane])
+            value = int(world.signals.shown[light])
+            self.passed.append((plan.lights[light].name, value))
+            if value & Lamp.RED and not value & plan.pass_of_lane[lane]:
+                self.red.append(plan.lights[light].name)

@@ -19,6 +19,7 @@ from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import DT, Body, Kind, World
 from rosbridge_sim.world.step import step
 from rosbridge_sim.world.traffic import DECISION, keep_lane
+from tests.world.judges import RedRuns
 from tests.world.roadworks import CAR, arc, built_in, car, crossing, ego, line, make, road, signalled
 
 BUS = Body(10.955, 2.49, 3.22, wheelbase=5.4, front_overhang=2.565, rear_overhang=2.99)
@@ -620,25 +621,13 @@ def test_whatever_happens_everybody_is_on_his_lane(actions: list[tuple[str, int]
 
 
 def red_runs(world: World, seconds: float) -> int:
-    """How often a bumper comes over a stop line at red; what is yellow is for those who cannot stop."""
-    plan, roads = world.signals.plan, world.roads
-    rows = np.flatnonzero(world.has_lane)
-    nose = world.half_length[rows] + world.centre[rows]
-    num = 0
-    rest = roads.length[world.lane[rows]] - world.arc[rows] - nose
+    """How often somebody comes over a stop line at red; nobody touches anybody."""
+    judge = RedRuns(world)
     for _ in range(round(seconds / DT)):
-        lane, before = world.lane[rows].copy(), rest
-        following = world.ahead_1[rows].copy()
         step(world)
         assert not len(world.contacts)
-        rest = roads.length[world.lane[rows]] - world.arc[rows] - nose
-        crosses = (before >= 0.0) & (rest < 0.0) & (lane == world.lane[rows]) & (following >= 0)
-        entered = world.ahead_1[rows[crosses]]
-        light = plan.light_of_lane[entered]
-        shown = world.signals.shown[light]
-        is_red = (light >= 0) & (shown & Lamp.RED != 0) & (shown & plan.pass_of_lane[entered] == 0)
-        num += int(np.count_nonzero(is_red & ~plan.is_warning[light]))
-    return num
+        judge.watch()
+    return judge.num
 
 
 def test_the_count_of_red_runs_finds_those_who_do_not_look(monkeypatch: pytest.MonkeyPatch) -> None:
