@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rosbridge_sim.world.geometry import IntArray
 from rosbridge_sim.world.plan import Lamp
 from rosbridge_sim.world.state import DT, World
 
@@ -20,9 +21,10 @@ class RedRuns:
         num_passed: of stop lines passed with a light that somebody runs.
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, rows: IntArray | None = None) -> None:
+        """Watch these rows, or all that keep to lanes now."""
         self._world = world
-        self._rows = np.flatnonzero(world.has_lane)
+        self._rows = np.flatnonzero(world.has_lane) if rows is None else rows
         self._nose = world.half_length[self._rows] + world.centre[self._rows]
         self.num = self.num_passed = 0
         self._remember()
