@@ -14,7 +14,6 @@ A static message holds all frames of its kind and is latched: whoever comes late
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -23,17 +22,16 @@ from rosbridge_sim.morai.convert import Converter, maker
 from rosbridge_sim.morai.ego import Ego
 from rosbridge_sim.morai.stage import FIRST_EGO
 from rosbridge_sim.schema.store import Store
+from rosbridge_sim.world.geometry import Vector, quaternion
 from rosbridge_sim.world.state import World
 
-__all__ = ["BASE", "CENTER", "MAP", "TF", "Mount", "Transforms", "quaternion"]
+__all__ = ["BASE", "CENTER", "MAP", "TF", "Mount", "Transforms"]
 
 TF: Final = "tf2_msgs/TFMessage"
 
 MAP: Final = "map"
 BASE: Final = "base_link"
 CENTER: Final = "vehicle_center"
-
-_Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,25 +52,6 @@ class Mount:
     roll: float = 0.0
     pitch: float = 0.0
     yaw: float = 0.0
-
-
-def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """An orientation as x, y, z, w of a unit quaternion.
-
-    It is a turn by `yaw` about the z axis, then by `pitch` about the y axis that this has turned (so it is positive
-    with the nose down, y being left), then by `roll` about the x axis that both have turned [rad].
-    """
-    cos_yaw, sin_yaw = math.cos(0.5 * yaw), math.sin(0.5 * yaw)
-    if roll == 0.0 and pitch == 0.0:  # on the flat, which is nearly always
-        return 0.0, 0.0, sin_yaw, cos_yaw
-    cos_pitch, sin_pitch = math.cos(0.5 * pitch), math.sin(0.5 * pitch)
-    cos_roll, sin_roll = math.cos(0.5 * roll), math.sin(0.5 * roll)
-    return (
-        sin_roll * cos_pitch * cos_yaw - cos_roll * sin_pitch * sin_yaw,
-        cos_roll * sin_pitch * cos_yaw + sin_roll * cos_pitch * sin_yaw,
-        cos_roll * cos_pitch * sin_yaw - sin_roll * sin_pitch * cos_yaw,
-        cos_roll * cos_pitch * cos_yaw + sin_roll * sin_pitch * sin_yaw,
-    )
 
 
 class Transforms:
@@ -124,7 +103,7 @@ class Transforms:
             ]
         )
 
-    def _pose(self, place: _Triple, angles: _Triple) -> Any:  # noqa: ANN401 - a generated struct
+    def _pose(self, place: Vector, angles: Vector) -> Any:  # noqa: ANN401 - a generated struct
         return self._transform(self._vector(*place), self._quaternion(*quaternion(*angles)))
 
 

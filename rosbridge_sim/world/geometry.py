@@ -1,7 +1,8 @@
-"""Plane geometry that the rooms of the world share: angles, frames, polylines, boxes that slide.
+"""Geometry that the rooms of the world share: angles, frames, polylines, boxes that slide, turns in space.
 
 Everything is in the map frame (ENU metres, yaw counter-clockwise from east in radians) unless a name says *body*
-(x forward, y left). Pure functions; arguments are never written to, results are fresh arrays.
+(x forward, y left). Pure functions; arguments are never written to, results are fresh arrays. All but the turns in
+space is plane.
 """
 
 from __future__ import annotations
@@ -18,12 +19,18 @@ __all__ = [
     "FloatArray",
     "IntArray",
     "Nearest",
+    "Quaternion",
+    "Vector",
     "arc_lengths",
+    "chain",
     "do_boxes_meet",
     "nearest_on_polyline",
     "point_at",
+    "quaternion",
     "to_body",
     "to_map",
+    "turn",
+    "turn_back",
     "wrap_angle",
 ]
 
@@ -31,6 +38,8 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 ComplexArray = npt.NDArray[np.complex128]
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]  # x, y, z, w, of length 1
 
 TURN = 2.0 * math.pi
 # (queries x segments) cells looked at in one go: eight temporaries of 2 MB each stay inside the cache and bound the
@@ -74,6 +83,52 @@ def to_body(x: npt.ArrayLike, y: npt.ArrayLike, yaw: npt.ArrayLike) -> tuple[Flo
     """Turn vectors of the map frame into body frames with heading `yaw`; the inverse of `to_map`."""
     u, v, cos, sin = np.asarray(x), np.asarray(y), np.cos(yaw), np.sin(yaw)
     return np.asarray(u * cos + v * sin), np.asarray(v * cos - u * sin)
+
+
+def quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:
+    """Return an orientation as x, y, z, w of a unit quaternion.
+
+    It is a turn by `yaw` about the z axis, then by `pitch` about the y axis that this has turned (so it is positive
+    with the nose down, y being left), then by `roll` about the x axis that both have turned [rad].
+    """
+    cos_yaw, sin_yaw = math.cos(0.5 * yaw), math.sin(0.5 * yaw)
+    if roll == 0.0 and pitch == 0.0:  # on the flat, which is nearly always
+        return 0.0, 0.0, sin_yaw, cos_yaw
+    cos_pitch, sin_pitch = math.cos(0.5 * pitch), math.sin(0.5 * pitch)
+    cos_roll, sin_roll = math.cos(0.5 * roll), math.sin(0.5 * roll)
+    return (
+        sin_roll * cos_pitch * cos_yaw - cos_roll * sin_pitch * sin_yaw,
+        cos_roll * sin_pitch * cos_yaw + sin_roll * cos_pitch * sin_yaw,
+        cos_roll * cos_pitch * sin_yaw - sin_roll * sin_pitch * cos_yaw,
+        cos_roll * cos_pitch * cos_yaw + sin_roll * sin_pitch * sin_yaw,
+    )
+
+
+def chain(first: Quaternion, second: Quaternion) -> Quaternion:
+    """Return the turn by `first` and then, about the axes that it has turned, by `second`."""
+    ax, ay, az, aw = first
+    bx, by, bz, bw = second
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+def turn(by: Quaternion, vector: Vector) -> Vector:
+    """Return a vector of the turned axes in the axes that they were turned from."""
+    x, y, z, w = by
+    u, v, s = vector
+    # q v q*, by way of t = 2 q x v
+    t, p, r = 2.0 * (y * s - z * v), 2.0 * (z * u - x * s), 2.0 * (x * v - y * u)
+    return u + w * t + y * r - z * p, v + w * p + z * t - x * r, s + w * r + x * p - y * t
+
+
+def turn_back(by: Quaternion, vector: Vector) -> Vector:
+    """Return a vector in the turned axes; the inverse of `turn`."""
+    x, y, z, w = by
+    return turn((-x, -y, -z, w), vector)
 
 
 def arc_lengths(points: FloatArray) -> FloatArray:

@@ -10,8 +10,9 @@ import pytest
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.republisher import Republisher
 from rosbridge_sim.morai.convert import Converter
-from rosbridge_sim.morai.frames import Transforms, quaternion
+from rosbridge_sim.morai.frames import Transforms
 from rosbridge_sim.world import dynamics
+from rosbridge_sim.world.geometry import quaternion
 from tests.morai.stand import ALL, Client, Stand
 
 FRAME_NS = 20_000_000

@@ -9,11 +9,15 @@ from hypothesis import strategies as st
 
 from rosbridge_sim.world.geometry import (
     arc_lengths,
+    chain,
     do_boxes_meet,
     nearest_on_polyline,
     point_at,
+    quaternion,
     to_body,
     to_map,
+    turn,
+    turn_back,
     wrap_angle,
 )
 
@@ -168,3 +172,10 @@ def test_boxes_without_breadth_meet_and_miss() -> None:
     assert meet(5.0 + 3.0j, 5.0 - 300.0j, needle, (9.0, 0.0, 0.0))
     assert not meet(15.0 + 3.0j, 15.0 - 300.0j, needle, (9.0, 0.0, 0.0))
     assert meet(-300.0 - 300.0j, 300.0 + 300.0j, needle, across)
+
+
+def test_a_chain_of_turns_is_one_after_the_other_and_can_be_undone() -> None:
+    first, second, vector = quaternion(0.1, -0.4, 2.0), quaternion(-1.0, 0.3, 0.7), (1.0, -2.0, 3.0)
+    assert turn(chain(first, second), vector) == pytest.approx(turn(first, turn(second, vector)), abs=1e-14)
+    assert turn_back(first, turn(first, vector)) == pytest.approx(vector, abs=1e-14)
+    assert turn(quaternion(0.0, 0.0, math.pi / 2), (1.0, 0.0, 0.0)) == pytest.approx((0.0, 1.0, 0.0), abs=1e-15)

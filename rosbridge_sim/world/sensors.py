@@ -1,0 +1,201 @@
+"""What sensors on a vehicle read: where the antenna is, what an inertial unit feels, which boxes stand around.
+
+A sensor sits on its vehicle by a `Mounting`, and reads what is true of the place where it sits. Readings are exact:
+nothing here adds noise. All of it follows from the state at one frame, so it does not matter who reads or how often.
+
+*The inertial unit.* The reference point P (rear axle) of a driven row has over the last step the acceleration a_P
+(`accel` forward, `lateral_accel` left) and turns about the map's z axis by w = `yaw_rate`; with r the way from P to the
+sensor, all in the map frame,
+
+    a = a_P + w' z x r + w z x (w z x r)
+
+The change of the yaw rate w' is worked out from the single track model, w = v tan(d) / L:
+
+    w' = (v' tan(d) + v d' (1 + tan(d)^2)) / L
+
+with v, d in the middle of the step. That d is the one that has made `yaw_rate`, and d' is how far the wheels have come
+from it since. Whoever has been put somewhere, or is a ghost, has moved by no model: his yaw rate, and what he feels but
+for gravity, are 0.
+
+Where it stops being true: a slope is not known to the model, so it neither pitches nor accelerates along z.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.world.geometry import (
+    FloatArray,
+    IntArray,
+    Quaternion,
+    Vector,
+    chain,
+    quaternion,
+    turn,
+    turn_back,
+    wrap_angle,
+)
+from rosbridge_sim.world.state import DT, World
+
+__all__ = ["GRAVITY", "ON_AXLE", "Boxes", "Inertia", "Mounting", "feel", "find_boxes", "locate"]
+
+GRAVITY: Final = 9.80665
+"""The standard acceleration of free fall [m/s^2]; no map says its own."""
+
+SLACK: Final = 1e-9
+"""What rounding adds to a wheel's turn of one step [rad]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mounting:
+    """Where a sensor sits on its vehicle.
+
+    Attributes:
+        x, y, z: its place, forward, left and up of the middle of the rear axle on the ground [m].
+        roll, pitch, yaw: its orientation against the vehicle's axes, as for `geometry.quaternion` [rad].
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    roll: float = 0.0
+    pitch: float = 0.0
+    yaw: float = 0.0
+
+    @property
+    def place(self) -> Vector:
+        """x, y and z."""
+        return self.x, self.y, self.z
+
+    @property
+    def orientation(self) -> Quaternion:
+        """Its axes in the vehicle's."""
+        return quaternion(self.roll, self.pitch, self.yaw)
+
+
+ON_AXLE: Final = Mounting()
+"""At the vehicle's reference point, looking forward."""
+
+
+@dataclass(frozen=True, slots=True)
+class Inertia:
+    """What an inertial unit reads.
+
+    Attributes:
+        orientation: the sensor's axes in the map frame.
+        angular_velocity: of the sensor, in its own axes [rad/s].
+        acceleration: what holds it, in its own axes: at rest `GRAVITY` upwards, as a real unit shows [m/s^2].
+    """
+
+    orientation: Quaternion
+    angular_velocity: Vector
+    acceleration: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Boxes:
+    """Boxes around others as a vehicle sees them, the nearest first; arrays (k,) float64 unless noted.
+
+    Attributes:
+        rows: whose, int64.
+        x, y, z: middle of the box, in the frame of the vehicle that looks [m].
+        length, width, height: [m].
+        yaw: heading against that of the vehicle that looks, within (-pi, pi] [rad].
+        distance: of the middle from the reference point of the vehicle that looks [m].
+        speed: along the heading, negative backwards [m/s].
+    """
+
+    rows: IntArray
+    x: FloatArray
+    y: FloatArray
+    z: FloatArray
+    length: FloatArray
+    width: FloatArray
+    height: FloatArray
+    yaw: FloatArray
+    distance: FloatArray
+    speed: FloatArray
+
+
+def locate(world: World, row: int, mounting: Mounting) -> Vector:
+    """Return where a sensor is, in the map frame [m]."""
+    x, y, z = turn(_orientation(world, row), mounting.place)
+    return world.x.item(row) + x, world.y.item(row) + y, world.z.item(row) + z
+
+
+def feel(world: World, row: int, mounting: Mounting) -> Inertia:
+    """Return what an inertial unit reads on a driven row; see the head of this file for the equations."""
+    vehicle = _orientation(world, row)
+    axes = chain(vehicle, mounting.orientation)
+    yaw, rate, change = world.yaw.item(row), world.yaw_rate.item(row), _yaw_accel(world, row)
+    ahead, left = world.accel.item(row), world.lateral_accel.item(row)
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    x, y, _ = turn(vehicle, mounting.place)
+    acceleration = (
+        ahead * cos - left * sin - change * y - rate * rate * x,
+        ahead * sin + left * cos + change * x - rate * rate * y,
+        GRAVITY,
+    )
+    return Inertia(axes, turn_back(axes, (0.0, 0.0, rate)), turn_back(axes, acceleration))
+
+
+def find_boxes(world: World, row: int, reach: float, limit: int) -> Boxes:
+    """Return the boxes of all others whose middle is near a vehicle.
+
+    Args:
+        world: read only.
+        row: of the vehicle that looks.
+        reach: how far it looks [m].
+        limit: how many it sees at most, the nearest.
+    """
+    others = np.flatnonzero(world.alive)
+    others = others[others != row]
+    to_middle, half_height = world.centre[others], 0.5 * world.height[others]
+    # The middle is `to_middle` along x and `half_height` along z of the body: the first and third axis of each.
+    yaw, pitch, roll = world.yaw[others], world.pitch[others], world.roll[others]
+    cos_yaw, sin_yaw, cos_pitch, sin_pitch = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
+    cos_roll, sin_roll = np.cos(roll), np.sin(roll)
+    lean = sin_pitch * cos_roll
+    x = cos_yaw * cos_pitch * to_middle + (cos_yaw * lean + sin_yaw * sin_roll) * half_height
+    y = sin_yaw * cos_pitch * to_middle + (sin_yaw * lean - cos_yaw * sin_roll) * half_height
+    z = cos_pitch * cos_roll * half_height - sin_pitch * to_middle
+    away = np.stack([x, y, z])
+    away += np.stack([world.x[others], world.y[others], world.z[others]])
+    away -= np.array([[world.x[row]], [world.y[row]], [world.z[row]]])
+    distance = np.sqrt(np.square(away).sum(axis=0))
+    chosen = np.argsort(distance, kind="stable")[: min(limit, int(np.count_nonzero(distance <= reach)))]
+    rows = others[chosen]
+    axes = _orientation(world, row)
+    columns = np.array([turn(axes, unit) for unit in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))])
+    seen = (columns[:, :, None] * away[:, chosen]).sum(axis=1)  # no matmul: its bits depend on the library behind it
+    return Boxes(
+        rows,
+        *(seen[0], seen[1], seen[2]),
+        *(2.0 * world.half_length[rows], 2.0 * world.half_width[rows], world.height[rows].copy()),
+        wrap_angle(world.yaw[rows] - world.yaw[row]),
+        distance[chosen],
+        world.speed[rows].copy(),
+    )
+
+
+def _orientation(world: World, row: int) -> Quaternion:
+    return quaternion(world.roll.item(row), world.pitch.item(row), world.yaw.item(row))
+
+
+def _yaw_accel(world: World, row: int) -> float:
+    """How fast the yaw rate changed in the middle of the last step [rad/s^2]."""
+    wheelbase, accel = world.wheelbase.item(row), world.accel.item(row)
+    speed = world.speed.item(row) - 0.5 * DT * accel
+    if world.is_ghost.item(row) or wheelbase <= 0.0:
+        return 0.0
+    if speed == 0.0:  # it passes through standstill, and the wheels' own turning moves nothing
+        return accel * math.tan(world.steer.item(row)) / wheelbase
+    slope = world.yaw_rate.item(row) * wheelbase / speed
+    turned = world.steer.item(row) - math.atan(slope)
+    if abs(turned) > 0.5 * DT * world.steer_rate.item(row) + SLACK:
+        turned = 0.0  # somebody has put the car or its wheels there: they did not turn so far
+    return (accel * slope + speed * (1.0 + slope * slope) * turned / (0.5 * DT)) / wheelbase
