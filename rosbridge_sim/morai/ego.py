@@ -9,16 +9,23 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from enum import IntEnum
-from typing import Any
+from typing import Any, Final
 
 from rosbridge_sim.morai.commands import Pose
 from rosbridge_sim.morai.convert import Control, Converter
 from rosbridge_sim.world import dynamics
 from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.sensors import Mounting
 from rosbridge_sim.world.state import Gear, Mode, World
 from rosbridge_sim.world.traffic import leave_lane, take_wheel
 
-__all__ = ["CtrlMode", "Ego"]
+__all__ = ["GPS", "IMU", "SENSORS", "CtrlMode", "Ego"]
+
+GPS: Final = "gps_link"
+IMU: Final = "imu_link"
+
+SENSORS: Final = (GPS, IMU)
+"""The frames of an ego's sensors; a client calls a sensor by its place here."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
@@ -41,6 +48,7 @@ class Ego:
         ctrl_mode: who drives it outside synchronous mode.
         turn_signal: 0 none, 1 left, 2 right.
         emergency_signal: 0 off, 1 on.
+        mountings: where its sensors sit, by their frames, in the order of `SENSORS`.
     """
 
     def __init__(
@@ -68,6 +76,7 @@ class Ego:
         self.ctrl_mode = ctrl_mode
         self.turn_signal = 0
         self.emergency_signal = 0
+        self.mountings = dict.fromkeys(SENSORS, Mounting())
         self._world = world
         self._convert = convert
         self._roads = roads

@@ -3,8 +3,10 @@
     map                  the map's own frame: ENU metres
       base_link          the first ego: the middle of its rear axle on the ground, x forward, y left, z up
         vehicle_center   the middle of the box around it; static, and another one for another model
+        gps_link         its GPS antenna, where it was put; static until it is put elsewhere
+        imu_link         its inertial unit, the same
       Ego-2/base_link    a further ego, and so on
-        Ego-2/vehicle_center
+        Ego-2/vehicle_center, ...
 
 MORAI writes `/map` and `/base_link`, as ROS did long ago; tf2 refuses names with a slash before them, and most programs
 are written for tf2. So no slash goes out.
@@ -22,10 +24,11 @@ from rosbridge_sim.morai.convert import Converter, maker
 from rosbridge_sim.morai.ego import Ego
 from rosbridge_sim.morai.stage import FIRST_EGO
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.world.geometry import Vector, quaternion
+from rosbridge_sim.world.geometry import Quaternion, Vector, quaternion
+from rosbridge_sim.world.sensors import Mounting
 from rosbridge_sim.world.state import World
 
-__all__ = ["BASE", "CENTER", "MAP", "TF", "Mount", "Transforms"]
+__all__ = ["BASE", "CENTER", "MAP", "TF", "Mount", "Transforms", "frame_prefix"]
 
 TF: Final = "tf2_msgs/TFMessage"
 
@@ -40,18 +43,12 @@ class Mount:
 
     Attributes:
         parent, name: frames.
-        x, y, z: its origin, in the vehicle's frame [m].
-        roll, pitch, yaw: its orientation, as for `quaternion` [rad].
+        mounting: where.
     """
 
     parent: str
     name: str
-    x: float = 0.0
-    y: float = 0.0
-    z: float = 0.0
-    roll: float = 0.0
-    pitch: float = 0.0
-    yaw: float = 0.0
+    mounting: Mounting
 
 
 class Transforms:
@@ -76,17 +73,18 @@ class Transforms:
             row = ego.row
             pose = self._pose(
                 (world.x.item(row), world.y.item(row), world.z.item(row)),
-                (world.roll.item(row), world.pitch.item(row), world.yaw.item(row)),
+                quaternion(world.roll.item(row), world.pitch.item(row), world.yaw.item(row)),
             )
-            transforms.append(self._stamped(header, _prefix(ego) + BASE, pose))
+            transforms.append(self._stamped(header, frame_prefix(ego) + BASE, pose))
         return self._message(transforms)
 
     def mounts(self, egos: Sequence[Ego]) -> tuple[Mount, ...]:
         """What stands on the egos."""
         found = []
         for ego in egos:
-            body, prefix = self._world.bodies[ego.row], _prefix(ego)
-            found.append(Mount(prefix + BASE, prefix + CENTER, x=body.centre, z=0.5 * body.height))
+            body, prefix = self._world.bodies[ego.row], frame_prefix(ego)
+            mountings = {CENTER: Mounting(x=body.centre, z=0.5 * body.height)} | ego.mountings
+            found += [Mount(prefix + BASE, prefix + name, mounting) for name, mounting in mountings.items()]
         return tuple(found)
 
     def static(self, mounts: Sequence[Mount]) -> Any:  # noqa: ANN401 - a generated struct
@@ -97,16 +95,16 @@ class Transforms:
                 self._stamped(
                     self._convert.header(frame, mount.parent),
                     mount.name,
-                    self._pose((mount.x, mount.y, mount.z), (mount.roll, mount.pitch, mount.yaw)),
+                    self._pose(mount.mounting.place, mount.mounting.orientation),
                 )
                 for mount in mounts
             ]
         )
 
-    def _pose(self, place: Vector, angles: Vector) -> Any:  # noqa: ANN401 - a generated struct
-        return self._transform(self._vector(*place), self._quaternion(*quaternion(*angles)))
+    def _pose(self, place: Vector, axes: Quaternion) -> Any:  # noqa: ANN401 - a generated struct
+        return self._transform(self._vector(*place), self._quaternion(*axes))
 
 
-def _prefix(ego: Ego) -> str:
+def frame_prefix(ego: Ego) -> str:
     """What comes before the names of an ego's frames, as before those of its topics."""
     return "" if ego.index == FIRST_EGO else f"Ego-{ego.index}/"

@@ -90,6 +90,7 @@ class Node:
         camera_index: the ego that a client wants to be looked at, whether there is one or not.
         is_moving: frames are being computed right now.
         num_ticks: ticks carried out.
+        afterwards: what is to be done once the frame in hand has gone out; commands put it there, frame by frame.
     """
 
     name = NODE_NAME
@@ -102,7 +103,7 @@ class Node:
         scenario: Scenario,
         *,
         settings: NodeSettings,
-        parts: Sequence[Callable[[Node], Part]],
+        make_parts: Callable[[Node], Sequence[Part]],
     ) -> None:
         """The simulator with its opening scene, on the bus.
 
@@ -112,7 +113,7 @@ class Node:
             library: where scenarios and maps come from.
             scenario: the opening scene.
             settings: what can be chosen.
-            parts: what makes its parts, once all else of it is there; their topics go out in this order.
+            make_parts: makes its parts, once all else of it is there; their topics go out in this order.
 
         Raises:
             DocumentError: the scenario does not fit its map, or a rate is none.
@@ -135,6 +136,7 @@ class Node:
         )
         self.is_moving = False
         self.num_ticks = 0
+        self.afterwards: list[Command] = []
         self._pace = Pace()
         self._told: dict[Owner, set[str]] = {}
         self._outputs = Outputs(self, bus, settings.rate)
@@ -145,7 +147,7 @@ class Node:
         self._static_topic = bus.advertise(self, "/tf_static", TF, depth=1)
         self._mounts: tuple[Mount, ...] | None = None
         self._make_info = maker(bus.store, "morai_msgs/SyncModeInfo", "master_id", "status", "frame", "can_send_tick")
-        self._parts = [make(self) for make in parts]
+        self._parts = make_parts(self)
         self._bindings: dict[int, Bindings] = {}  # of the further egos, by their number
         bindings = Bindings(self, bus)
         for part in self._parts:
@@ -157,7 +159,7 @@ class Node:
         bus.watchers.append(self._see_off)
         bus.stamp_ns = world.frame * STEP_NS
         self._announce(0.0)
-        self._announce_mounts(0.0)
+        self.announce_mounts(0.0)
 
     # Time
 
@@ -229,6 +231,8 @@ class Node:
             self._pace.count()
             self._outputs.show_due(world.frame, self._pace.shown_at, now)
         self._announce(now, may_tick=is_last)
+        while self.afterwards:
+            self.afterwards.pop(0)(now)
 
     # Synchronous mode
 
@@ -298,7 +302,7 @@ class Node:
                 self.world.remove(ego.uid)
             raise
         self.egos += added
-        self._announce_mounts(now)
+        self.announce_mounts(now)
 
     def _make_ego(self, index: int, uid: int) -> Ego:
         return Ego(self.world, self.convert, uid, self._ctrl_mode, index=index, roads=lambda: self.stage.road_map.roads)
@@ -318,15 +322,15 @@ class Node:
         self._outputs.remove(bindings.prefix, now)
         _log.info("ego %d is gone: %s...", ego.index, bindings.prefix)
 
-    def _announce_mounts(self, now: float) -> None:
+    # For the parts
+
+    def announce_mounts(self, now: float) -> None:
         """Publish /tf_static if what it says has changed; latched."""
         mounts = self._transforms.mounts(self.egos)
         if mounts != self._mounts:
             self._mounts = mounts
             static = self._transforms.static(mounts)
             self._outputs.publish(self._static_topic, Message(self._static_topic.type, static), now)
-
-    # For the parts
 
     def refresh(self) -> None:
         """The world has changed: what was made from it is made again."""
@@ -349,7 +353,7 @@ class Node:
         for ego in self.egos:
             ego.resume()
         self.refresh()
-        self._announce_mounts(now)
+        self.announce_mounts(now)
         if is_pausing:
             self.follow(self.sync.pause(), now)
 
@@ -380,7 +384,12 @@ class Node:
         self.refresh()
         self._announce(now)
         self._mounts = None  # what waits for those who come late is of frame 0 again
-        self._announce_mounts(now)
+        self.announce_mounts(now)
+
+    def unique_id(self, row: int) -> int:
+        """What clients call whoever is in this row."""
+        uid: int = self.world.uid.item(row)
+        return next((ego.index for ego in self.egos if ego.uid == uid), uid)
 
     def tell_once(self, owner: Owner, text: str) -> None:
         """Warn a peer of something that it may do many times."""

@@ -27,6 +27,7 @@ from rosbridge_sim.morai.commands import lamps_of
 from rosbridge_sim.morai.convert import gear_of, maker, time_text
 from rosbridge_sim.morai.ego import CtrlMode, Ego
 from rosbridge_sim.morai.part import Part
+from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.stage import Load, LoadOptions
 from rosbridge_sim.morai.sync import Effect, Outcome
 from rosbridge_sim.world.state import Gear
@@ -46,8 +47,9 @@ _log = logging.getLogger("rosbridge_sim.morai")
 class Services(Part):
     """A node's services, and the topics of synchronous mode. It holds no state: that is the parts' of the node."""
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, sensors: Sensors) -> None:
         self._node = node
+        self._sensors = sensors
         store = node.bus.store
         self._make_cmd = maker(store, "morai_msgs/SyncModeCmdResponse", "user_id", "frame", "result", "time_step")
         self._make_tick = maker(
@@ -122,11 +124,15 @@ class Services(Part):
 
         def read() -> Command:
             control = self._node.convert.control(request.command)
-            return lambda _now: ego.control(control)
+
+            def carry_out(_now: float) -> None:
+                ego.control(control)
+                if request.sensor_capture:
+                    self._node.afterwards.append(lambda _now: self._sensors.capture(ego, call.caller))
+
+            return carry_out
 
         self._queue(call, read, request.frame, now)
-        if request.sensor_capture:
-            self._node.tell_once(call.caller, "sensor_capture: no sensors are mounted, nothing is saved")
 
     def _sync_set_gear(self, ego: Ego, call: Call, now: float) -> None:
         request: Any = _request(call)

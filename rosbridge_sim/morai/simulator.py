@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.morai.captures import Archive
 from rosbridge_sim.morai.crossings import Crossings
 from rosbridge_sim.morai.inputs import Inputs
 from rosbridge_sim.morai.node import Node, NodeSettings
+from rosbridge_sim.morai.part import Part
 from rosbridge_sim.morai.scenario import Scenario
+from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.services import Services
 from rosbridge_sim.morai.stage import Library
 from rosbridge_sim.morai.states import States
@@ -16,12 +17,15 @@ from rosbridge_sim.world.state import World
 
 __all__ = ["make_node"]
 
-PARTS: Final = (States, Crossings, Services, Inputs)
-"""In the order in which their topics go out with a frame."""
-
 
 def make_node(
-    bus: Bus, world: World, library: Library, scenario: Scenario, settings: NodeSettings | None = None
+    bus: Bus,
+    world: World,
+    library: Library,
+    scenario: Scenario,
+    settings: NodeSettings | None = None,
+    *,
+    archive: Archive | None = None,
 ) -> Node:
     """The simulator with its opening scene, on the bus; the arguments and errors are those of `Node`.
 
@@ -31,8 +35,15 @@ def make_node(
         library: where scenarios and maps come from.
         scenario: the opening scene.
         settings: None for the defaults.
+        archive: where sensors' data is saved; None where there is no place for it.
 
     Raises:
         DocumentError: the scenario does not fit its map, or a rate is none.
     """
-    return Node(bus, world, library, scenario, settings=settings or NodeSettings(), parts=PARTS)
+
+    def make_parts(node: Node) -> list[Part]:
+        """All there are, in the order in which their topics go out with a frame."""
+        sensors = Sensors(node, archive)
+        return [States(node), Crossings(node), sensors, Services(node, sensors), Inputs(node)]
+
+    return Node(bus, world, library, scenario, settings=settings or NodeSettings(), make_parts=make_parts)

@@ -41,14 +41,9 @@ class States(Part):
 
     def _collisions(self, ego: Ego) -> Any:  # noqa: ANN401 - a generated struct
         node = self._node
-        return node.convert.collision_data(node.world, contacts.find_touched(node.world, ego.uid), self._unique_id)
+        return node.convert.collision_data(node.world, contacts.find_touched(node.world, ego.uid), node.unique_id)
 
     def _crashes(self) -> Any:  # noqa: ANN401 - a generated struct
         node = self._node
         pairs = contacts.find_crashes(node.world, MAX_CRASHES)
-        return node.convert.vehicle_collision_data(node.world, pairs, self._unique_id)
-
-    def _unique_id(self, row: int) -> int:
-        """What clients call whoever is in this row."""
-        uid: int = self._node.world.uid.item(row)
-        return next((ego.index for ego in self._node.egos if ego.uid == uid), uid)
+        return node.convert.vehicle_collision_data(node.world, pairs, node.unique_id)

@@ -32,6 +32,7 @@ from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.protocol.flow import OutboxLimits
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.access import Access, load_certificate
+from rosbridge_sim.shell.archive import DiskArchive
 from rosbridge_sim.shell.reports import Reports
 from rosbridge_sim.shell.server import Server, ServerLimits
 from rosbridge_sim.shell.settings import Settings
@@ -205,7 +206,8 @@ def _make_node(bus: Bus, settings: Settings) -> Node:
         sync_on_loss=settings.sync_on_loss,
         anyone_may_stop=settings.anyone_may_stop,
     )
-    return make_node(bus, World(settings.seed), library, library.opening_scenario(settings.scenario), choices)
+    scenario = library.opening_scenario(settings.scenario)
+    return make_node(bus, World(settings.seed), library, scenario, choices, archive=DiskArchive(settings.data_dir))
 
 
 def _start_recording(settings: Settings, bus: Bus, node: Node | None, texts: Texts) -> Recorder | None:

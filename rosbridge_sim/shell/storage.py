@@ -19,7 +19,7 @@ from rosbridge_sim.morai.scenario import Scenario, read_scenario
 from rosbridge_sim.schema.parse import parse_action, parse_message, parse_service
 from rosbridge_sim.shell.sources import looks_like_path
 
-__all__ = ["DiskLibrary", "Texts", "read_definitions", "read_folder"]
+__all__ = ["MAX_NAME", "PLAIN_NAME", "DiskLibrary", "Texts", "read_definitions", "read_folder"]
 
 _log = logging.getLogger("rosbridge_sim.storage")
 
@@ -192,7 +192,7 @@ MAX_LISTED = 20
 MAX_NAME = 200
 """Characters of a scenario's name."""
 
-_PLAIN_NAME = re.compile(r"(?!\.+$)[^\x00-\x1f\x7f<>:\"/\\|?*]+")
+PLAIN_NAME = re.compile(r"(?!\.+$)[^\x00-\x1f\x7f<>:\"/\\|?*]+")
 """What names one file or folder on every system, MORAI's own included."""
 
 
@@ -281,7 +281,7 @@ class DiskLibrary:
         folder = DATA / "maps" / (self._own_map or name)
         if self._own_map is not None and (looks_like_path(self._own_map) or not folder.is_dir()):
             folder = Path(self._own_map)
-        if not folder.is_dir() or (self._own_map is None and not _PLAIN_NAME.fullmatch(name)):
+        if not folder.is_dir() or (self._own_map is None and not PLAIN_NAME.fullmatch(name)):
             known = ", ".join(sorted(at.name for at in (DATA / "maps").iterdir() if at.is_dir()))
             raise DocumentError(f"no map {self._own_map or name!r}; known are {known}, and --map takes a folder")
         return folder
@@ -290,7 +290,7 @@ class DiskLibrary:
 def _safe_parts(name: str) -> tuple[str, ...]:
     """A client's name of a scenario, taken apart: (NAME.json,) or (MAP, NAME.json)."""
     parts = name.replace("\\", "/").split("/")
-    is_plain = len(name) <= MAX_NAME and all(_PLAIN_NAME.fullmatch(part) for part in parts)
+    is_plain = len(name) <= MAX_NAME and all(PLAIN_NAME.fullmatch(part) for part in parts)
     if not is_plain or len(parts) > len(("MAP", "NAME")):
         raise DocumentError(f"{name[:80]!r} is no name of a scenario: expected NAME or MAP/NAME within --scenario-path")
     last = parts[-1]

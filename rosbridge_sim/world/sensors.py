@@ -14,8 +14,8 @@ The change of the yaw rate w' is worked out from the single track model, w = v t
     w' = (v' tan(d) + v d' (1 + tan(d)^2)) / L
 
 with v, d in the middle of the step. That d is the one that has made `yaw_rate`, and d' is how far the wheels have come
-from it since. Whoever has been put somewhere, or is a ghost, has moved by no model: his yaw rate, and what he feels but
-for gravity, are 0.
+from it since. Where the wheels cannot have come so far, somebody has put them there, and d' is 0; a ghost moves by no
+model, and its w' is 0.
 
 Where it stops being true: a slope is not known to the model, so it neither pitches nor accelerates along z.
 """
@@ -41,7 +41,7 @@ from rosbridge_sim.world.geometry import (
 )
 from rosbridge_sim.world.state import DT, World
 
-__all__ = ["GRAVITY", "ON_AXLE", "Boxes", "Inertia", "Mounting", "feel", "find_boxes", "locate"]
+__all__ = ["GRAVITY", "Boxes", "Inertia", "Mounting", "feel", "find_boxes", "locate"]
 
 GRAVITY: Final = 9.80665
 """The standard acceleration of free fall [m/s^2]; no map says its own."""
@@ -52,7 +52,7 @@ SLACK: Final = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Mounting:
-    """Where a sensor sits on its vehicle.
+    """Where a sensor sits on its vehicle: unless it is said otherwise, on its reference point, looking forward.
 
     Attributes:
         x, y, z: its place, forward, left and up of the middle of the rear axle on the ground [m].
@@ -75,10 +75,6 @@ class Mounting:
     def orientation(self) -> Quaternion:
         """Its axes in the vehicle's."""
         return quaternion(self.roll, self.pitch, self.yaw)
-
-
-ON_AXLE: Final = Mounting()
-"""At the vehicle's reference point, looking forward."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
@@ -18,7 +19,7 @@ from rosbridge_sim.shell.storage import read_definitions
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import World
 
-__all__ = ["ALL", "SCENARIOS", "Client", "Shelf", "Stand", "make_store"]
+__all__ = ["ALL", "SCENARIOS", "Client", "Drawer", "Shelf", "Stand", "make_store"]
 
 STRAIGHT = [{"pos": {"x": 0, "y": 0, "z": 0}}, {"pos": {"x": -50, "y": 0, "z": 0}}]
 
@@ -91,6 +92,24 @@ class Shelf:
             projection = Projection(is_tm=True, central_latitude=38.0, central_meridian=127.0, false_easting=200_000.0)
             return RoadMap(name, projection, (0.0, 0.0, 0.0), _roads(name))
         raise DocumentError(f"no map {name!r}")
+
+
+class Drawer:
+    """An archive in memory.
+
+    Attributes:
+        saved: (folder, name, contents by file name), in order.
+        refusal: why nothing can be saved; None while it can.
+    """
+
+    def __init__(self) -> None:
+        self.saved: list[tuple[str, str, dict[str, str]]] = []
+        self.refusal: str | None = None
+
+    def save(self, folder: str, name: str, files: Mapping[str, bytes]) -> None:
+        if self.refusal is not None:
+            raise DocumentError(self.refusal)
+        self.saved.append((folder, name, {file: content.decode() for file, content in files.items()}))
 
 
 class Client:
@@ -177,7 +196,15 @@ class Stand:
         self.bus = Bus(make_store(release))
         self.world = World(seed=0)
         self.shelf = Shelf()
-        self.node = make_node(self.bus, self.world, self.shelf, self.shelf.scenario(scenario), NodeSettings(**settings))
+        self.drawer = Drawer()
+        self.node = make_node(
+            self.bus,
+            self.world,
+            self.shelf,
+            self.shelf.scenario(scenario),
+            NodeSettings(**settings),
+            archive=self.drawer,
+        )
         self.now = 100.0
         self._num_clients = 0
 

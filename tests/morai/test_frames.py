@@ -101,7 +101,7 @@ def test_tf_has_a_rate_of_its_own_and_is_not_made_for_nobody() -> None:
 def test_the_middle_of_the_vehicle_is_static_and_waits_for_whoever_comes() -> None:
     stand = Stand()
     (message,) = stand.bus.topics["/tf_static"].latched
-    (transform,) = message.value.transforms
+    transform, *_ = message.value.transforms
     body = stand.world.bodies[stand.world.row(0)]
     assert (transform.header.frame_id, transform.child_frame_id) == ("base_link", "vehicle_center")
     shift = transform.transform.translation
@@ -124,7 +124,11 @@ def test_static_frames_are_told_again_when_they_have_changed_and_only_then() -> 
     client.listen("/tf")
     stand.run(0.02)
     names = [(t["header"]["frame_id"], t["child_frame_id"]) for t in client.messages("/tf_static")[-1]["transforms"]]
-    assert names == [("base_link", "vehicle_center"), ("Ego-2/base_link", "Ego-2/vehicle_center")]
+    assert names == [
+        (f"{ego}base_link", f"{ego}{name}")
+        for ego in ("", "Ego-2/")
+        for name in ("vehicle_center", "gps_link", "imu_link")
+    ]
     egos = client.messages("/tf")[-1]["transforms"]
     assert [(t["header"]["frame_id"], t["child_frame_id"]) for t in egos] == [
         ("map", "base_link"),
@@ -133,7 +137,8 @@ def test_static_frames_are_told_again_when_they_have_changed_and_only_then() -> 
     assert egos[1]["transform"]["translation"] == {"x": 5.0, "y": 6.0, "z": 0.0}
     client.ask("/Service_MoraiSL", file_name="crowd", **ALL)
     assert len(client.messages("/tf_static")) == 2
-    assert only(client.messages("/tf_static")[-1])["child_frame_id"] == "vehicle_center"
+    assert client.messages("/tf_static")[-1]["transforms"][0]["child_frame_id"] == "vehicle_center"
+    assert len(client.messages("/tf_static")[-1]["transforms"]) == 3
 
 
 def test_no_static_frames_at_all_are_a_message_too() -> None:

@@ -194,13 +194,6 @@ def test_a_gear_of_minus_one_or_zero_leaves_it(gear: int) -> None:
     assert client.ask("/Service_MoraiEventCmd", option=0)["gear"] == 4
 
 
-def test_sensor_capture_is_taken_and_says_honestly_that_there_is_nothing_to_capture() -> None:
-    _, client = in_sync()
-    for _ in range(3):
-        assert client.ask("/SyncModeCtrlCmd", frame=0, command={}, sensor_capture=True)["result"] is True
-    assert client.told == [("warning", "sensor_capture: no sensors are mounted, nothing is saved")]
-
-
 # /SyncModeAddObj, /SyncModeRemoveObj
 
 

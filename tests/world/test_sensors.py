@@ -9,7 +9,7 @@ import pytest
 
 from rosbridge_sim.world import dynamics
 from rosbridge_sim.world.geometry import FloatArray, quaternion, turn
-from rosbridge_sim.world.sensors import GRAVITY, ON_AXLE, Mounting, feel, find_boxes, locate
+from rosbridge_sim.world.sensors import GRAVITY, Mounting, feel, find_boxes, locate
 from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
 
@@ -17,6 +17,7 @@ CAR = Body()
 # No drag and no patience: so that circles and ways have closed forms.
 SLICK = replace(CAR, rolling=0.0, drag=0.0, max_steer_rate=1e6)
 
+ON_AXLE = Mounting()
 ROOF = Mounting(x=1.5, y=-0.4, z=1.6)
 
 

@@ -1,0 +1,201 @@
+"""The sensors of the egos: what they tell, how they are moved, and how what they see is saved.
+
+Each ego has these, by their numbers in SensorPosControl:
+
+    0  GPS   /gps   morai_msgs/GPSMessage  frame gps_link
+    1  IMU   /imu   sensor_msgs/Imu        frame imu_link
+
+They sit on the middle of the rear axle until somebody moves them, and stay where they were put when a scenario is
+loaded. Readings are those of the place where they sit, without noise, and made only if somebody listens.
+
+GPS. `latitude` and `longitude` are WGS 84; projected as the map is (UTM, mostly), less `eastOffset` and `northOffset`
+they are the map's x and y. `altitude` counts as the map's heights do, from its own zero. `status` is 1 with a fix; 0
+without, and both angles 0 with it: where the map's projection knows no such place.
+
+IMU. All is in the sensor's own frame but the orientation, which is that of the sensor in the map's (ENU). The
+acceleration is what holds the sensor, so at rest it is gravity, upwards, as real units have it (REP 145).
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
+
+from rosbridge_sim.errors import DocumentError, FieldError
+from rosbridge_sim.graph.bus import Owner
+from rosbridge_sim.morai.bindings import Bindings
+from rosbridge_sim.morai.captures import Archive, boxes_text, gps_text, imu_text
+from rosbridge_sim.morai.convert import maker
+from rosbridge_sim.morai.ego import GPS, IMU, SENSORS, Ego
+from rosbridge_sim.morai.frames import frame_prefix
+from rosbridge_sim.morai.globe import Globe
+from rosbridge_sim.morai.outputs import Outputs
+from rosbridge_sim.morai.part import Part
+from rosbridge_sim.world.sensors import Mounting, feel, find_boxes, locate
+
+if TYPE_CHECKING:
+    from rosbridge_sim.morai.node import Node
+
+__all__ = ["Sensors", "mountings_of"]
+
+MAX_LEVER: Final = 100.0
+"""How far from its vehicle's axle a sensor may be, along each axis [m]: beyond any road train."""
+
+BOX_REACH: Final = 200.0
+"""How far away others are written into the file of boxes [m]: what good lidars reach."""
+
+MAX_BOXES: Final = 1_000
+"""Boxes in one file, the nearest."""
+
+_FIELDS: Final = ("pose_x", "pose_y", "pose_z", "roll", "pitch", "yaw")
+
+_log = logging.getLogger("rosbridge_sim.morai")
+
+
+class Sensors(Part):
+    """The part of a node that has to do with sensors. Where they sit is the egos' to know."""
+
+    def __init__(self, node: Node, archive: Archive | None) -> None:
+        """The sensors of one node.
+
+        Args:
+            node: whose.
+            archive: where captures go; None where there is no place for them.
+        """
+        self._node = node
+        self._archive = archive
+        self._globe = Globe()
+        store = node.bus.store
+        self._make_gps = maker(
+            store,
+            "morai_msgs/GPSMessage",
+            *("header", "latitude", "longitude", "altitude", "eastOffset", "northOffset", "status"),
+        )
+        self._make_imu = maker(
+            store,
+            "sensor_msgs/Imu",
+            *("header", "orientation", "orientation_covariance"),
+            *("angular_velocity", "angular_velocity_covariance"),
+            *("linear_acceleration", "linear_acceleration_covariance"),
+        )
+        self._make_vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
+        self._make_quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
+
+    def show_ego(self, ego: Ego, prefix: str, outputs: Outputs) -> None:
+        """Publish what each ego has of its own."""
+        outputs.add(prefix + "gps", "morai_msgs/GPSMessage", partial(self._gps, ego), is_sampled=True)
+        outputs.add(prefix + "imu", "sensor_msgs/Imu", partial(self._imu, ego), is_sampled=True)
+
+    def bind_ego(self, ego: Ego, bindings: Bindings) -> None:
+        """What each ego has of its own."""
+        bindings.listen("SensorPosControl", "SensorPosControl", partial(self._move, ego))
+        bindings.listen("SaveSensorData", "SaveSensorData", partial(self._save_as_told, ego))
+
+    def forget(self) -> None:
+        """The world has begun anew: the sensors sit where they sat."""
+        for ego in self._node.egos:
+            ego.mountings = dict.fromkeys(SENSORS, Mounting())
+
+    def capture(self, ego: Ego, caller: Owner) -> None:
+        """Save what an ego's sensors see in this frame under the frame's number; the caller hears of a mishap."""
+        if not ego.is_there:
+            return
+        try:
+            self._save(ego, "", "")
+        except DocumentError as error:
+            caller.tell("error", f"sensor_capture: {error}")
+
+    # Out
+
+    def _header(self, ego: Ego, sensor: str) -> Any:  # noqa: ANN401 - a generated struct
+        return self._node.convert.header(self._node.world.frame, frame_prefix(ego) + sensor)
+
+    def _gps(self, ego: Ego) -> Any:  # noqa: ANN401 - a generated struct
+        road_map = self._node.stage.road_map
+        x, y, z = locate(self._node.world, ego.row, ego.mountings[GPS])
+        east, north, up = road_map.origin
+        place = self._globe.locate(road_map, x, y)
+        latitude, longitude = place or (0.0, 0.0)
+        return self._make_gps(
+            self._header(ego, GPS), latitude, longitude, z + up, east, north, 0 if place is None else 1
+        )
+
+    def _imu(self, ego: Ego) -> Any:  # noqa: ANN401 - a generated struct
+        reading = feel(self._node.world, ego.row, ego.mountings[IMU])
+        vector, unknown = self._make_vector, [0.0] * 9  # by convention, all zeros are a covariance that is not known
+        return self._make_imu(
+            self._header(ego, IMU),
+            *(self._make_quaternion(*reading.orientation), unknown),
+            *(vector(*reading.angular_velocity), unknown),
+            *(vector(*reading.acceleration), unknown),
+        )
+
+    # In
+
+    def _move(self, ego: Ego, message: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+        moved = mountings_of(message)
+        ego.mountings |= moved
+        self._node.announce_mounts(now)
+        _log.debug("ego %d: %s moved by %s", ego.index, ", ".join(moved) or "no sensor", sender.name)
+
+    def _save_as_told(self, ego: Ego, message: Any, _sender: Owner, _now: float) -> None:  # noqa: ANN401 - as above
+        where = "morai_msgs/SaveSensorData"
+        name = message.custom_file_name if message.is_custom_file_name else ""
+        if message.is_custom_file_name and not name:
+            raise FieldError(f"{where}.custom_file_name: expected a name, as is_custom_file_name says")
+        try:
+            self._save(ego, message.file_dir, name)
+        except DocumentError as error:
+            raise FieldError(f"{where}: {error}") from None
+
+    def _save(self, ego: Ego, folder: str, name: str) -> None:
+        """Save what an ego's sensors see in this frame.
+
+        Raises:
+            DocumentError: it cannot be saved there, or under that name.
+        """
+        if self._archive is None:
+            raise DocumentError("there is no folder for data here")
+        self._archive.save(folder, name or f"frame_{self._node.world.frame:06d}", self._files(ego))
+
+    def _files(self, ego: Ego) -> Mapping[str, bytes]:
+        world = self._node.world
+        prefix, frame = frame_prefix(ego), world.frame
+        boxes = find_boxes(world, ego.row, BOX_REACH, MAX_BOXES)
+        return {
+            prefix + "GPS_{}.csv": gps_text(frame, self._gps(ego)),
+            prefix + "IMU_{}.csv": imu_text(frame, self._imu(ego)),
+            prefix + "BOXES_{}.txt": boxes_text(world, boxes, self._node.unique_id),
+        }
+
+
+def mountings_of(message: Any) -> dict[str, Mounting]:  # noqa: ANN401 - a generated struct
+    """Read a SensorPosControl: where the sensors that it names shall sit, by their frames.
+
+    Raises:
+        FieldError: lists of different lengths, a sensor that there is not or that is named twice, a number that is none
+            or beyond all bounds. The message is wrong as a whole.
+    """
+    where = "morai_msgs/SensorPosControl"
+    indices = message.sensor_index
+    for name in _FIELDS:
+        num = len(getattr(message, name))
+        if num != len(indices):
+            raise FieldError(f"{where}.{name}: expected {len(indices)} entries as sensor_index has, got {num}")
+    moved: dict[str, Mounting] = {}
+    for i, index in enumerate(indices):
+        if not 0 <= index < len(SENSORS):
+            known = ", ".join(f"{number} ({name})" for number, name in enumerate(SENSORS))
+            raise FieldError(f"{where}.sensor_index: expected {known}, got {index}")
+        if SENSORS[index] in moved:
+            raise FieldError(f"{where}.sensor_index: {index} is named twice")
+        place, angles = ([getattr(message, name)[i] for name in names] for names in (_FIELDS[:3], _FIELDS[3:]))
+        if not all(-MAX_LEVER <= figure <= MAX_LEVER for figure in place):
+            raise FieldError(f"{where}[{i}]: expected a place within +-{MAX_LEVER:g} m, got {tuple(place)}")
+        if not all(map(math.isfinite, angles)):
+            raise FieldError(f"{where}[{i}]: expected finite angles, got {tuple(angles)}")
+        moved[SENSORS[index]] = Mounting(*place, *angles)
+    return moved
