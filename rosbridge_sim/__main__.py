@@ -142,7 +142,7 @@ def _tool(name: str) -> Callable[[Sequence[str]], int]:
 
 _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
     "serve": _serve,
-    **{name: _tool(name) for name in ("topic", "service", "schema", "bag", "scenario", "record")},
+    **{name: _tool(name) for name in ("topic", "service", "schema", "bag", "scenario", "map", "record")},
 }
 
 

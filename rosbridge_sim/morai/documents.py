@@ -36,6 +36,9 @@ T = TypeVar("T")
 MAX_SHOWN = 40
 """Characters of an offending value that an error shows."""
 
+MAX_MISTAKES = 100
+"""Of a document that are told one by one."""
+
 MAX_COORDINATE = 1e8
 """Beyond every plane coordinate on earth, false eastings included [m]."""
 
@@ -142,7 +145,10 @@ def find_mistakes(kind: TypeAdapter[T], text: bytes, source: str, max_bytes: int
     except DocumentError as error:
         return [Mistake((), str(error))]
     except ValidationError as error:
-        found = [Mistake(one["loc"], _one_line(one, source)) for one in error.errors(include_url=False)]
+        errors = error.errors(include_url=False)
+        found = [Mistake(one["loc"], _one_line(one, source)) for one in errors[:MAX_MISTAKES]]
+        if len(errors) > MAX_MISTAKES:
+            found.append(Mistake((), f"{source}: ... and {len(errors) - MAX_MISTAKES:,} more"))
         return list({mistake.text: mistake for mistake in found}.values())
     return []
 

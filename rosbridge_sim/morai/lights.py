@@ -14,17 +14,35 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 from pydantic import Field, TypeAdapter
 
-from rosbridge_sim.morai.documents import Coordinate, Document, Number, Whole, read_document
+from rosbridge_sim.morai.documents import (
+    Coordinate,
+    Document,
+    Mistake,
+    Number,
+    Whole,
+    find_mistakes,
+    read_document,
+)
 from rosbridge_sim.morai.links import MAX_BYTES, MAX_ENTRIES, Identifier, Lanes, read_line
 from rosbridge_sim.world.geometry import FloatArray
 from rosbridge_sim.world.plan import Controller, Lamp, Light, Phase, Plan, Walk
 from rosbridge_sim.world.state import DT
 
-__all__ = ["CROSSWALK_FILES", "LIGHT_FILES", "Crosswalk", "colour_of", "light_type", "read_crosswalks", "read_lights"]
+__all__ = [
+    "CROSSWALK_FILES",
+    "LIGHT_FILES",
+    "Crosswalk",
+    "colour_of",
+    "find_light_mistakes",
+    "light_type",
+    "read_crosswalks",
+    "read_lights",
+    "sort_files",
+]
 
 LIGHT_FILES: Final = (
     "traffic_light_set.json",
@@ -206,7 +224,7 @@ def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: lis
     Raises:
         DocumentError: one line: which file, where in it, what was expected, what came.
     """
-    sorted_files = _sort(files)
+    sorted_files = sort_files(files)
     entries = read_document(_LIGHTS, *sorted_files["lights"], MAX_BYTES) if "lights" in sorted_files else []
     rows: dict[str, int] = {}
     lights: list[Light] = []
@@ -231,8 +249,8 @@ def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: lis
     return Plan(lanes.roads, lights, laid, together=groups, passes=list(_passes(lanes)))
 
 
-def _sort(files: Mapping[str, tuple[bytes, str]]) -> dict[str, tuple[bytes, str]]:
-    """What is in which file: by the key that only its kind of entry has."""
+def sort_files(files: Mapping[str, tuple[bytes, str]]) -> dict[str, tuple[bytes, str]]:
+    """The files of `lights`, `synced` groups, `controllers` and `schedules`: by the key that only such an entry has."""
     found: dict[str, tuple[bytes, str]] = {}
     for name in LIGHT_FILES:
         if name not in files:
@@ -256,6 +274,22 @@ _BY_NAME: Final = {
     "synced_traffic_light_set.json": "synced",
     "intersection_controller_set.json": "controllers",
 }
+
+
+def find_light_mistakes(files: Mapping[str, tuple[bytes, str]]) -> list[Mistake]:
+    """Every value in the files of lights and crosswalks that does not fit its place; they are given as above."""
+    kinds: dict[str, TypeAdapter[Any]] = {
+        "lights": _LIGHTS,
+        "synced": _SYNCED,
+        "controllers": _CONTROLLERS,
+        "schedules": _SCHEDULES,
+    }
+    stripe_file, group_file = CROSSWALK_FILES
+    judged = [(kinds[kind], file) for kind, file in sort_files(files).items()]
+    judged += [
+        (kind, files[name]) for kind, name in ((_STRIPES, stripe_file), (_CROSSWALKS, group_file)) if name in files
+    ]
+    return [mistake for kind, (text, name) in judged for mistake in find_mistakes(kind, text, name, MAX_BYTES)]
 
 
 def _light(entry: _Light, lanes: Lanes) -> Light:

@@ -15,11 +15,11 @@ import numpy as np
 from pydantic import Field, TypeAdapter
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.documents import Document, Flag, Number, read_document
+from rosbridge_sim.morai.documents import Document, Flag, Mistake, Number, find_mistakes, read_document
 from rosbridge_sim.world.geometry import FloatArray, nearest_on_polyline
 from rosbridge_sim.world.roads import Roads
 
-__all__ = ["MAX_BYTES", "MAX_ENTRIES", "Identifier", "Lanes", "read_lanes", "read_line"]
+__all__ = ["MAX_BYTES", "MAX_ENTRIES", "Identifier", "Lanes", "find_lane_mistakes", "read_lanes", "read_line"]
 
 MAX_BYTES: Final = 1 << 28
 """256 MiB for each file: ten times the link_set of a large city."""
@@ -139,6 +139,14 @@ def read_lanes(
         borders=dict(_distances(only, lines, borders)),
     )
     return Lanes(roads, tuple((link.related_signal or "").strip().lower() for link in only))
+
+
+def find_lane_mistakes(
+    node_file: tuple[bytes, str], link_file: tuple[bytes, str], border_file: tuple[bytes, str] | None
+) -> list[Mistake]:
+    """Every value in these files that does not fit its place; they are given as above."""
+    found = [*find_mistakes(_NODES, *node_file, MAX_BYTES), *find_mistakes(_LINKS, *link_file, MAX_BYTES)]
+    return found if border_file is None else [*found, *find_mistakes(_BORDERS, *border_file, MAX_BYTES)]
 
 
 def read_line(points: Sequence[tuple[float, float, float]], where: str) -> FloatArray:

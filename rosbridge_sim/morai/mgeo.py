@@ -15,13 +15,29 @@ from typing import Annotated, Final
 from pydantic import Field, TypeAdapter
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.documents import Coordinate, Document, read_document
-from rosbridge_sim.morai.lights import CROSSWALK_FILES, LIGHT_FILES, Crosswalk, read_crosswalks, read_lights
-from rosbridge_sim.morai.links import MAX_BYTES, read_lanes
+from rosbridge_sim.morai.documents import Coordinate, Document, find_mistakes, read_document
+from rosbridge_sim.morai.lights import (
+    CROSSWALK_FILES,
+    LIGHT_FILES,
+    Crosswalk,
+    find_light_mistakes,
+    read_crosswalks,
+    read_lights,
+)
+from rosbridge_sim.morai.links import MAX_BYTES, find_lane_mistakes, read_lanes
 from rosbridge_sim.world.plan import Plan
 from rosbridge_sim.world.roads import Roads
 
-__all__ = ["FILES", "MAP_FILES", "Projection", "RoadMap", "read_map", "read_projection"]
+__all__ = [
+    "BORDER_FILES",
+    "FILES",
+    "MAP_FILES",
+    "Projection",
+    "RoadMap",
+    "find_map_mistakes",
+    "read_map",
+    "read_projection",
+]
 
 FILES: Final = ("global_info.json", "node_set.json", "link_set.json")
 """What `read_map` must be given."""
@@ -104,16 +120,11 @@ def read_map(files: Mapping[str, bytes], source: str) -> RoadMap:
     Raises:
         DocumentError: one line: which file, where in it, what was expected, what came.
     """
-    name = re.split(r"[\\/]", source.rstrip("\\/"))[-1]
-    missing = next((file for file in FILES if file not in files), None)
-    if missing is not None:
-        raise DocumentError(f"{source}: {missing} is missing")
-    known = {file: (files[file], f"{name}/{file}") for file in MAP_FILES if file in files}
+    name, known = _name_files(files, source)
     info_file, node_file, link_file = (known[file] for file in FILES)
     info = read_document(_GLOBAL_INFO, *info_file, MAX_BYTES)
     projection = read_projection(info.global_coordinate_system, info_file[1])
-    border_file = next((known[file] for file in BORDER_FILES if file in known), None)
-    lanes = read_lanes(node_file, link_file, border_file)
+    lanes = read_lanes(node_file, link_file, _border_file(known))
     notes: list[str] = []
     plan = read_lights(known, lanes, notes)
     crosswalks = read_crosswalks(known, plan)
@@ -123,6 +134,38 @@ def read_map(files: Mapping[str, bytes], source: str) -> RoadMap:
         crosswalks=crosswalks,
         notes=tuple(_short(notes)),
     )
+
+
+def find_map_mistakes(files: Mapping[str, bytes], source: str) -> list[str]:
+    """A line for every mistake in a map, given as above: all those of values, or else the first of what they mean."""
+    try:
+        _, known = _name_files(files, source)
+        info_file, node_file, link_file = (known[file] for file in FILES)
+        found = find_mistakes(_GLOBAL_INFO, *info_file, MAX_BYTES)
+        found += find_lane_mistakes(node_file, link_file, _border_file(known))
+        found += find_light_mistakes(known)
+        if not found:
+            read_map(files, source)
+    except DocumentError as error:
+        return [str(error)]
+    return [mistake.text for mistake in found]
+
+
+def _name_files(files: Mapping[str, bytes], source: str) -> tuple[str, dict[str, tuple[bytes, str]]]:
+    """The map's name, and of each file that is looked at the content and what errors call it.
+
+    Raises:
+        DocumentError: one that is needed is missing.
+    """
+    name = re.split(r"[\\/]", source.rstrip("\\/"))[-1]
+    missing = next((file for file in FILES if file not in files), None)
+    if missing is not None:
+        raise DocumentError(f"{source}: {missing} is missing")
+    return name, {file: (files[file], f"{name}/{file}") for file in MAP_FILES if file in files}
+
+
+def _border_file(known: Mapping[str, tuple[bytes, str]]) -> tuple[bytes, str] | None:
+    return next((known[file] for file in BORDER_FILES if file in known), None)
 
 
 def _short(notes: list[str]) -> list[str]:

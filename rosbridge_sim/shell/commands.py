@@ -16,7 +16,7 @@ from rosbridge_sim.shell.command_line import (
     make_number,
     run_command,
 )
-from rosbridge_sim.shell.file_commands import run_bag, run_scenario, run_schema
+from rosbridge_sim.shell.file_commands import run_bag, run_map, run_scenario, run_schema
 from rosbridge_sim.shell.sources import PREFIX, Parser, SettingError, layout
 from rosbridge_sim.shell.tools.text import read_body
 
@@ -282,6 +282,7 @@ TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "schema": run_schema,
     "bag": run_bag,
     "scenario": run_scenario,
+    "map": run_map,
     "record": _record,
 }
 """Name -> what runs it with the words behind the name."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rosbridge_sim.shell.command_line import Options, add_definitions, add_json, choice_of, group_of, run_command
 from rosbridge_sim.shell.sources import Parser
 
-__all__ = ["run_bag", "run_scenario", "run_schema"]
+__all__ = ["run_bag", "run_map", "run_scenario", "run_schema"]
 
 
 # schema
@@ -75,7 +75,7 @@ def run_scenario(argv: Sequence[str]) -> int:
 
     parser = add("check", _check_scenario, "explain a scenario file: what it holds, what of it is read, what is wrong")
     parser.add_argument("file", metavar="FILE", help="FILE.json, or the name of a scenario that a server would find")
-    _add_map(parser)
+    parser.add_argument("--map", metavar="NAME|DIR", help="the map to check it on [the one that it names]")
     parser.add_argument(
         "--scenario-path", action="append", default=[], metavar="DIR", help="folder with scenarios; may be repeated"
     )
@@ -83,11 +83,27 @@ def run_scenario(argv: Sequence[str]) -> int:
     return run_command(group, argv)
 
 
-def _add_map(parser: Parser) -> None:
-    parser.add_argument("--map", metavar="NAME|DIR", help="the map to check it on [the one that it names]")
-
-
 def _check_scenario(options: Options) -> int:
     from rosbridge_sim.shell.tools import scenario  # noqa: PLC0415
 
     return scenario.check_scenario(options.file, options.map, tuple(options.scenario_path), is_json=options.json)
+
+
+# map
+
+
+def run_map(argv: Sequence[str]) -> int:
+    """`rosbridge-sim map ...`."""
+    group, add = group_of("map", "Map folders; no server is asked.")
+
+    parser = add("info", _show_map, "explain a map: its files, what is in them, and what it lacks")
+    parser.add_argument("map", metavar="DIR|NAME", help="a folder of MGeo files, or a built-in map")
+    parser.add_argument("--picture", metavar="FILE.png", help="also draw it")
+    add_json(parser)
+    return run_command(group, argv)
+
+
+def _show_map(options: Options) -> int:
+    from rosbridge_sim.shell.tools import map as map_tool  # noqa: PLC0415
+
+    return map_tool.show_map(options.map, options.picture, is_json=options.json)

@@ -19,7 +19,7 @@ from rosbridge_sim.morai.scenario import Scenario, read_scenario
 from rosbridge_sim.schema.parse import parse_action, parse_message, parse_service
 from rosbridge_sim.shell.sources import looks_like_path
 
-__all__ = ["MAX_NAME", "PLAIN_NAME", "DiskLibrary", "Texts", "read_definitions", "read_folder"]
+__all__ = ["MAX_NAME", "PLAIN_NAME", "DiskLibrary", "Texts", "map_names", "read_definitions", "read_folder"]
 
 _log = logging.getLogger("rosbridge_sim.storage")
 
@@ -282,9 +282,14 @@ class DiskLibrary:
         if self._own_map is not None and (looks_like_path(self._own_map) or not folder.is_dir()):
             folder = Path(self._own_map)
         if not folder.is_dir() or (self._own_map is None and not PLAIN_NAME.fullmatch(name)):
-            known = ", ".join(sorted(at.name for at in (DATA / "maps").iterdir() if at.is_dir()))
+            known = ", ".join(map_names())
             raise DocumentError(f"no map {self._own_map or name!r}; known are {known}, and --map takes a folder")
         return folder
+
+
+def map_names() -> list[str]:
+    """The built-in maps."""
+    return sorted(at.name for at in (DATA / "maps").iterdir() if at.is_dir())
 
 
 def _safe_parts(name: str) -> tuple[str, ...]:

@@ -1,0 +1,122 @@
+"""`map info`: a folder of MGeo files explained to a person and to a program, and drawn."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from rosbridge_sim.morai.mgeo import read_map
+from rosbridge_sim.shell.tools.map_picture import draw_map
+from tests.morai.maps import KOREAN, ROADRUNNER
+from tests.shell.tooling import run
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A map of the user's, with a note beside its files."""
+    for name, content in ROADRUNNER.items():
+        (tmp_path / name).write_text(json.dumps(content))
+    (tmp_path / "notes.txt").write_text("mine")
+    return tmp_path
+
+
+def test_a_map_is_explained(folder: Path) -> None:
+    done = run("map", "info", str(folder))
+    assert (done.code, done.err) == (0, "")
+    assert done.lines[0] == f"{folder}: good, 3 kinds of gaps"
+    assert done.lines[1].startswith("  read: global_info.json, node_set.json, link_set.json, lane_boundary_set.json,")
+    for line in (
+        "  there, but not needed: lane_node_set.json, traffic_sign_set.json, notes.txt",
+        "version: 2.9",
+        "projection: UTM 52N, WGS84 (+proj=utm +zone=52 +ellps=WGS84)",
+        "origin: 300,000.000 east, 4,000,000.000 north, 0.000 up",
+        "nodes: 7, 2 of them on a stop line",
+        "borders: 4 (4 type 503)",
+        "lights: 4 (3 car, 1 pedestrian); 3 groups",
+        "crosswalks: 2, 1 of them with lights",
+        "IntTL13       13      3       4       20.5       10 5.5      3 2 3",
+        "  3 lanes that lead nowhere: B1C1, B2C2, B2D",
+    ):
+        assert line in done.lines
+
+
+def test_the_same_for_a_program(folder: Path) -> None:
+    account = run("map", "info", str(folder), "--json").json
+    assert (account["is_good"], account["mistakes"], account["folder"]) == (True, [], str(folder))
+    assert account["lanes"]["num"] == 5
+    assert account["gaps"][0] == {"what": "lanes that lead nowhere", "num": 3, "examples": ["B1C1", "B2C2", "B2D"]}
+    assert {"name": "notes.txt", "is_there": True, "is_read": False, "holds": None, "is_known": False} in account[
+        "files"
+    ]
+
+
+def test_a_map_with_mistakes_has_code_1(folder: Path) -> None:
+    (folder / "node_set.json").write_text('[{"idx": null}, {}]')
+    (folder / "global_info.json").unlink()
+    done = run("map", "info", str(folder))
+    assert (done.code, done.err) == (1, "")
+    assert done.lines[0] == f"{folder}: 1 mistake"
+    assert done.lines[-1] == f"  {folder}: global_info.json is missing"
+    (folder / "global_info.json").write_text(json.dumps(ROADRUNNER["global_info.json"]))
+    done = run("map", "info", str(folder), "--json")
+    assert done.code == 1
+    account = json.loads(done.out)
+    assert account["is_good"] is False
+    assert [line.partition(": ")[2] for line in account["mistakes"]] == [
+        "[0].idx: expected a text, got null",
+        "[1].idx: missing",
+    ]
+
+
+@pytest.mark.parametrize("name", ["track", "town", "loop"])
+def test_what_is_built_in_is_good_and_has_no_gap(name: str) -> None:
+    account = run("map", "info", name, "--json").json
+    assert (account["is_good"], account["gaps"], account["notes"]) == (True, [], [])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("files", [ROADRUNNER, KOREAN, {**KOREAN, "link_set.json": []}], ids=["new", "old", "bare"])
+def test_any_map_can_be_drawn(files: dict[str, object], tmp_path: Path) -> None:
+    encoded = {name: json.dumps(value).encode() for name, value in files.items()}
+    draw_map(read_map(encoded, "tiny"), tmp_path / "map.png")
+    with Image.open(tmp_path / "map.png") as image:
+        assert (image.format, max(image.size)) == ("PNG", 2000)
+        colours = image.convert("P").getcolors(256)
+        assert colours is not None
+        assert len(colours) > 5
+
+
+@pytest.mark.slow
+def test_the_picture_of_the_town_shows_what_is_there(tmp_path: Path) -> None:
+    path = tmp_path / "town.png"
+    assert run("map", "info", "town", "--picture", str(path), "--json").json["name"] == "town"
+    with Image.open(path) as image:
+        assert image.size == (2000, 2000)
+        shown = {colour for _, colour in image.getcolors(2**20) or []}
+    for colour in ("#f4f2ec", "#b9bec4", "#d8c7a3", "#c4161c", "#0a7d32", "#1f5fbf", "#222222", "#5d6670"):
+        assert tuple(bytes.fromhex(colour[1:])) in shown, colour
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ((), "map: expected a command: info; rosbridge-sim map --help says more"),
+        (("info",), "the following arguments are required: DIR|NAME"),
+        (("info", "nowhere"), "nowhere: expected a folder of MGeo files, or one of loop, town, track; there is none"),
+        (("info", "track", "--picture", "x.doc"), "--picture: expected a file such as MAP.png; got 'x.doc'"),
+    ],
+)
+def test_a_mistake_in_the_command_is_one_line_and_code_2(words: tuple[str, ...], line: str) -> None:
+    done = run("map", *words)
+    assert (done.code, done.out) == (2, "")
+    assert done.complaint.startswith(line)
+
+
+@pytest.mark.slow
+def test_a_picture_that_cannot_be_written_is_one_line() -> None:
+    done = run("map", "info", "track", "--picture", "/nowhere/x.png")
+    assert (done.code, done.out) == (2, "")
+    assert done.complaint.startswith("/nowhere/x.png: cannot be written: No such file")
