@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import logging
 import socket
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -27,7 +29,7 @@ from rosbridge_sim.shell.settings import Settings
 from rosbridge_sim.shell.storage import DiskLibrary, read_definitions
 from rosbridge_sim.world.state import World
 from tests.conftest import Connect
-from tests.support import PATIENCE
+from tests.support import PATIENCE, ROOT
 
 
 async def start_of(**options: object) -> str:
@@ -408,6 +410,26 @@ async def test_rate_of_a_topic_that_is_none_is_told() -> None:
 def test_option_that_is_none_is_told() -> None:
     with pytest.raises(DocumentError, match=r"no such option: prot \(did you mean port\?\)"):
         Simulator(prot=0)
+
+
+# What a start costs
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("release", ["22.R2", "26.R1"])
+def test_a_start_imports_nothing_heavy(release: str) -> None:
+    code = f"""
+import asyncio, sys
+from rosbridge_sim import Simulator
+
+async def main():
+    async with Simulator(port=0, release={release!r}):
+        print(*{{name.partition(".")[0] for name in sys.modules}})
+
+asyncio.run(main())
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert not {"rosbags", "pyproj", "PIL", "cbor2", "ruamel", "lz4", "rich"} & set(done.stdout.split())
 
 
 # The package's face
