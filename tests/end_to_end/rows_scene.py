@@ -108,3 +108,27 @@ async def _(play: Play) -> None:
     ]
     assert all(spec["utm_offset"]["x"] > 1e5 and spec["utm_offset"]["y"] > 4e6 for spec in specs)
     assert specs[0]["utm_offset"] != specs[1]["utm_offset"]
+
+
+@TABLE.row(
+    "/ScenarioLoad",
+    done="the same scenario is loaded by a topic: without its walkers, onto what is there; then all of it with a pause",
+    seen="/Object_topic and the ego are the new ones, nobody moves; a wrong name is told and changes nothing",
+)
+async def _(play: Play) -> None:
+    await play.listen("/Object_topic")
+    before = await play.objects()
+    some = WHOLE | {"delete_all": False, "load_pedestrian_data": False, "load_ego_vehicle_data": False}
+    await play.send("/ScenarioLoad", file_name="elsewhere", **some)
+    new = {uid: one for uid, one in (await play.objects()).items() if uid not in before}
+    assert sorted(one["type"] for one in new.values()) == [1, 2]
+    assert (await play.tick())["position"]["x"] == -86.0
+
+    await play.send("/ScenarioLoad", file_name="elsewhere", **(WHOLE | {"set_pause": True}))
+    tick = await play.ask("/SyncModeWaitForTick", user_id="reader", frame=0)
+    assert (tick["tick_status"], tick["pause_status"]) == (False, True)
+    assert tick["vehicle_status"]["position"]["y"] == 60.0
+    await play.ask("/Service_MoraiEventCmd", option=8, set_pause=False)
+    assert sorted(one["type"] for one in (await play.objects()).values()) == [0, 0, 1, 2]
+    assert "nowhere" in await play.send_badly("/ScenarioLoad", file_name="nowhere", **WHOLE)
+    assert len(await play.objects()) == 4

@@ -13,14 +13,15 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Connect
-from tests.end_to_end import rows_ego, rows_lights, rows_scene, rows_synchronous
+from tests.end_to_end import rows_ego, rows_lights, rows_scene, rows_sensors, rows_synchronous
 from tests.end_to_end.play import Play, Row, write_scenes
 from tests.morai.pages import INTERFACES, RELEASES, REPLACED, Interface
 from tests.support import Client, ServerProcess
 
 pytestmark = pytest.mark.slow
 
-ROWS = [*rows_ego.TABLE, *rows_scene.TABLE, *rows_lights.TABLE, *rows_synchronous.TABLE]
+TABLES = (rows_ego, rows_scene, rows_lights, rows_sensors, rows_synchronous)
+ROWS = [row for rows in TABLES for row in rows.TABLE]
 
 KNOWN = {interface.name: interface for interface in (*INTERFACES, *REPLACED.values())}
 
@@ -29,13 +30,14 @@ KNOWN = {interface.name: interface for interface in (*INTERFACES, *REPLACED.valu
 def stage(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[tuple[ServerProcess, str, Path]]:
-    """A server of a release, and its folder."""
+    """A server of a release, and the folder that it writes to."""
     release: str = request.param
     folder = tmp_path_factory.mktemp(f"stage-{release}")
     write_scenes(folder)
-    flags = ("--release", release, "--start", "sync", "--sync-on-loss", "wait", "--scenario-path", str(folder))
-    process = ServerProcess(folder / "log.txt", (*flags, "--scenario", str(folder / "page.json")))
-    yield process, release, folder
+    flags = ["--release", release, "--start", "sync", "--sync-on-loss", "wait", "--scenario-path", str(folder)]
+    flags += ["--scenario", str(folder / "page.json"), "--data-dir", str(folder / "data")]
+    process = ServerProcess(folder / "log.txt", flags)
+    yield process, release, folder / "data"
     process.stop_cleanly()
 
 
@@ -43,11 +45,11 @@ def stage(
 async def test_what_the_manual_promises_happens(
     stage: tuple[ServerProcess, str, Path], connect: Connect, row: Row
 ) -> None:
-    process, release, folder = stage
+    process, release, data = stage
     if release not in row.releases:
         assert not await _is_there(await connect(process.url), row.name)
         return
-    play = Play(await connect(process.url), release, folder)
+    play = Play(await connect(process.url), release, data)
     await play.begin()
     await _check_type_and_way(play, KNOWN[row.name])
     await row.act(play)
