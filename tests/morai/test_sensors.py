@@ -258,10 +258,11 @@ def read_csv(text: str) -> dict[str, float]:
     return dict(zip(names.split(","), map(float, values.split(",")), strict=True))
 
 
-def test_what_is_saved_is_what_the_topics_say_of_that_frame() -> None:
-    stand, client = in_sync()
+@pytest.mark.parametrize("release", ["22.R2", "26.R1"])
+def test_what_is_saved_is_what_the_topics_say_of_that_frame(release: str) -> None:
+    stand, client = in_sync(release=release)
     client.listen("/gps", "/imu")
-    client.control(1, longlCmdType=1, accel=0.8, steering=0.3)
+    assert client.control(1, longlCmdType=1, accel=0.8, steering=0.3)
     for _ in range(7):
         client.tick()
     client.send(
