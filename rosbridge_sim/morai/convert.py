@@ -63,6 +63,8 @@ _SCENARIO_LOAD: Final = {
     "load_network_connection": "load_network_connection_data",
 }
 
+_LISTS: Final = frozenset({"npc_list", "pedestrian_list", "obstacle_list"})
+
 LENIENCY: Final = Leniency(
     types={
         # The page on ROS writes the package without its s.
@@ -87,6 +89,9 @@ LENIENCY: Final = Leniency(
         "morai_msgs/SensorPosControl": frozenset(
             {"sensor_index", "pose_x", "pose_y", "pose_z", "roll", "pitch", "yaw"}
         ),
+        # The pages print the brackets of some lists and forget those of others.
+        "morai_msgs/ObjectStatusList": _LISTS,
+        "morai_msgs/ReplayInfo": _LISTS,
     },
     numerals={
         "morai_msgs/IntersectionControl": frozenset({"intersection_index"}),
