@@ -1,7 +1,8 @@
-"""The command line: `rosbridge-sim [serve] [flags]`; the tools beside it are in `shell/commands.py`.
+"""The command line: `rosbridge-sim [serve] [flags]` and `attach URL`; the tools beside it are in `shell/commands.py`.
 
-The first line on stdout says where it listens; everything else goes to stderr. Whatever a person can get wrong is one
-line there and exit code 2; a bug of ours is a traceback and exit code 1; a wished end is 0.
+The first line on stdout says where it listens, or to which bridge it is attached; everything else goes to stderr.
+Whatever a person can get wrong is one line there and exit code 2; a bug of ours is a traceback and exit code 1; a
+wished end is 0.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from rosbridge_sim import __version__
@@ -41,15 +43,16 @@ def main() -> int:
         return 2
 
 
-# serve
+# serve, attach
 
 
-def _serve(argv: Sequence[str]) -> int:
+def _serve(argv: Sequence[str], *, is_attaching: bool = False) -> int:
     """`rosbridge-sim serve`: until somebody stops it."""
     if "--version" in argv:
         print(f"rosbridge-sim {__version__}")  # noqa: T201 - what was asked for
         return 0
-    settings = read_settings([word for word in argv if word != "--print-config"], os.environ)
+    words = [word for word in argv if word != "--print-config"]
+    settings = read_settings(words, os.environ, is_attaching=is_attaching)
     if "--print-config" in argv:
         print(format_config(settings), end="")  # noqa: T201 - what was asked for
         return 0
@@ -64,6 +67,11 @@ def _serve(argv: Sequence[str]) -> int:
 
     with asyncio.Runner(loop_factory=_loop_factory()) as runner:
         return runner.run(_run(Simulator(settings)))
+
+
+def _attach(argv: Sequence[str]) -> int:
+    """`rosbridge-sim attach`: the same behind other people's bridges, and nowhere else."""
+    return _serve(argv, is_attaching=True)
 
 
 def _keep_memory() -> None:
@@ -87,7 +95,11 @@ async def _run(simulator: Simulator) -> int:
     """Run a simulator until a signal ends it, or its own failure; the exit code."""
     await simulator.start()
     stopped = _on_signals()
-    print(f"rosbridge-sim listening on {simulator.url}", flush=True)  # noqa: T201 - the one line on stdout
+    if simulator.settings.listen:
+        print(f"rosbridge-sim listening on {simulator.url}", flush=True)  # noqa: T201 - the one line on stdout
+    else:
+        for attachment in simulator.attachments:
+            attachment.attached.add_done_callback(partial(_tell_attached, attachment.url))
     gc.freeze()  # a full collection takes 12 ms with all that was built in it, and next to nothing without
     gc.enable()
     failed = asyncio.ensure_future(simulator.wait())
@@ -98,6 +110,11 @@ async def _run(simulator: Simulator) -> int:
         return 1
     failed.cancel()
     return 0
+
+
+def _tell_attached(url: str, attached: asyncio.Future[None]) -> None:
+    if not attached.cancelled():
+        print(f"rosbridge-sim attached to {url}", flush=True)  # noqa: T201 - a line on stdout for each bridge
 
 
 _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
@@ -142,6 +159,7 @@ def _tool(name: str) -> Callable[[Sequence[str]], int]:
 
 _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
     "serve": _serve,
+    "attach": _attach,
     **{name: _tool(name) for name in ("topic", "service", "schema", "bag", "scenario", "map", "record")},
 }
 

@@ -39,6 +39,7 @@ __all__ = [
     "Call",
     "Deliver",
     "Handle",
+    "Holdings",
     "OnAnswer",
     "Owner",
     "Service",
@@ -61,7 +62,7 @@ _log = logging.getLogger("rosbridge_sim.graph")
 
 
 @dataclass(slots=True)
-class _Holdings:
+class Holdings:
     """What one owner has on the bus; dicts for their order, the values mean nothing."""
 
     published: dict[Topic, None] = field(default_factory=dict)
@@ -80,6 +81,7 @@ class Bus:
         parameters: the parameter server, by absolute name; JSON values.
         watchers: called with `(owner, now)` after an owner has left.
         on_topic: called with a topic after somebody has begun to publish or to listen there.
+        on_holdings: called with an owner after it has begun or ceased to publish, to listen or to serve somewhere.
         is_strict: refuse types of packages that nobody knows, in place of relaying them unchecked.
         max_calls: calls that one caller may have in flight, and as many goals.
         num_published, num_calls: counters since the start.
@@ -99,6 +101,7 @@ class Bus:
         self.parameters: dict[str, object] = {}
         self.watchers: list[Callable[[Owner, float], None]] = []
         self.on_topic: list[Callable[[Topic], None]] = []
+        self.on_holdings: list[Callable[[Owner], None]] = []
         self.is_strict = is_strict
         self.service_timeout = service_timeout
         self.max_calls = max_calls
@@ -106,7 +109,7 @@ class Bus:
         self.num_calls = 0
         self.topics: dict[str, Topic] = {}
         self.services: dict[str, Service] = {}
-        self._holdings: dict[Owner, _Holdings] = {}
+        self._holdings: dict[Owner, Holdings] = {}
         self._deadlines: list[tuple[float, int, Call]] = []
         self._ticket = count()
         self._orphans: dict[Topic, None] = {}
@@ -154,6 +157,7 @@ class Bus:
         self._settle_latching(topic)
         self._held(owner).published[topic] = None
         self._tell_of(topic)
+        self._tell_holdings(owner)
         return topic
 
     def unadvertise(self, owner: Owner, name: str, now: float, key: object = None) -> None:
@@ -216,6 +220,7 @@ class Bus:
         topic.subscriptions += (subscription,)
         self._held(owner).subscriptions[subscription] = None
         self._tell_of(topic)
+        self._tell_holdings(owner)
         return subscription
 
     def unsubscribe(self, subscription: Subscription, now: float) -> None:
@@ -224,6 +229,7 @@ class Bus:
         topic.subscriptions = tuple(s for s in topic.subscriptions if s is not subscription)
         self._held(subscription.owner).subscriptions.pop(subscription, None)
         self._orphan(topic, now)
+        self._tell_holdings(subscription.owner)
 
     def check_type(self, name: str, type_name: str) -> None:
         """Agree to a type for a topic that exists.
@@ -261,6 +267,7 @@ class Bus:
         service = Service(name, service_type, owner, handle, is_exclusive)
         self.services[name] = service
         self._held(owner).services[service] = None
+        self._tell_holdings(owner)
         return service
 
     def withdraw(self, owner: Owner, name: str) -> None:
@@ -365,12 +372,16 @@ class Bus:
         """Everybody who holds anything, in order of arrival."""
         return list(self._holdings)
 
+    def holdings(self, owner: Owner) -> Holdings:
+        """What an owner has here, to be read and not changed."""
+        return self._holdings.get(owner) or Holdings()
+
     # How it is kept
 
-    def _held(self, owner: Owner) -> _Holdings:
+    def _held(self, owner: Owner) -> Holdings:
         held = self._holdings.get(owner)
         if held is None:
-            held = self._holdings[owner] = _Holdings()
+            held = self._holdings[owner] = Holdings()
         return held
 
     def _topic(self, name: str, type_name: str | None) -> Topic:
@@ -409,6 +420,10 @@ class Bus:
         for tell in tuple(self.on_topic):
             tell(topic)
 
+    def _tell_holdings(self, owner: Owner) -> None:
+        for tell in tuple(self.on_holdings):
+            tell(owner)
+
     def _settle_latching(self, topic: Topic) -> None:
         if topic.publishers:  # what is latched outlives its publishers for as long as the type does
             depth = max(depth for keys in topic.publishers.values() for depth in keys.values())
@@ -425,6 +440,7 @@ class Bus:
             topic.owner = None
         self._held(owner).published.pop(topic, None)
         self._orphan(topic, now)
+        self._tell_holdings(owner)
 
     def _orphan(self, topic: Topic, now: float) -> None:
         """Start the clock of a topic without publishers."""
@@ -449,3 +465,4 @@ class Bus:
         self._held(service.owner).services.pop(service, None)
         for call in list(service.calls):
             call.refuse(why)
+        self._tell_holdings(service.owner)

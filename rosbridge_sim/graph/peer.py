@@ -308,7 +308,7 @@ class Peer:
         if call.is_done:  # timed out, or the caller has left
             return
         if not op.result:
-            call.refuse(_read_refusal(op.values))
+            call.refuse(_read_refusal(op.values) if op.reason is None else op.reason)
             return
         try:
             values = decode_body(call.service.type.response, op.values, self._bus.stamp_ns)

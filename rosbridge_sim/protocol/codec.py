@@ -48,6 +48,7 @@ _CLASSES: dict[str, tuple[type, ...]] = {
     "compression": (str,),
     "latch": (bool,),
     "result": (bool,),
+    "reason": (str,),
     "throttle_rate": (int, float),
     "queue_length": (int, float),
     "fragment_size": (int, float),

@@ -126,11 +126,16 @@ class UnadvertiseService(_Op, frozen=True, tag="unadvertise_service", kw_only=Tr
 
 
 class ServiceResponse(_Op, frozen=True, tag="service_response", kw_only=True):
-    """My answer to a call. roslib 2 leaves `values` out when its handler failed."""
+    """My answer to a call. roslib 2 leaves `values` out when its handler failed.
+
+    `reason` says why not, beside `values` that are no text: rosbridge_suite takes an object there and nothing else, and
+    a caller whose provider sent a text waits for ever. No other server knows the field; all pass over it.
+    """
 
     service: str
     result: bool
     values: msgspec.Raw = ABSENT
+    reason: str | None = None
 
     bodies: ClassVar[tuple[str, ...]] = ("values",)
 

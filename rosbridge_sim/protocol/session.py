@@ -53,6 +53,7 @@ class Session:
         *,
         max_frame_size: int = 16 * 2**20,
         is_talkative: bool = True,
+        on_refused: Callable[[FrameError], None] | None = None,
     ) -> None:
         """A session at its start.
 
@@ -61,6 +62,8 @@ class Session:
             alarm: called with a time [s] at which `flush` will have something to do.
             max_frame_size: longest frame that pieces may make [characters].
             is_talkative: whether remarks are sent at all (an option for clients that choke on them).
+            on_refused: hears of what is no op, in place of the peer: for a session with a server, which has no ear for
+                remarks.
         """
         self.outbox = outbox
         self.level = LEVELS["error"]
@@ -69,6 +72,7 @@ class Session:
         self.num_sent = 0
         self._alarm = alarm
         self._is_talkative = is_talkative
+        self._on_refused = on_refused
         self._defragmenter = Defragmenter(max_frame_size)
         self._num_fragmented = 0
         self._waiting: dict[Feed, None] = {}
@@ -123,7 +127,10 @@ class Session:
 
     def _refuse(self, error: FrameError) -> None:
         self.num_refused += 1
-        self.remark("error", str(error), error.op_id)
+        if self._on_refused is None:
+            self.remark("error", str(error), error.op_id)
+        else:
+            self._on_refused(error)
 
     # Out
 

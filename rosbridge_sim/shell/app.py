@@ -35,12 +35,14 @@ from rosbridge_sim.shell.access import Access, load_certificate
 from rosbridge_sim.shell.archive import DiskArchive
 from rosbridge_sim.shell.reports import Reports
 from rosbridge_sim.shell.server import Server, ServerLimits
-from rosbridge_sim.shell.settings import Settings
+from rosbridge_sim.shell.settings import URLS, Settings
 from rosbridge_sim.shell.sources import check_options
 from rosbridge_sim.shell.storage import DiskLibrary, Texts, read_definitions
+from rosbridge_sim.shell.urls import shown_url
 from rosbridge_sim.world.state import World
 
 if TYPE_CHECKING:
+    from rosbridge_sim.shell.attach import Attachment
     from rosbridge_sim.shell.recording import Recorder
 
 __all__ = ["AddressError", "Clock", "Clockwork", "Simulator", "WorldFailedError"]
@@ -69,6 +71,7 @@ class Simulator:
         settings: what it was made with.
         bus: where everybody meets; None before the start.
         node: the simulator itself; None before the start, and without a world.
+        attachments: the bridges that it dials, once started.
     """
 
     def __init__(self, settings: Settings | None = None, /, **options: object) -> None:
@@ -85,6 +88,7 @@ class Simulator:
         self.settings = check_options(options) if settings is None else settings
         self.bus: Bus | None = None
         self.node: Node | None = None
+        self.attachments: tuple[Attachment, ...] = ()
         self._server: Server | None = None
         self._clockwork: Clockwork | None = None
         self._reports: Reports | None = None
@@ -93,7 +97,7 @@ class Simulator:
 
     @property
     def port(self) -> int:
-        """The port it really listens on; 0 while it does not."""
+        """The port it really listens on; 0 while it does not, or never does."""
         return self._server.port if self._server is not None else 0
 
     @property
@@ -108,7 +112,8 @@ class Simulator:
         """Faults of ours: frames that could not be handled, and one more if the world has failed."""
         if self._server is None or self._clockwork is None:
             return 0
-        return self._server.num_bugs + self._clockwork.is_failed
+        num_frames = self._server.num_bugs + sum(attachment.num_bugs for attachment in self.attachments)
+        return num_frames + self._clockwork.is_failed
 
     async def __aenter__(self) -> Self:
         await self.start()
@@ -122,13 +127,14 @@ class Simulator:
             await self.wait()
 
     async def start(self) -> None:
-        """Build everything and listen; clients are served from now on.
+        """Build everything, listen, and dial; clients are served from now on.
 
         Raises:
             DocumentError: a file that cannot be used.
-            AddressError: host and port cannot be had.
+            AddressError: host and port cannot be had, or they are those of a bridge that is to be dialled.
         """
         settings = self.settings
+        _check_sense(settings)
         certificate = load_certificate(settings.certfile, settings.keyfile)
         texts = read_definitions(settings.release, settings.schema_path)
         store = Store(texts, leniency=LENIENCY, ros=settings.ros)
@@ -146,20 +152,44 @@ class Simulator:
         clocks: list[Clock] = [republisher] if node is None else [node, republisher]
         clockwork = Clockwork(asyncio.get_running_loop(), bus, clocks, self._give_up)
         server = Server(bus, limits, clockwork.look)
+        if settings.listen:
+            try:
+                await server.start(settings.host, settings.port, certificate)
+            except (OSError, UnicodeError) as error:
+                raise AddressError(_why_not(settings, error)) from None
         try:
-            await server.start(settings.host, settings.port, certificate)
-        except (OSError, UnicodeError) as error:
-            raise AddressError(_why_not(settings, error)) from None
-        try:
+            await _check_bridges(settings.attach, server)
             self._recorder = _start_recording(settings, bus, node, texts)
         except DocumentError:
             await server.stop()
             raise
         self._reports = Reports(bus, server, asyncio.get_running_loop())
         self.bus, self.node, self._server, self._clockwork = bus, node, server, clockwork
-        if settings.token is None and not server.is_loopback:
+        if settings.listen and settings.token is None and not server.is_loopback:
             _log.warning("%s wants no token: whoever reaches it is let in; --token sets one", self.url)
+        if node is not None:
+            self._attach(bus, node, clockwork)
         clockwork.look()
+
+    def _attach(self, bus: Bus, node: Node, clockwork: Clockwork) -> None:
+        """Dial the bridges."""
+        settings = self.settings
+        if not settings.attach:
+            return
+        from rosbridge_sim.shell.attach import AttachLimits, Attachment  # noqa: PLC0415 - most dial nobody
+
+        limits = AttachLimits(
+            has_line_each=settings.attach_sockets == "per-topic",
+            max_wait=settings.attach_retry,
+            max_frame_size=settings.max_frame_size,
+            ping_interval=settings.ping_interval,
+            ping_timeout=settings.ping_timeout,
+            outbox=_outbox_limits(settings),
+        )
+        self.attachments = tuple(Attachment(bus, node, url, limits, clockwork.look) for url in settings.attach)
+        for attachment in self.attachments:
+            clockwork.add(attachment.mirror)
+            attachment.start()
 
     async def stop(self) -> None:
         """Close every connection (code 1001) and stop the world; within two seconds, and twice is no error."""
@@ -168,7 +198,7 @@ class Simulator:
         if self._reports is not None:
             self._reports.stop()
         if self._server is not None:
-            await self._server.stop()
+            await asyncio.gather(self._server.stop(), *(attachment.stop() for attachment in self.attachments))
         if self._recorder is not None:
             self._recorder.stop()
 
@@ -237,7 +267,7 @@ def _limits(settings: Settings) -> ServerLimits:
         ping_timeout=settings.ping_timeout,
         is_compressing=settings.compression,
         is_talkative=settings.status,
-        outbox=OutboxLimits(settings.outbox_burst, settings.outbox_size, settings.outbox_limit),
+        outbox=_outbox_limits(settings),
         access=Access(
             token=settings.token,
             origins=settings.allow_origin,
@@ -252,6 +282,40 @@ def _limits(settings: Settings) -> ServerLimits:
             max_held=settings.max_held,
         ),
     )
+
+
+def _outbox_limits(settings: Settings) -> OutboxLimits:
+    return OutboxLimits(settings.outbox_burst, settings.outbox_size, settings.outbox_limit)
+
+
+def _check_sense(settings: Settings) -> None:
+    """Refuse settings that leave nothing to do.
+
+    Raises:
+        DocumentError: says what is missing.
+    """
+    if settings.attach and not settings.world:
+        raise DocumentError("attach: expected a world; without one there is nothing to advertise at a bridge")
+    if not settings.attach and not settings.listen:
+        raise DocumentError(f"attach: expected {URLS.expects}; got none, and nobody could come here either")
+
+
+async def _check_bridges(urls: Sequence[str], server: Server) -> None:
+    """Refuse to dial ourselves: we would be a client of our own, with every name taken.
+
+    Raises:
+        AddressError: one of the URLs is our own.
+    """
+    if not urls or not server.port:
+        return
+    from rosbridge_sim.shell.attach import is_own_address  # noqa: PLC0415 - as above
+
+    for url in urls:
+        if await is_own_address(url, server.port, server.addresses):
+            raise AddressError(
+                f"attach: {shown_url(url)} is this server itself: clients there have everything already;"
+                " expected another rosbridge"
+            )
 
 
 def _why_not(settings: Settings, error: OSError | UnicodeError) -> str:
@@ -320,6 +384,10 @@ class Clockwork:
     def is_failed(self) -> bool:
         """Whether the world has failed."""
         return self.failure.done()
+
+    def add(self, clock: Clock) -> None:
+        """One more for whom time passes."""
+        self._clocks += (clock,)
 
     def look(self) -> None:
         """Something has changed: see what is due, once for all that changes in this turn of the loop."""

@@ -37,7 +37,7 @@ from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.shell.access import Access, Warden
 from rosbridge_sim.shell.direct import DirectSocket
 
-__all__ = ["Client", "Server", "ServerLimits"]
+__all__ = ["Client", "Server", "ServerLimits", "quiet"]
 
 _log = logging.getLogger("rosbridge_sim.server")
 
@@ -206,6 +206,7 @@ class Server:
         on_clients: called when somebody has come or gone.
         num_bugs: frames whose handling failed by a fault of ours; each is in the log with its traceback.
         port: the real port, once started.
+        addresses: on which it listens, without the port.
         is_loopback: it can be reached from this machine alone.
     """
 
@@ -221,6 +222,7 @@ class Server:
         self.on_clients: Callable[[], None] = lambda: None
         self.num_bugs = 0
         self.port = 0
+        self.addresses: tuple[str, ...] = ()
         self._bus = bus
         self._limits = limits
         self._on_change = on_change
@@ -248,11 +250,12 @@ class Server:
             ping_timeout=limits.ping_timeout,
             close_timeout=CLOSE_TIMEOUT,
             server_header=None,
-            logger=_quiet,
+            logger=quiet,
         )
         addresses = [socket.getsockname() for socket in self._server.sockets]
         self.port = addresses[0][1]
-        self.is_loopback = all(ip_address(address[0]).is_loopback for address in addresses)
+        self.addresses = tuple(str(address[0]).partition("%")[0] for address in addresses)
+        self.is_loopback = all(ip_address(address).is_loopback for address in self.addresses)
 
     async def stop(self) -> None:
         """Close every connection with code 1001 and stop listening; takes a second and a half at most."""
@@ -330,4 +333,4 @@ class _Quiet(logging.LoggerAdapter[Any]):
         super().log(level, msg, *args, **kwargs)
 
 
-_quiet = _Quiet(logging.getLogger("rosbridge_sim.websockets"), {})
+quiet = _Quiet(logging.getLogger("rosbridge_sim.websockets"), {})

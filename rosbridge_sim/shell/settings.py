@@ -18,6 +18,8 @@ from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal, TypeVar, cast
 
+from rosbridge_sim.shell.urls import DEFAULT_PORT, check_url
+
 __all__ = [
     "FIELDS",
     "FILE",
@@ -26,6 +28,7 @@ __all__ = [
     "RATES",
     "SECRET",
     "SWITCH",
+    "URLS",
     "Flag",
     "Kind",
     "Settings",
@@ -131,6 +134,18 @@ def _seconds(high: float) -> Kind:
     return Kind(f"seconds up to {high:,g}, or none", read, "SECONDS")
 
 
+def _period(low: float, high: float) -> Kind:
+    """A duration that there must be."""
+
+    def read(value: object) -> float:
+        number = float(_number_of(value, float))
+        if not low <= number <= high:
+            raise ValueError
+        return number
+
+    return Kind(f"seconds from {low:g} to {high:,g}", read, "SECONDS")
+
+
 def _or_none(kind: Kind, word: str) -> Kind:
     """The same, or a word that means None."""
 
@@ -203,6 +218,17 @@ _PATTERNS = Kind("patterns without blanks, such as /camera/*", _read_patterns, "
 _ORIGINS = Kind("origins without blanks, such as https://*.example.org", _read_patterns, "ORIGIN", ",")
 
 
+def _read_urls(value: object) -> tuple[str, ...]:
+    texts = [value] if isinstance(value, str) else cast("Sequence[str]", value)
+    urls = tuple(check_url(text) for text in texts)
+    if len(set(urls)) < len(urls):
+        raise ValueError
+    return urls
+
+
+URLS = Kind(f"URLs of rosbridges, each once, such as ws://192.168.0.5:{DEFAULT_PORT}", _read_urls, "URL", ",")
+
+
 def _read_token(value: object) -> str:
     if not isinstance(value, str) or not re.fullmatch(r"[!-~]+", value):
         raise ValueError
@@ -248,10 +274,11 @@ def _flag(default: T, group: str, kind: Kind, text: str) -> T:
     metadata = {"flag": Flag(group, kind, text)}
     if isinstance(default, dict):
         return field(default_factory=lambda: dict(default), metadata=metadata)  # type: ignore[return-value]
-    return field(default=default, metadata=metadata, repr=kind is not SECRET)
+    return field(default=default, metadata=metadata, repr=kind not in (SECRET, URLS))
 
 
 _LISTEN = "where it listens"
+_ATTACH = "behind somebody else's bridge"
 _ACCESS = "who may connect, and what clients may do"
 _WORLD = "the world"
 _FACE = "what MORAI calls things"
@@ -276,6 +303,26 @@ class Settings:
     port: int = _flag(9090, _LISTEN, _whole(0, 65_535), "TCP port; 0 takes a free one")
     certfile: str | None = _flag(None, _LISTEN, FILE, "certificate in PEM: clients then connect to wss://")
     keyfile: str | None = _flag(None, _LISTEN, FILE, "its private key in PEM, if the same file does not hold it")
+
+    listen: bool = _flag(
+        default=True, group=_LISTEN, kind=SWITCH, text="listen at all; without it, it is only to be found by --attach"
+    )
+
+    attach: tuple[str, ...] = _flag(
+        (),
+        _ATTACH,
+        URLS,
+        "be the simulator behind this rosbridge, too: dial it and advertise everything there; repeatable",
+    )
+    attach_sockets: Literal["one", "per-topic"] = _flag(
+        "one",
+        _ATTACH,
+        _choice("one", "per-topic"),
+        "one socket keeps a tick's topics ahead of its answer; one for each topic and service keeps them apart",
+    )
+    attach_retry: float = _flag(
+        10.0, _ATTACH, _period(0.1, 3_600.0), "longest wait between two attempts to reach a bridge"
+    )
 
     token: str | None = _flag(
         None,

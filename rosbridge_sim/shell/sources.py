@@ -26,6 +26,7 @@ from rosbridge_sim.shell.settings import (
     RATES,
     SECRET,
     SWITCH,
+    URLS,
     Settings,
     flag_of,
     show_size,
@@ -55,18 +56,19 @@ class SettingError(DocumentError):
     """A flag, a variable, a key or an option that cannot be used."""
 
 
-def read_settings(argv: Sequence[str], environ: Mapping[str, str]) -> Settings:
+def read_settings(argv: Sequence[str], environ: Mapping[str, str], *, is_attaching: bool = False) -> Settings:
     """The settings of a command line, an environment, and the file that one of them names.
 
     Args:
         argv: flags, without the program's name and the command.
         environ: variables; an empty one counts as absent.
+        is_attaching: the command is `attach`: its words without dashes are URLs, and it does not listen.
 
     Raises:
         SettingError: the first mistake.
         SystemExit: `--help` was asked for and printed.
     """
-    return _merge(_from_flags(argv), _from_environment(environ))
+    return _merge(_from_flags(argv, is_attaching=is_attaching), _from_environment(environ))
 
 
 def check_options(options: Mapping[str, object]) -> Settings:
@@ -170,6 +172,8 @@ def _read(key: str, value: object, where: str) -> object:
         return kind.read(value)
     except (ValueError, TypeError, KeyError, OverflowError, AttributeError):
         shown = "something else" if kind is SECRET else _show(value)
+        if kind is URLS:
+            shown = re.sub(r"\?[^'\"]*|//[^'\"/@]*@", "?...", shown)  # a token may stand there, or a password
         raise SettingError(f"{where}: expected {kind.expects}; got {shown}") from None
 
 
@@ -207,14 +211,20 @@ class Parser(argparse.ArgumentParser):
         raise SettingError(message.removeprefix("argument "))
 
 
-def _from_flags(argv: Sequence[str]) -> dict[str, object]:
-    given, rest = _make_parser().parse_known_args(argv)
-    if rest:
-        name = rest[0].partition("=")[0]
-        if not name.startswith("-"):
-            raise SettingError(f"expected flags; got {_show(rest[0])}")
+def _from_flags(argv: Sequence[str], *, is_attaching: bool = False) -> dict[str, object]:
+    given, rest = _make_parser(is_attaching=is_attaching).parse_known_args(argv)
+    strange = next((word for word in rest if word.startswith("-")), None)
+    if strange is not None:
+        name = strange.partition("=")[0]
         raise SettingError(f"no such flag: {name}{hint(name, [f'--{key}' for key in _keys()])}; --help lists them all")
-    values = {}
+    values: dict[str, object] = {}
+    if is_attaching:
+        urls = [*getattr(given, "urls", ()), *rest]  # what stands behind a flag is in the rest
+        if urls:
+            values["attach"] = _read("attach", urls, "attach")
+        values["listen"] = False
+    elif rest:
+        raise SettingError(f"expected flags; got {_show(rest[0])}")
     for name, value in vars(given).items():
         key = name.replace("_", "-")
         if key in FIELDS:
@@ -222,12 +232,11 @@ def _from_flags(argv: Sequence[str]) -> dict[str, object]:
     return values
 
 
-def _make_parser() -> argparse.ArgumentParser:
+def _make_parser(*, is_attaching: bool) -> argparse.ArgumentParser:
     parser = Parser(
-        prog="rosbridge-sim serve",
-        usage="rosbridge-sim [serve] [flags]",
-        description="A rosbridge v2 server that needs no ROS, with a driving world inside that answers like MORAI SIM:"
-        " Drive. Other commands look at any rosbridge: rosbridge-sim topic, service, schema, record, bag (see --help).",
+        prog=f"rosbridge-sim {'attach' if is_attaching else 'serve'}",
+        usage=f"rosbridge-sim {'attach URL [URL ...]' if is_attaching else '[serve]'} [flags]",
+        description=_ATTACH_TEXT if is_attaching else _SERVE_TEXT,
         epilog="Each flag is also an environment variable (--sync-lease is ROSBRIDGE_SIM_SYNC_LEASE) and a key of the"
         " TOML file (sync-lease). A flag beats the environment, the environment beats the file. In the environment,"
         f" folders are separated by {os.pathsep!r}, rates, patterns and origins by ','.",
@@ -235,9 +244,13 @@ def _make_parser() -> argparse.ArgumentParser:
         argument_default=argparse.SUPPRESS,
         formatter_class=layout,
     )
+    if is_attaching:
+        parser.add_argument("urls", nargs="*", metavar="URL", help=flag_of("attach").kind.expects)
     groups: dict[str, argparse._ArgumentGroup] = {}  # the library has no public name for it
     for key, field in FIELDS.items():
         flag = flag_of(key)
+        if is_attaching and (key == "attach" or flag.group in _OF_SERVERS):
+            continue
         if flag.group not in groups:
             groups[flag.group] = parser.add_argument_group(flag.group)
         group = groups[flag.group]
@@ -251,6 +264,20 @@ def _make_parser() -> argparse.ArgumentParser:
         parser.add_argument(f"--{key}", action="store_true", help=text)
     return parser
 
+
+_SERVE_TEXT = (
+    "A rosbridge v2 server that needs no ROS, with a driving world inside that answers like MORAI SIM: Drive."
+    " rosbridge-sim attach URL has the world stand behind somebody else's rosbridge, as MORAI SIM does. Other commands"
+    " look at any rosbridge: rosbridge-sim topic, service, schema, record, bag (see --help)."
+)
+
+_ATTACH_TEXT = (
+    "The driving world behind somebody else's rosbridge, as MORAI SIM itself stands there: it dials each URL,"
+    " advertises its topics and services there and takes commands from there. It listens on no port of its own."
+)
+
+_OF_SERVERS = (flag_of("port").group, flag_of("token").group)
+"""Groups of flags about clients of ours: who does not listen has none."""
 
 _ASIDES = {
     "print-config": "print all settings as a TOML file and exit",

@@ -58,6 +58,10 @@ OTHER: dict[str, object] = {
     "anyone_may_stop": True,
     "schema_path": ("x", "y"),
     "strict_types": True,
+    "listen": False,
+    "attach": ("ws://a:9090", "wss://b/?token=abc"),
+    "attach_sockets": "per-topic",
+    "attach_retry": 2.5,
     "service_timeout": 3.0,
     "max_frame_size": 2**20,
     "outbox_burst": 7,
@@ -226,6 +230,36 @@ def test_bad_token_is_not_shown() -> None:
     assert mistake(["--token", "my secret"]) == f"--token: {said}"
     assert mistake([], {"ROSBRIDGE_SIM_TOKEN": "geheimniß"}) == f"ROSBRIDGE_SIM_TOKEN: {said}"
     assert "geheim" not in repr(check_options({"token": "geheim"}))
+
+
+def test_attach_takes_urls_and_flags_in_any_order_and_does_not_listen() -> None:
+    settings = read_settings(["a", "--seed", "3", "b:9091", "--start", "sync"], {}, is_attaching=True)
+    assert settings == check_options(
+        {"attach": ["ws://a:9090", "ws://b:9091"], "seed": 3, "start": "sync", "listen": False}
+    )
+
+
+def test_urls_of_a_command_beat_those_of_the_environment_and_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    file.write_text('attach = ["ws://one:1", "ws://two:2"]\n')
+    config = ["--config", str(file)]
+    assert read_settings(config, {}, is_attaching=True).attach == ("ws://one:1", "ws://two:2")
+    variables = {"ROSBRIDGE_SIM_ATTACH": "three:3,four"}
+    assert read_settings(config, variables, is_attaching=True).attach == ("ws://three:3", "ws://four:9090")
+    assert read_settings([*config, "five"], variables, is_attaching=True).attach == ("ws://five:9090",)
+
+
+@pytest.mark.parametrize("flag", ["--port", "--host", "--token", "--max-clients", "--attach"])
+def test_flags_about_clients_of_ours_are_none_of_attach(flag: str) -> None:
+    with pytest.raises(SettingError, match=f"no such flag: {flag}"):
+        read_settings(["a", flag, "1"], {}, is_attaching=True)
+
+
+def test_bad_url_is_shown_without_its_token() -> None:
+    text = "--attach: expected URLs of rosbridges, each once, such as ws://192.168.0.5:9090; got "
+    assert mistake(["--attach", "ws://h:x/?token=geheim"]) == f"{text}['ws://h:x/?...']"
+    assert mistake(["--attach", "a", "--attach", "a"]) == f"{text}['a', 'a']"
+    assert "geheim" not in repr(check_options({"attach": "ws://h/?token=geheim"}))
 
 
 def test_help_names_every_flag_its_unit_and_where_else_it_can_be_set(capsys: pytest.CaptureFixture[str]) -> None:

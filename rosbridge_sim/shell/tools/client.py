@@ -10,9 +10,6 @@ from __future__ import annotations
 import asyncio
 import itertools
 import json
-import socket
-import ssl
-import urllib.parse
 from collections import deque
 from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
@@ -22,17 +19,17 @@ from typing import Any
 import msgspec
 import orjson
 from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import ConnectionClosed, InvalidStatus, InvalidURI, WebSocketException
+from websockets.exceptions import ConnectionClosed, WebSocketException
 
 from rosbridge_sim.errors import FrameError
 from rosbridge_sim.protocol.fragments import Defragmenter
 from rosbridge_sim.protocol.ops import Fragment
+from rosbridge_sim.shell.dialing import why_gone, why_not
 from rosbridge_sim.shell.tools.faults import BridgeError, RefusedError
 from rosbridge_sim.shell.tools.text import note, safe
+from rosbridge_sim.shell.urls import full_url, shown_url
 
 __all__ = ["Answer", "Bridge", "Frame", "absolute", "answer_of", "open_bridge", "words"]
-
-DEFAULT_PORT = 9090
 
 MAX_SIZE = 2**28
 """The longest frame that is read [bytes]: a picture or a point cloud as base64 has a tenth of it."""
@@ -76,7 +73,7 @@ async def open_bridge(url: str, token: str | None, patience: float) -> AsyncIter
         BridgeError: it cannot be made.
         RefusedError: it ended by itself.
     """
-    url = _full_url(url)
+    url = full_url(url)
     headers = {"Authorization": f"Bearer {_check_token(token)}"} if token else {}
     try:
         connection = await connect(
@@ -89,75 +86,18 @@ async def open_bridge(url: str, token: str | None, patience: float) -> AsyncIter
             max_size=MAX_SIZE,
         )
     except (OSError, ValueError, ImportError, WebSocketException) as error:  # ImportError: a SOCKS proxy needs more
-        raise BridgeError(_why_not(url, error, patience)) from None
+        raise BridgeError(why_not(url, error, patience, flag="--url", token="--token")) from None  # noqa: S106 - a flag
     async with connection:
         try:
             yield Bridge(connection, url, patience)
         except ConnectionClosed as closed:
-            raise RefusedError(_why_gone(url, closed)) from None
-
-
-def _full_url(text: str) -> str:
-    scheme, mark, rest = text.rpartition("://")
-    scheme = {"": "ws", "http": "ws", "https": "wss"}.get(scheme, scheme)
-    url = f"{scheme}://{rest}"
-    try:
-        parts = urllib.parse.urlsplit(url)
-        has_port = parts.port is not None
-    except ValueError:
-        has_port = True  # whatever it is: the library refuses it and says why
-    else:
-        if not mark and not has_port:
-            url = urllib.parse.urlunsplit(parts._replace(netloc=f"{parts.netloc}:{DEFAULT_PORT}"))
-    return url
+            raise RefusedError(why_gone(url, closed)) from None
 
 
 def _check_token(token: str) -> str:
     if not token.isascii() or not token.isprintable() or " " in token:
         raise BridgeError("--token: expected printable ASCII without blanks")
     return token
-
-
-def _why_not(url: str, error: Exception, patience: float) -> str:
-    """Why there is no connection, and what to do about it."""
-    is_bad_url = isinstance(error, (InvalidURI, ValueError)) and not isinstance(error, (UnicodeError, ssl.SSLError))
-    if is_bad_url:
-        return f"--url: expected a URL such as ws://127.0.0.1:{DEFAULT_PORT}; got {url!r}"
-    if isinstance(error, InvalidStatus):
-        why = _why_status(error)
-    elif isinstance(error, TimeoutError):
-        why = f"no answer within {patience:g} s; not a rosbridge, or one that is stuck"
-    elif isinstance(error, ssl.SSLCertVerificationError):
-        why = f"{error.verify_message}; the variable SSL_CERT_FILE may name certificates to trust"
-    elif isinstance(error, ssl.SSLError) or (isinstance(error, ConnectionResetError) and url.startswith("wss:")):
-        why = "no TLS there, it seems; ws:// is without"
-    elif isinstance(error, ConnectionRefusedError) or "Connect call failed" in str(error):
-        why = "nothing listens there; is the server running?"
-    elif isinstance(error, (socket.gaierror, UnicodeError)):
-        why = "there is no such host"
-    elif isinstance(error, OSError) and not isinstance(error, ConnectionError):
-        why = f"cannot be reached: {error.strerror or error}"
-    else:
-        why = f"not a rosbridge: {safe(str(error.__cause__ or error) or type(error).__name__)}"
-    return f"{url}: {why}"
-
-
-_DENIALS = {401: "it wants a token (--token)", 403: "it refuses us", 429: "it refuses us", 503: "it takes nobody now"}
-
-
-def _why_status(error: InvalidStatus) -> str:
-    response = error.response
-    status = f"HTTP {response.status_code} {safe(response.reason_phrase)}".strip()
-    said = (response.body or b"").decode(errors="replace").strip()
-    said = f": {safe(said)}" if said and "\n" not in said and "<" not in said else ""
-    return f"{_DENIALS.get(response.status_code, 'not a rosbridge')} ({status}){said}"
-
-
-def _why_gone(url: str, closed: ConnectionClosed) -> str:
-    if closed.rcvd is None:
-        return f"{url}: the connection was lost"
-    reason = f": {safe(closed.rcvd.reason)}" if closed.rcvd.reason else ""
-    return f"{url}: the server has closed the connection ({closed.rcvd.code}){reason}"
 
 
 # Frames
@@ -173,7 +113,7 @@ class Bridge:
     def __init__(self, connection: ClientConnection, url: str, patience: float) -> None:
         self.patience = patience
         self._connection = connection
-        self._url = url
+        self._url = shown_url(url)
         self._inbox: deque[Frame] = deque()
         self._pieces = Defragmenter(MAX_SIZE)
         self._numbers = itertools.count(1)

@@ -1,0 +1,199 @@
+"""One connection to a rosbridge that we dial: its frames, the questions we asked there, how far it has got.
+
+A `Line` outlives its sockets: `open` begins anew on each, `shut` forgets what was on its way over the last one. It
+knows the wire and nothing of what goes over it; that is `graph/mirror.py`.
+
+The far side may be any rosbridge. So no remark is ever sent (rosbridge_suite has no such op), no answer is taken for
+granted, and what waits to be sent has a bound (`Outbox`) and a brake (`Credit`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+import orjson
+
+from rosbridge_sim.errors import FrameError
+from rosbridge_sim.protocol import ops
+from rosbridge_sim.protocol.credit import Credit
+from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
+from rosbridge_sim.protocol.session import Session
+
+__all__ = ["MARK", "Line", "OnWord", "Values"]
+
+MARK = "/rosapi/get_time"
+"""The call whose answer shows how far the far side has got: cheap, and harmless everywhere.
+
+A service that nobody has would do in ROS 1; in ROS 2 rosbridge_suite looks for it for a second before it says so.
+"""
+
+PATIENCE = 2.0
+"""How long an answer to a question is waited for [s]; ROS 2's rosbridge looks for a service for one."""
+
+_MARK, _QUESTION = "mark:", "ask:"
+"""What the ids of our calls begin with."""
+
+Values = dict[str, Any]
+"""The values of an answer; each is for whoever asked to check."""
+
+OnWord = Callable[[Values | None, float], None]
+"""Gets the values of an answer, or None where there are none, and `now`."""
+
+
+def _nothing() -> None:
+    """Nobody waits for frames while there is no socket."""
+
+
+class Line:
+    """One connection to the far side, or the want of one.
+
+    Attributes:
+        name: what tells it from others to the same far side; empty for the first.
+        is_open: there is a socket.
+        is_ready: the far side has handled all that it was told at the beginning.
+        has_services: services were announced on this socket.
+        session: what this socket's frames are read and written by.
+        outbox: what waits for the socket.
+        num_sent: messages of topics that went into the outbox, ever.
+    """
+
+    def __init__(
+        self, name: str, limits: OutboxLimits, max_frame_size: int, on_refused: Callable[[FrameError], None]
+    ) -> None:
+        """A line without a socket.
+
+        Args:
+            name: see above.
+            limits: of what waits for the socket.
+            max_frame_size: longest frame that pieces may make [characters].
+            on_refused: hears of what came and is no op.
+        """
+        self.name = name
+        self.is_open = False
+        self.is_ready = False
+        self.has_services = False
+        self.num_sent = 0
+        self._limits = limits
+        self._max_frame_size = max_frame_size
+        self._on_refused = on_refused
+        self._num_asked = 0
+        self._begin(_nothing, _nothing)
+
+    def _begin(self, wake: Callable[[], None], carry: Callable[[], None]) -> None:
+        self._wake = wake
+        self.outbox = Outbox(self._limits, wake, carry)
+        self.session = Session(
+            self.outbox,
+            lambda _due: None,  # nothing is throttled on the way there
+            max_frame_size=self._max_frame_size,
+            is_talkative=False,
+            on_refused=self._on_refused,
+        )
+        self.credit = Credit()
+        self._questions: dict[str, tuple[OnWord, float]] = {}
+
+    def open(self, wake: Callable[[], None], carry: Callable[[], None]) -> None:
+        """There is a socket.
+
+        Args:
+            wake: called when something waits to be taken.
+            carry: called before anything is forgotten: take now, as much as the socket takes.
+        """
+        self._begin(wake, carry)
+        self.is_open = True
+
+    def shut(self) -> None:
+        """The socket is gone, and with it all that was on its way."""
+        self.is_open = self.is_ready = self.has_services = False
+        self._begin(_nothing, _nothing)
+
+    # Out
+
+    def say(self, op: str, **fields: object) -> None:
+        """Send an op without a message in it; it is never forgotten."""
+        self.session.say(op, {}, None, **fields)
+
+    def offer(self, topic: str, frame: bytes) -> None:
+        """Send a message of a topic, which may be forgotten if the far side does not keep up."""
+        self.num_sent += 1
+        self.outbox.offer(topic, frame)
+
+    def take(self, max_bytes: int, now: float) -> list[bytes]:
+        """The frames whose turn it is, oldest first, about so many bytes; none while the far side is behind."""
+        credit = self.credit
+        if credit.wants_mark:  # after an answer that proved less than was sent meanwhile
+            return [self._make_mark(now)]
+        if credit.is_spent:
+            return []
+        frames = self.outbox.take(max_bytes)
+        credit.spend(frames)
+        if credit.wants_mark:
+            frames.append(self._make_mark(now))
+        return frames
+
+    def _make_mark(self, now: float) -> bytes:
+        mark = f"{_MARK}{self.credit.mark(now)}"
+        return orjson.dumps({"op": "call_service", "service": MARK, "id": mark, "args": {}})
+
+    def ask(self, service: str, on_word: OnWord, now: float) -> None:
+        """Call a service there. `on_word` gets the answer, or None if it is a refusal, rubbish, or none comes in time.
+
+        If the socket is lost before, it is never called.
+        """
+        self._num_asked += 1
+        question = f"{_QUESTION}{self._num_asked}"
+        self._questions[question] = (on_word, now + PATIENCE)
+        self.say("call_service", id=question, service=service, args={})
+
+    # In
+
+    def receive(self, frame: bytes, now: float) -> list[ops.Op]:
+        """The ops in a frame, but for the answers to our own questions, which are heard here. Never raises."""
+        return [op for op in self.session.receive(frame, now) if not self._hears(op, now)]
+
+    def _hears(self, op: ops.Op, now: float) -> bool:
+        """Whether an op is the answer to a question of ours."""
+        if type(op) is not ops.ServiceResponse or not isinstance(op.id, str):
+            return False
+        number = op.id.removeprefix(_MARK)
+        if number != op.id:
+            if op.result and number.isdecimal():
+                self.credit.prove(int(number))
+            else:
+                self.credit.is_on = False
+            self._wake()
+            return True
+        question = self._questions.pop(op.id, None)
+        if question is not None:
+            question[0](_values_of(op), now)
+        return question is not None or op.id.startswith(_QUESTION)  # perhaps one that came too late
+
+    # Time
+
+    @property
+    def due(self) -> float | None:
+        """When `expire` has something to do [s]."""
+        dues = [until for _, until in self._questions.values()]
+        if self.credit.due is not None:
+            dues.append(self.credit.due)
+        return min(dues, default=None)
+
+    def expire(self, now: float) -> None:
+        """Give up what was not answered in time."""
+        for question, (on_word, until) in list(self._questions.items()):
+            if now >= until and self._questions.pop(question, None) is not None:
+                on_word(None, now)
+        if self.credit.expire(now):
+            self._wake()
+
+
+def _values_of(op: ops.ServiceResponse) -> Values | None:
+    if not op.result:
+        return None
+    try:
+        values = msgspec.json.decode(op.values)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return None
+    return values if isinstance(values, dict) else None

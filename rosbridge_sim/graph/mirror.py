@@ -1,0 +1,491 @@
+"""The simulator behind somebody else's rosbridge: one owner's topics, services and subscriptions, mirrored there.
+
+MORAI SIM is a client of a rosbridge: it advertises its topics and services there and subscribes to commands. A
+`Mirror` does the same for an owner on our bus. It is an `Owner` itself and stands for everybody on the far side: what
+is published there on an input topic is published here in its name, and so is each call. It stays on the bus while the
+connection is lost and made again: a bridge that is restarted is no client that has left.
+
+What the far side has to be told at the beginning of each connection, in this order: topics, with what is latched on
+them; subscriptions; services; then a question, whose answer shows that all of it was handled. Services come last since
+clients wait for them. Before the very first time it is asked which services it has already.
+
+rosbridge_suite answers no mistake: a type whose package is not built there gives a line in its own log and nothing
+else. So a while later we ask it which topics and services it has, and say what is missing.
+
+What it sends and what cannot be used is a line in our log, and has no other consequence.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Final
+
+from rosbridge_sim.errors import FrameError, PeerError
+from rosbridge_sim.graph.bus import Answer, Bus, Owner, Subscription, Topic, decode_body, resolve
+from rosbridge_sim.graph.line import MARK, Line, Values
+from rosbridge_sim.protocol import ops
+from rosbridge_sim.protocol.codec import publish_head
+from rosbridge_sim.protocol.flow import OutboxLimits
+from rosbridge_sim.schema.store import Message
+
+__all__ = ["NODE_NAME", "Mirror"]
+
+NODE_NAME: Final = "/rosbridge_far_side"
+"""All programs on the far side are one node here: from here they cannot be told apart."""
+
+SURVEYS: Final = (0.0, 1.0, 3.0)
+"""When the far side is asked what it has [s]: each after the one before. In ROS 2 topics are found by and by."""
+
+MAX_LINES, PERIOD = 10, 10.0
+"""Lines in the log about what the far side sends, at most so many in so many seconds."""
+
+MAX_SHOWN: Final = 3
+"""Names that a line in the log gives before it only counts."""
+
+_UNKNOWN = re.compile(r"Unable to import ([\w-]+)\.\w+ from package")
+"""What a server that answers mistakes says of a package that it does not know."""
+
+_log = logging.getLogger("rosbridge_sim.attach")
+
+_Key = tuple[str, str, str]
+"""What is mirrored: `topic`, `input` or `service`; its name; its type as the far side is told."""
+
+
+@dataclass(slots=True)
+class _Item:
+    """One thing that is mirrored.
+
+    Attributes:
+        line: the connection that it goes over.
+        kind, name, type: as in its key.
+        topic: for a topic or an input, on our bus.
+        subscription: for a topic, ours to it.
+        is_known: for a service, that it was announced there before.
+    """
+
+    line: Line
+    kind: str
+    name: str
+    type: str
+    topic: Topic | None = None
+    subscription: Subscription | None = None
+    is_known: bool = False
+
+
+class Mirror:
+    """Everybody on the far side of one bridge, as one owner on our bus.
+
+    Attributes:
+        address: of the far side, for people to read.
+        lines: the connections that it wants, by their names; the first one's is empty.
+        on_lines: called when one has come or gone.
+        on_attached: called each time when everything is announced.
+    """
+
+    name = NODE_NAME
+
+    def __init__(
+        self,
+        bus: Bus,
+        source: Owner,
+        address: str,
+        *,
+        has_line_each: bool = False,
+        limits: OutboxLimits | None = None,
+        max_frame_size: int = 16 * 2**20,
+    ) -> None:
+        """A mirror of what `source` has on `bus` now and later; no line is open.
+
+        Args:
+            bus: where `source` is.
+            source: the simulator.
+            address: of the far side.
+            has_line_each: a connection for each topic and service, as MORAI SIM has it, in place of one for all. One
+                keeps the order of all messages and answers; many keep a slow topic from delaying an answer.
+            limits: of what waits for one socket.
+            max_frame_size: longest frame that pieces may make [characters].
+        """
+        self.address = address
+        self.on_lines: Callable[[], None] = lambda: None
+        self.on_attached: Callable[[], None] = lambda: None
+        self._bus = bus
+        self._source = source
+        self._has_line_each = has_line_each
+        self._limits = limits or OutboxLimits()
+        self._max_frame_size = max_frame_size
+        self._items: dict[_Key, _Item] = {}
+        self._inputs: dict[str, Topic] = {}
+        self._now = 0.0
+        self._is_attached = self._is_gone = False
+        self._taken: list[str] = []
+        self._reported: set[str] = set()
+        self._survey_at: float | None = None
+        self._num_surveys = 0
+        self._num_lines = self._num_hushed = 0
+        self._lines_until = 0.0
+        self._is_behind = False
+        self.lines: dict[str, Line] = {"": self._make_line("")}
+        bus.on_holdings.append(self._look)
+        self._refresh()
+
+    def leave(self, now: float) -> None:
+        """Tell the far side that all of it ends, and take everything off the bus. What still comes is passed over."""
+        self._is_gone = True
+        self._bus.on_holdings.remove(self._look)
+        for item in reversed(self._items.values()):
+            self._renounce(item)
+        self._bus.leave(self, now)
+
+    def tell(self, level: str, text: str) -> None:
+        """What would be told to a client, nobody there could hear: it goes to the log."""
+        self._note(logging.INFO, f"a program there is told: [{level}] {text}")
+
+    # What is mirrored
+
+    def _look(self, owner: Owner) -> None:
+        if owner is self._source:
+            self._refresh()
+
+    def _refresh(self) -> None:
+        """Mirror what has come, and no longer what has gone."""
+        wanted = dict.fromkeys(self._wanted())
+        for key in [key for key in self._items if key not in wanted]:
+            self._drop(key)
+        for key in wanted:
+            if key not in self._items:
+                self._add(key)
+
+    def _wanted(self) -> Iterable[_Key]:
+        held, spelled = self._bus.holdings(self._source), self._bus.store.spelled
+        for topic in held.published:
+            yield "topic", topic.name, spelled(topic.type.name, "msg")
+        for subscription in held.subscriptions:
+            yield "input", subscription.topic.name, spelled(subscription.topic.type.name, "msg")
+        for service in held.services:
+            yield "service", service.name, spelled(service.type.name, "srv")
+
+    def _add(self, key: _Key) -> None:
+        kind, name, type_name = key
+        line = self._line_for(kind, name)
+        item = self._items[key] = _Item(line, kind, name, type_name)
+        if kind == "topic":
+            item.topic = self._bus.find_topic(name)
+            item.subscription = self._listen(line, name)
+        elif kind == "input":
+            item.topic = self._inputs[name] = self._bus.advertise(self, name, type_name)
+        if line.is_open and (kind != "service" or line.has_services):
+            self._announce(item)
+
+    def _listen(self, line: Line, name: str) -> Subscription:
+        source, head = self._source, publish_head(name)
+
+        def deliver(_topic: Topic, message: Message, sender: Owner, _now: float) -> None:
+            if sender is source and line.has_services:
+                line.offer(name, message.framed(head))
+
+        return self._bus.subscribe(self, name, deliver, is_idle=not line.has_services)
+
+    def _drop(self, key: _Key) -> None:
+        item = self._items.pop(key)
+        self._renounce(item)
+        if item.subscription is not None:
+            self._bus.unsubscribe(item.subscription, self._now)
+        elif item.kind == "input":
+            del self._inputs[item.name]
+            self._bus.unadvertise(self, item.name, self._now)
+        if item.line.name:
+            del self.lines[item.line.name]
+            self.on_lines()
+
+    def _line_for(self, kind: str, name: str) -> Line:
+        if not self._has_line_each:
+            return self.lines[""]
+        line = self.lines[f"{kind} {name}"] = self._make_line(f"{kind} {name}")
+        self.on_lines()
+        return line
+
+    def _make_line(self, name: str) -> Line:
+        return Line(name, self._limits, self._max_frame_size, self._refuse)
+
+    # What the far side is told
+
+    def _announce(self, item: _Item) -> None:
+        line = item.line
+        if item.kind == "service":
+            line.say("advertise_service", id=f"advertise_service:{item.name}", service=item.name, type=item.type)
+            item.is_known = True
+        elif item.kind == "input":
+            line.say("subscribe", id=f"subscribe:{item.name}", topic=item.name, type=item.type)
+        else:
+            assert item.topic is not None
+            depth = max(item.topic.publishers.get(self._source, {}).values(), default=0)
+            line.say("advertise", id=f"advertise:{item.name}", topic=item.name, type=item.type, latch=depth > 0)
+            head = publish_head(item.name)
+            for message in item.topic.kept.get(self._source, ()):
+                line.offer(item.name, message.framed(head))
+
+    def _renounce(self, item: _Item) -> None:
+        """Say that something ends. rosbridge_suite keeps a service whose provider has gone without a word."""
+        line = item.line
+        if line.is_open:
+            if item.kind == "service":
+                if line.has_services:
+                    line.say("unadvertise_service", service=item.name)
+            elif item.kind == "input":
+                line.say("unsubscribe", id=f"subscribe:{item.name}", topic=item.name)
+            else:
+                line.say("unadvertise", id=f"advertise:{item.name}", topic=item.name)
+
+    def connected(self, line: Line, wake: Callable[[], None], carry: Callable[[], None], now: float) -> None:
+        """A line has a socket: announce what goes over it.
+
+        Args:
+            line: one of `lines`.
+            wake: as for `Line.open`.
+            carry: the same.
+            now: monotonic time [s].
+        """
+        self._now = now
+        line.open(wake, carry)
+        for item in self._of(line):
+            if item.kind != "service":
+                self._announce(item)
+        if any(item.kind == "service" and not item.is_known for item in self._of(line)):
+            line.ask("/rosapi/services", lambda values, now: self._announce_services(line, values, now), now)
+        else:
+            self._announce_services(line, None, now)
+
+    def _announce_services(self, line: Line, values: Values | None, now: float) -> None:
+        there = set(_names(values, "services"))
+        line.has_services = True
+        for item in self._of(line):
+            if item.kind == "service":
+                if not item.is_known and item.name in there:
+                    self._taken.append(item.name)
+                self._announce(item)
+            if item.subscription is not None:  # from now on calls may come, and what they move is to be seen
+                item.subscription.is_idle = False
+        line.ask(MARK, lambda values, now: self._begin(line, values, now), now)
+
+    def _begin(self, line: Line, values: Values | None, now: float) -> None:
+        """All of a line is announced, and handled if the far side answers."""
+        line.is_ready = True
+        if not line.name:
+            self._judge_clock(values)
+        if not self._is_attached and all(one.is_ready for one in self.lines.values()):
+            self._is_attached = True
+            self._report_attached()
+            self.on_attached()
+            self._num_surveys = 0
+            self._survey_at = now
+
+    def lost(self, line: Line, now: float) -> None:
+        """A line has lost its socket. Its calls that are still on their way here are answered to nobody."""
+        self._now = now
+        line.shut()
+        self._is_attached = False
+        self._survey_at = None
+        for item in self._of(line):
+            if item.subscription is not None:
+                item.subscription.is_idle = True
+
+    def _of(self, line: Line) -> list[_Item]:
+        return [item for item in self._items.values() if item.line is line]
+
+    # What the far side says
+
+    def receive(self, line: Line, frame: bytes, now: float) -> None:
+        """Do all that a frame asks; what is wrong with it is for the log."""
+        self._now = now
+        for op in line.receive(frame, now):
+            if self._is_gone:
+                return
+            try:
+                self._do(line, op, now)
+            except PeerError as error:
+                self._note(logging.WARNING, f"it sent what cannot be used: {error}")
+
+    def _do(self, line: Line, op: ops.Op, now: float) -> None:
+        if isinstance(op, ops.Publish):
+            self._take(op, now)
+        elif isinstance(op, ops.CallService):
+            self._call(line, op, now)
+        elif isinstance(op, ops.Status):
+            self._hear(op)
+        else:
+            self._note(logging.WARNING, f"it sent an op that means nothing here: {type(op).__name__}")
+
+    def _take(self, op: ops.Publish, now: float) -> None:
+        topic = self._inputs.get(op.topic) or self._inputs.get(resolve(op.topic))
+        if topic is None:
+            self._note(logging.WARNING, f"it sent a message of {op.topic}, for which nobody asked")
+            return
+        try:
+            value = decode_body(topic.type, op.msg, self._bus.stamp_ns)
+            self._bus.publish(self, topic, Message(topic.type, value), now)
+        except PeerError as error:
+            self._note(logging.WARNING, f"a message of {op.topic}: {error}")
+
+    def _call(self, line: Line, op: ops.CallService, now: float) -> None:
+        session = line.session
+
+        def on_answer(answer: Answer) -> None:
+            if line.session is not session:  # another socket by now, on which ids are counted anew
+                return
+            if answer.is_ok:
+                session.answer(op.service, op.id, answer.values, is_ok=True)
+                return
+            # rosbridge_suite takes an object for the values and passes over `result`: the caller gets an empty
+            # response, which in MORAI's types says no; whoever knows `reason` can say why
+            why = str(answer.values)
+            self._note(logging.INFO, f"a call of {op.service} is refused: {why}")
+            line.say("service_response", service=op.service, id=op.id, values={}, result=False, reason=why)
+
+        if not self._serves(op.service):
+            on_answer(Answer(is_ok=False, values=f"Service {op.service} is not ours"))
+            return
+        self._bus.call(self, op.service, op.args, on_answer, now=now)
+
+    def _serves(self, name: str) -> bool:
+        service = self._bus.services.get(resolve(name))
+        return service is not None and service.owner is self._source
+
+    def _hear(self, op: ops.Status) -> None:
+        text = op.msg or ""
+        unknown = _UNKNOWN.match(text)
+        if unknown is not None:
+            self._report_package(unknown[1])
+        else:
+            about = f" of {op.id}" if op.id else ""
+            self._note(logging.WARNING, f"it says{about}: [{op.level}] {text}")
+
+    def _refuse(self, error: FrameError) -> None:
+        self._note(logging.WARNING, f"it sent what cannot be read: {error}")
+
+    # What is to be known about the far side
+
+    def _judge_clock(self, values: Values | None) -> None:
+        """Look at the time that it told: its spelling is that of its ROS generation."""
+        if values is None:
+            text = "rosapi does not answer there: how far behind it is, and what of ours it lacks, is not seen"
+            self._report(logging.WARNING, text)
+            return
+        time = values.get("time")
+        ros = self._bus.store.ros
+        if isinstance(time, dict) and ("sec" in time or "secs" in time) and ("secs" in time) != (ros == 1):
+            self._report(
+                logging.WARNING,
+                f"it is of ROS {3 - ros}, which refuses messages as ROS {ros} has them: use --ros {3 - ros} here",
+            )
+
+    def _report_attached(self) -> None:
+        kinds = [item.kind for item in self._items.values()]
+        counts = [kinds.count(kind) for kind in ("topic", "service", "input")]
+        _log.info("%s: attached: %d topics and %d services announced, %d topics subscribed", self.address, *counts)
+        if self._taken:
+            self._report(
+                logging.WARNING,
+                f"it has {_listed(self._taken)} already, of another program or of one that is gone;"
+                " ours take their place",
+            )
+            self._taken.clear()
+
+    def _survey(self, now: float) -> None:
+        """Ask it what it has of ours."""
+        self._survey_at = None
+        self._num_surveys += 1
+        desk = self.lines[""]
+
+        def hear_topics(topics: Values | None, now: float) -> None:
+            desk.ask("/rosapi/services", lambda services, now: self._judge(topics, services, now), now)
+
+        desk.ask("/rosapi/topics", hear_topics, now)
+
+    def _judge(self, topics: Values | None, services: Values | None, now: float) -> None:
+        """Say what it lacks of ours, once it had time enough."""
+        if topics is None or services is None:
+            return
+        types = dict(zip(_names(topics, "topics"), _names(topics, "types"), strict=False))
+        there = {("topic", name) for name in types} | {("service", name) for name in _names(services, "services")}
+        ours = [item for item in self._items.values() if item.kind != "input"]
+        missing = [item for item in ours if (item.kind, item.name) not in there]
+        if missing and self._num_surveys < len(SURVEYS):
+            self._survey_at = now + SURVEYS[self._num_surveys]
+            return
+        for package in dict.fromkeys(_package(item) for item in missing):
+            lacking = [item for item in missing if _package(item) == package]
+            if all(item in missing for item in ours if _package(item) == package):
+                self._report_package(package)
+            else:
+                names = _listed([item.name for item in lacking])
+                self._report(logging.WARNING, f"it does not have {names}: its own lists (globs) may deny them")
+        for item in ours:
+            told = types.get(item.name)
+            if item.kind == "topic" and told and told.replace("/msg/", "/") != item.type.replace("/msg/", "/"):
+                self._report(logging.WARNING, f"{item.name} is {told} there and not {item.type}: ours is not taken")
+
+    def _report_package(self, package: str) -> None:
+        names = [item.name for item in self._items.values() if _package(item) == package]
+        self._report(
+            logging.WARNING,
+            f"it does not know the package {package}, and so not {_listed(names)}: build the package where it runs, and"
+            " start it again",
+        )
+
+    def _report(self, level: int, text: str) -> None:
+        """A line that is said once."""
+        if text not in self._reported:
+            self._reported.add(text)
+            _log.log(level, "%s: %s", self.address, text)
+
+    def _note(self, level: int, text: str) -> None:
+        """A line that may come again and again: some are said, the others counted."""
+        if self._now >= self._lines_until:
+            if self._num_hushed:
+                _log.warning("%s: and %d lines more that are left out", self.address, self._num_hushed)
+            self._lines_until = self._now + PERIOD
+            self._num_lines = self._num_hushed = 0
+        if self._num_lines < MAX_LINES:
+            self._num_lines += 1
+            _log.log(level, "%s: %s", self.address, text)
+        else:
+            self._num_hushed += 1
+
+    # Time
+
+    def next_due(self, _now: float) -> float | None:
+        """When `advance` has something to do next [s]."""
+        dues = [line.due for line in self.lines.values()]
+        return min((due for due in (*dues, self._survey_at) if due is not None), default=None)
+
+    def advance(self, now: float) -> None:
+        """Give up what was not answered in time; ask what is to be asked by now."""
+        self._now = now
+        for line in list(self.lines.values()):
+            line.expire(now)
+        is_behind = any(line.credit.is_late for line in self.lines.values())
+        if is_behind != self._is_behind:
+            self._is_behind = is_behind
+            text = "does not keep up: topics wait, the newest are kept" if is_behind else "keeps up again"
+            _log.warning("%s: it %s", self.address, text)
+        if self._survey_at is not None and now >= self._survey_at:
+            self._survey(now)
+
+
+def _package(item: _Item) -> str:
+    return item.type.partition("/")[0]
+
+
+def _names(values: Values | None, key: str) -> list[str]:
+    """A list of names in an answer; empty where there is none."""
+    names = None if values is None else values.get(key)
+    return [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
+
+
+def _listed(names: list[str]) -> str:
+    """`/a, /b, /c and 4 more`."""
+    more = len(names) - MAX_SHOWN
+    return ", ".join(names[:MAX_SHOWN]) + (f" and {more} more" if more > 0 else "")

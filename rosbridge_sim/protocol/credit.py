@@ -1,0 +1,101 @@
+"""How much may be on its way to a rosbridge that takes everything and holds nobody back.
+
+rosbridge_suite reads a socket as fast as frames come and keeps them in a queue without a bound, so the socket never
+fills however far it is behind, and neither TCP nor a ping tells. It does handle the frames of one socket in order,
+though: the answer to a cheap call comes after all that was sent before that call. Such a call is a *mark*. What was
+sent since the last mark that was answered is unproven, and beyond a window nothing more is sent until an answer comes.
+
+What a frame costs there was measured: some 0.28 ms, and 0.18 us a byte. So a frame counts its bytes and 1,500 more.
+
+A mark that is not answered for a while lets another half of a window out, the next one after twice that while, and so
+on: who is only slow is never buried, and who answers no calls at all still gets a trickle. An answer that comes later
+than that counts like any other. Who *refuses* the call has no such service: then there are no marks, and the socket
+alone holds us back.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+
+__all__ = ["FRAME_COST", "MAX_PATIENCE", "PATIENCE", "WINDOW", "Credit"]
+
+FRAME_COST = 1_500
+"""What a frame costs beside its bytes [bytes]."""
+
+WINDOW = 512 * 1024
+"""What may be unproven [bytes]: a tenth of a second of rosbridge_suite's work, some 250 messages of an ego's state."""
+
+PATIENCE, MAX_PATIENCE = 2.0, 60.0
+"""How long an answer to a mark is waited for, the first time and at most [s]."""
+
+MAX_MARKS = 16
+"""Marks without an answer that are remembered; by then the last ones are minutes apart."""
+
+
+class Credit:
+    """What may still be sent on one socket.
+
+    Attributes:
+        is_on: the far side answers marks, as far as we know; without them everything may be sent.
+        is_late: the last mark was not answered in time.
+    """
+
+    __slots__ = ("_allowed", "_due", "_marks", "_num_marks", "_patience", "_sent", "is_late", "is_on")
+
+    def __init__(self) -> None:
+        self.is_on = True
+        self.is_late = False
+        self._sent = 0
+        self._allowed = WINDOW
+        self._marks: deque[tuple[int, int]] = deque(maxlen=MAX_MARKS)  # its number, and what was sent before it
+        self._num_marks = 0
+        self._due: float | None = None
+        self._patience = PATIENCE
+
+    @property
+    def is_spent(self) -> bool:
+        """Whether nothing more is to be sent for now; then a mark is on its way, or wanted."""
+        return self.is_on and self._sent >= self._allowed
+
+    @property
+    def wants_mark(self) -> bool:
+        """Whether a mark should be sent now: none is on its way, and half of what is allowed is gone."""
+        return self.is_on and self._due is None and self._sent >= self._allowed - WINDOW // 2
+
+    def spend(self, frames: Sequence[bytes]) -> None:
+        """Frames were sent."""
+        self._sent += sum(map(len, frames)) + FRAME_COST * len(frames)
+
+    def mark(self, now: float) -> int:
+        """The number of a mark that is sent now."""
+        self._num_marks += 1
+        self._marks.append((self._num_marks, self._sent))
+        self._due = now + self._patience
+        return self._num_marks
+
+    def prove(self, number: int) -> None:
+        """A mark was answered; all before it were handled, too."""
+        while self._marks and self._marks[0][0] <= number:
+            mark, sent = self._marks.popleft()
+            if mark == number:
+                self._allowed = sent + WINDOW
+                self._patience = PATIENCE
+                self.is_late = False
+        if not self._marks:
+            self._due = None
+
+    @property
+    def due(self) -> float | None:
+        """When `expire` has something to do [s]."""
+        return self._due if self.is_on else None
+
+    def expire(self, now: float) -> bool:
+        """Whether the answer to the last mark is overdue; some more may be sent then."""
+        if self.due is None or now < self.due:
+            return False
+        self._due = None
+        self._allowed = max(self._allowed, self._sent) + WINDOW // 2
+        self._patience = min(MAX_PATIENCE, 2 * self._patience)
+        self.is_late = True
+        return True

@@ -1,0 +1,312 @@
+"""Dialling somebody else's rosbridge, and again when it is gone.
+
+An `Attachment` is one bridge. What is said there is `graph/mirror.py`'s business; here are the sockets: a task for each
+line that the mirror wants dials, carries frames both ways until the socket ends, waits and dials again. The wait
+doubles from half a second up to a limit, and is short again once everything was announced.
+
+Nothing is sent faster than the socket takes it, nor than the far side is known to handle it (`protocol/credit.py`).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import ipaddress
+import logging
+import socket
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from urllib.parse import urlsplit
+
+from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosed, WebSocketException
+
+from rosbridge_sim.graph.bus import Bus, Owner
+from rosbridge_sim.graph.line import MARK, Line, Values
+from rosbridge_sim.graph.mirror import Mirror
+from rosbridge_sim.protocol.flow import OutboxLimits
+from rosbridge_sim.shell.dialing import DialedSocket, why_gone, why_not
+from rosbridge_sim.shell.server import quiet
+from rosbridge_sim.shell.urls import shown_url
+
+__all__ = ["AttachLimits", "Attachment", "is_own_address"]
+
+FIRST_WAIT = 0.5
+"""After the first attempt that failed, or a connection that was good [s]."""
+
+PATIENCE = 5.0
+"""How long the far side may take to answer the handshake [s]."""
+
+LAST_WORD = 0.5
+"""How long it may take to hear that everything of ours ends [s]."""
+
+CLOSE_TIMEOUT = 1.0
+"""How long it may take to say goodbye [s]."""
+
+WRITE_SIZE = 8 * 1024
+"""Bytes taken at a time between two looks at whether the far side keeps up."""
+
+_log = logging.getLogger("rosbridge_sim.attach")
+
+
+@dataclass(frozen=True, slots=True)
+class AttachLimits:
+    """What holds for each connection to a far side.
+
+    Attributes:
+        has_line_each: a connection for each topic and service.
+        max_wait: longest wait between two attempts [s].
+        max_frame_size: a longer frame closes the connection [bytes].
+        ping_interval, ping_timeout: the watchdog against half-open connections [s]; None is off.
+        outbox: what may wait for one socket.
+    """
+
+    has_line_each: bool = False
+    max_wait: float = 10.0
+    max_frame_size: int = 16 * 2**20
+    ping_interval: float | None = 20.0
+    ping_timeout: float | None = 20.0
+    outbox: OutboxLimits = field(default_factory=OutboxLimits)
+
+
+class Attachment:
+    """One bridge that we dial, and what of ours is there.
+
+    Attributes:
+        url: as people may read it.
+        mirror: who stands for the far side on our bus.
+        attached: done when everything was announced there for the first time.
+        num_bugs: frames whose handling failed by a fault of ours; each is in the log with its traceback.
+    """
+
+    def __init__(self, bus: Bus, source: Owner, url: str, limits: AttachLimits, on_change: Callable[[], None]) -> None:
+        """Nothing is dialled before `start`.
+
+        Args:
+            bus: where the simulator is.
+            source: the simulator.
+            url: of the bridge.
+            limits: for each connection.
+            on_change: called when the world or the mirror may have something to do earlier than planned.
+        """
+        self.url = shown_url(url)
+        self.num_bugs = 0
+        self.attached: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self.mirror = Mirror(
+            bus,
+            source,
+            self.url,
+            has_line_each=limits.has_line_each,
+            limits=limits.outbox,
+            max_frame_size=limits.max_frame_size,
+        )
+        self._full_url = url
+        self._limits = limits
+        self._on_change = on_change
+        self._carriers: dict[Line, _Carrier] = {}
+
+    def start(self) -> None:
+        """Dial, from now on and for ever."""
+        self.mirror.on_attached = self._note_attached
+        self.mirror.on_lines = self._look
+        self._look()
+
+    async def stop(self) -> None:
+        """Tell the far side that it is over, and close; within LAST_WORD + CLOSE_TIMEOUT. Twice is no error."""
+        self.mirror.on_lines = lambda: None
+        carriers, self._carriers = list(self._carriers.values()), {}
+        if carriers:
+            self.mirror.leave(asyncio.get_running_loop().time())
+            await asyncio.gather(*(carrier.stop() for carrier in carriers))
+        if not self.attached.done():
+            self.attached.cancel()
+
+    def _note_attached(self) -> None:
+        if not self.attached.done():
+            self.attached.set_result(None)
+
+    def _look(self) -> None:
+        """Have a carrier for each line."""
+        wanted = dict.fromkeys(self.mirror.lines.values())
+        for line in [line for line in self._carriers if line not in wanted]:
+            self._carriers.pop(line).let_go()
+        for line in wanted:
+            if line not in self._carriers:
+                self._carriers[line] = _Carrier(self, line, self._full_url, self._limits, self._on_change)
+
+
+class _Carrier:
+    """Keeps one line connected, and carries what goes over it."""
+
+    def __init__(
+        self, attachment: Attachment, line: Line, url: str, limits: AttachLimits, on_change: Callable[[], None]
+    ) -> None:
+        self._attachment = attachment
+        self._mirror = attachment.mirror
+        self._line = line
+        self._url = url
+        self._limits = limits
+        self._on_change = on_change
+        self._loop = asyncio.get_running_loop()
+        self._socket: DialedSocket | None = None
+        self._is_woken = False
+        self._is_stopped = False
+        self._task = self._loop.create_task(self._keep())
+
+    async def stop(self) -> None:
+        """Have the far side handle what it was told, close, and dial no more."""
+        self._is_stopped = True
+        dialed = self._socket
+        if dialed is not None:
+            await self._settle()
+            try:
+                async with asyncio.timeout(CLOSE_TIMEOUT):
+                    await dialed.close()
+            except TimeoutError:  # it reads nothing, not even that we go
+                dialed.transport.abort()
+        self._task.cancel()
+        await asyncio.wait([self._task])
+
+    async def _settle(self) -> None:
+        """Wait a moment for an answer: rosbridge_suite forgets what it has not handled when a socket closes."""
+        heard: asyncio.Future[None] = self._loop.create_future()
+
+        def note(_values: Values | None, _now: float) -> None:
+            if not heard.done():
+                heard.set_result(None)
+
+        self._line.ask(MARK, note, self._loop.time())
+        self._carry()
+        await asyncio.wait([heard, self._task], timeout=LAST_WORD, return_when=asyncio.FIRST_COMPLETED)
+        heard.cancel()
+
+    def let_go(self) -> None:
+        """The line is not wanted any more: `stop`, beside what else happens."""
+        self._closing = self._loop.create_task(self.stop())
+
+    async def _keep(self) -> None:
+        wait = FIRST_WAIT
+        self._log(logging.INFO, "%s: dialling", self._attachment.url)
+        while not self._is_stopped:
+            was_ready, why = await self._connect_once()
+            if self._is_stopped:
+                return
+            if was_ready:
+                wait = FIRST_WAIT
+            self._log(logging.WARNING, "%s; next try in %g s", why, wait)
+            await asyncio.sleep(wait)
+            wait = min(2 * wait, self._limits.max_wait)
+
+    async def _connect_once(self) -> tuple[bool, str]:
+        """One connection from its beginning to its end: whether all was announced on it, and why it ended."""
+        limits = self._limits
+        try:
+            dialed = await connect(
+                self._url,
+                create_connection=DialedSocket,
+                compression=None,
+                open_timeout=PATIENCE,
+                close_timeout=CLOSE_TIMEOUT,
+                ping_interval=limits.ping_interval,
+                ping_timeout=limits.ping_timeout,
+                max_size=limits.max_frame_size,
+                logger=quiet,
+            )
+        except (OSError, ValueError, ImportError, WebSocketException) as error:
+            return False, why_not(self._url, error, PATIENCE, flag="attach", token="?token=... in its URL")  # noqa: S106
+        assert isinstance(dialed, DialedSocket)
+        self._log(logging.INFO, "%s: connected", self._attachment.url)
+        self._socket = dialed
+        dialed.on_room = self._carry
+        try:
+            self._mirror.connected(self._line, self._wake, self._carry, self._loop.time())
+            dialed.listen(self._receive)
+            self._on_change()
+            await dialed.wait_closed()
+        finally:
+            was_ready = self._line.is_ready
+            self._socket = None
+            self._mirror.lost(self._line, self._loop.time())
+            self._on_change()
+            dialed.transport.abort()
+        closed = dialed.protocol.close_exc
+        assert isinstance(closed, ConnectionClosed)
+        return was_ready, why_gone(self._url, closed)
+
+    def _log(self, level: int, text: str, *args: object) -> None:
+        """What happens to the first line is for everybody; the others' fate is mostly the same."""
+        is_told = not self._line.name or (level >= logging.WARNING and self._mirror.lines[""].is_open)
+        _log.log(level if is_told else logging.DEBUG, text, *args)
+
+    def _receive(self, message: bytes) -> None:
+        try:
+            self._mirror.receive(self._line, message, self._loop.time())
+        except Exception:  # noqa: BLE001 - our own bug: this message is lost, everybody goes on
+            self._attachment.num_bugs += 1
+            _log.exception("a frame of %s could not be handled", self._attachment.url)
+        self._on_change()
+
+    def _wake(self) -> None:
+        if not self._is_woken:
+            self._is_woken = True
+            self._loop.call_soon(self._carry)
+
+    def _carry(self) -> None:
+        """Hand what waits to the transport, for as long as it takes it and the far side keeps up."""
+        self._is_woken = False
+        dialed, line = self._socket, self._line
+        if dialed is None:
+            return
+        while dialed.has_room:
+            frames = line.take(WRITE_SIZE, self._loop.time())
+            if not frames:
+                break
+            dialed.send_messages(frames)
+        if line.outbox.is_overfull:
+            _log.warning(
+                "%s: answers are not taken: %d bytes wait; closing", self._attachment.url, line.outbox.num_bytes
+            )
+            line.outbox.close()
+            dialed.transport.abort()
+
+
+# Our own address
+
+
+async def is_own_address(url: str, port: int, addresses: Sequence[str]) -> bool:
+    """Whether a URL leads to ourselves.
+
+    Args:
+        url: what is to be dialled.
+        port: where we listen.
+        addresses: on which addresses we do.
+    """
+    parts = urlsplit(url)
+    if (parts.port or {"ws": 80, "wss": 443}[parts.scheme]) != port:
+        return False
+    loop = asyncio.get_running_loop()
+    try:
+        async with asyncio.timeout(PATIENCE):
+            found = await loop.getaddrinfo(parts.hostname, port, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError, TimeoutError):
+        return False
+    ours = {ipaddress.ip_address(address) for address in addresses}
+    is_everywhere = any(address.is_unspecified for address in ours)
+    for *_, place in found:
+        address = ipaddress.ip_address(str(place[0]).partition("%")[0])
+        # 0.0.0.0 is no place to go to: the system takes loopback for it
+        if address in ours or (address.is_unspecified and any(one.is_loopback or one.is_unspecified for one in ours)):
+            return True
+        if is_everywhere and _is_local(address):
+            return True
+    return False
+
+
+def _is_local(address: ipaddress.IPv4Address | ipaddress.IPv6Address) -> bool:
+    """Whether the address is one of this machine: only those can be bound."""
+    family = socket.AF_INET if address.version == 4 else socket.AF_INET6  # noqa: PLR2004 - IP's versions
+    with socket.socket(family, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind((str(address), 0))
+        except OSError:
+            return False
+    return True

@@ -1,0 +1,135 @@
+"""Connecting to somebody else's rosbridge: the socket, and why there is none.
+
+`DialedSocket` is to a client what `direct.py` is to the server: messages go from the transport to a callback and back,
+without a queue and a task in between. It leaves the reading of frames to the library: what comes from a rosbridge that
+we dial are commands and calls of one client, and not the frames of hundreds.
+"""
+
+from __future__ import annotations
+
+import socket
+import ssl
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from websockets.asyncio.client import ClientConnection
+from websockets.exceptions import ConnectionClosed, InvalidStatus, InvalidURI
+from websockets.frames import DATA_OPCODES, Frame
+from websockets.protocol import Event, State
+
+from rosbridge_sim.protocol.flow import BinaryFrame
+from rosbridge_sim.shell.tools.text import safe
+from rosbridge_sim.shell.urls import DEFAULT_PORT, shown_url
+
+__all__ = ["DialedSocket", "why_gone", "why_not"]
+
+
+class DialedSocket(ClientConnection):
+    """A connection that hands each message to a callback, once `listen` was called; `recv` gives nothing.
+
+    Attributes:
+        on_room: called when the transport takes bytes again.
+    """
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - the library's own arguments
+        super().__init__(*args, **kwargs)
+        self.on_room: Callable[[], None] = lambda: None
+        self._on_message: Callable[[bytes], None] | None = None
+        self._early: list[bytes] = []  # what comes before somebody listens: nothing, but for a server that greets
+        self._message = bytearray()
+
+    def listen(self, on_message: Callable[[bytes], None]) -> None:
+        """From now on, call `on_message` for each message; it may not raise."""
+        self._on_message = on_message
+        early, self._early = self._early, []
+        for message in early:
+            on_message(message)
+
+    @property
+    def has_room(self) -> bool:
+        """Whether messages can be sent now."""
+        return not self.paused and self.protocol.state is State.OPEN
+
+    def send_messages(self, messages: Sequence[bytes]) -> None:
+        """Hand messages to the transport: `BinaryFrame` as binary, others as text. The connection must be open."""
+        protocol = self.protocol
+        for message in messages:
+            (protocol.send_binary if type(message) is BinaryFrame else protocol.send_text)(message)
+        self.transport.write(b"".join(protocol.data_to_send()))
+
+    def resume_writing(self) -> None:
+        """Take note that there is room again."""
+        super().resume_writing()
+        self.on_room()
+
+    def process_event(self, event: Event) -> None:
+        """Take the messages that the library has read."""
+        if not isinstance(event, Frame) or event.opcode not in DATA_OPCODES:
+            super().process_event(event)
+            return
+        self._message += event.data
+        if event.fin:
+            message = bytes(self._message)
+            self._message.clear()
+            if self._on_message is None:
+                self._early.append(message)
+            else:
+                self._on_message(message)
+
+
+def why_not(url: str, error: Exception, patience: float, *, flag: str, token: str) -> str:
+    """Why there is no connection, and what to do about it.
+
+    Args:
+        url: what was dialled.
+        error: what the library raised.
+        patience: how long an answer was waited for [s].
+        flag: where the URL was given.
+        token: where a token can be given.
+    """
+    shown = shown_url(url)
+    is_bad_url = isinstance(error, (InvalidURI, ValueError)) and not isinstance(error, (UnicodeError, ssl.SSLError))
+    if is_bad_url:
+        return f"{flag}: expected a URL such as ws://127.0.0.1:{DEFAULT_PORT}; got {shown!r}"
+    if isinstance(error, InvalidStatus):
+        why = _why_status(error, token)
+    elif isinstance(error, TimeoutError):
+        why = f"no answer within {patience:g} s; not a rosbridge, or one that is stuck"
+    elif isinstance(error, ssl.SSLCertVerificationError):
+        why = f"{error.verify_message}; the variable SSL_CERT_FILE may name certificates to trust"
+    elif isinstance(error, ssl.SSLError) or (isinstance(error, ConnectionResetError) and url.startswith("wss:")):
+        why = "no TLS there, it seems; ws:// is without"
+    elif isinstance(error, ConnectionRefusedError) or "Connect call failed" in str(error):
+        why = "nothing listens there; is the server running?"
+    elif isinstance(error, (socket.gaierror, UnicodeError)):
+        why = "there is no such host"
+    elif isinstance(error, OSError) and not isinstance(error, ConnectionError):
+        why = f"cannot be reached: {error.strerror or error}"
+    else:
+        why = f"not a rosbridge: {safe(str(error.__cause__ or error) or type(error).__name__)}"
+    return f"{shown}: {why}"
+
+
+def _why_status(error: InvalidStatus, token: str) -> str:
+    response = error.response
+    denials = {
+        401: f"it wants a token ({token})",
+        403: "it refuses us",
+        429: "it refuses us",
+        503: "it takes nobody now",
+    }
+    status = f"HTTP {response.status_code} {safe(response.reason_phrase)}".strip()
+    said = (response.body or b"").decode(errors="replace").strip()
+    said = f": {safe(said)}" if said and "\n" not in said and "<" not in said else ""
+    return f"{denials.get(response.status_code, 'not a rosbridge')} ({status}){said}"
+
+
+def why_gone(url: str, closed: ConnectionClosed) -> str:
+    """How a connection ended that nobody here wanted to end."""
+    shown = shown_url(url)
+    if closed.rcvd is None:
+        if closed.sent is not None and closed.sent.reason:  # a frame too long, a ping that nobody answers
+            return f"{shown}: the connection was given up: {safe(closed.sent.reason)}"
+        return f"{shown}: the connection was lost"
+    reason = f": {safe(closed.rcvd.reason)}" if closed.rcvd.reason else ""
+    return f"{shown}: the server has closed the connection ({closed.rcvd.code}){reason}"

@@ -1,0 +1,664 @@
+"""A simulator behind somebody else's rosbridge, both sides in memory: what each hears, and when."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+import pytest
+
+from rosbridge_sim.errors import GraphError
+from rosbridge_sim.graph.bus import Bus, Call, Owner, Topic
+from rosbridge_sim.graph.line import MARK, PATIENCE, Line
+from rosbridge_sim.graph.mirror import MAX_LINES, PERIOD, SURVEYS, Mirror
+from rosbridge_sim.graph.peer import Peer
+from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.protocol.credit import WINDOW
+from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
+from rosbridge_sim.schema.store import Message
+from tests.graph.room import make_bus, make_peer, make_store
+
+Frame = dict[str, Any]
+
+
+class Car:
+    """A node as the simulator is one: a topic, a latched topic, an input and a service."""
+
+    name = "/car"
+
+    def __init__(self, bus: Bus) -> None:
+        self.bus = bus
+        self.heard: list[object] = []
+        self.callers: list[Owner] = []
+        self.refusal = ""
+        self.state = bus.advertise(self, "/state", "std_msgs/Int32", is_exclusive=True, is_on_demand=True)
+        self.plate = bus.advertise(self, "/plate", "std_msgs/String", depth=1, is_exclusive=True)
+        bus.subscribe(self, "/pedal", self._hear, type_name="std_msgs/Float64")
+        bus.provide(self, "/honk", "std_srvs/SetBool", self._honk, is_exclusive=True)
+        self.show("/plate", data="12 GA 3456")
+
+    def tell(self, level: str, text: str) -> None:
+        """Nothing is said to it."""
+
+    def show(self, name: str, **fields: object) -> None:
+        topic = self.bus.topics[name]
+        self.bus.publish(self, topic, Message(topic.type, topic.type.check(fields, 0)), 0.0)
+
+    def _hear(self, _topic: Topic, message: Message, sender: Owner, _now: float) -> None:
+        if message.value.data < 0:
+            sender.tell("warning", "the pedal goes down only")
+            raise GraphError("a pedal is not negative")
+        self.heard.append(message.value.data)
+
+    def _honk(self, call: Call, _now: float) -> None:
+        self.callers.append(call.caller)
+        if self.refusal:
+            raise GraphError(self.refusal)
+        request: Any = call.request
+        self.show("/state", data=len(self.callers))
+        call.answer(call.service.type.response.struct(request.data, "beep"))
+
+
+class FarBridge:
+    """The far side of one mirror: a gateway of our own kind, with a client for each of the mirror's lines.
+
+    Attributes:
+        bus: what there is on the far side.
+        frames: all that the mirror has sent, oldest first.
+        mute: services that are never answered.
+    """
+
+    def __init__(self, *, has_rosapi: bool = True) -> None:
+        self.bus = make_bus()
+        if has_rosapi:
+            Rosapi(self.bus)
+        self.frames: list[Frame] = []
+        self.mute: set[str] = set()
+        self._wires: dict[Line, tuple[Peer, Outbox]] = {}
+
+    def connect(self, mirror: Mirror, line: Line, now: float = 0.0) -> None:
+        self._wires[line] = make_peer(self.bus)
+        mirror.connected(line, lambda: None, lambda: None, now)
+
+    def cut(self, mirror: Mirror, line: Line, now: float = 0.0) -> None:
+        peer, _ = self._wires.pop(line)
+        peer.leave(now)
+        mirror.lost(line, now)
+
+    def pump(self, mirror: Mirror, now: float = 0.0) -> None:
+        """Carry frames both ways until neither side has any."""
+        is_moving = True
+        while is_moving:
+            is_moving = False
+            for line, (peer, outbox) in list(self._wires.items()):
+                for frame in line.take(8_192, now):
+                    is_moving = True
+                    self._receive(peer, frame, now)
+                for frame in outbox.take(2**30):
+                    is_moving = True
+                    mirror.receive(line, frame, now)
+
+    def _receive(self, peer: Peer, frame: bytes, now: float) -> None:
+        op = json.loads(frame)
+        self.frames.append(op)
+        if op.get("service") not in self.mute or op["op"] != "call_service":
+            peer.receive(frame, now)
+
+    def ops(self, name: str) -> list[Frame]:
+        return [frame for frame in self.frames if frame["op"] == name]
+
+
+class Program:
+    """A program on the far side, by rosbridge too."""
+
+    def __init__(self, far: FarBridge) -> None:
+        self._peer, self._outbox = make_peer(far.bus)
+
+    def send(self, op: str, **fields: object) -> None:
+        self._peer.receive(json.dumps({"op": op, **fields}).encode(), 0.0)
+
+    def received(self, op: str | None = None) -> list[Frame]:
+        frames = [json.loads(frame) for frame in self._outbox.take(2**30)]
+        return [frame for frame in frames if op in (None, frame["op"])]
+
+
+class Stand:
+    """A car, its mirror and the far side."""
+
+    def __init__(self, *, has_line_each: bool = False, has_rosapi: bool = True) -> None:
+        self.bus = make_bus()
+        self.car = Car(self.bus)
+        self.far = FarBridge(has_rosapi=has_rosapi)
+        self.num_attached = 0
+        self.mirror = Mirror(self.bus, self.car, "ws://far:9090", has_line_each=has_line_each)
+        self.mirror.on_attached = self._count
+
+    def _count(self) -> None:
+        self.num_attached += 1
+
+    @property
+    def line(self) -> Line:
+        return self.mirror.lines[""]
+
+    def attach(self, now: float = 0.0) -> None:
+        for line in self.mirror.lines.values():
+            self.far.connect(self.mirror, line, now)
+        self.pump(now)
+
+    def pump(self, now: float = 0.0) -> None:
+        self.far.pump(self.mirror, now)
+
+    def cut(self, now: float = 0.0) -> None:
+        for line in self.mirror.lines.values():
+            self.far.cut(self.mirror, line, now)
+
+    def flood(self, num_messages: int = 5_000) -> None:
+        """Publish more than a far side handles that stands still, carrying whenever it may be."""
+        for i in range(num_messages):
+            self.car.show("/state", data=i)
+            if i % 50 == 49:
+                self.pump()
+
+    def run(self, until: float) -> None:
+        """Let time pass for the mirror."""
+        now = 0.0
+        while True:
+            due = self.mirror.next_due(now)
+            if due is None or due > until:
+                return
+            now = max(now, due)
+            self.mirror.advance(now)
+            self.pump(now)
+
+    def receive(self, frame: Frame | bytes, now: float = 0.0) -> None:
+        data = frame if isinstance(frame, bytes) else json.dumps(frame).encode()
+        self.mirror.receive(self.line, data, now)
+
+
+@pytest.fixture
+def stand() -> Stand:
+    stand = Stand()
+    stand.attach()
+    return stand
+
+
+@pytest.fixture
+def lines(caplog: pytest.LogCaptureFixture) -> Callable[[], list[str]]:
+    """What was logged since the last look."""
+    caplog.set_level(logging.INFO, "rosbridge_sim.attach")
+
+    def look() -> list[str]:
+        found = [record.getMessage() for record in caplog.records if record.name == "rosbridge_sim.attach"]
+        caplog.clear()
+        return found
+
+    return look
+
+
+# At the beginning
+
+
+def test_everything_is_announced_with_services_last(stand: Stand) -> None:
+    told = [(frame["op"], frame.get("topic") or frame.get("service")) for frame in stand.far.frames]
+    assert (
+        told[:8]
+        == [
+            ("advertise", "/state"),
+            ("advertise", "/plate"),
+            ("publish", "/plate"),
+            ("subscribe", "/pedal"),
+            ("call_service", "/rosapi/services"),
+            ("advertise_service", "/honk"),
+            ("call_service", MARK),
+            ("call_service", "/rosapi/topics"),
+        ][:7]
+        + told[7:8]
+    )
+    assert stand.num_attached == 1
+    assert [frame["latch"] for frame in stand.far.ops("advertise")] == [False, True]
+    assert {frame["type"] for frame in stand.far.ops("advertise_service")} == {"std_srvs/SetBool"}
+
+
+def test_types_are_spelled_as_the_personality_has_them() -> None:
+    bus = Bus(make_store_of_ros2())
+    owner = Car(bus)
+    mirror = Mirror(bus, owner, "ws://far:9090")
+    mirror.connected(mirror.lines[""], lambda: None, lambda: None, 0.0)
+    frames = [json.loads(frame) for frame in mirror.lines[""].take(2**30, 0.0)]
+    assert [frame["type"] for frame in frames if frame["op"] == "advertise"] == [
+        "std_msgs/msg/Int32",
+        "std_msgs/msg/String",
+    ]
+
+
+def make_store_of_ros2() -> Any:  # noqa: ANN401 - a store
+    store = make_store()
+    return type(store)(store._texts, ros=2)
+
+
+def test_only_what_the_simulator_has_is_mirrored(stand: Stand) -> None:
+    other, _ = make_peer(stand.bus)
+    other.receive(b'{"op":"advertise","topic":"/mine","type":"std_msgs/String"}', 0.0)
+    other.receive(b'{"op":"advertise_service","service":"/my","type":"std_srvs/Empty"}', 0.0)
+    other.receive(b'{"op":"subscribe","topic":"/state"}', 0.0)
+    stand.pump()
+    assert stand.far.bus.find_topic("/mine") is None
+    assert "/my" not in stand.far.bus.services
+
+
+def test_nothing_is_published_for_a_far_side_that_is_not_there() -> None:
+    stand = Stand()
+    assert not stand.car.state.has_listener
+    stand.attach()
+    assert stand.car.state.has_listener
+    stand.cut()
+    assert not stand.car.state.has_listener
+    stand.car.show("/state", data=1)
+    assert len(stand.line.outbox) == 0
+
+
+# What goes over it
+
+
+def test_messages_and_what_is_latched_reach_programs_there(stand: Stand) -> None:
+    program = Program(stand.far)
+    program.send("subscribe", topic="/state")
+    program.send("subscribe", topic="/plate")
+    stand.car.show("/state", data=5)
+    stand.pump()
+    assert [(frame["topic"], frame["msg"]) for frame in program.received()] == [
+        ("/plate", {"data": "12 GA 3456"}),
+        ("/state", {"data": 5}),
+    ]
+
+
+def test_bytes_are_shared_with_a_client_of_ours(stand: Stand) -> None:
+    client, outbox = make_peer(stand.bus)
+    client.receive(b'{"op":"subscribe","topic":"/state"}', 0.0)
+    stand.car.show("/state", data=5)
+    (ours,) = outbox.take(2**30)
+    assert stand.line.take(2**30, 0.0)[-1] is ours
+
+
+def test_others_messages_on_a_topic_of_the_simulator_stay_here() -> None:
+    stand = Stand()
+    shared = stand.bus.advertise(stand.car, "/shared", "std_msgs/Int32")
+    stand.attach()
+    stranger, _ = make_peer(stand.bus)
+    stranger.receive(b'{"op":"advertise","topic":"/shared","type":"std_msgs/Int32"}', 0.0)
+    stranger.receive(b'{"op":"publish","topic":"/shared","msg":{"data":1}}', 0.0)
+    assert shared.has_listener
+    stand.pump()
+    assert [frame["topic"] for frame in stand.far.ops("publish")] == ["/plate"]
+
+
+def test_a_command_there_drives_here(stand: Stand) -> None:
+    program = Program(stand.far)
+    program.send("advertise", topic="/pedal", type="std_msgs/Float64")
+    program.send("publish", topic="/pedal", msg={"data": 0.5})
+    stand.pump()
+    assert stand.car.heard == [0.5]
+
+
+def test_a_call_there_is_answered_after_what_it_has_moved(stand: Stand) -> None:
+    program = Program(stand.far)
+    program.send("subscribe", topic="/state")
+    program.send("call_service", service="/honk", id="7", args={"data": True})
+    stand.pump()
+    state, answer = program.received()
+    assert state["msg"] == {"data": 1}
+    assert answer["values"] == {"success": True, "message": "beep"}
+    assert (answer["id"], answer["result"]) == ("7", True)
+
+
+def test_all_programs_there_are_one_caller_that_stays_when_the_bridge_is_lost(stand: Stand) -> None:
+    gone: list[Owner] = []
+    stand.bus.watchers.append(lambda owner, _now: gone.append(owner))
+    for _ in range(2):
+        Program(stand.far).send("call_service", service="/honk", args={})
+        stand.pump()
+    stand.cut()
+    stand.attach()
+    Program(stand.far).send("call_service", service="/honk", args={})
+    stand.pump()
+    assert stand.car.callers == [stand.mirror] * 3
+    assert gone == []
+
+
+def test_a_refusal_has_an_object_for_its_values_and_says_why_beside_it(
+    stand: Stand, lines: Callable[[], list[str]]
+) -> None:
+    program = Program(stand.far)
+    stand.car.refusal = "the horn is broken"
+    program.send("call_service", service="/honk", id="7", args={})
+    stand.pump()
+    (answer,) = program.received()
+    assert (answer["result"], answer["values"]) == (False, "the horn is broken")  # our gateway knows `reason`
+    (sent,) = stand.far.ops("service_response")
+    assert sent["values"] == {}  # rosbridge_suite takes nothing else
+    assert "a call of /honk is refused: the horn is broken" in lines()[-1]
+
+
+def test_a_call_of_what_is_not_ours_is_refused(stand: Stand) -> None:
+    stand.receive({"op": "call_service", "service": "/rosapi/topics", "id": "service_request:x:1", "args": {}})
+    stand.pump()
+    assert stand.far.ops("service_response")[-1]["result"] is False
+
+
+def test_an_answer_is_not_sent_over_another_socket() -> None:
+    stand = Stand()
+    late: list[Call] = []
+    stand.bus.provide(stand.car, "/slow", "std_srvs/Empty", lambda call, _now: late.append(call))
+    stand.attach()
+    Program(stand.far).send("call_service", service="/slow", args={})
+    stand.pump()
+    stand.cut()
+    stand.attach()
+    late[0].answer(late[0].service.type.response.struct())
+    stand.pump()
+    assert stand.far.ops("service_response") == []
+
+
+# What comes and goes
+
+
+def test_what_comes_and_goes_here_comes_and_goes_there(stand: Stand) -> None:
+    stand.bus.advertise(stand.car, "/Ego-2/state", "std_msgs/Int32")
+    pedal = stand.bus.subscribe(stand.car, "/Ego-2/pedal", lambda *_: None, type_name="std_msgs/Float64")
+    stand.bus.provide(stand.car, "/Ego-2/honk", "std_srvs/Empty", lambda *_: None)
+    stand.pump()
+    assert "/Ego-2/honk" in stand.far.bus.services
+    program = Program(stand.far)
+    program.send("subscribe", topic="/Ego-2/state")
+    stand.car.show("/Ego-2/state", data=2)
+    stand.pump()
+    assert [frame["msg"] for frame in program.received()] == [{"data": 2}]
+    stand.bus.unadvertise(stand.car, "/Ego-2/state", 0.0)
+    stand.bus.unsubscribe(pedal, 0.0)
+    stand.bus.withdraw(stand.car, "/Ego-2/honk")
+    stand.pump()
+    assert "/Ego-2/honk" not in stand.far.bus.services
+    assert not stand.far.bus.topics["/Ego-2/state"].publishers
+    assert not stand.far.bus.topics["/Ego-2/pedal"].subscriptions
+    assert "/Ego-2/state" not in [topic.name for topic in stand.bus.holdings(stand.mirror).published]
+
+
+def test_leaving_takes_everything_away_on_both_sides(stand: Stand) -> None:
+    stand.mirror.leave(0.0)
+    stand.pump()
+    assert "/honk" not in stand.far.bus.services
+    assert stand.mirror not in stand.bus.owners()
+    stand.bus.advertise(stand.car, "/later", "std_msgs/Int32")  # nobody looks any more
+    assert stand.far.bus.find_topic("/later") is None
+
+
+def test_everything_is_announced_again_after_each_loss(stand: Stand) -> None:
+    stand.cut()
+    stand.car.show("/plate", data="34 NA 5678")
+    stand.far.frames.clear()
+    stand.attach()
+    assert stand.num_attached == 2
+    assert "/rosapi/services" not in [f["service"] for f in stand.far.ops("call_service")][:1]  # ours are known by now
+    program = Program(stand.far)
+    program.send("subscribe", topic="/plate")
+    program.send("call_service", service="/honk", args={})
+    stand.pump()
+    assert [frame["op"] for frame in program.received()] == ["publish", "service_response"]
+    assert stand.far.ops("publish")[0]["msg"] == {"data": "34 NA 5678"}
+
+
+# A line for each
+
+
+def test_with_a_line_for_each_everything_has_one_of_its_own() -> None:
+    stand = Stand(has_line_each=True)
+    names = list(stand.mirror.lines)
+    assert names == ["", "topic /state", "topic /plate", "input /pedal", "service /honk"]
+    stand.attach()
+    assert stand.num_attached == 1
+    program = Program(stand.far)
+    program.send("subscribe", topic="/state")
+    program.send("call_service", service="/honk", args={"data": True})
+    stand.pump()
+    assert sorted(frame["op"] for frame in program.received()) == ["publish", "service_response"]
+
+
+def test_lines_come_and_go_with_what_they_carry() -> None:
+    stand = Stand(has_line_each=True)
+    looks: list[list[str]] = []
+    stand.mirror.on_lines = lambda: looks.append(list(stand.mirror.lines)[5:])
+    stand.bus.advertise(stand.car, "/Ego-2/state", "std_msgs/Int32")
+    stand.bus.unadvertise(stand.car, "/Ego-2/state", 0.0)
+    assert looks == [["topic /Ego-2/state"], []]
+
+
+def test_one_line_that_waits_delays_no_other() -> None:
+    stand = Stand(has_line_each=True)
+    stand.attach()
+    stand.far.mute.add(MARK)
+    stand.flood(1_000)
+    assert stand.mirror.lines["topic /state"].credit.is_spent
+    program = Program(stand.far)
+    program.send("call_service", service="/honk", args={"data": True})
+    stand.pump()
+    assert len(program.received("service_response")) == 1
+
+
+# A far side that is slow
+
+
+def test_no_more_is_sent_than_the_far_side_handles(stand: Stand) -> None:
+    stand.far.mute.add(MARK)
+    stand.far.frames.clear()
+    stand.flood()
+    assert len(stand.far.ops("publish")) < WINDOW / 1_500 + 100
+    assert len(stand.line.outbox) <= 2 * OutboxLimits().burst
+    stand.far.mute.clear()
+    stand.run(until=PATIENCE + 0.1)  # the next mark is answered
+    assert stand.far.ops("publish")[-1]["msg"] == {"data": 4_999}
+    assert not stand.line.credit.is_late
+
+
+def test_a_far_side_that_stands_still_is_told_of_once_and_again_when_it_goes_on(
+    stand: Stand, lines: Callable[[], list[str]]
+) -> None:
+    stand.far.mute.add(MARK)
+    stand.flood()
+    stand.run(until=10.0)
+    assert [line for line in lines() if "keep" in line] == [
+        "ws://far:9090: it does not keep up: topics wait, the newest are kept"
+    ]
+    stand.far.mute.clear()
+    stand.flood()
+    stand.run(until=60.0)
+    stand.mirror.advance(60.0)
+    assert [line for line in lines() if "keep" in line] == ["ws://far:9090: it keeps up again"]
+
+
+def test_an_answer_stays_behind_its_topics_when_both_wait(stand: Stand) -> None:
+    stand.far.mute.add(MARK)
+    stand.flood()
+    program = Program(stand.far)
+    program.send("subscribe", topic="/state")
+    program.send("call_service", service="/honk", args={"data": True})
+    stand.pump()
+    assert program.received() == []
+    stand.far.mute.clear()
+    stand.run(until=10.0)
+    *_, state, answer = program.received()
+    assert state["msg"] == {"data": 1}
+    assert answer["op"] == "service_response"
+
+
+def test_a_far_side_without_rosapi_gets_everything_at_once(lines: Callable[[], list[str]]) -> None:
+    stand = Stand(has_rosapi=False)
+    stand.attach()
+    assert stand.num_attached == 1
+    assert sum("rosapi does not answer there" in line for line in lines()) == 1
+    stand.flood(1_000)
+    assert len(stand.far.ops("publish")) == 1_001  # and the plate
+
+
+def test_a_far_side_that_answers_nothing_is_attached_all_the_same() -> None:
+    stand = Stand()
+    stand.far.mute.update({MARK, "/rosapi/services", "/rosapi/topics"})
+    stand.attach()
+    assert stand.num_attached == 0
+    stand.run(until=3 * PATIENCE)
+    assert stand.num_attached == 1
+    assert "/honk" in stand.far.bus.services
+
+
+# What it lacks
+
+
+def test_services_that_it_has_already_are_one_line_and_are_taken_over(lines: Callable[[], list[str]]) -> None:
+    stand = Stand()
+    other = Program(stand.far)
+    other.send("advertise_service", service="/honk", type="std_srvs/SetBool")
+    stand.attach()
+    taken = [line for line in lines() if "already" in line]
+    assert taken == [
+        "ws://far:9090: it has /honk already, of another program or of one that is gone; ours take their place"
+    ]
+    stand.cut()
+    stand.attach()
+    assert [line for line in lines() if "already" in line] == []
+
+
+def deaf(stand: Stand, *names: str) -> None:
+    """Have the far side pass over advertisements, as rosbridge_suite does of types that it does not know."""
+    receive = stand.far._receive
+
+    def pass_over(peer: Peer, frame: bytes, now: float) -> None:
+        op = json.loads(frame)
+        if op["op"] in {"advertise", "advertise_service"} and (op.get("topic") or op.get("service")) in names:
+            return
+        receive(peer, frame, now)
+
+    stand.far._receive = pass_over  # type: ignore[method-assign]
+
+
+def test_a_package_that_it_does_not_know_is_one_line_that_names_it(lines: Callable[[], list[str]]) -> None:
+    stand = Stand()
+    deaf(stand, "/honk")
+    stand.attach()
+    assert not any("package" in line for line in lines())  # it may take a while
+    stand.run(until=sum(SURVEYS) + 1.0)
+    found = [line for line in lines() if "package" in line]
+    text = (
+        "it does not know the package std_srvs, and so not /honk: build the package where it runs, and start it again"
+    )
+    assert found == [f"ws://far:9090: {text}"]
+    stand.cut()
+    stand.attach()
+    stand.run(until=10.0)
+    assert not any("package" in line for line in lines())
+    assert stand.car.state.has_listener  # the others go on
+
+
+def test_a_topic_that_it_alone_does_not_have_may_be_denied(lines: Callable[[], list[str]]) -> None:
+    stand = Stand()
+    deaf(stand, "/state")
+    stand.attach()
+    stand.run(until=10.0)
+    assert [line for line in lines() if "globs" in line] == [
+        "ws://far:9090: it does not have /state: its own lists (globs) may deny them"
+    ]
+
+
+def test_a_topic_that_is_of_another_type_there_is_told(lines: Callable[[], list[str]]) -> None:
+    stand = Stand()
+    Program(stand.far).send("advertise", topic="/state", type="std_msgs/String")
+    stand.attach()
+    stand.run(until=10.0)
+    assert any("/state is std_msgs/String there and not std_msgs/Int32" in line for line in lines())
+
+
+def test_a_status_about_a_package_is_the_same_line(stand: Stand, lines: Callable[[], list[str]]) -> None:
+    text = "Unable to import std_msgs.msg from package std_msgs. Caused by: no module"
+    for name in ("/state", "/plate"):
+        stand.receive({"op": "status", "level": "error", "msg": text, "id": f"advertise:{name}"})
+    (line,) = lines()
+    assert "it does not know the package std_msgs, and so not /state, /plate, /pedal: build the package" in line
+
+
+def test_the_other_generation_of_ros_is_told(lines: Callable[[], list[str]]) -> None:
+    stand = Stand()
+    stand.far.mute.add(MARK)
+    stand.attach()
+    question = stand.far.ops("call_service")[-1]
+    values = {"time": {"sec": 1, "nanosec": 2}}
+    stand.receive({"op": "service_response", "service": MARK, "id": question["id"], "values": values, "result": True})
+    assert any("it is of ROS 2" in line and "--ros 2" in line for line in lines())
+
+
+# What makes no sense
+
+
+@pytest.mark.parametrize(
+    ("frame", "words"),
+    [
+        (b"\xff\xfe", "cannot be read"),
+        (b"{]", "cannot be read"),
+        (b'{"op":"publish"}', "cannot be read"),
+        ({"op": "publish", "topic": "/nobody", "msg": {}}, "a message of /nobody, for which nobody asked"),
+        ({"op": "publish", "topic": "/pedal", "msg": {"data": "much"}}, "a message of /pedal: std_msgs/Float64"),
+        ({"op": "publish", "topic": "/pedal", "msg": {"data": -1.0}}, "a pedal is not negative"),
+        ({"op": "publish", "topic": "a b", "msg": {}}, "cannot be used"),
+        ({"op": "advertise", "topic": "/x", "type": "std_msgs/String"}, "means nothing here: Advertise"),
+        ({"op": "service_response", "service": "/x", "result": True, "id": "of another"}, "means nothing here"),
+        ({"op": "status", "level": "error", "msg": "hm"}, "it says: [error] hm"),
+        ({"op": "call_service", "service": "a b", "id": "1"}, "cannot be used"),
+    ],
+)
+def test_nonsense_is_a_line_in_the_log(stand: Stand, lines: Callable[[], list[str]], frame: Any, words: str) -> None:  # noqa: ANN401 - bytes or an object
+    lines()
+    stand.far.frames.clear()
+    stand.receive(frame)
+    assert any(words in line for line in lines())
+    stand.pump()
+    assert [f["op"] for f in stand.far.frames] == []  # there is no op to tell it
+
+
+@pytest.mark.parametrize(
+    "values", [b"", b"null", b"3", b'"text"', b"{]", b'{"services":3}', b'{"time":4}', b'{"topics":[1]}']
+)
+def test_answers_that_make_no_sense_are_none(values: bytes) -> None:
+    stand = Stand()
+    stand.far.mute.update({MARK, "/rosapi/services", "/rosapi/topics"})
+    stand.attach()
+    for _ in range(6):
+        calls = stand.far.ops("call_service")
+        mark = calls[-1]["id"].encode()
+        tail = b',"values":' + values if values else b""
+        with suppress(IndexError):
+            stand.receive(b'{"op":"service_response","service":"/x","result":true,"id":"' + mark + b'"' + tail + b"}")
+        stand.pump()
+    stand.run(until=10.0)
+    assert stand.num_attached == 1
+
+
+def test_a_flood_of_nonsense_is_a_few_lines(stand: Stand, lines: Callable[[], list[str]]) -> None:
+    lines()
+    for _ in range(1_000):
+        stand.receive(b"{]")
+    assert len(lines()) == MAX_LINES
+    stand.receive(b"{]", now=PERIOD + 1.0)
+    assert f"and {1_000 - MAX_LINES} lines more" in lines()[0]
+
+
+def test_pieces_that_nobody_asked_for_are_put_together(stand: Stand) -> None:
+    """With a float for the total and the number 0 for the id, as rosbridge_suite sends them."""
+    text = json.dumps({"op": "publish", "topic": "/pedal", "msg": {"data": 0.25}})
+    for num, piece in enumerate((text[:20], text[20:40], text[40:])):
+        stand.receive({"op": "fragment", "id": 0, "data": piece, "num": num, "total": 2.6 + 0.8})
+    assert stand.car.heard == [0.25]
+
+
+def test_what_a_program_there_would_be_told_is_logged(stand: Stand, lines: Callable[[], list[str]]) -> None:
+    stand.receive({"op": "publish", "topic": "/pedal", "msg": {"data": -1.0}})
+    assert any("is told: [warning] the pedal goes down only" in line for line in lines())

@@ -1,0 +1,340 @@
+"""The simulator behind a bridge, over real sockets: found, lost, found again, slow, and not itself."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from typing import Any
+
+import pytest
+from websockets.asyncio.server import ServerConnection, serve
+
+from rosbridge_sim import DocumentError, Simulator
+from rosbridge_sim.shell.app import AddressError
+from rosbridge_sim.shell.attach import is_own_address
+from tests.conftest import Connect
+from tests.far_side.server import FarSide
+from tests.support import PATIENCE, Client
+
+TOKEN = "sesame"  # noqa: S105 - opens nothing
+
+EVERYWHERE = "0.0.0.0"  # noqa: S104 - nobody listens there, or at most for a moment
+
+
+@asynccontextmanager
+async def gateway(port: int = 0, **options: object) -> AsyncIterator[Simulator]:
+    """A rosbridge of our own kind, without a world."""
+    async with Simulator(port=port, world=False, **options) as sim:
+        yield sim
+
+
+@asynccontextmanager
+async def attached(*urls: str, **options: object) -> AsyncIterator[Simulator]:
+    """A simulator that is attached to these bridges, and listens nowhere."""
+    async with Simulator(attach=urls, listen=False, **{"start": "sync", **options}) as sim:
+        async with asyncio.timeout(PATIENCE):
+            await asyncio.gather(*(asyncio.shield(attachment.attached) for attachment in sim.attachments))
+        yield sim
+
+
+@pytest.fixture
+def lines(caplog: pytest.LogCaptureFixture) -> Callable[[], list[str]]:
+    """What the log says of bridges."""
+    caplog.set_level(logging.INFO, "rosbridge_sim.attach")
+    return lambda: [record.getMessage() for record in caplog.records if record.name == "rosbridge_sim.attach"]
+
+
+async def until(holds: Callable[[], bool]) -> None:
+    """Come back once something holds; the loop goes on meanwhile."""
+    async with asyncio.timeout(PATIENCE):
+        while not holds():  # noqa: ASYNC110 - what is waited for tells nobody
+            await asyncio.sleep(0.01)
+
+
+async def provided(client: Client, service: str) -> None:
+    """Come back once a bridge has a service."""
+    async with asyncio.timeout(PATIENCE):
+        while service not in (await client.values("/rosapi/services"))["services"]:
+            pass
+
+
+async def lead(client: Client) -> int:
+    frame: int = (await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20))["frame"]
+    return frame
+
+
+# A client of the bridge
+
+
+@pytest.mark.slow
+async def test_client_of_a_bridge_ticks_the_world_behind_it(connect: Connect) -> None:
+    async with gateway() as bridge, attached(bridge.url) as sim:
+        client = await connect(bridge.url)
+        await client.subscribe("/Ego_topic")
+        frame = await lead(client)
+        for i in range(1, 4):
+            answer = await client.ask("/SyncModeWaitForTick", user_id="me", frame=frame + i)
+            assert answer["frame"] == frame + i
+            # the state of a tick stands before its answer
+            (ego,) = [f for f in client.inbox if f["op"] == "publish"]
+            assert ego["msg"] == answer["vehicle_status"]
+            client.inbox.clear()
+        assert sim.port == 0
+        assert sim.num_bugs == bridge.num_bugs == 0
+
+
+@pytest.mark.slow
+async def test_command_on_a_bridge_drives(connect: Connect) -> None:
+    async with gateway() as bridge, attached(bridge.url, start="run"):
+        client = await connect(bridge.url)
+        await client.send("advertise", topic="/ctrl_cmd", type="morai_msgs/CtrlCmd")
+        await client.send("publish", topic="/ctrl_cmd", msg={"longlCmdType": 1, "accel": 1.0})
+        await client.subscribe("/Ego_topic")
+        await client.message_where("/Ego_topic", lambda ego: ego["velocity"]["x"] > 0.1)
+
+
+async def test_latched_topics_are_there_for_those_who_come_late(connect: Connect) -> None:
+    async with gateway() as bridge, attached(bridge.url):
+        client = await connect(bridge.url)
+        await client.send("subscribe", topic="/SyncModeInfo")
+        await client.send("subscribe", topic="/tf_static")
+        assert (await client.message("/SyncModeInfo"))["status"] is True
+        assert (await client.message("/tf_static"))["transforms"]
+
+
+async def test_egos_that_come_at_run_time_are_there_too(connect: Connect) -> None:
+    async with gateway() as bridge, attached(bridge.url, start="run"):
+        client = await connect(bridge.url)
+        await client.send("advertise", topic="/ego_setting", type="morai_msgs/MultiEgoSetting")
+        zero = [0.0]
+        full = {
+            "number_of_ego_vehicle": 1,
+            "ego_index": [2],
+            "global_position_x": [20.0],
+            "global_position_y": zero,
+            "global_position_z": zero,
+            "global_roll": zero,
+            "global_pitch": zero,
+            "global_yaw": zero,
+            "velocity": zero,
+            "gear": [4],
+            "ctrl_mode": [16],
+        }
+        await client.send("publish", topic="/ego_setting", msg=full)
+        await provided(client, "/Ego-2/SyncModeWaitForTick")
+        await client.subscribe("/Ego-2/Ego_topic")
+        assert (await client.message("/Ego-2/Ego_topic"))["unique_id"] == 2
+
+
+async def test_with_serve_both_kinds_of_clients_live_together(connect: Connect) -> None:
+    async with gateway() as bridge, Simulator(port=0, attach=[bridge.url], start="sync") as sim:
+        await asyncio.wait_for(sim.attachments[0].attached, PATIENCE)
+        far, near = await connect(bridge.url), await connect(sim.url)
+        await near.subscribe("/Ego_topic")
+        frame = await lead(far)
+        await far.ask("/SyncModeWaitForTick", user_id="me", frame=frame + 1)
+        await near.message("/Ego_topic")
+        answer = await near.ask("/SyncModeWaitForTick", user_id="me", frame=frame + 2)
+        assert answer["frame"] == frame + 2
+
+
+async def test_each_of_two_bridges_gets_everything(connect: Connect) -> None:
+    async with gateway() as one, gateway() as other, attached(one.url, other.url):
+        clients = [await connect(one.url), await connect(other.url)]
+        for client in clients:
+            await client.subscribe("/Ego_topic")
+        frame = await lead(clients[0])
+        await clients[0].ask("/SyncModeWaitForTick", user_id="me", frame=frame + 1)
+        first, second = [await client.message("/Ego_topic") for client in clients]
+        assert first == second
+
+
+@pytest.mark.slow
+async def test_a_socket_for_each_carries_the_same(connect: Connect) -> None:
+    async with gateway() as bridge, attached(bridge.url, attach_sockets="per-topic"):
+        client = await connect(bridge.url)
+        num_clients = (await asyncio.wait_for(_clients(client), PATIENCE))["data"]
+        assert num_clients > 30
+        await client.subscribe("/Ego_topic")
+        frame = await lead(client)
+        await client.ask("/SyncModeWaitForTick", user_id="me", frame=frame + 1)
+        await client.message("/Ego_topic")
+
+
+async def _clients(client: Client) -> dict[str, Any]:
+    await client.send("subscribe", topic="/client_count")
+    return await client.message("/client_count")
+
+
+async def test_personality_is_that_of_serve(connect: Connect) -> None:
+    async with gateway(ros=2) as bridge, attached(bridge.url, ros=2):
+        client = await connect(bridge.url)
+        assert (await client.values("/rosapi/topic_type", {"topic": "/Ego_topic"}))["type"].count("/msg/") == 1
+        await client.subscribe("/clock")
+        frame = await lead(client)
+        await client.ask("/SyncModeWaitForTick", user_id="me", frame=frame + 1)
+        assert set((await client.message("/clock"))["clock"]) == {"sec", "nanosec"}
+
+
+# A bridge that goes and comes
+
+
+@pytest.mark.slow
+async def test_client_goes_on_after_the_bridge_is_started_again(
+    connect: Connect, lines: Callable[[], list[str]]
+) -> None:
+    async with attached_later() as (sim, port):
+        async with gateway(port) as bridge:
+            await asyncio.wait_for(sim.attachments[0].attached, PATIENCE)
+            frame = await lead(client := await connect(bridge.url))
+            await client.ask("/SyncModeWaitForTick", user_id="me", frame=frame + 1)
+        await until(lambda: any("closed the connection" in line for line in lines()))
+        async with gateway(port) as bridge:
+            client = await connect(bridge.url)
+            await provided(client, "/SyncModeWaitForTick")
+            answer = await client.ask("/SyncModeWaitForTick", user_id="me", frame=frame + 2)
+            # whoever led the world still does: no client has left, as far as can be known
+            assert (answer["tick_status"], answer["frame"]) == (True, frame + 2)
+    said = [line.partition(": ")[2] for line in lines()]
+    assert said[0] == "dialling"
+    assert sum("nothing listens there" in line for line in said) >= 1
+    assert sum(line.startswith("attached: ") for line in said) == 2
+    assert sum("the server has closed the connection (1001)" in line for line in said) == 2
+
+
+@asynccontextmanager
+async def attached_later() -> AsyncIterator[tuple[Simulator, int]]:
+    """A simulator that dials a port where nobody listens yet."""
+    async with gateway() as bridge:
+        port = bridge.port
+    async with Simulator(attach=f"127.0.0.1:{port}", listen=False, start="sync", attach_retry=0.5) as sim:
+        yield sim, port
+
+
+async def test_departure_is_told_to_the_bridge() -> None:
+    async with FarSide() as far_side:
+        async with attached(far_side.url):
+            assert "/SyncModeCmd" in far_side.graph.services
+        assert not [name for name in far_side.graph.services if "Sync" in name]
+        assert not [line for line in far_side.log if "Unknown operation" in line or "exception" in line.lower()]
+
+
+# A far side that is not ours
+
+
+@pytest.mark.slow
+async def test_a_bridge_that_stands_still_is_not_buried() -> None:
+    async with FarSide() as far_side, attached(far_side.url, start="run") as sim:
+        assert sim.node is not None
+        far_side.may_work.clear()
+        line = sim.attachments[0].mirror.lines[""]
+        await until(lambda: line.credit.is_spent)
+        num_waiting = far_side.most_waiting
+        frame = sim.node.world.frame
+        await until(lambda: sim.node is not None and sim.node.world.frame > frame + 10)
+        assert far_side.most_waiting <= num_waiting + 100  # what was on its way
+        far_side.may_work.set()
+        await until(lambda: not line.credit.is_spent)
+
+
+@pytest.mark.slow
+async def test_a_missing_package_is_one_line_and_the_rest_goes_on(lines: Callable[[], list[str]]) -> None:
+    async with FarSide(without=["tf2_msgs"]) as far_side, attached(far_side.url):
+        assert "/Ego_topic" in far_side.graph.topics
+        await until(lambda: any("package" in line for line in lines()))
+        (line,) = [line for line in lines() if "does not know the package" in line]
+        assert "tf2_msgs, and so not /tf, /tf_static" in line
+
+
+@pytest.mark.slow
+async def test_a_far_side_that_sends_rubbish_is_lived_with(lines: Callable[[], list[str]]) -> None:
+    rubbish: list[str | bytes] = [
+        "{",
+        "[]",
+        '{"op":"bake"}',
+        b"\x00\xff",
+        '{"op":"publish","topic":"/ctrl_cmd","msg":{"accel":"much"}}',
+    ]
+
+    async def answer(connection: ServerConnection) -> None:
+        for frame in rubbish:
+            await connection.send(frame)
+        async for text in connection:
+            op = json.loads(text)
+            if op["op"] == "call_service" and "id" in op:
+                refusal = {"op": "service_response", "service": "", "id": op["id"], "values": "no", "result": False}
+                await connection.send(json.dumps(refusal))
+
+    async with serve(answer, "127.0.0.1", 0) as server:
+        url = f"ws://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+        async with attached(url) as sim:
+            await until(lambda: sum("it sent" in line or "a message of" in line for line in lines()) >= len(rubbish))
+            assert sim.num_bugs == 0
+
+
+# What cannot be
+
+
+async def refusal_of(**options: object) -> str:
+    with pytest.raises(DocumentError) as caught:
+        await Simulator(**options).start()
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+async def test_without_a_world_there_is_nothing_to_attach() -> None:
+    assert "without one there is nothing" in await refusal_of(attach="ws://h:1", world=False)
+
+
+async def test_neither_listening_nor_attached_is_a_mistake() -> None:
+    assert "attach: expected URLs of rosbridges" in await refusal_of(listen=False)
+
+
+@pytest.mark.parametrize("url", ["", "http", "ftp://x", "ws://", "ws://h:0", "ws://h:99999", "ws://h:x", "ws://a b"])
+async def test_what_is_no_url_is_a_mistake(url: str) -> None:
+    if url == "http":
+        url = "ws://[::1"
+    assert "attach: expected URLs of rosbridges" in await refusal_of(attach=url)
+
+
+async def test_a_token_in_a_url_is_shown_nowhere(lines: Callable[[], list[str]]) -> None:
+    assert TOKEN not in await refusal_of(attach=f"ws://h:x/?token={TOKEN}")
+    async with gateway(token=TOKEN) as bridge, attached(f"{bridge.url}/?token={TOKEN}") as sim:
+        assert TOKEN not in repr(sim.settings)
+        assert sim.attachments[0].url == bridge.url
+    assert TOKEN not in "\n".join(lines())
+
+
+@pytest.mark.slow
+async def test_a_wrong_token_is_told(lines: Callable[[], list[str]]) -> None:
+    async with gateway(token=TOKEN) as bridge, Simulator(attach=f"{bridge.url}/?token=x", listen=False):
+        await until(lambda: any("wants a token (?token=... in its URL)" in line for line in lines()))
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", EVERYWHERE])
+async def test_own_server_is_not_dialled(host: str) -> None:
+    async with gateway() as bridge:
+        port = bridge.port
+    with pytest.raises(AddressError, match="is this server itself"):
+        await Simulator(port=port, attach=f"ws://{host}:{port}").start()
+
+
+@pytest.mark.parametrize(
+    ("url", "addresses", "is_own"),
+    [
+        ("ws://127.0.0.1:9090", ["127.0.0.1"], True),
+        ("ws://127.0.0.1:9091", ["127.0.0.1"], False),
+        ("ws://127.0.0.2:9090", ["127.0.0.1"], False),
+        ("ws://127.0.0.2:9090", [EVERYWHERE], True),
+        ("ws://0.0.0.0:9090", [EVERYWHERE], True),
+        ("ws://[::]:9090", ["::1"], True),
+        ("ws://192.0.2.1:9090", [EVERYWHERE], False),
+        ("ws://no.such.host.invalid:9090", [EVERYWHERE], False),
+    ],
+)
+async def test_own_addresses_are_recognised(url: str, addresses: list[str], *, is_own: bool) -> None:
+    assert await is_own_address(url, 9090, addresses) is is_own
