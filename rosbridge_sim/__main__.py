@@ -54,7 +54,9 @@ def _serve(argv: Sequence[str], *, is_attaching: bool = False) -> int:
     words = [word for word in argv if word != "--print-config"]
     settings = read_settings(words, os.environ, is_attaching=is_attaching)
     if "--print-config" in argv:
-        print(format_config(settings), end="")  # noqa: T201 - what was asked for
+        from rosbridge_sim.shell.app import list_items  # noqa: PLC0415 - as below
+
+        print(format_config(settings, list_items(settings)), end="")  # noqa: T201 - what was asked for
         return 0
     _start_log(settings.log_level)
     for line in strange_variables(os.environ):

@@ -16,6 +16,9 @@ bug of ours: it is raised, logged with its traceback and counted.
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Collection
+
 __all__ = [
     "DefinitionError",
     "DocumentError",
@@ -26,6 +29,7 @@ __all__ = [
     "RosbridgeSimError",
     "TypeNameError",
     "UnknownPackageError",
+    "hint",
 ]
 
 
@@ -80,3 +84,9 @@ class DefinitionError(DocumentError):
         super().__init__(f"{source}:{line}:{column}: {text}")
         self.line = line
         self.column = column
+
+
+def hint(name: str, known: Collection[str], cutoff: float = 0.7) -> str:
+    """For the end of an error: ` (did you mean ...?)`, or nothing where no known name comes near."""
+    close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=cutoff)
+    return f" (did you mean {close[0]}?)" if close else ""

@@ -57,6 +57,7 @@ PURE_MODULES = frozenset(
         "copy",
         "dataclasses",
         "decimal",
+        "difflib",
         "enum",
         "fnmatch",
         "fractions",

@@ -74,6 +74,23 @@ def test_the_simulator_in_process_runs(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+async def test_the_network_settings_do_what_is_said(serve: Serve, connect: Connect, tmp_path: Path) -> None:
+    file = tmp_path / "car.toml"
+    file.write_text(example("network"))
+    client = await connect(serve("--config", str(file)).url)
+    await client.send("subscribe", topic="/car/state")
+    await client.send("publish", topic="/car/drive", msg={"longlCmdType": 2, "velocity": 30.0})
+    moving = await client.message_where("/car/state", lambda status: status["velocity"]["x"] > 0.5)
+    following = await client.message("/car/state")
+    assert following["header"]["seq"] - moving["header"]["seq"] == 5, "every fifth frame is 10 Hz"
+    node = await client.values("/rosapi/node_details", {"node": "/morai_sim"})
+    for gone in ("/Ego_topic", "/CollisionData", "/ctrl_cmd", "/sim/reset"):
+        assert gone not in node["publishing"] + node["subscribing"] + node["services"]
+    answer = await client.call("/sim/reset", {"seed": 1})
+    assert (answer["result"], answer["values"]) == (False, "Service /sim/reset does not exist")
+
+
+@pytest.mark.slow
 def test_the_tools_do_what_is_said(serve: Serve, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("ROSBRIDGE_SIM_URL", serve().url)
     monkeypatch.chdir(tmp_path)  # what they write lies there

@@ -240,6 +240,20 @@ class Bus:
         """
         self._topic(name, type_name)
 
+    def type_conflict(self, name: str, type_name: str) -> str | None:
+        """Why a topic cannot be of this type; None if it can, whether it is there or not.
+
+        Raises:
+            TypeNameError: the name of the type is malformed.
+        """
+        topic = self.find_topic(name)
+        if topic is None or self.store.canonical(type_name) == topic.type.name:
+            return None
+        return (
+            f"Tried to register topic {topic.name} with type {type_name}"
+            f" but it is already established with type {topic.type.name}"
+        )
+
     def find_topic(self, name: str) -> Topic | None:
         """The topic of that name, relative or absolute, if anybody has spoken of it."""
         return self.topics.get(resolve(name))
@@ -270,8 +284,13 @@ class Bus:
         self._tell_holdings(owner)
         return service
 
-    def withdraw(self, owner: Owner, name: str) -> None:
+    def withdraw(self, owner: Owner, name: str, *, answers_calls: bool = False) -> None:
         """Stop offering a service.
+
+        Args:
+            owner: who offers it.
+            name: of the service.
+            answers_calls: the owner still answers the calls that are in flight; else they are refused now.
 
         Raises:
             GraphError: `owner` does not offer it.
@@ -279,7 +298,7 @@ class Bus:
         service = self.services.get(resolve(name))
         if service is None or service.owner is not owner:
             raise GraphError(f"Service {name} has not been advertised via rosbridge, can't unadvertise.")
-        self._drop_service(service, f"Service {service.name} was unadvertised")
+        self._drop_service(service, None if answers_calls else f"Service {service.name} was unadvertised")
 
     def call(
         self, caller: Owner, name: str, args: Body, on_answer: OnAnswer, *, now: float, timeout: float | None = None
@@ -392,11 +411,8 @@ class Bus:
             if type_name is None:
                 raise GraphError(f"Cannot infer topic type for topic {name} as it is not yet advertised")
             topic = self.topics[absolute] = Topic(absolute, self._message_type(type_name))
-        elif type_name is not None and self.store.canonical(type_name) != topic.type.name:
-            raise GraphError(
-                f"Tried to register topic {topic.name} with type {type_name}"
-                f" but it is already established with type {topic.type.name}"
-            )
+        elif type_name is not None and (why := self.type_conflict(absolute, type_name)) is not None:
+            raise GraphError(why)
         return topic
 
     def _message_type(self, name: str) -> MessageType | OpaqueType:
@@ -459,10 +475,12 @@ class Bus:
         if not topic.subscriptions and self.topics.get(topic.name) is topic:
             del self.topics[topic.name]
 
-    def _drop_service(self, service: Service, why: str) -> None:
+    def _drop_service(self, service: Service, why: str | None) -> None:
+        """Strike a service off, and refuse the calls that wait for it, unless `why` is None."""
         if self.services.get(service.name) is service:
             del self.services[service.name]
         self._held(service.owner).services.pop(service, None)
-        for call in list(service.calls):
-            call.refuse(why)
+        if why is not None:
+            for call in list(service.calls):
+                call.refuse(why)
         self._tell_holdings(service.owner)

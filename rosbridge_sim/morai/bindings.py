@@ -1,6 +1,8 @@
-"""What a part of the simulator has on the bus, so that it can be taken away again as a whole.
+"""What a part of the simulator offers and listens to on the bus, so that it can be taken away again as a whole.
 
 The world's own services and input topics stay as long as the simulator; those of a further ego come and go with it.
+Parts speak of them by their default names; what they are called in the end, and whether they are there, the network
+settings say.
 """
 
 from __future__ import annotations
@@ -8,8 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rosbridge_sim.errors import TypeNameError
 from rosbridge_sim.graph.bus import Bus, Handle, Owner, Subscription, Topic
+from rosbridge_sim.morai.items import Item, Items
+from rosbridge_sim.morai.network_settings import ItemKind
 from rosbridge_sim.schema.store import Message
 
 __all__ = ["Bindings", "Take"]
@@ -25,53 +28,103 @@ class Bindings:
         prefix: `/` for the world and the first ego.
     """
 
-    def __init__(self, owner: Owner, bus: Bus, prefix: str = "/") -> None:
+    def __init__(self, items: Items, prefix: str = "/") -> None:
         self.prefix = prefix
-        self._owner = owner
-        self._bus = bus
-        self._services: list[str] = []
-        self._subscriptions: list[Subscription] = []
+        self._items = items
+        self._own: list[Item] = []
 
-    def provide(self, name: str, type_name: str, handle: Handle) -> None:
+    def provide(self, name: str, type_name: str, handle: Handle, *, is_everywhere: bool = True) -> None:
         """Offer a service, here alone.
+
+        Args:
+            name: by default, without the prefix.
+            type_name: of `morai_msgs` if it names no package.
+            handle: what answers.
+            is_everywhere: every release has the type. Where one does not, nothing is offered.
 
         Raises:
             TypeNameError: there is no such type.
         """
-        service = self._bus.provide(self._owner, self.prefix + name, _full(type_name), handle, is_exclusive=True)
-        self._services.append(service.name)
+        self._add(_Service(name, self.prefix, type_name, handle), is_everywhere=is_everywhere)
 
-    def listen(self, name: str, type_name: str, take: Take) -> None:
+    def listen(self, name: str, type_name: str, take: Take, *, is_everywhere: bool = True) -> None:
         """Take what is published on a topic.
+
+        Args:
+            name: by default, without the prefix.
+            type_name: of `morai_msgs` if it names no package.
+            take: gets each message.
+            is_everywhere: every release has the type. Where one does not, nothing is listened to.
 
         Raises:
             GraphError: somebody has given the topic another type.
             TypeNameError: there is no such type.
         """
+        self._add(_Subscriber(name, self.prefix, type_name, take), is_everywhere=is_everywhere)
 
-        def deliver(_topic: Topic, message: Message, sender: Owner, now: float) -> None:
-            take(message.value, sender, now)
+    def service(self, name: str) -> str:
+        """What the service of that default name is called."""
+        return self._items.name_of(ItemKind.SERVICE, "/" + name, self.prefix)
 
-        subscription = self._bus.subscribe(self._owner, self.prefix + name, deliver, type_name=_full(type_name))
-        self._subscriptions.append(subscription)
-
-    def has_type(self, type_name: str, *, is_service: bool = False) -> bool:
-        """Whether the release in use has this type."""
-        find = self._bus.store.service if is_service else self._bus.store.message
-        try:
-            find(_full(type_name))
-        except TypeNameError:
-            return False
-        return True
+    def topic(self, name: str) -> str:
+        """What the input topic of that default name is called."""
+        return self._items.name_of(ItemKind.SUBSCRIBER, "/" + name, self.prefix)
 
     def release(self, now: float) -> None:
         """Take it all away; whoever waits for an answer is told."""
-        for name in self._services:
-            self._bus.withdraw(self._owner, name)
-        for subscription in self._subscriptions:
-            self._bus.unsubscribe(subscription, now)
-        self._services.clear()
-        self._subscriptions.clear()
+        self._items.remove(self._own, now)
+        self._own = []
+
+    def _add(self, item: Item, *, is_everywhere: bool) -> None:
+        self._items.add(item, is_everywhere=is_everywhere)
+        self._own.append(item)
+
+
+class _Service(Item):
+    """A service that is here alone."""
+
+    kind = ItemKind.SERVICE
+
+    def __init__(self, name: str, prefix: str, type_name: str, handle: Handle) -> None:
+        super().__init__("/" + name, prefix, _full(type_name))
+        self._handle = handle
+
+    def bind(self, owner: Owner, bus: Bus, name: str, now: float) -> None:  # noqa: ARG002 - it does not matter when
+        bus.provide(owner, name, self.type_name, self._handle, is_exclusive=True)
+
+    def release(self, owner: Owner, bus: Bus, now: float, *, is_gone: bool) -> None:  # noqa: ARG002 - as above
+        assert self.name is not None
+        bus.withdraw(owner, self.name, answers_calls=not is_gone)
+
+    def why_not(self, owner: Owner, bus: Bus, name: str) -> str | None:
+        service = bus.services.get(name)
+        if service is None or service.owner is owner:
+            return None
+        return f"service {name} is provided by {service.owner.name}"
+
+
+class _Subscriber(Item):
+    """A topic that is listened to."""
+
+    kind = ItemKind.SUBSCRIBER
+
+    def __init__(self, name: str, prefix: str, type_name: str, take: Take) -> None:
+        super().__init__("/" + name, prefix, _full(type_name))
+        self._take = take
+        self._subscription: Subscription | None = None
+
+    def bind(self, owner: Owner, bus: Bus, name: str, now: float) -> None:  # noqa: ARG002 - it does not matter when
+        def deliver(_topic: Topic, message: Message, sender: Owner, now: float) -> None:
+            self._take(message.value, sender, now)
+
+        self._subscription = bus.subscribe(owner, name, deliver, type_name=self.type_name)
+
+    def release(self, owner: Owner, bus: Bus, now: float, *, is_gone: bool) -> None:  # noqa: ARG002 - one way to leave
+        assert self._subscription is not None
+        bus.unsubscribe(self._subscription, now)
+
+    def why_not(self, owner: Owner, bus: Bus, name: str) -> str | None:  # noqa: ARG002 - anybody may publish there
+        return bus.type_conflict(name, self.type_name)
 
 
 def _full(type_name: str) -> str:

@@ -21,6 +21,7 @@ from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.commands import EgoSetting, ego_settings, ghost_pose, lamps_of, npc_ghosts
 from rosbridge_sim.morai.ego import CtrlMode, Ego
 from rosbridge_sim.morai.ghosts import Ghosts
+from rosbridge_sim.morai.network_settings import ItemKind
 from rosbridge_sim.morai.part import Part
 
 if TYPE_CHECKING:
@@ -50,39 +51,47 @@ class Inputs(Part):
         """What each ego has of its own; the first one has two names for its control."""
         names = ("ctrl_cmd", "ctrl_cmd_0") if ego is self._node.egos[0] else ("ctrl_cmd",)
         for name in names:
-            bindings.listen(name, "CtrlCmd", partial(self._ctrl_cmd, ego, bindings.prefix))
-        bindings.listen("ghost_ctrl_cmd", "GhostMessage", partial(self._ghost, ego, bindings.prefix))
+            bindings.listen(name, "CtrlCmd", partial(self._ctrl_cmd, ego, bindings, name))
+        bindings.listen("ghost_ctrl_cmd", "GhostMessage", partial(self._ghost, ego, bindings))
         bindings.listen("lamps", "Lamps", partial(self._lamps, ego))
 
     def forget(self) -> None:
         """The world has begun anew."""
         self._ghosts.forget()
 
-    def _ctrl_cmd(self, ego: Ego, prefix: str, command: Any, sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
+    def _ctrl_cmd(self, ego: Ego, bindings: Bindings, name: str, command: Any, sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
         control = self._node.convert.control(command)
-        if self._is_external(ego, prefix, f"{prefix}ctrl_cmd", f"use {prefix}SyncModeCtrlCmd", sender):
+        if self._is_external(ego):
             ego.control(control)
+        else:
+            self._decline(ego, bindings, name, bindings.service("SyncModeCtrlCmd"), sender)
 
-    def _ghost(self, ego: Ego, prefix: str, message: Any, sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
+    def _ghost(self, ego: Ego, bindings: Bindings, message: Any, sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
         pose = ghost_pose(message)
-        if self._is_external(ego, prefix, f"{prefix}ghost_ctrl_cmd", f"use {prefix}ego_setting", sender):
+        if self._is_external(ego):
             ego.haunt(pose)
+        else:
+            instead = self._node.items.name_of(ItemKind.SUBSCRIBER, "/ego_setting")
+            self._decline(ego, bindings, "ghost_ctrl_cmd", instead, sender)
 
     def _npc_ghosts(self, message: Any, _sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
         """Place vehicles; in synchronous mode too, for they are not the ego."""
         self._ghosts.place(npc_ghosts(message))
         self._node.refresh()
 
-    def _is_external(self, ego: Ego, prefix: str, topic: str, instead: str, sender: Owner) -> bool:
-        """Whether a client may move this ego now; if not, tell why."""
+    def _is_external(self, ego: Ego) -> bool:
+        """Whether a client may move this ego now."""
+        return not self._node.sync.is_on and ego.ctrl_mode is CtrlMode.EXTERNAL
+
+    def _decline(self, ego: Ego, bindings: Bindings, name: str, instead: str, sender: Owner) -> None:
+        """Tell why a client may not move this ego now, and what to use in place of it."""
+        topic = bindings.topic(name)
         if self._node.sync.is_on:
-            why = f"{topic} is ignored in synchronous mode: {instead}"
-        elif ego.ctrl_mode is not CtrlMode.EXTERNAL:
-            why = f"{topic} is ignored: ctrl_mode is {ego.ctrl_mode.name}; set 3 by {prefix}Service_MoraiEventCmd"
+            why = f"{topic} is ignored in synchronous mode: use {instead}"
         else:
-            return True
+            service = bindings.service("Service_MoraiEventCmd")
+            why = f"{topic} is ignored: ctrl_mode is {ego.ctrl_mode.name}; set 3 by {service}"
         self._node.tell_once(sender, why)
-        return False
 
     def _lamps(self, ego: Ego, message: Any, _sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
         ego.turn_signal, ego.emergency_signal = lamps_of(message)

@@ -15,8 +15,8 @@ same bytes on every run.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Final, Literal
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError
@@ -26,13 +26,14 @@ from rosbridge_sim.morai.commands import EgoSetting
 from rosbridge_sim.morai.convert import MANUAL, Converter, Profile, maker
 from rosbridge_sim.morai.ego import CtrlMode, Ego
 from rosbridge_sim.morai.frames import TF, Mount, Transforms
+from rosbridge_sim.morai.items import Items
+from rosbridge_sim.morai.network_settings import DEFAULTS, NetworkSettings
 from rosbridge_sim.morai.outputs import Outputs
 from rosbridge_sim.morai.pace import Pace
 from rosbridge_sim.morai.part import Part
 from rosbridge_sim.morai.scenario import Scenario
 from rosbridge_sim.morai.stage import FIRST_EGO, MAX_ENTITIES, Library, Load, Stage
 from rosbridge_sim.morai.sync import Effect, Outcome, Sync
-from rosbridge_sim.schema.store import Message
 from rosbridge_sim.world.state import STEP_NS, Gear, World
 from rosbridge_sim.world.step import step
 
@@ -63,7 +64,7 @@ class NodeSettings:
         profile: units and orders where documents and clients disagree.
         start: run in real time, or stand at frame 0 until the first master comes.
         start_mode: external control in D, or keyboard control in P as MORAI starts.
-        rate: topic -> publications a second [Hz]; those not named have 50, or what is usual for them.
+        network: names, switches and rates of all that the simulator has on the bus.
         sync_frames: whether a tick must name the frame that it will end on.
         sync_lease: silence after which a master is lost [s]; None counts departures only.
         sync_on_loss: what becomes of the world when the master is lost.
@@ -73,7 +74,7 @@ class NodeSettings:
     profile: Profile = MANUAL
     start: Literal["run", "sync"] = "run"
     start_mode: Literal["external", "keyboard"] = "external"
-    rate: Mapping[str, float] = field(default_factory=dict)
+    network: NetworkSettings = DEFAULTS
     sync_frames: Literal["lenient", "strict"] = "lenient"
     sync_lease: float | None = None
     sync_on_loss: Literal["run", "pause", "wait"] = "run"
@@ -86,6 +87,7 @@ class Node:
     Attributes:
         name: as rosapi shows it.
         bus, world, convert, stage, sync: its parts.
+        items: all that it has on the bus.
         egos: in order; the first one has the bare names, ego 2 those under `/Ego-2/`.
         camera_index: the ego that a client wants to be looked at, whether there is one or not.
         is_moving: frames are being computed right now.
@@ -116,7 +118,7 @@ class Node:
             make_parts: makes its parts, once all else of it is there; their topics go out in this order.
 
         Raises:
-            DocumentError: the scenario does not fit its map, or a rate is none.
+            DocumentError: the scenario does not fit its map, or the network settings do not fit.
         """
         is_external = settings.start_mode == "external"
         self.bus = bus
@@ -139,23 +141,24 @@ class Node:
         self.afterwards: list[Command] = []
         self._pace = Pace()
         self._told: dict[Owner, set[str]] = {}
-        self._outputs = Outputs(self, bus, settings.rate)
+        self.items = Items(self, bus, settings.network)
+        self._outputs = Outputs(self, bus, self.items)
         self._outputs.add("/clock", "rosgraph_msgs/Clock", lambda: self.convert.clock(world.frame))
         self._transforms = Transforms(bus.store, world, self.convert)
         self._outputs.add("/tf", TF, lambda: self._transforms.moving(self.egos), is_exclusive=False)
-        self._info_topic = bus.advertise(self, "/SyncModeInfo", "morai_msgs/SyncModeInfo", depth=1, is_exclusive=True)
-        self._static_topic = bus.advertise(self, "/tf_static", TF, depth=1)
+        self._info = self._outputs.keep("/SyncModeInfo", "morai_msgs/SyncModeInfo")
+        self._static = self._outputs.keep("/tf_static", TF, is_exclusive=False)
         self._mounts: tuple[Mount, ...] | None = None
         self._make_info = maker(bus.store, "morai_msgs/SyncModeInfo", "master_id", "status", "frame", "can_send_tick")
         self._parts = make_parts(self)
         self._bindings: dict[int, Bindings] = {}  # of the further egos, by their number
-        bindings = Bindings(self, bus)
+        bindings = Bindings(self.items)
         for part in self._parts:
             part.show_ego(self.egos[0], bindings.prefix, self._outputs)
             part.show(self._outputs)
             part.bind(bindings)
             part.bind_ego(self.egos[0], bindings)
-        self._outputs.check_rates()
+        self.items.open()
         bus.watchers.append(self._see_off)
         bus.stamp_ns = world.frame * STEP_NS
         self._announce(0.0)
@@ -250,7 +253,7 @@ class Node:
         """Publish /SyncModeInfo; latched, so it is kept up to date whoever listens."""
         sync = self.sync
         info = self._make_info(sync.master_id, sync.is_on, self.world.frame, sync.can_send_tick and may_tick)
-        self._outputs.publish(self._info_topic, Message(self._info_topic.type, info), now)
+        self._outputs.update(self._info, info, now)
 
     def _see_off(self, owner: Owner, now: float) -> None:
         """A peer has left the bus."""
@@ -309,7 +312,7 @@ class Node:
 
     def _bind_ego(self, ego: Ego) -> None:
         """Give a further ego its names."""
-        bindings = self._bindings[ego.index] = Bindings(self, self.bus, f"/Ego-{ego.index}/")
+        bindings = self._bindings[ego.index] = Bindings(self.items, f"/Ego-{ego.index}/")
         for part in self._parts:
             part.show_ego(ego, bindings.prefix, self._outputs)
             part.bind_ego(ego, bindings)
@@ -329,8 +332,7 @@ class Node:
         mounts = self._transforms.mounts(self.egos)
         if mounts != self._mounts:
             self._mounts = mounts
-            static = self._transforms.static(mounts)
-            self._outputs.publish(self._static_topic, Message(self._static_topic.type, static), now)
+            self._outputs.update(self._static, self._transforms.static(mounts), now)
 
     def refresh(self) -> None:
         """The world has changed: what was made from it is made again."""

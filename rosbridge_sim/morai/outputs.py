@@ -8,75 +8,141 @@ listen: at R Hz frame i brings floor(i R / 50) - floor((i - 1) R / 50) publicati
 Above, the first goes with the frame and the others are the same message again, with its own stamp, spread evenly over
 the 20 ms that the frame lasts. In synchronous mode the state of every frame goes out once, at any rate: that is what a
 tick is for. What is *sampled*, as a sensor is, keeps its rate there too, and comes once a frame at most.
+
+Parts speak of topics by their default names; what they are called, whether they are there and at which rate they go
+out, the network settings say.
 """
 
 from __future__ import annotations
 
 import heapq
 import logging
-import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from fractions import Fraction
 from itertools import count
 from typing import Any, Final
 
-from rosbridge_sim.errors import DocumentError, PeerError
-from rosbridge_sim.graph.bus import Bus, Owner, Topic, resolve
+from rosbridge_sim.errors import PeerError
+from rosbridge_sim.graph.bus import Bus, Owner, Topic
+from rosbridge_sim.morai.items import Item, Items
+from rosbridge_sim.morai.network_settings import USUAL_RATE, ItemKind, split_prefix
 from rosbridge_sim.schema.store import Message
 from rosbridge_sim.world.state import DT
 
-__all__ = ["MAX_RATE", "Feed", "Outputs"]
-
-MAX_RATE: Final = 120.0
-"""What MORAI allows for a publisher [Hz]."""
+__all__ = ["Feed", "Kept", "Outputs"]
 
 _FRAME_RATE: Final = 50
-
-_FURTHER_EGO = re.compile(r"/Ego-\d+(?=/)")
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
-@dataclass(slots=True, eq=False)
-class Feed:
-    """One topic that goes out with the frames.
+class _Publisher(Item):
+    """A topic of the simulator's.
 
     Attributes:
-        topic: on the bus.
-        make: the struct of the world as it stands, or None while there is nothing to say; called at most once a
-            frame.
-        per_frame: how many publications a frame brings, on average.
-        is_sampled: it keeps its rate in synchronous mode too.
+        topic: on the bus; None while it is not there.
     """
 
-    topic: Topic
-    make: Callable[[], Any]
-    per_frame: Fraction = Fraction(1)
-    is_sampled: bool = False
+    kind = ItemKind.PUBLISHER
+
+    def __init__(self, name: str, type_name: str, *, is_exclusive: bool, rate: float | None) -> None:
+        prefix, default = split_prefix(name)
+        super().__init__(default, prefix, type_name, rate)
+        self.topic: Topic | None = None
+        self._is_exclusive = is_exclusive
+
+    def bind(self, owner: Owner, bus: Bus, name: str, now: float) -> None:  # noqa: ARG002 - it does not matter when
+        self.topic = self._advertise(owner, bus, name)
+
+    def _advertise(self, owner: Owner, bus: Bus, name: str) -> Topic:
+        return bus.advertise(owner, name, self.type_name, is_exclusive=self._is_exclusive, is_on_demand=True)
+
+    def release(self, owner: Owner, bus: Bus, now: float, *, is_gone: bool) -> None:  # noqa: ARG002 - one way to leave
+        assert self.topic is not None
+        bus.unadvertise(owner, self.topic.name, now)
+        self.topic = None
+
+    def why_not(self, owner: Owner, bus: Bus, name: str) -> str | None:
+        topic = bus.find_topic(name)
+        if topic is None:
+            return None
+        others = [other for other in topic.publishers if other is not owner]
+        if others and (self._is_exclusive or topic.owner in others):
+            return f"topic {name} is published by {others[0].name}"
+        return bus.type_conflict(name, self.type_name)
+
+
+class Feed(_Publisher):
+    """One topic that goes out with the frames."""
+
+    def __init__(
+        self,
+        name: str,
+        type_name: str,
+        make: Callable[[], Any],
+        *,
+        is_exclusive: bool = True,
+        rate: float = USUAL_RATE,
+        is_sampled: bool = False,
+    ) -> None:
+        """A topic; the arguments are those of `Outputs.add`."""
+        super().__init__(name, type_name, is_exclusive=is_exclusive, rate=rate)
+        self.make = make
+        self.is_sampled = is_sampled
+        self._up, self._down = 1, 1
+
+    def tune(self, rate: float) -> None:
+        """Go out so often [Hz]."""
+        per_frame = Fraction(rate).limit_denominator(10_000) / _FRAME_RATE
+        self._up, self._down = per_frame.numerator, per_frame.denominator
 
     def num_due(self, frame: int) -> int:
         """How many publications this frame brings at its rate."""
-        up, down = self.per_frame.numerator, self.per_frame.denominator
-        return frame * up // down - (frame - 1) * up // down
+        return frame * self._up // self._down - (frame - 1) * self._up // self._down
+
+
+class Kept(_Publisher):
+    """One topic that goes out whenever there is news, and whose last message waits for those who come late."""
+
+    def __init__(self, name: str, type_name: str, *, is_exclusive: bool = True) -> None:
+        """A topic; the arguments are those of `Outputs.keep`."""
+        super().__init__(name, type_name, is_exclusive=is_exclusive, rate=None)
+        self._value: Any = None  # a generated struct, once there is one
+
+    def bind(self, owner: Owner, bus: Bus, name: str, now: float) -> None:
+        """Be on the bus under this name, and say there what was said last."""
+        super().bind(owner, bus, name, now)
+        self._publish(owner, bus, now)
+
+    def _advertise(self, owner: Owner, bus: Bus, name: str) -> Topic:
+        return bus.advertise(owner, name, self.type_name, depth=1, is_exclusive=self._is_exclusive)
+
+    def update(self, owner: Owner, bus: Bus, value: Any, now: float) -> None:  # noqa: ANN401 - a generated struct
+        """This is what it says from now on."""
+        self._value = value
+        self._publish(owner, bus, now)
+
+    def _publish(self, owner: Owner, bus: Bus, now: float) -> None:
+        if self.topic is not None and self._value is not None:
+            bus.announce(owner, self.topic, Message(self.topic.type, self._value), now)
 
 
 class Outputs:
     """The topics that `owner` publishes, most of them alone."""
 
-    def __init__(self, owner: Owner, bus: Bus, rates: Mapping[str, float]) -> None:
+    def __init__(self, owner: Owner, bus: Bus, items: Items) -> None:
         """No topics yet.
 
         Args:
             owner: the simulator's node.
             bus: where they are published.
-            rates: topic -> publications a second of simulated time [Hz]; the others have those of `add`.
+            items: all that the owner has on the bus.
         """
         self._owner = owner
         self._bus = bus
-        self._rates = {resolve(name): rate for name, rate in rates.items()}
+        self._items = items
         self._feeds: list[Feed] = []
-        self._repeats: list[tuple[float, int, Topic, Message]] = []
+        self._repeats: list[tuple[float, int, Feed, Message]] = []
         self._ticket = count()
 
     def add(
@@ -86,51 +152,55 @@ class Outputs:
         make: Callable[[], Any],
         *,
         is_exclusive: bool = True,
-        rate: float = _FRAME_RATE,
+        rate: float = USUAL_RATE,
         is_sampled: bool = False,
+        is_everywhere: bool = True,
     ) -> None:
-        """Publish a topic with every frame, or at its rate; a further ego's at that of the first where it has none.
+        """Publish a topic with every frame, or at its rate; a further ego's at that of the first.
 
         Args:
-            name: of the topic.
+            name: of the topic, by default.
             type_name: its type.
-            make: the struct of the world as it stands, or None while there is nothing to say.
+            make: the struct of the world as it stands, or None while there is nothing to say; called at most once a
+                frame.
             is_exclusive: nobody else may publish there.
-            rate: publications a second, unless somebody has chosen another one [Hz].
+            rate: publications a second of simulated time, unless somebody has chosen another one [Hz].
             is_sampled: in synchronous mode, too, it goes out at its rate in simulated time and not with every frame.
+            is_everywhere: every release has the type. Where one does not, nothing is published.
 
         Raises:
-            DocumentError: its rate is none.
             GraphError: somebody has given the topic another type.
         """
-        rate = self._rates.get(name, self._rates.get(_of_first_ego(name), rate))
-        _check_rate(name, rate)
-        topic = self._bus.advertise(self._owner, name, type_name, is_exclusive=is_exclusive, is_on_demand=True)
-        per_frame = Fraction(rate).limit_denominator(10_000) / _FRAME_RATE
-        self._feeds.append(Feed(topic, make, per_frame, is_sampled))
+        feed = Feed(name, type_name, make, is_exclusive=is_exclusive, rate=rate, is_sampled=is_sampled)
+        self._items.add(feed, is_everywhere=is_everywhere)
+        self._feeds.append(feed)
 
-    def remove(self, prefix: str, now: float) -> None:
-        """Publish the topics under a prefix no longer."""
-        gone = {feed.topic: None for feed in self._feeds if feed.topic.name.startswith(prefix)}
-        self._feeds = [feed for feed in self._feeds if feed.topic not in gone]
-        self._repeats = [repeat for repeat in self._repeats if repeat[2] not in gone]
-        heapq.heapify(self._repeats)
-        for topic in gone:
-            self._bus.unadvertise(self._owner, topic.name, now)
+    def keep(self, name: str, type_name: str, *, is_exclusive: bool = True) -> Kept:
+        """Have a topic that goes out whenever there is news, and is kept for those who come late; see `update`.
 
-    def check_rates(self) -> None:
-        """Refuse rates of topics that are not there, once all are; further egos' may come.
+        Args:
+            name: of the topic, by default.
+            type_name: its type.
+            is_exclusive: nobody else may publish there.
 
         Raises:
-            DocumentError: names the first one.
+            GraphError: somebody has given the topic another type.
         """
-        known = [feed.topic.name for feed in self._feeds]
-        for name, rate in self._rates.items():
-            _check_rate(name, rate)
-            if _of_first_ego(name) not in known:
-                raise DocumentError(
-                    f"rate of {name}: the simulator publishes {', '.join(known)} at a rate of one's own"
-                )
+        kept = Kept(name, type_name, is_exclusive=is_exclusive)
+        self._items.add(kept)
+        return kept
+
+    def update(self, kept: Kept, value: Any, now: float) -> None:  # noqa: ANN401 - a generated struct
+        """There is news for a topic that `keep` has made."""
+        kept.update(self._owner, self._bus, value, now)
+
+    def remove(self, prefix: str, now: float) -> None:
+        """Publish the topics under a further ego's prefix no longer."""
+        gone = [feed for feed in self._feeds if feed.prefix == prefix]
+        self._feeds = [feed for feed in self._feeds if feed.prefix != prefix]
+        self._repeats = [repeat for repeat in self._repeats if repeat[2].prefix != prefix]
+        heapq.heapify(self._repeats)
+        self._items.remove(gone, now)
 
     def show_every(self, frame: int, now: float) -> None:
         """Publish the world as it stands on every topic that somebody listens to; what is sampled when its turn comes.
@@ -141,7 +211,7 @@ class Outputs:
         """
         for feed in self._feeds:
             topic = feed.topic
-            if not topic.has_listener or (feed.is_sampled and not feed.num_due(frame)):
+            if topic is None or not topic.has_listener or (feed.is_sampled and not feed.num_due(frame)):
                 continue
             value = feed.make()
             if value is not None:
@@ -158,7 +228,7 @@ class Outputs:
         for feed in self._feeds:
             num = feed.num_due(frame)
             topic = feed.topic
-            if not num or not topic.has_listener:
+            if not num or topic is None or not topic.has_listener:
                 continue
             value = feed.make()
             if value is None:
@@ -166,7 +236,7 @@ class Outputs:
             message = Message(topic.type, value)
             self.publish(topic, message, now)
             for i in range(1, num):
-                heapq.heappush(self._repeats, (shown_at + i * DT / num, next(self._ticket), topic, message))
+                heapq.heappush(self._repeats, (shown_at + i * DT / num, next(self._ticket), feed, message))
 
     @property
     def repeat_due(self) -> float | None:
@@ -176,8 +246,9 @@ class Outputs:
     def repeat(self, now: float) -> None:
         """Publish again what is due by now."""
         while self._repeats and self._repeats[0][0] <= now:
-            _, _, topic, message = heapq.heappop(self._repeats)
-            if topic.has_listener:
+            _, _, feed, message = heapq.heappop(self._repeats)
+            topic = feed.topic
+            if topic is not None and topic.has_listener:
                 self.publish(topic, message, now)
 
     def forget_repeats(self) -> None:
@@ -190,13 +261,3 @@ class Outputs:
             self._bus.publish(self._owner, topic, message, now)
         except PeerError as error:
             _log.warning("a listener of %s refused a message: %s", topic.name, error)
-
-
-def _of_first_ego(name: str) -> str:
-    """The first ego's topic that is what this one is of another ego; any other name as it is."""
-    return _FURTHER_EGO.sub("", name, count=1)
-
-
-def _check_rate(name: str, rate: float) -> None:
-    if not 0.0 < rate <= MAX_RATE:
-        raise DocumentError(f"rate of {name}: expected more than 0 and at most {MAX_RATE:g} Hz; got {rate!r}")

@@ -66,17 +66,19 @@ class Services(Part):
         """What the world has once."""
         bindings.provide("SyncModeScenarioLoad", "MoraiSyncModeSLSrv", self._load_at_frame)
         bindings.provide("Service_MoraiSL", "MoraiScenarioLoadSrv", self._load_now)
-        bindings.listen("ScenarioLoad", "ScenarioLoad", self._hear_load)
+        bindings.listen("ScenarioLoad", "ScenarioLoad", partial(self._hear_load, bindings))
         bindings.provide("Service_MoraiVehicleSpec", "MoraiVehicleSpecSrv", self._vehicle_spec)
         bindings.provide("Service_MoraiMapSpec", "MoraiMapSpecSrv", self._map_spec)
         bindings.provide("sim/reset", "rosbridge_sim_msgs/Reset", self._reset)
         # Of these a release has either the topics or the services.
-        if bindings.has_type("SyncModeAddObj"):
-            bindings.listen("SyncModeAddObj", "SyncModeAddObj", self._hear_add)
-            bindings.listen("SyncModeRemoveObj", "SyncModeRemoveObj", self._hear_remove)
-        if bindings.has_type("MoraiSyncModeAddObjectSrv", is_service=True):
-            bindings.provide("SyncModeAddObject", "MoraiSyncModeAddObjectSrv", self._add_object)
-            bindings.provide("SyncModeRemoveObject", "MoraiSyncModeRemoveObjectSrv", self._remove_object)
+        bindings.listen("SyncModeAddObj", "SyncModeAddObj", partial(self._hear_add, bindings), is_everywhere=False)
+        bindings.listen(
+            "SyncModeRemoveObj", "SyncModeRemoveObj", partial(self._hear_remove, bindings), is_everywhere=False
+        )
+        bindings.provide("SyncModeAddObject", "MoraiSyncModeAddObjectSrv", self._add_object, is_everywhere=False)
+        bindings.provide(
+            "SyncModeRemoveObject", "MoraiSyncModeRemoveObjectSrv", self._remove_object, is_everywhere=False
+        )
 
     def bind_ego(self, ego: Ego, bindings: Bindings) -> None:
         """What each ego has of its own. Synchronous mode is one for all: a tick of either moves the world."""
@@ -161,7 +163,7 @@ class Services(Part):
                 try:
                     self._node.carry_out(load, is_pausing=request.set_pause, now=then)
                 except DocumentError as error:
-                    _complain(caller, f"/SyncModeScenarioLoad: {error}")
+                    _complain(caller, f"{call.service.name}: {error}")
 
             return carry_out
 
@@ -193,16 +195,16 @@ class Services(Part):
         request: Any = _request(call)
         self._queue(call, lambda: self._read_remove(request, call.caller, call.service.name), request.frame, now)
 
-    def _hear_add(self, request: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
-        topic = "/SyncModeAddObj"
+    def _hear_add(self, bindings: Bindings, request: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+        topic = bindings.topic("SyncModeAddObj")
         try:
             command = self._read_add(request, sender, topic)
         except FieldError as error:
             raise FieldError(f"{topic}: {error}") from None
         self._queue_silently(topic, command, request.frame, sender, now)
 
-    def _hear_remove(self, request: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
-        topic = "/SyncModeRemoveObj"
+    def _hear_remove(self, bindings: Bindings, request: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+        topic = bindings.topic("SyncModeRemoveObj")
         self._queue_silently(topic, self._read_remove(request, sender, topic), request.frame, sender, now)
 
     def _read_add(self, request: Any, sender: Owner, where: str) -> Command:  # noqa: ANN401 - a generated struct
@@ -255,12 +257,12 @@ class Services(Part):
             _complain(call.caller, f"{call.service.name}: {error}")
         _respond(call, self._make_load_result(is_loaded))
 
-    def _hear_load(self, request: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+    def _hear_load(self, bindings: Bindings, request: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
         """The same over a topic; as there, synchronous mode does not stand in the way."""
         try:
             self._load(request, sender, now)
         except DocumentError as error:
-            raise GraphError(f"/ScenarioLoad: {error}") from None
+            raise GraphError(f"{bindings.topic('ScenarioLoad')}: {error}") from None
 
     def _load(self, request: Any, caller: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
         """Load a scenario at once.

@@ -38,7 +38,7 @@ def make_node(
         archive: where sensors' data is saved; None where there is no place for it.
 
     Raises:
-        DocumentError: the scenario does not fit its map, or a rate is none.
+        DocumentError: the scenario does not fit its map, or the network settings do not fit.
     """
 
     def make_parts(node: Node) -> list[Part]:

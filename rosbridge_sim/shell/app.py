@@ -17,6 +17,7 @@ import logging
 import os
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Protocol, Self
@@ -27,13 +28,15 @@ from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.republisher import Republisher
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.morai.convert import LENIENCY, choose_profile
+from rosbridge_sim.morai.items import ListedItem
+from rosbridge_sim.morai.network_settings import NetworkSettings
 from rosbridge_sim.morai.node import Node, NodeSettings
 from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.protocol.flow import OutboxLimits
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.access import Access, load_certificate
 from rosbridge_sim.shell.archive import DiskArchive
-from rosbridge_sim.shell.reports import Reports
+from rosbridge_sim.shell.reports import TOPICS, Reports
 from rosbridge_sim.shell.server import Server, ServerLimits
 from rosbridge_sim.shell.settings import URLS, Settings
 from rosbridge_sim.shell.sources import check_options
@@ -45,7 +48,7 @@ if TYPE_CHECKING:
     from rosbridge_sim.shell.attach import Attachment
     from rosbridge_sim.shell.recording import Recorder
 
-__all__ = ["AddressError", "Clock", "Clockwork", "Simulator", "WorldFailedError"]
+__all__ = ["AddressError", "Clock", "Clockwork", "Simulator", "WorldFailedError", "list_items"]
 
 _log = logging.getLogger("rosbridge_sim.app")
 
@@ -147,8 +150,8 @@ class Simulator:
         )
         limits = _limits(settings)
         Rosapi(bus, limits.policy)
-        node = _make_node(bus, settings) if settings.world else None
         republisher = Republisher(bus)
+        node = _make_node(bus, settings) if settings.world else None
         clocks: list[Clock] = [republisher] if node is None else [node, republisher]
         clockwork = Clockwork(asyncio.get_running_loop(), bus, clocks, self._give_up)
         server = Server(bus, limits, clockwork.look)
@@ -216,6 +219,19 @@ class Simulator:
         self._stopping = asyncio.get_running_loop().create_task(self.stop())
 
 
+def list_items(settings: Settings) -> list[ListedItem]:
+    """What a simulator with these settings has on the bus; one is put together for that, in the built-in scene.
+
+    Raises:
+        DocumentError: a file that cannot be used, or network settings that do not fit.
+    """
+    bus = Bus(Store(read_definitions(settings.release, settings.schema_path), leniency=LENIENCY, ros=settings.ros))
+    Rosapi(bus)
+    Republisher(bus)
+    built_in = replace(settings, scenario=Settings().scenario, scenario_path=(), map=None)
+    return list(_make_node(bus, built_in).items.listing())
+
+
 def _make_node(bus: Bus, settings: Settings) -> Node:
     library = DiskLibrary(settings.scenario_path, settings.map)
     profile = choose_profile(
@@ -230,7 +246,7 @@ def _make_node(bus: Bus, settings: Settings) -> Node:
         profile=profile,
         start=settings.start,
         start_mode=settings.start_mode,
-        rate=settings.rate,
+        network=_network(settings),
         sync_frames=settings.sync_frames,
         sync_lease=settings.sync_lease,
         sync_on_loss=settings.sync_on_loss,
@@ -238,6 +254,18 @@ def _make_node(bus: Bus, settings: Settings) -> Node:
     )
     scenario = library.opening_scenario(settings.scenario)
     return make_node(bus, World(settings.seed), library, scenario, choices, archive=DiskArchive(settings.data_dir))
+
+
+def _network(settings: Settings) -> NetworkSettings:
+    """What is chosen about the simulator's topics and services.
+
+    Raises:
+        DocumentError: a name is one of the server's own topics, which are not there yet when the node is made.
+    """
+    for choice in [*settings.publishers.values(), *settings.subscribers.values()]:
+        if choice.name in TOPICS:
+            raise DocumentError(f"{choice.where}: expected another name than {choice.name}, which the server has")
+    return NetworkSettings(settings.publishers, settings.subscribers, settings.services)
 
 
 def _start_recording(settings: Settings, bus: Bus, node: Node | None, texts: Texts) -> Recorder | None:

@@ -20,7 +20,10 @@ from rosbridge_sim.graph.peer import NODE_NAME
 from rosbridge_sim.schema.store import Message
 from rosbridge_sim.shell.server import Client, Server
 
-__all__ = ["Reports"]
+__all__ = ["TOPICS", "Reports"]
+
+TOPICS = ("/client_count", "/connected_clients", "/sim/clients", "/rosout")
+"""The names of all of these."""
 
 PERIOD = 1.0
 """Between two messages on /sim/clients [s]."""
@@ -45,12 +48,11 @@ class Reports:
         self._bus = bus
         self._server = server
         self._loop = loop
-        self._count = self._advertise("/client_count", "std_msgs/Int32", depth=1, is_exclusive=True)
-        self._connected = self._advertise(
-            "/connected_clients", "rosbridge_msgs/ConnectedClients", depth=1, is_exclusive=True
-        )
-        self._clients = self._advertise("/sim/clients", "rosbridge_sim_msgs/Clients", is_exclusive=True)
-        self._log = _LogTopic(self, self._advertise("/rosout", _LOG_TYPES[bus.store.ros]), bus.store.ros, loop)
+        count, connected, clients, log = TOPICS
+        self._count = self._advertise(count, "std_msgs/Int32", depth=1, is_exclusive=True)
+        self._connected = self._advertise(connected, "rosbridge_msgs/ConnectedClients", depth=1, is_exclusive=True)
+        self._clients = self._advertise(clients, "rosbridge_sim_msgs/Clients", is_exclusive=True)
+        self._log = _LogTopic(self, self._advertise(log, _LOG_TYPES[bus.store.ros]), bus.store.ros, loop)
         logging.getLogger("rosbridge_sim").addHandler(self._log)
         server.on_clients = self.tell_clients
         self._timer = loop.call_later(PERIOD, self._tick)

@@ -16,7 +16,12 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
-from typing import Any, Literal, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
+
+from rosbridge_sim.errors import DocumentError
+
+if TYPE_CHECKING:
+    from rosbridge_sim.morai.network_settings import Choice
 
 from rosbridge_sim.shell.urls import DEFAULT_PORT, check_url
 
@@ -27,16 +32,22 @@ __all__ = [
     "FOLDERS",
     "RATES",
     "SECRET",
+    "SHORT_FORMS",
     "SWITCH",
     "URLS",
     "Flag",
     "Kind",
+    "SettingError",
     "Settings",
     "flag_of",
     "show_size",
 ]
 
 T = TypeVar("T")
+
+
+class SettingError(DocumentError):
+    """A flag, a variable, a key or an option that cannot be used."""
 
 
 # How a value is checked
@@ -51,12 +62,14 @@ class Kind:
         read: text, or a value of a TOML file or of Python -> the value; raises ValueError or TypeError.
         sign: how the value is called in `--help`.
         separator: of the parts of a value in the environment; the flag may then be repeated. Empty where there is one.
+        is_table: it is a table of the file, and too much for a flag or a variable.
     """
 
     expects: str
     read: Callable[[object], object]
     sign: str
     separator: str = ""
+    is_table: bool = False
 
 
 def _text(expects: str, sign: str) -> Kind:
@@ -257,6 +270,18 @@ _MAX_RATE = 120
 RATES = Kind(f"TOPIC=HZ with at most {_MAX_RATE} Hz, such as /Ego_topic=10", _read_rates, "TOPIC=HZ", ",")
 
 
+def _choices(name: str) -> Kind:
+    """What is chosen about the simulator's publishers, subscribers or services."""
+
+    def read(value: object) -> object:
+        # Only who has such a table waits for what it takes to read one.
+        from rosbridge_sim.morai.network_settings import ItemKind, read_choices  # noqa: PLC0415
+
+        return read_choices(ItemKind(name), value)
+
+    return Kind(f"a table of {name}", read, "", is_table=True)
+
+
 # The settings
 
 
@@ -281,6 +306,7 @@ _LISTEN = "where it listens"
 _ATTACH = "behind somebody else's bridge"
 _ACCESS = "who may connect, and what clients may do"
 _WORLD = "the world"
+_NETWORK = "the simulator's topics and services"
 _FACE = "what MORAI calls things"
 _SYNC = "synchronous mode"
 _TYPES = "message types"
@@ -391,8 +417,18 @@ class Settings:
         "run", _WORLD, _choice("run", "sync"), "run in real time, or stand at frame 0 until a first master comes"
     )
     seed: int = _flag(0, _WORLD, _whole(0, 2**32 - 1), "of all chance in the world")
-    rate: Mapping[str, float] = _flag(
-        cast("Mapping[str, float]", {}), _WORLD, RATES, "publish a topic of the simulator's so often; may be repeated"
+
+    publishers: Mapping[str, Choice] = _flag(
+        cast("Mapping[str, Choice]", {}),
+        _NETWORK,
+        _choices("publishers"),
+        "what the simulator publishes: each topic's name, its rate [Hz, at most 120], and whether it is there",
+    )
+    subscribers: Mapping[str, Choice] = _flag(
+        cast("Mapping[str, Choice]", {}), _NETWORK, _choices("subscribers"), "the topics that it listens to"
+    )
+    services: Mapping[str, Choice] = _flag(
+        cast("Mapping[str, Choice]", {}), _NETWORK, _choices("services"), "the services that it offers"
     )
 
     release: Literal["22.R2", "26.R1"] = _flag(
@@ -487,7 +523,15 @@ FIELDS: dict[str, Field[Any]] = {one.name.replace("_", "-"): one for one in fiel
 """Key, which is the flag without its dashes, -> field."""
 
 
+SHORT_FORMS: dict[str, Flag] = {
+    "rate": Flag(_NETWORK, RATES, "publish a topic of the simulator's so often, whatever the file says; repeatable"),
+}
+"""Flags and variables that say a part of a setting that is a table: `rate` one of `publishers`."""
+
+
 def flag_of(key: str) -> Flag:
-    """How the setting of that key shows itself."""
+    """How the setting or short form of that key shows itself."""
+    if key in SHORT_FORMS:
+        return SHORT_FORMS[key]
     flag: Flag = FIELDS[key].metadata["flag"]
     return flag

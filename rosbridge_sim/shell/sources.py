@@ -1,36 +1,41 @@
 """Where settings come from: flags, the environment, a TOML file; and how they go back into one.
 
-A flag beats the environment, the environment beats the file, the file beats the default. A list or a table is
-taken whole from the first place that has one. Every mistake is a `SettingError` of one line that says where,
-what was expected and what came.
+A flag beats the environment, the environment beats the file, the file beats the default. A list is taken whole from
+the first place that has one; a rate that a flag gives is laid over what the file says of that publisher. Every mistake
+is a `SettingError` of one line that says where, what was expected and what came.
 """
 
 from __future__ import annotations
 
 import argparse
-import difflib
+import logging
 import os
 import re
 import shutil
-import tomllib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.errors import DocumentError, hint
 from rosbridge_sim.shell.settings import (
     FIELDS,
     FILE,
     FOLDER,
     FOLDERS,
-    RATES,
     SECRET,
+    SHORT_FORMS,
     SWITCH,
     URLS,
+    SettingError,
     Settings,
     flag_of,
     show_size,
 )
+from rosbridge_sim.shell.toml_text import lines_of, place_of, read_toml
+
+if TYPE_CHECKING:
+    from rosbridge_sim.morai.items import ListedItem
+    from rosbridge_sim.morai.network_settings import Choice, NetworkSettings
 
 __all__ = [
     "PREFIX",
@@ -41,19 +46,15 @@ __all__ = [
     "hint",
     "layout",
     "looks_like_path",
+    "read_network",
     "read_settings",
     "strange_variables",
 ]
 
+_log = logging.getLogger("rosbridge_sim.storage")
+
 PREFIX = "ROSBRIDGE_SIM_"
 """What every environment variable of ours begins with."""
-
-MAX_CONFIG_SIZE = 2**20
-"""A longer file holds no settings [bytes]."""
-
-
-class SettingError(DocumentError):
-    """A flag, a variable, a key or an option that cannot be used."""
 
 
 def read_settings(argv: Sequence[str], environ: Mapping[str, str], *, is_attaching: bool = False) -> Settings:
@@ -80,9 +81,11 @@ def check_options(options: Mapping[str, object]) -> Settings:
     values = {}
     for name, value in options.items():
         key = name.replace("_", "-")
-        if key not in FIELDS:
-            raise SettingError(f"no such option: {name}{hint(name, [one.name for one in FIELDS.values()])}")
-        values[key] = None if value is None and FIELDS[key].default is None else _read(key, value, name)
+        if key not in FIELDS and key not in SHORT_FORMS:
+            known = [*(one.name for one in FIELDS.values()), *SHORT_FORMS]
+            raise SettingError(f"no such option: {name}{hint(name, known)}")
+        is_none = value is None and key in FIELDS and FIELDS[key].default is None
+        values[key] = None if is_none else _read(key, value, name)
     return _merge(values)
 
 
@@ -91,7 +94,7 @@ def strange_variables(environ: Mapping[str, str]) -> list[str]:
 
     That is no mistake: Kubernetes gives its pods variables of this form for each service of their namespace.
     """
-    known = [_variable(key) for key in _keys()]
+    known = [_variable(key) for key in _flags()]
     return [
         f"the environment variable {name} means nothing here{near}"
         for name in sorted(environ)
@@ -99,23 +102,19 @@ def strange_variables(environ: Mapping[str, str]) -> list[str]:
     ]
 
 
-def format_config(settings: Settings) -> str:
-    """The settings as a TOML file that gives them back."""
+def format_config(settings: Settings, items: Sequence[ListedItem]) -> str:
+    """The settings as a TOML file that gives them back.
+
+    Args:
+        settings: those to write.
+        items: what the simulator has on the bus with these settings; it is written out whole.
+    """
     lines: list[str] = []
-    tables: list[str] = []
     group = ""
     for key, field in FIELDS.items():
         flag = flag_of(key)
         value = getattr(settings, field.name)
-        if key == "config":
-            continue
-        if flag.kind is RATES:
-            tables += [
-                "",
-                f"# {flag.text}",
-                f"[{key}]",
-                *(f"{_toml(name)} = {_toml(hz)}" for name, hz in value.items()),
-            ]
+        if key == "config" or flag.kind.is_table:
             continue
         if flag.group != group:
             group = flag.group
@@ -124,11 +123,25 @@ def format_config(settings: Settings) -> str:
         shown = show_size(value) if flag.kind.sign == "SIZE" else value
         none = flag.kind.sign.rpartition("|")[2] if "|" in flag.kind.sign else "none"
         lines += [f"# {flag.text}{choice}", f"{key} = {_toml(none if shown is None else shown)}"]
-    return "\n".join([*lines[1:], *tables, ""])
+    for key in _tables():
+        lines += ["", f"# {flag_of(key).text}", f"[{key}]", *_entries(key, settings, items)]
+    return "\n".join([*lines[1:], ""])
+
+
+def _entries(key: str, settings: Settings, items: Sequence[ListedItem]) -> list[str]:
+    """The lines of one table: all items, then what is chosen about those that are not there at present."""
+    entries = {one.default: (one.name, one.rate, one.is_on) for one in items if one.kind.value == key}
+    for default, choice in getattr(settings, key).items():
+        entries.setdefault(default, (choice.name, choice.rate, choice.is_on))
+    lines = []
+    for default, values in entries.items():
+        said = [f"{k} = {_toml(v)}" for k, v in zip(("name", "rate", "on"), values, strict=True) if v is not None]
+        lines.append(f"{_toml(default)} = {{ {', '.join(said)} }}" if said else f"{_toml(default)} = {{}}")
+    return lines
 
 
 def _toml(value: object) -> str:
-    """A string, number, bool or list of strings as TOML."""
+    """A string, number, bool or list of strings as TOML; a whole number without its point."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
@@ -136,7 +149,7 @@ def _toml(value: object) -> str:
         return '"' + re.sub(r"[\x00-\x1f\x7f]", lambda match: f"\\u{ord(match[0]):04x}", plain) + '"'
     if isinstance(value, tuple):
         return "[" + ", ".join(_toml(one) for one in value) + "]"
-    return repr(value)
+    return repr(int(value) if isinstance(value, float) and value.is_integer() else value)
 
 
 # What they share
@@ -150,6 +163,9 @@ def _merge(*sources: Mapping[str, object]) -> Settings:
     config = values.get("config")
     if isinstance(config, str):
         values = _from_file(Path(config)) | values
+    rates = values.pop("rate", None)
+    if rates is not None:
+        values["publishers"] = _with_rates(values.get("publishers", {}), rates)
     checked: dict[str, Any] = {FIELDS[key].name: value for key, value in values.items()}  # Any: each went through _read
     settings = Settings(**checked)
     if settings.outbox_limit < settings.outbox_size:
@@ -160,8 +176,25 @@ def _merge(*sources: Mapping[str, object]) -> Settings:
     return settings
 
 
+def _with_rates(publishers: Any, rates: Any) -> dict[str, Choice]:  # noqa: ANN401 - both went through _read
+    """What is chosen about publishers, with these rates laid over it."""
+    from rosbridge_sim.morai.network_settings import NetworkSettings  # noqa: PLC0415 - who has no rates does without
+
+    return dict(NetworkSettings(publishers=rates).over(NetworkSettings(publishers=publishers)).publishers)
+
+
+def _tables() -> list[str]:
+    """The keys that are tables, which only a file has."""
+    return [key for key in FIELDS if flag_of(key).kind.is_table]
+
+
+def _flags() -> list[str]:
+    """What can be a flag or a variable, with the no- form of switches."""
+    return [*(key for key in _keys() if key not in _tables()), *SHORT_FORMS]
+
+
 def _keys() -> list[str]:
-    """All keys, with the no- form of switches."""
+    """All keys of a file, with the no- form of switches."""
     return [*FIELDS, *(f"no-{key}" for key in FIELDS if flag_of(key).kind is SWITCH)]
 
 
@@ -169,7 +202,9 @@ def _read(key: str, value: object, where: str) -> object:
     """The checked value of a setting; `where` names the place that gave it."""
     kind = flag_of(key).kind
     try:
-        return kind.read(value)
+        return _as_choices(kind.read(value), where) if key in SHORT_FORMS else kind.read(value)
+    except DocumentError as error:
+        raise SettingError(str(error)) from None
     except (ValueError, TypeError, KeyError, OverflowError, AttributeError):
         shown = "something else" if kind is SECRET else _show(value)
         if kind is URLS:
@@ -177,9 +212,16 @@ def _read(key: str, value: object, where: str) -> object:
         raise SettingError(f"{where}: expected {kind.expects}; got {shown}") from None
 
 
+def _as_choices(rates: Any, where: str) -> dict[str, Choice]:  # noqa: ANN401 - what RATES reads
+    """What a flag chooses about publishers."""
+    from rosbridge_sim.morai.network_settings import Choice  # noqa: PLC0415 - as above
+
+    return {name: Choice(rate=rate, where=f"{where} {name}={rate:g}") for name, rate in rates.items()}
+
+
 def _read_key(key: str, value: object, where: str) -> tuple[str, object]:
     """The key without its no-, and its checked value."""
-    if key in FIELDS:
+    if key in FIELDS or key in SHORT_FORMS:
         return key, _read(key, value, where)
     key = key.removeprefix("no-")
     return key, not _read(key, value, where)
@@ -188,12 +230,6 @@ def _read_key(key: str, value: object, where: str) -> tuple[str, object]:
 def _show(value: object) -> str:
     text = repr(value)
     return text if len(text) <= 80 else text[:77] + "..."  # noqa: PLR2004 - a line of a terminal
-
-
-def hint(name: str, known: Collection[str], cutoff: float = 0.7) -> str:
-    """` (did you mean ...?)`, or nothing where no known name comes near."""
-    close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=cutoff)
-    return f" (did you mean {close[0]}?)" if close else ""
 
 
 # Flags
@@ -216,7 +252,7 @@ def _from_flags(argv: Sequence[str], *, is_attaching: bool = False) -> dict[str,
     strange = next((word for word in rest if word.startswith("-")), None)
     if strange is not None:
         name = strange.partition("=")[0]
-        raise SettingError(f"no such flag: {name}{hint(name, [f'--{key}' for key in _keys()])}; --help lists them all")
+        raise SettingError(f"no such flag: {name}{hint(name, [f'--{key}' for key in _flags()])}; --help lists them all")
     values: dict[str, object] = {}
     if is_attaching:
         urls = [*getattr(given, "urls", ()), *rest]  # what stands behind a flag is in the rest
@@ -227,7 +263,7 @@ def _from_flags(argv: Sequence[str], *, is_attaching: bool = False) -> dict[str,
         raise SettingError(f"expected flags; got {_show(rest[0])}")
     for name, value in vars(given).items():
         key = name.replace("_", "-")
-        if key in FIELDS:
+        if key in FIELDS or key in SHORT_FORMS:
             values[key] = _read(key, value, f"--{key}")
     return values
 
@@ -239,7 +275,8 @@ def _make_parser(*, is_attaching: bool) -> argparse.ArgumentParser:
         description=_ATTACH_TEXT if is_attaching else _SERVE_TEXT,
         epilog="Each flag is also an environment variable (--sync-lease is ROSBRIDGE_SIM_SYNC_LEASE) and a key of the"
         " TOML file (sync-lease). A flag beats the environment, the environment beats the file. In the environment,"
-        f" folders are separated by {os.pathsep!r}, rates, patterns and origins by ','.",
+        f" folders are separated by {os.pathsep!r}, rates, patterns and origins by ','. The file alone has the tables"
+        " [publishers], [subscribers] and [services]: --print-config writes them with the rest.",
         allow_abbrev=False,
         argument_default=argparse.SUPPRESS,
         formatter_class=layout,
@@ -247,14 +284,14 @@ def _make_parser(*, is_attaching: bool) -> argparse.ArgumentParser:
     if is_attaching:
         parser.add_argument("urls", nargs="*", metavar="URL", help=flag_of("attach").kind.expects)
     groups: dict[str, argparse._ArgumentGroup] = {}  # the library has no public name for it
-    for key, field in FIELDS.items():
+    for key in [*FIELDS, *SHORT_FORMS]:
         flag = flag_of(key)
-        if is_attaching and (key == "attach" or flag.group in _OF_SERVERS):
+        if flag.kind.is_table or (is_attaching and (key == "attach" or flag.group in _OF_SERVERS)):
             continue
         if flag.group not in groups:
             groups[flag.group] = parser.add_argument_group(flag.group)
         group = groups[flag.group]
-        text = f"{flag.text}{_show_default(key, field.default)}".replace("%", "%%")
+        text = f"{flag.text}{_show_default(key)}".replace("%", "%%")
         if flag.kind is SWITCH:
             group.add_argument(f"--{key}", action=argparse.BooleanOptionalAction, help=text)
         else:
@@ -291,9 +328,10 @@ def layout(prog: str) -> argparse.HelpFormatter:
     return argparse.HelpFormatter(prog, max_help_position=28, width=min(shutil.get_terminal_size().columns, 110))
 
 
-def _show_default(key: str, default: object) -> str:
+def _show_default(key: str) -> str:
     """The default as it stands behind a flag's help."""
     kind = flag_of(key).kind
+    default = FIELDS[key].default if key in FIELDS else None
     if kind is SWITCH or kind.separator or key == "config":
         return f" [{'on' if default else 'off'}]" if kind is SWITCH else ""
     if default is None:
@@ -312,12 +350,12 @@ def _variable(key: str) -> str:
 
 def _from_environment(environ: Mapping[str, str]) -> dict[str, object]:
     values: dict[str, object] = {}
-    for key in _keys():
+    for key in _flags():
         name = _variable(key)
         text = environ.get(name, "").strip()
         if not text or (key == "port" and text.startswith("tcp://")):
             continue  # Kubernetes sets ROSBRIDGE_SIM_PORT so for a service named rosbridge-sim
-        kind = flag_of(key).kind if key in FIELDS else SWITCH
+        kind = SWITCH if key.startswith("no-") else flag_of(key).kind
         value: object = text
         if kind.separator:
             value = [part for part in text.split(kind.separator) if part.strip()]
@@ -336,57 +374,67 @@ def _add(values: dict[str, object], key: str, value: object, where: str) -> None
 
 
 def _from_file(path: Path) -> dict[str, object]:
-    text = _read_text(path)
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        message, where = _split_place(str(error))
-        raise SettingError(f"{path}{where}: not valid TOML: {message}") from None
+    text, document = read_toml(path)
     values: dict[str, object] = {}
     for name, value in document.items():
         key = name.replace("_", "-")
-        where = f"{path}{_place_of(text, name)}: {name}"
+        where = f"{path}{place_of(text, (name,))}: {name}"
         if key == "config":
             raise SettingError(f"{where}: a settings file cannot name another one")
+        if key in SHORT_FORMS:
+            raise SettingError(f'{where}: expected [publishers] with lines such as "/Ego_topic" = {{ rate = 10 }}')
         if key not in _keys():
             raise SettingError(f"{where}: no such setting{hint(key, _keys())}")
-        base, checked = _read_key(key, value, where)
-        _add(values, base, _beside(base, checked, path.parent), where)
+        if key in _tables():
+            _add(values, key, _read_table(key, name, value, path, text), where)
+        else:
+            base, checked = _read_key(key, value, where)
+            _add(values, base, _beside(base, checked, path.parent), where)
     return values
 
 
-def _read_text(path: Path) -> str:
+def read_network(path: Path) -> NetworkSettings:
+    """The network settings in a file; of a whole settings file, these alone, and the log is told so.
+
+    Raises:
+        SettingError: the first mistake.
+    """
+    from rosbridge_sim.morai.network_settings import NetworkSettings  # noqa: PLC0415 - as above
+
+    text, document = read_toml(path)
+    tables: dict[str, Any] = {}  # Any: each is a table of choices
+    others = []
+    for name, value in document.items():
+        if name in _tables():
+            tables[name] = _read_table(name, name, value, path, text)
+        elif name.replace("_", "-") in _keys():
+            others.append(name)
+        else:
+            raise SettingError(
+                f"{path}{place_of(text, (name,))}: {name}: expected {', '.join(_tables())}{hint(name, _tables())}"
+            )
+    if others:
+        _log.info("%s: passed over what is no network setting: %s", path, ", ".join(others))
+    return NetworkSettings(**tables)
+
+
+def _read_table(key: str, name: str, value: object, path: Path, text: str) -> object:
+    """The choices of one table of a file; errors have their lines."""
+    from rosbridge_sim.morai.network_settings import ItemKind, path_text, read_choices  # noqa: PLC0415 - as above
+
+    lines = lines_of(text)
+
+    def place(keys: tuple[str, ...]) -> str:
+        at = (name, *keys[1:])
+        line = next((lines[at[:n]] for n in range(len(at), 0, -1) if at[:n] in lines), None)
+        return f"{path}{'' if line is None else f':{line}'}: {path_text(at)}"
+
     try:
-        with path.open("rb") as file:
-            content = file.read(MAX_CONFIG_SIZE + 1)
-    except OSError as error:
-        raise SettingError(f"{path}: cannot be read: {error.strerror}") from None
-    if len(content) > MAX_CONFIG_SIZE:
-        raise SettingError(f"{path}: expected a settings file; it is longer than {show_size(MAX_CONFIG_SIZE)}")
-    try:
-        return content.decode("utf-8-sig").replace("\r\n", "\n")
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
-        raise SettingError(f"{path}:{line}: expected UTF-8 text") from None
-
-
-_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
-
-
-def _split_place(message: str) -> tuple[str, str]:
-    """What tomllib says, and where, as `:line:column`; it puts both into one text."""
-    match = _PLACE.search(message)
-    if match is None:
-        return message, ""
-    line, column = match.groups()
-    text = message[: match.start()]
-    return (text, f":{line}:{column}") if line else (f"{text} at its end", "")
-
-
-def _place_of(text: str, name: str) -> str:
-    """`:line` of a key or table in a TOML text; nothing where it is written in a way that is hard to find."""
-    match = re.search(rf"^[ \t]*\[?[ \t]*[\"']?{re.escape(name)}[\"']?[ \t]*[\]=.]", text, re.MULTILINE)
-    return f":{text.count(chr(10), 0, match.start()) + 1}" if match else ""
+        return read_choices(ItemKind(key), value, place)
+    except SettingError:
+        raise
+    except DocumentError as error:
+        raise SettingError(str(error)) from None
 
 
 def _beside(key: str, value: object, folder: Path) -> object:

@@ -11,6 +11,7 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Answer, Bus, Owner, Topic
 from rosbridge_sim.morai.convert import LENIENCY
 from rosbridge_sim.morai.mgeo import Projection, RoadMap
+from rosbridge_sim.morai.network_settings import ItemKind, NetworkSettings, read_choices
 from rosbridge_sim.morai.node import NodeSettings
 from rosbridge_sim.morai.scenario import Scenario, read_scenario
 from rosbridge_sim.morai.simulator import make_node
@@ -19,7 +20,7 @@ from rosbridge_sim.shell.storage import read_definitions
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import World
 
-__all__ = ["ALL", "SCENARIOS", "Client", "Drawer", "Shelf", "Stand", "make_store"]
+__all__ = ["ALL", "SCENARIOS", "Client", "Drawer", "Shelf", "Stand", "make_store", "network_settings", "rates"]
 
 STRAIGHT = [{"pos": {"x": 0, "y": 0, "z": 0}}, {"pos": {"x": -50, "y": 0, "z": 0}}]
 
@@ -189,21 +190,35 @@ class Client:
         self._bus.leave(self, self.now)
 
 
+def network_settings(tables: Mapping[str, Any]) -> NetworkSettings:
+    """The network settings that a TOML file with these tables has."""
+    return NetworkSettings(**{name: read_choices(ItemKind(name), table) for name, table in tables.items()})
+
+
+def rates(hertz: Mapping[str, float]) -> dict[str, Any]:
+    """The tables that give these publishers these rates."""
+    return {"publishers": {name: {"rate": rate} for name, rate in hertz.items()}}
+
+
 class Stand:
     """A simulator on a bus of its own."""
 
-    def __init__(self, scenario: str = "crowd", *, release: str = "22.R2", **settings: Any) -> None:  # noqa: ANN401 - NodeSettings' own fields
+    def __init__(
+        self,
+        scenario: str = "crowd",
+        *,
+        release: str = "22.R2",
+        network: Mapping[str, Any] | None = None,
+        **settings: Any,  # noqa: ANN401 - NodeSettings' own fields
+    ) -> None:
+        """A simulator with its opening scene; `network` is what a TOML file would say of it."""
         self.bus = Bus(make_store(release))
         self.world = World(seed=0)
         self.shelf = Shelf()
         self.drawer = Drawer()
+        chosen = NodeSettings(network=network_settings(network or {}), **settings)
         self.node = make_node(
-            self.bus,
-            self.world,
-            self.shelf,
-            self.shelf.scenario(scenario),
-            NodeSettings(**settings),
-            archive=self.drawer,
+            self.bus, self.world, self.shelf, self.shelf.scenario(scenario), chosen, archive=self.drawer
         )
         self.now = 100.0
         self._num_clients = 0

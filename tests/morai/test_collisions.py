@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tests.morai.stand import Client, Stand
+from tests.morai.stand import Client, Stand, rates
 
 AHEAD = 90.0  # the ego of "crowd" stands at (10, 20) and looks north [deg]
 
@@ -25,7 +25,7 @@ def add(client: Client, name: str, x: float, y: float, heading: float = 0.0) -> 
 
 
 def test_without_a_hit_the_list_is_empty_and_comes_at_its_rate() -> None:
-    stand = Stand("parked", rate={"/CollisionData": 10.0})
+    stand = Stand("parked", network=rates({"/CollisionData": 10.0}))
     client = stand.client()
     client.listen("/CollisionData", "/VehicleCollisionData")
     stand.run(1.0)

@@ -11,7 +11,7 @@ from rosbridge_sim.errors import DocumentError, FieldError, GraphError
 from rosbridge_sim.morai.node import MAX_EGOS
 from rosbridge_sim.morai.stage import FIRST_EGO
 from rosbridge_sim.world.state import Kind
-from tests.morai.stand import ALL, Client, Stand
+from tests.morai.stand import ALL, Client, Stand, rates
 
 SETTING = "morai_msgs/MultiEgoSetting"
 LISTS = {
@@ -270,17 +270,17 @@ def test_a_topic_that_somebody_gave_another_type_keeps_the_ego_out() -> None:
 
 
 def test_another_ego_has_the_rate_of_the_first_or_its_own() -> None:
-    stand, client = two_egos(rate={"/Ego_topic": 10.0, "/Ego-3/Ego_topic": 25.0})
+    stand, client = two_egos(network=rates({"/Ego_topic": 10.0, "/Ego-3/Ego_topic": 25.0}))
     put(client, 3)
     client.listen("/Ego-2/Ego_topic", "/Ego-3/Ego_topic", "/Ego-3/Object_topic")
     stand.run(1.0)
     names = ("/Ego-2/Ego_topic", "/Ego-3/Ego_topic", "/Ego-3/Object_topic")
     assert [len(client.messages(name)) for name in names] == [10, 25, 50]
     for name in ("/Ego-2/VehicleCollision", "/Ego-x/Ego_topic"):
-        with pytest.raises(DocumentError, match=f"rate of {name}"):
-            Stand(rate={name: 10.0})
+        with pytest.raises(DocumentError, match=r"^publishers\..*: the simulator has no such publisher"):
+            Stand(network=rates({name: 10.0}))
     with pytest.raises(DocumentError, match="at most 120 Hz"):
-        Stand(rate={"/Ego-2/Ego_topic": 500.0})
+        Stand(network=rates({"/Ego-2/Ego_topic": 500.0}))
 
 
 def test_many_comings_and_goings_of_egos_leave_nothing() -> None:

@@ -13,7 +13,7 @@ from rosbridge_sim.morai.convert import Converter
 from rosbridge_sim.morai.frames import Transforms
 from rosbridge_sim.world import dynamics
 from rosbridge_sim.world.geometry import quaternion
-from tests.morai.stand import ALL, Client, Stand
+from tests.morai.stand import ALL, Client, Stand, rates
 
 FRAME_NS = 20_000_000
 
@@ -88,7 +88,7 @@ def test_a_vehicle_on_a_slope_is_tilted_in_tf() -> None:
 
 
 def test_tf_has_a_rate_of_its_own_and_is_not_made_for_nobody() -> None:
-    stand = Stand(rate={"/tf": 10.0})
+    stand = Stand(network=rates({"/tf": 10.0}))
     num_published = stand.bus.num_published
     stand.run(1.0)
     assert stand.bus.num_published == num_published + 50  # /SyncModeInfo alone

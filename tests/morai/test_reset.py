@@ -10,7 +10,7 @@ import pytest
 from rosbridge_sim.graph.bus import Answer, Owner, Topic
 from rosbridge_sim.morai.stage import FIRST_EGO
 from rosbridge_sim.schema.store import Message
-from tests.morai.stand import ALL, Client, Stand
+from tests.morai.stand import ALL, Client, Stand, rates
 
 HEARD = ("/clock", "/Ego_topic", "/Object_topic", "/CollisionData", "/VehicleCollisionData", "/SyncModeInfo")
 
@@ -116,7 +116,7 @@ def test_ids_that_are_made_begin_anew_while_nobody_is_master() -> None:
 
 
 def test_in_real_time_the_frames_go_on_from_0() -> None:
-    stand = Stand(rate={"/Ego_topic": 100.0})
+    stand = Stand(network=rates({"/Ego_topic": 100.0}))
     client = stand.client()
     client.listen("/Ego_topic", "/clock")
     stand.run(0.51)

@@ -11,7 +11,7 @@ from pyproj import Proj
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.world import dynamics
 from rosbridge_sim.world.sensors import GRAVITY, Mounting, feel
-from tests.morai.stand import ALL, Client, Stand
+from tests.morai.stand import ALL, Client, Stand, rates
 from tests.support import ROOT
 
 FIELDS = ("pose_x", "pose_y", "pose_z", "roll", "pitch", "yaw")
@@ -93,7 +93,7 @@ def test_imu_tells_heading_turn_and_what_holds_the_car() -> None:
 
 
 def test_in_real_time_both_come_fifty_times_a_second_or_as_is_chosen() -> None:
-    stand = Stand(rate={"/gps": 5.0, "/imu": 100.0})
+    stand = Stand(network=rates({"/gps": 5.0, "/imu": 100.0}))
     client = stand.client()
     client.listen("/gps", "/imu")
     stand.run(1.01)
@@ -101,7 +101,7 @@ def test_in_real_time_both_come_fifty_times_a_second_or_as_is_chosen() -> None:
 
 
 def test_in_synchronous_mode_they_keep_their_rate_in_simulated_time() -> None:
-    _, client = in_sync(rate={"/gps": 5.0})
+    _, client = in_sync(network=rates({"/gps": 5.0}))
     client.listen("/gps", "/imu", "/Ego_topic")
     for _ in range(100):
         client.tick()

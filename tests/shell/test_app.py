@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import re
 import socket
 import subprocess
 import sys
@@ -24,8 +25,9 @@ from rosbridge_sim.morai.convert import LENIENCY
 from rosbridge_sim.morai.node import NodeSettings
 from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.shell.app import AddressError, Clockwork, WorldFailedError
+from rosbridge_sim.shell.app import AddressError, Clockwork, WorldFailedError, list_items
 from rosbridge_sim.shell.settings import Settings
+from rosbridge_sim.shell.sources import check_options, format_config
 from rosbridge_sim.shell.storage import DiskLibrary, read_definitions
 from rosbridge_sim.world.state import World
 from tests.conftest import Connect
@@ -404,7 +406,54 @@ async def test_document_that_cannot_be_used_is_told_before_anybody_connects(tmp_
 
 
 async def test_rate_of_a_topic_that_is_none_is_told() -> None:
-    assert "/Ego_topci" in await start_of(rate={"Ego_topci": 10})
+    assert await start_of(rate={"Ego_topci": 10}) == (
+        "rate /Ego_topci=10: the simulator has no such publisher (did you mean /Ego_topic?)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            '[publishers]\n"/Ego_topci" = {}',
+            ':2: publishers."/Ego_topci": the simulator has no such publisher (did you',
+        ),
+        (
+            '[services]\n"/ctrl_cmd" = {}',
+            ':2: services."/ctrl_cmd": the simulator has no such service; /ctrl_cmd is a s',
+        ),
+        (
+            '[services."/SyncModeCmd"]\nname = "/rosapi/topics"',
+            ':1: services."/SyncModeCmd": service /rosapi/topics is',
+        ),
+        ('[publishers]\n"/clock".name = "/rosout"', ':2: publishers."/clock": expected another name than /rosout'),
+        ('[publishers]\n"/clock".name = "/tf"', ':2: publishers."/clock": expected different names for /clock'),
+    ],
+)
+async def test_network_settings_that_do_not_fit_are_told_with_their_line(tmp_path: Path, text: str, said: str) -> None:
+    file = tmp_path / "s.toml"
+    file.write_text(text + "\n")
+    assert (await start_of(config=str(file))).startswith(f"{file}{said}")
+
+
+@pytest.mark.parametrize("release", ["22.R2", "26.R1"])
+async def test_printed_config_lists_what_the_node_has_and_gives_it_back(release: str, tmp_path: Path) -> None:
+    settings = check_options({"release": release, "port": 0, "seed": 5})
+    text = format_config(settings, list_items(settings))
+    file = tmp_path / "s.toml"
+    file.write_text(text)
+    async with Simulator(port=0, release=release) as plain, Simulator(config=str(file)) as printed:
+        assert plain.node is not None
+        assert printed.node is not None
+        assert list(printed.node.items.listing()) == list(plain.node.items.listing())
+        listed = set(re.findall(r'^"([^"]+)" = \{ name = "\1", (?:rate = [\d.]+, )?on = true \}$', text, re.MULTILINE))
+        for sim in (plain, printed):
+            assert sim.bus is not None
+            own = {name for name, service in sim.bus.services.items() if service.owner is sim.node}
+            for topic in sim.bus.topics.values():
+                if sim.node in topic.publishers or any(s.owner is sim.node for s in topic.subscriptions):
+                    own.add(topic.name)
+            assert listed == own
 
 
 def test_option_that_is_none_is_told() -> None:

@@ -7,13 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from rosbridge_sim.shell.settings import FIELDS, FILE, FOLDER, FOLDERS, SWITCH, Settings, flag_of
+from rosbridge_sim.morai.items import ListedItem
+from rosbridge_sim.morai.network_settings import Choice, ItemKind, NetworkSettings
+from rosbridge_sim.shell.settings import FIELDS, FILE, FOLDER, FOLDERS, SHORT_FORMS, SWITCH, Settings, flag_of
 from rosbridge_sim.shell.sources import (
     PREFIX,
     SettingError,
     check_options,
     format_config,
     looks_like_path,
+    read_network,
     read_settings,
     strange_variables,
 )
@@ -45,7 +48,9 @@ OTHER: dict[str, object] = {
     "data_dir": "data",
     "start": "sync",
     "seed": 3,
-    "rate": {"/Ego_topic": 10.0, "/a b": 0.5},
+    "publishers": {"/Ego_topic": Choice("/car", is_on=True, rate=10.0), "/tf": Choice(rate=0.5)},
+    "subscribers": {"/ctrl_cmd": Choice(is_on=False)},
+    "services": {"/SyncModeCmd": Choice('/a"b')},
     "profile": "field",
     "wheel_angle_unit": "deg",
     "object_size_order": "length-width-height",
@@ -84,16 +89,12 @@ def as_words(key: str, value: object) -> list[str]:
         return [f"--{key}" if value else f"--no-{key}"]
     if isinstance(value, tuple):
         return [word for one in value for word in (f"--{key}", one)]
-    if isinstance(value, dict):
-        return [word for name, rate in value.items() for word in (f"--{key}", f"{name}={rate}")]
     return [f"--{key}", "none" if value is None else str(value)]
 
 
 def as_variable(key: str, value: object) -> str:
     if isinstance(value, tuple):
         return flag_of(key).kind.separator.join(value)
-    if isinstance(value, dict):
-        return ",".join(f"{name}={rate}" for name, rate in value.items())
     return "none" if value is None else str(value)
 
 
@@ -130,14 +131,15 @@ def test_every_setting_is_a_flag_a_variable_a_key_and_an_option(name: str, tmp_p
     wanted = check_options({name: value, **quiet})
     assert getattr(wanted, name) == value
 
-    words = as_words(key, value) + (["--outbox-size", "1KiB"] if quiet else [])
-    assert read_settings(words, {}) == wanted
+    if not flag_of(key).kind.is_table:  # too much for a flag or a variable
+        words = as_words(key, value) + (["--outbox-size", "1KiB"] if quiet else [])
+        assert read_settings(words, {}) == wanted
 
-    variables = {PREFIX + name.upper(): as_variable(key, value)} | ({PREFIX + "OUTBOX_SIZE": "1024"} if quiet else {})
-    assert read_settings([], variables) == wanted
+        variables = {PREFIX + name.upper(): as_variable(key, value)}
+        assert read_settings([], variables | ({PREFIX + "OUTBOX_SIZE": "1024"} if quiet else {})) == wanted
 
     file = tmp_path / "s.toml"
-    file.write_text(format_config(wanted))
+    file.write_text(format_config(wanted, []))
     from_file = read_settings(["--config", str(file)], {})
     kind = flag_of(key).kind
     if kind in (FOLDERS, FOLDER, FILE):  # paths are taken from the file's folder
@@ -189,10 +191,10 @@ def test_port_variable_of_kubernetes_is_not_ours() -> None:
 
 def test_keys_of_a_file_may_have_underscores_and_the_file_a_byte_order_mark(tmp_path: Path) -> None:
     file = tmp_path / "s.toml"
-    file.write_bytes(b"\xef\xbb\xbfsync_lease = 3\r\n[rate]\r\nclock = 10\r\n")
+    file.write_bytes(b'\xef\xbb\xbfsync_lease = 3\r\n[services]\r\n"sim/reset" = {on=false}\r\n')
     settings = read_settings(["--config", str(file)], {})
     assert settings.sync_lease == 3.0
-    assert settings.rate == {"/clock": 10.0}
+    assert settings.services == {"/sim/reset": Choice(is_on=False)}
 
 
 def test_paths_in_a_file_are_taken_from_its_folder(tmp_path: Path) -> None:
@@ -221,8 +223,48 @@ def test_printed_config_gives_the_settings_back(tmp_path: Path) -> None:
         "certfile": "/c.pem",
         "keyfile": "/k.pem",
     }
-    file.write_text(format_config(check_options({**OTHER, **paths})))
+    file.write_text(format_config(check_options({**OTHER, **paths}), []))
     assert read_settings(["--config", str(file)], {}) == check_options({**OTHER, **paths, "config": str(file)})
+
+
+def test_printed_config_has_all_items_then_what_is_said_of_others(tmp_path: Path) -> None:
+    items = [
+        ListedItem(ItemKind.PUBLISHER, "/Ego_topic", "/car", is_on=True, rate=12.5),
+        ListedItem(ItemKind.PUBLISHER, "/tf_static", "/tf_static", is_on=False, rate=None),
+        ListedItem(ItemKind.SERVICE, "/sim/reset", "/sim/reset", is_on=True, rate=None),
+    ]
+    own = {"/Ego_topic": {"name": "/car"}, "/Ego-2/Ego_topic": {"rate": 5}}
+    text = format_config(check_options({"publishers": own}), items)
+    tables = [line for line in text[text.index("[publishers]") :].splitlines() if line and line[0] != "#"]
+    assert tables == [
+        "[publishers]",
+        '"/Ego_topic" = { name = "/car", rate = 12.5, on = true }',
+        '"/tf_static" = { name = "/tf_static", on = false }',
+        '"/Ego-2/Ego_topic" = { rate = 5 }',
+        "[subscribers]",
+        "[services]",
+        '"/sim/reset" = { name = "/sim/reset", on = true }',
+    ]
+    file = tmp_path / "s.toml"
+    file.write_text(text)
+    again = format_config(read_settings(["--config", str(file)], {}), [])
+    assert again.endswith(text[text.index("[publishers]") :])
+
+
+def test_network_settings_may_stand_in_a_whole_settings_file(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    file = tmp_path / "n.toml"
+    file.write_text('port = 1\nno-world = true\n[publishers]\n"tf" = { rate = 5 }\n')
+    with caplog.at_level("INFO"):
+        assert read_network(file) == NetworkSettings(publishers={"/tf": Choice(rate=5.0)})
+    assert caplog.messages == [f"{file}: passed over what is no network setting: port, no-world"]
+    file.write_text("[publisher]\n")
+    with pytest.raises(SettingError, match=r"n.toml:1: publisher: expected .* \(did you mean publishers\?\)"):
+        read_network(file)
+    file.write_text('[services]\n"/x y" = {}\n')
+    with pytest.raises(
+        SettingError, match=r'n.toml:2: services."/x y": expected the name of a service, without blanks'
+    ):
+        read_network(file)
 
 
 def test_bad_token_is_not_shown() -> None:
@@ -267,8 +309,8 @@ def test_help_names_every_flag_its_unit_and_where_else_it_can_be_set(capsys: pyt
         read_settings(["--help"], {})
     assert not caught.value.code
     text = capsys.readouterr().out
-    for key in FIELDS:
-        assert f"--{key}" in text
+    for key in [*FIELDS, *SHORT_FORMS]:
+        assert f"--{key}" in text or f"[{key}]" in text
         assert flag_of(key).group in text
     assert "SECONDS" in text
     assert "ROSBRIDGE_SIM_SYNC_LEASE" in text
@@ -307,6 +349,20 @@ def test_mistake_in_the_environment_names_the_variable() -> None:
     assert text == "ROSBRIDGE_SIM_SYNC_LEASE: expected seconds up to 86,400, or none; got 'abc'"
 
 
+def test_rate_as_a_flag_is_laid_over_what_the_file_says_of_that_publisher(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    file.write_text('[publishers]\n"/tf" = { name = "/t", rate = 5 }\n"/clock" = { rate = 6 }\n')
+    config = ["--config", str(file)]
+    both = {"/tf": Choice("/t", rate=7.0), "/clock": Choice(rate=6.0)}
+    assert read_settings([*config, "--rate", "tf=7"], {}).publishers == both
+    assert read_settings(config, {"ROSBRIDGE_SIM_RATE": "/tf=7"}).publishers == both
+    assert check_options({"config": str(file), "rate": {"/tf": 7}}).publishers == both
+    choices = read_settings([*config, "--rate", "Ego_topic=7"], {}).publishers
+    assert choices == {"/tf": Choice("/t", rate=5.0), "/clock": Choice(rate=6.0), "/Ego_topic": Choice(rate=7.0)}
+    assert choices["/Ego_topic"].where == "--rate /Ego_topic=7"
+    assert choices["/tf"].where == f'{file}:2: publishers."/tf"'
+
+
 def test_switch_and_its_no_form_in_one_place_must_agree() -> None:
     text = mistake([], {"ROSBRIDGE_SIM_WORLD": "1", "ROSBRIDGE_SIM_NO_WORLD": "1"})
     assert text == "ROSBRIDGE_SIM_NO_WORLD: world and no-world contradict each other"
@@ -320,11 +376,23 @@ def test_switch_and_its_no_form_in_one_place_must_agree() -> None:
         ('host = "a', "s.toml: not valid TOML: Unterminated string at its end"),
         ("\n\nprot = 1\n", "s.toml:3: prot: no such setting (did you mean port?)"),
         ("no-port = 1\n", "s.toml:1: no-port: no such setting (did you mean port?)"),
-        ("[server]\nport = 1\n", "s.toml:1: server: no such setting"),
+        ("[room]\nport = 1\n", "s.toml:1: room: no such setting"),
         ('# x\n"port" = "y"\n', "s.toml:2: port: expected a whole number from 0 to 65,535; got 'y'"),
         ("port = 1979-05-27\n", None),
         ("world = 3\n", "s.toml:1: world: expected true or false; got 3"),
-        ("[rate]\nclock = 500\n", None),
+        (
+            "[rate]\nclock = 5\n",
+            's.toml:1: rate: expected [publishers] with lines such as "/Ego_topic" = { rate = 10 }',
+        ),
+        (
+            '[publishers]\n"/clock" = { rate = 500 }\n',
+            's.toml:2: publishers."/clock".rate: expected more than 0 and at most 120 Hz; got 500',
+        ),
+        (
+            '[services."/sim/reset"]\non = true\n\nnam = "/x"\n',
+            's.toml:4: services."/sim/reset".nam: expected name or on (did you mean name?)',
+        ),
+        ("subscribers = 3\n", 's.toml:1: subscribers: expected a table such as "/NAME" = { on = true }; got 3'),
         ("[host]\nx = 1\n", "s.toml:1: host: expected a host name or address; got {'x': 1}"),
         ('config = "b.toml"\n', "s.toml:1: config: a settings file cannot name another one"),
         ("world = true\nno-world = true\n", "s.toml:2: no-world: world and no-world contradict each other"),

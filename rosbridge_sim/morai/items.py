@@ -1,0 +1,241 @@
+"""The simulator's items on the bus: each under the name, with the switch and at the rate that the settings say.
+
+Whoever offers something adds an `Item` under its default name. While the simulator is built these are collected; `open`
+brings them onto the bus. From then on a further ego's come and go, and `change` exchanges the settings while all goes
+on: what changes its name or its switch leaves the bus and comes back, everything else does not notice. A call that is
+in flight meanwhile is still answered, for what asks for other settings is such a call itself.
+"""
+
+from __future__ import annotations
+
+import logging
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from rosbridge_sim.errors import DocumentError, TypeNameError, hint
+from rosbridge_sim.graph.bus import Bus, Owner
+from rosbridge_sim.morai.network_settings import DEFAULTS, Choice, ItemKind, NetworkSettings, split_prefix
+
+__all__ = ["Item", "Items", "ListedItem"]
+
+_log = logging.getLogger("rosbridge_sim.morai")
+
+
+class Item(ABC):
+    """One publisher, subscriber or service of the simulator.
+
+    Attributes:
+        kind: which of these.
+        default: its default name, without the prefix of a further ego.
+        prefix: `/`, or that of a further ego.
+        type_name: package and type.
+        rate: publications a second if nobody says anything else [Hz]; None where there is no such thing.
+        name: what it is called on the bus; None while it is not there.
+    """
+
+    kind: ClassVar[ItemKind]
+
+    def __init__(self, default: str, prefix: str, type_name: str, rate: float | None = None) -> None:
+        """An item that is not on the bus yet."""
+        self.default = default
+        self.prefix = prefix
+        self.type_name = type_name
+        self.rate = rate
+        self.name: str | None = None
+
+    @abstractmethod
+    def bind(self, owner: Owner, bus: Bus, name: str, now: float) -> None:
+        """Be on the bus under this name (for `Items` alone, and so is `release`).
+
+        Raises:
+            GraphError: the name cannot be had.
+        """
+
+    @abstractmethod
+    def release(self, owner: Owner, bus: Bus, now: float, *, is_gone: bool) -> None:
+        """Leave the bus; for good, or to come back under another name."""
+
+    @abstractmethod
+    def why_not(self, owner: Owner, bus: Bus, name: str) -> str | None:
+        """Why it cannot be called so, as others have something there; None where nothing is in the way."""
+
+    def tune(self, rate: float) -> None:  # noqa: ARG002 - those that have one use it
+        """Go out so often [Hz]."""
+        raise AssertionError(f"{self.default} has no rate")
+
+
+@dataclass(frozen=True, slots=True)
+class ListedItem:
+    """One of the first ego's items, or the world's, as the settings in force have it.
+
+    Attributes:
+        kind: what it is.
+        default: its default name.
+        name: what it is called.
+        is_on: whether it is there.
+        rate: publications a second [Hz]; None where there is no such thing.
+    """
+
+    kind: ItemKind
+    default: str
+    name: str
+    is_on: bool
+    rate: float | None
+
+
+class Items:
+    """All items of one owner.
+
+    Attributes:
+        settings: those in force.
+    """
+
+    def __init__(self, owner: Owner, bus: Bus, settings: NetworkSettings = DEFAULTS) -> None:
+        """No items yet, and closed."""
+        self.settings = settings
+        self._owner = owner
+        self._bus = bus
+        self._items: list[Item] = []
+        self._elsewhere: set[tuple[ItemKind, str]] = set()
+        self._is_open = False
+
+    def add(self, item: Item, *, is_everywhere: bool = True, now: float = 0.0) -> None:
+        """Take an item in, and onto the bus if it is open.
+
+        Args:
+            item: a new one.
+            is_everywhere: every release has its type. Where one does not, there is no such item, and settings that
+                speak of it do no harm: one file serves for all releases.
+            now: monotonic time [s].
+
+        Raises:
+            GraphError: the name cannot be had; the item is not taken in.
+            TypeNameError: there is no such type.
+        """
+        find = self._bus.store.service if item.kind is ItemKind.SERVICE else self._bus.store.message
+        try:
+            find(item.type_name)
+        except TypeNameError:
+            if is_everywhere:
+                raise
+            self._elsewhere.add((item.kind, item.default))
+            return
+        if self._is_open:
+            self._place(item, self.settings, now)
+        self._items.append(item)
+
+    def open(self) -> None:
+        """Bring all items onto the bus.
+
+        Raises:
+            DocumentError: the settings do not fit them.
+        """
+        self.check(self.settings)
+        self._is_open = True
+        for item in self._items:
+            self._place(item, self.settings, 0.0)
+
+    def remove(self, items: Sequence[Item], now: float) -> None:
+        """Let go of some items for good."""
+        for item in items:
+            if item.name is not None:
+                item.release(self._owner, self._bus, now, is_gone=True)
+                item.name = None
+        self._items = [item for item in self._items if item not in items]
+
+    def check(self, settings: NetworkSettings) -> None:
+        """See whether these settings can be used now; nothing is changed.
+
+        Raises:
+            DocumentError: an item that there is not, a rate where there is none, or a name that cannot be had.
+        """
+        self._check_items(settings)
+        self._check_names(settings)
+        for item in self._items:
+            name = _wanted(item, settings)
+            if name is not None and name != item.name:
+                why = item.why_not(self._owner, self._bus, name)
+                if why is not None:
+                    where = settings.choice(item.kind, item.default, item.prefix).where
+                    raise DocumentError(f"{where or f'{item.kind.noun} {item.default}'}: {why}")
+
+    def change(self, settings: NetworkSettings, now: float) -> None:
+        """Have other settings from here on. They must have been checked, with nothing done on the bus since."""
+        moving = [item for item in self._items if _wanted(item, settings) != item.name]
+        for item in moving:
+            if item.name is not None:
+                item.release(self._owner, self._bus, now, is_gone=False)
+                item.name = None
+        for item in self._items:
+            self._place(item, settings, now)
+        self.settings = settings
+        _log.info("network settings: %d items have another name, or were turned on or off", len(moving))
+
+    def name_of(self, kind: ItemKind, default: str, prefix: str = "/") -> str:
+        """What an item is called, if it is there."""
+        return self.settings.choice(kind, default, prefix).name or ""
+
+    def listing(self) -> Iterator[ListedItem]:
+        """The items of the world and the first ego, by kind, in the order in which they were added."""
+        for kind in ItemKind:
+            for item in self._items:
+                if item.kind is kind and item.prefix == "/":
+                    choice = self.settings.choice(kind, item.default)
+                    rate = None if item.rate is None else choice.rate or item.rate
+                    yield ListedItem(kind, item.default, choice.name or "", bool(choice.is_on), rate)
+
+    def _place(self, item: Item, settings: NetworkSettings, now: float) -> None:
+        """Have an item where the settings want it, and at their rate."""
+        if item.rate is not None:
+            item.tune(settings.choice(item.kind, item.default, item.prefix).rate or item.rate)
+        name = _wanted(item, settings)
+        if name is not None and name != item.name:
+            item.bind(self._owner, self._bus, name, now)
+            item.name = name
+
+    def _check_items(self, settings: NetworkSettings) -> None:
+        """Whether there are all the items that something is chosen about; a further ego need not be there yet."""
+        rates = {(item.kind, item.default): item.rate for item in self._items}
+        for kind in ItemKind:
+            for name, choice in settings.choices(kind).items():
+                _, default = split_prefix(name)
+                if (kind, default) in self._elsewhere:
+                    continue
+                if (kind, default) not in rates:
+                    raise DocumentError(f"{choice.where}: {self._no_such(kind, default)}")
+                if choice.rate is not None and rates[kind, default] is None:
+                    raise DocumentError(f"{choice.where}: expected no rate: it goes out whenever there is news")
+
+    def _no_such(self, kind: ItemKind, default: str) -> str:
+        """What to say of an item that there is not."""
+        others = [item.kind.noun for item in self._items if item.default == default]
+        known = {item.default for item in self._items if item.kind is kind}
+        near = f"; {default} is a {others[0]}" if others else hint(default, known)
+        return f"the simulator has no such {kind.noun}{near}"
+
+    def _check_names(self, settings: NetworkSettings) -> None:
+        """A name is one item's, but for a publisher and a subscriber that share their default name as well."""
+        ours = dict.fromkeys((item.kind, item.default) for item in self._items)
+        taken: dict[tuple[bool, str], tuple[ItemKind, str, Choice]] = {}
+        for prefix in settings.prefixes():
+            for kind, default in ours:
+                choice = settings.choice(kind, default, prefix)
+                if not choice.is_on or choice.name is None:
+                    continue
+                item = prefix + default[1:]
+                other_kind, other, theirs = taken.setdefault(
+                    (kind is ItemKind.SERVICE, choice.name), (kind, item, choice)
+                )
+                if (other_kind, other) != (kind, item) and (other_kind is kind or other != item):
+                    raise DocumentError(
+                        f"{choice.where or theirs.where}: expected different names for {other} and {item};"
+                        f" got {choice.name} for both"
+                    )
+
+
+def _wanted(item: Item, settings: NetworkSettings) -> str | None:
+    """What an item is to be called; None where it is off."""
+    choice = settings.choice(item.kind, item.default, item.prefix)
+    return choice.name if choice.is_on else None

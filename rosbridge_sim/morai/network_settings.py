@@ -1,0 +1,229 @@
+"""Network settings, as MORAI's panel has them: names, switches and rates of the simulator's topics and services.
+
+An *item* is one publisher, subscriber or service, seen from the simulator: `/Ego_topic` is published, `/ctrl_cmd`
+subscribed to. It is known by its default name, whatever it is called in the end. A `Choice` may say a part of this; the
+rest is as usual. In a TOML file:
+
+    [publishers]
+    "/Ego_topic" = { name = "/car/state", rate = 25, on = true }
+
+The items of a further ego follow the first one's under its prefix, `/Ego-2/car/state`, unless something else is chosen
+about its own, `/Ego-2/Ego_topic`.
+
+Here is what can be said at all; whether there is such an item, and whether its name can be had, knows `items`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from typing import Final
+
+from rosbridge_sim.errors import DocumentError, GraphError, hint
+from rosbridge_sim.graph.owner import resolve
+
+__all__ = [
+    "MAX_RATE",
+    "USUAL_RATE",
+    "Choice",
+    "ItemKind",
+    "NetworkSettings",
+    "Place",
+    "path_text",
+    "read_choices",
+    "split_prefix",
+]
+
+MAX_RATE: Final = 120.0
+"""What MORAI allows for a publisher [Hz]."""
+
+USUAL_RATE: Final = 50.0
+"""A publisher's, if nobody says anything else: once a frame [Hz]."""
+
+MAX_NAME: Final = 200
+"""Characters of a name: a further ego's prefix goes before it, and the bus takes 256."""
+
+_FURTHER_EGO = re.compile(r"/Ego-\d+/")
+
+Place = Callable[[tuple[str, ...]], str]
+"""A path of keys, such as ("publishers", "/clock", "rate") -> how an error calls that place."""
+
+
+class ItemKind(Enum):
+    """What an item is; the values are the tables of the settings."""
+
+    PUBLISHER = "publishers"
+    SUBSCRIBER = "subscribers"
+    SERVICE = "services"
+
+    @property
+    def noun(self) -> str:
+        """One of them."""
+        return self.value.removesuffix("s")
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What is chosen about one item; None leaves that as it is.
+
+    Attributes:
+        name: its own, absolute.
+        is_on: whether it is there.
+        rate: publications a second [Hz]; publishers that go out with the frames have one.
+        where: who says so, for errors.
+    """
+
+    name: str | None = None
+    is_on: bool | None = None
+    rate: float | None = None
+    where: str = field(default="", compare=False)
+
+    def over(self, base: Choice) -> Choice:
+        """This choice, and another one's where it leaves something open."""
+        return Choice(
+            base.name if self.name is None else self.name,
+            base.is_on if self.is_on is None else self.is_on,
+            base.rate if self.rate is None else self.rate,
+            base.where if self.name is None and base.name is not None else self.where or base.where,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkSettings:
+    """What is chosen about all items; none of these need be there.
+
+    Attributes:
+        publishers, subscribers, services: default name -> choice.
+    """
+
+    publishers: Mapping[str, Choice] = field(default_factory=dict)
+    subscribers: Mapping[str, Choice] = field(default_factory=dict)
+    services: Mapping[str, Choice] = field(default_factory=dict)
+
+    def choices(self, kind: ItemKind) -> Mapping[str, Choice]:
+        """Default name -> choice, of one kind of items."""
+        choices: Mapping[str, Choice] = getattr(self, kind.value)
+        return choices
+
+    def choice(self, kind: ItemKind, default: str, prefix: str = "/") -> Choice:
+        """What holds for an item: what is chosen, else what is usual; all but the rate is said.
+
+        Args:
+            kind: which it is.
+            default: its default name, without a prefix.
+            prefix: `/` for the world and the first ego, or a further ego's.
+        """
+        choices = self.choices(kind)
+        choice = choices.get(default, _NOTHING).over(Choice(default, is_on=True))
+        if prefix == "/" or choice.name is None:
+            return choice
+        return choices.get(prefix + default[1:], _NOTHING).over(replace(choice, name=prefix + choice.name[1:]))
+
+    def prefixes(self) -> list[str]:
+        """The prefixes of those that something is chosen about: `/`, then further egos'."""
+        return list(dict.fromkeys(["/", *(split_prefix(name)[0] for kind in ItemKind for name in self.choices(kind))]))
+
+    def over(self, base: NetworkSettings) -> NetworkSettings:
+        """These settings, and others where they leave something open."""
+        return NetworkSettings(**{kind.value: _over(self.choices(kind), base.choices(kind)) for kind in ItemKind})
+
+
+DEFAULTS: Final = NetworkSettings()
+"""Those of whoever chooses nothing."""
+
+_NOTHING: Final = Choice()
+
+
+def _over(choices: Mapping[str, Choice], base: Mapping[str, Choice]) -> dict[str, Choice]:
+    merged = dict(base)
+    for name, choice in choices.items():
+        merged[name] = choice.over(merged.get(name, _NOTHING))
+    return merged
+
+
+def split_prefix(name: str) -> tuple[str, str]:
+    """The prefix of whoever has an item, and its default name without it, from both as one name."""
+    match = _FURTHER_EGO.match(name)
+    prefix = match[0] if match else "/"
+    return prefix, "/" + name[len(prefix) :]
+
+
+# Reading
+
+
+def path_text(path: tuple[str, ...]) -> str:
+    """A path of keys as TOML writes it."""
+    return ".".join(key if re.fullmatch(r"[\w-]+", key, re.ASCII) else f'"{key}"' for key in path)
+
+
+def read_choices(kind: ItemKind, table: object, place: Place = path_text) -> dict[str, Choice]:
+    """The choices of one table of the settings, by the absolute default names.
+
+    Args:
+        kind: which table it is.
+        table: of a TOML file or of Python.
+        place: what errors call a place in it.
+
+    Raises:
+        DocumentError: the first mistake, at its place.
+    """
+    top = (kind.value,)
+    if not isinstance(table, Mapping):
+        raise DocumentError(f'{place(top)}: expected a table such as "/NAME" = {{ on = true }}; got {_shown(table)}')
+    choices: dict[str, Choice] = {}
+    for name, entry in table.items():
+        path = (*top, str(name))
+        default = _read_name(name, kind, path, place)
+        if default in choices:
+            raise DocumentError(f"{place(path)}: expected each {kind.noun} once")
+        choices[default] = entry if isinstance(entry, Choice) else _read_choice(kind, default, entry, path, place)
+    return choices
+
+
+def _read_choice(kind: ItemKind, default: str, entry: object, path: tuple[str, ...], place: Place) -> Choice:
+    keys = ["name", "rate", "on"] if kind is ItemKind.PUBLISHER else ["name", "on"]
+    if not isinstance(entry, Mapping):
+        raise DocumentError(f"{place(path)}: expected a table of {', '.join(keys)}; got {_shown(entry)}")
+    for key in entry:
+        if key not in keys:
+            raise DocumentError(
+                f"{place((*path, str(key)))}: expected {', '.join(keys[:-1])} or {keys[-1]}{hint(str(key), keys)}"
+            )
+    name, rate, is_on = entry.get("name"), entry.get("rate"), entry.get("on")
+    if name is not None:
+        name = _read_name(name, kind, (*path, "name"), place)
+        owner = split_prefix(name)[0]
+        if owner not in ("/", split_prefix(default)[0]):
+            raise DocumentError(
+                f"{place((*path, 'name'))}: expected no name that begins with {owner}, which is an ego's"
+            )
+    if not (is_on is None or isinstance(is_on, bool)):
+        raise DocumentError(f"{place((*path, 'on'))}: expected true or false; got {_shown(is_on)}")
+    if rate is not None:
+        rate = _read_rate(rate, (*path, "rate"), place)
+    return Choice(name, is_on, rate, place(path))
+
+
+def _read_name(name: object, kind: ItemKind, path: tuple[str, ...], place: Place) -> str:
+    what = "service" if kind is ItemKind.SERVICE else "topic"
+    try:
+        absolute = resolve(name) if isinstance(name, str) else ""
+    except GraphError:
+        absolute = ""
+    if not 1 < len(absolute) <= MAX_NAME:
+        raise DocumentError(f"{place(path)}: expected the name of a {what}, without blanks; got {_shown(name)}")
+    return absolute
+
+
+def _read_rate(rate: object, path: tuple[str, ...], place: Place) -> float:
+    is_number = isinstance(rate, (int, float)) and not isinstance(rate, bool)
+    if not (is_number and isinstance(rate, (int, float)) and 0.0 < rate <= MAX_RATE):
+        raise DocumentError(f"{place(path)}: expected more than 0 and at most {MAX_RATE:g} Hz; got {_shown(rate)}")
+    return float(rate)
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."  # noqa: PLR2004 - a line of a terminal

@@ -1,0 +1,420 @@
+"""The simulator's topics and services under other names, switched off, and exchanged while it runs."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from rosbridge_sim.errors import DocumentError, TypeNameError
+from rosbridge_sim.graph.bus import Answer, Bus, Call
+from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.morai.bindings import Bindings
+from rosbridge_sim.morai.items import Items
+from rosbridge_sim.morai.network_settings import ItemKind
+from rosbridge_sim.morai.outputs import Outputs
+from tests.morai.stand import Client, Stand, make_store, network_settings
+
+INT, TRIGGER = "std_msgs/Int32", "std_srvs/Trigger"
+
+
+class Rig:
+    """A publisher, a topic that is kept, a subscriber and two services of an owner, and somebody else."""
+
+    def __init__(self, **tables: Any) -> None:  # noqa: ANN401 - what a TOML file says
+        self.bus = Bus(make_store())
+        self.owner, self.client = Client(self.bus, "/sim"), Client(self.bus, "/client")
+        self.items = Items(self.owner, self.bus, network_settings(tables))
+        self.outputs = Outputs(self.owner, self.bus, self.items)
+        self.outputs.add("/out", INT, self.count)
+        self.kept = self.outputs.keep("/news", INT)
+        self.bindings = Bindings(self.items)
+        self.bindings.listen("in", INT, lambda value, _sender, _now: self.taken.append(value.data))
+        self.bindings.provide("ask", TRIGGER, self.hold)
+        self.bindings.provide("tell", TRIGGER, self.hold)
+        self.frame = 0
+        self.taken: list[int] = []
+        self.calls: list[Call] = []
+
+    def count(self) -> Any:  # noqa: ANN401 - a generated struct
+        return make_store().message(INT).struct(self.frame)
+
+    def hold(self, call: Call, _now: float) -> None:
+        self.calls.append(call)
+
+    def show(self) -> None:
+        self.frame += 1
+        self.outputs.show_due(self.frame, self.frame * 0.02, self.frame * 0.02)
+        self.outputs.update(self.kept, self.count(), 0.0)
+
+    def change(self, **tables: Any) -> None:  # noqa: ANN401 - what a TOML file says
+        settings = network_settings(tables)
+        self.items.check(settings)
+        self.items.change(settings, 0.0)
+
+    def names(self) -> set[str]:
+        """Of all that the owner has on the bus."""
+        topics = self.bus.topics.values()
+        out = {t.name for t in topics if self.owner in t.publishers}
+        into = {t.name for t in topics if any(s.owner is self.owner for s in t.subscriptions)}
+        return out | into | {s.name for s in self.bus.services.values() if s.owner is self.owner}
+
+
+def opened(**tables: Any) -> Rig:  # noqa: ANN401 - what a TOML file says
+    rig = Rig(**tables)
+    assert rig.names() == set(), "nothing is there before all is known"
+    rig.items.open()
+    return rig
+
+
+OTHERS = {
+    "publishers": {"/out": {"name": "/o", "rate": 25}, "/news": {"name": "/n"}},
+    "subscribers": {"/in": {"name": "/i"}},
+    "services": {"/ask": {"name": "/a"}, "/tell": {"on": False}},
+}
+
+
+def test_without_settings_all_have_their_default_names() -> None:
+    assert opened().names() == {"/out", "/news", "/in", "/ask", "/tell"}
+
+
+def test_with_settings_all_have_theirs() -> None:
+    rig = opened(**OTHERS)
+    assert rig.names() == {"/o", "/n", "/i", "/a"}
+    rig.client.listen("/o", "/n")
+    rig.show()
+    rig.show()
+    rig.client.send("/i", INT, data=5)
+    assert rig.client.heard == [("/n", {"data": 1}), ("/o", {"data": 2}), ("/n", {"data": 2})], "/o has 25 Hz"
+    assert rig.taken == [5]
+    assert (rig.bindings.topic("in"), rig.bindings.service("ask")) == ("/i", "/a")
+
+
+def test_listing_is_of_all_with_what_holds_for_them() -> None:
+    listed = [(one.kind, one.default, one.name, one.is_on, one.rate) for one in opened(**OTHERS).items.listing()]
+    assert listed == [
+        (ItemKind.PUBLISHER, "/out", "/o", True, 25.0),
+        (ItemKind.PUBLISHER, "/news", "/n", True, None),
+        (ItemKind.SUBSCRIBER, "/in", "/i", True, None),
+        (ItemKind.SERVICE, "/ask", "/a", True, None),
+        (ItemKind.SERVICE, "/tell", "/tell", False, None),
+    ]
+
+
+# While it runs
+
+
+def test_a_change_moves_all_at_once_and_back() -> None:
+    rig = opened()
+    rig.client.listen("/out", "/news")
+    rig.show()
+    rig.change(**OTHERS)
+    assert rig.names() == {"/o", "/n", "/i", "/a"}
+    rig.client.listen("/o", "/n")
+    rig.show()
+    rig.client.send("/in", INT, data=4)
+    rig.client.send("/i", INT, data=5)
+    rig.change()
+    assert rig.names() == {"/out", "/news", "/in", "/ask", "/tell"}
+    rig.show()
+    assert rig.client.heard == [
+        ("/out", {"data": 1}),
+        ("/news", {"data": 1}),
+        ("/o", {"data": 2}),
+        ("/n", {"data": 2}),
+        ("/news", {"data": 2}),  # what is kept is said again under the name that it comes back to
+        ("/out", {"data": 3}),
+        ("/news", {"data": 3}),
+    ]
+    assert rig.taken == [5]
+
+
+def test_what_is_kept_waits_under_its_new_name() -> None:
+    rig = opened()
+    rig.show()
+    rig.change(**OTHERS)
+    topic = rig.bus.find_topic("/n")
+    assert topic is not None
+    assert [json.loads(message.json) for message in topic.latched] == [{"data": 1}]
+    rig.change(publishers={"/news": {"on": False}})
+    rig.show()
+    rig.change()
+    topic = rig.bus.find_topic("/news")
+    assert topic is not None
+    assert [json.loads(message.json) for message in topic.latched] == [{"data": 2}], "news from while it was off"
+
+
+def test_a_call_in_flight_is_answered_when_its_service_has_moved() -> None:
+    rig = opened()
+    answers: list[Answer] = []
+    rig.bus.call(rig.client, "/ask", {}, answers.append, now=0.0)
+    rig.change(**OTHERS)
+    assert answers == []
+    (call,) = rig.calls
+    call.answer(call.service.type.response.default())
+    assert [answer.is_ok for answer in answers] == [True]
+    rig.bus.call(rig.client, "/ask", {}, answers.append, now=0.0)
+    assert answers[1] == Answer(is_ok=False, values="Service /ask does not exist")
+
+
+def test_what_is_gone_for_good_refuses_its_calls() -> None:
+    rig = opened()
+    answers: list[Answer] = []
+    rig.bus.call(rig.client, "/ask", {}, answers.append, now=0.0)
+    rig.bindings.release(0.0)
+    assert [answer.is_ok for answer in answers] == [False]
+    assert rig.names() == {"/out", "/news"}
+    rig.change(**OTHERS | {"services": {}, "subscribers": {}})
+    assert rig.names() == {"/o", "/n"}
+
+
+def test_repeats_follow_their_topic() -> None:
+    rig = opened(publishers={"/out": {"rate": 100}})
+    rig.client.listen("/out")
+    rig.show()
+    rig.change(publishers={"/out": {"rate": 100, "name": "/o"}})
+    rig.client.listen("/o")
+    rig.outputs.repeat(1.0)
+    assert rig.client.heard == [("/out", {"data": 1}), ("/o", {"data": 1})]
+    rig.show()
+    rig.change(publishers={"/out": {"on": False}})
+    rig.outputs.repeat(1.0)
+    assert len(rig.client.heard) == 3
+
+
+def test_names_can_be_swapped() -> None:
+    rig = opened()
+    rig.change(services={"/ask": {"name": "/tell"}, "/tell": {"name": "/ask"}})
+    assert rig.names() == {"/out", "/news", "/in", "/ask", "/tell"}
+    rig.bus.call(rig.client, "/tell", {}, lambda _answer: None, now=0.0)
+    assert rig.bindings.service("ask") == "/tell"
+    assert rig.calls[0].service.name == "/tell"
+
+
+def test_a_listener_may_change_the_settings_from_within_a_frame() -> None:
+    rig = opened()
+
+    def hear(*_: object) -> None:
+        rig.change(**OTHERS)
+
+    rig.bus.subscribe(rig.client, "/out", hear)
+    rig.show()
+    rig.show()
+    assert rig.names() == {"/o", "/n", "/i", "/a"}
+
+
+# Mistakes
+
+
+@pytest.mark.parametrize(
+    ("tables", "said"),
+    [
+        (
+            {"publishers": {"/oup": {}}},
+            'publishers."/oup": the simulator has no such publisher (did you mean /out?)',
+        ),
+        ({"services": {"/in": {}}}, 'services."/in": the simulator has no such service; /in is a subscriber'),
+        ({"services": {"/zzz": {}}}, 'services."/zzz": the simulator has no such service'),
+        (
+            {"publishers": {"/news": {"rate": 5}}},
+            'publishers."/news": expected no rate: it goes out whenever there is news',
+        ),
+        (
+            {"services": {"/ask": {"name": "/x"}, "/tell": {"name": "/x"}}},
+            'services."/tell": expected different names for /ask and /tell; got /x for both',
+        ),
+        (
+            {"services": {"/ask": {"name": "/tell"}}},
+            'services."/ask": expected different names for /ask and /tell; got /tell for both',
+        ),
+        (
+            {"subscribers": {"/in": {"name": "/out"}}},
+            'subscribers."/in": expected different names for /out and /in; got /out for both',
+        ),
+        (
+            {"publishers": {"/Ego-2/out": {"name": "/Ego-2/in"}}},
+            'publishers."/Ego-2/out": expected different names for /Ego-2/out and /Ego-2/in; got /Ego-2/in for both',
+        ),
+        (
+            {"publishers": {"/Ego-2/out": {"name": "/out"}}},
+            'publishers."/Ego-2/out": expected different names for /out and /Ego-2/out; got /out for both',
+        ),
+    ],
+)
+def test_settings_that_do_not_fit_are_refused_at_the_start_and_later(tables: dict[str, Any], said: str) -> None:
+    rig = Rig(**tables)
+    with pytest.raises(DocumentError) as caught:
+        rig.items.open()
+    assert str(caught.value) == said
+    running = opened()
+    with pytest.raises(DocumentError):
+        running.change(**tables)
+    assert running.names() == {"/out", "/news", "/in", "/ask", "/tell"}
+
+
+def test_a_topic_and_a_service_may_share_a_name_and_so_may_two_that_are_never_there_at_once() -> None:
+    off = {"/tell": {"name": "/ask", "on": False}}
+    assert opened(subscribers={"/in": {"name": "/ask"}}, services=off).names() == {"/out", "/news", "/ask"}
+
+
+def test_a_publisher_and_a_subscriber_of_one_default_name_share_it() -> None:
+    rig = Rig()
+    rig.bindings.listen("out", INT, lambda *_: None)
+    rig.items.open()
+    both = {"publishers": {"/out": {"name": "/o"}}, "subscribers": {"/out": {"name": "/o"}}}
+    rig.change(**both)
+    assert rig.names() == {"/o", "/news", "/in", "/ask", "/tell"}
+
+
+@pytest.mark.parametrize(
+    ("tables", "said"),
+    [
+        ({"services": {"/ask": {"name": "/theirs"}}}, "service /theirs is provided by /client"),
+        ({"publishers": {"/out": {"name": "/numbers"}}}, "topic /numbers is published by /client"),
+        ({"subscribers": {"/in": {"name": "/texts"}}}, "already established with type std_msgs/String"),
+        ({"publishers": {"/news": {"name": "/texts"}}}, "topic /texts is published by /client"),
+        ({"publishers": {"/news": {"name": "/heard"}}}, "already established with type std_msgs/String"),
+    ],
+)
+def test_a_name_that_is_somebody_elses_is_refused_and_all_stays_as_it_was(tables: dict[str, Any], said: str) -> None:
+    rig = opened()
+    rig.bus.provide(rig.client, "/theirs", TRIGGER, lambda *_: None)
+    rig.bus.advertise(rig.client, "/numbers", INT)
+    rig.bus.advertise(rig.client, "/texts", "std_msgs/String")
+    rig.bus.subscribe(rig.client, "/heard", lambda *_: None, type_name="std_msgs/String")
+    with pytest.raises(DocumentError, match=said):
+        rig.change(**tables | {"services": {"/tell": {"on": False}} | tables.get("services", {})})
+    assert rig.names() == {"/out", "/news", "/in", "/ask", "/tell"}
+
+
+def test_a_topic_on_which_clients_publish_can_be_listened_to() -> None:
+    rig = opened()
+    rig.client.send("/numbers", INT, data=1)
+    rig.change(subscribers={"/in": {"name": "/numbers"}})
+    rig.client.send("/numbers", INT, data=2)
+    assert rig.taken == [2]
+
+
+def test_a_name_of_rosapi_is_refused_at_the_start() -> None:
+    rig = Rig(services={"/ask": {"name": "/rosapi/topics"}})
+    Rosapi(rig.bus)
+    with pytest.raises(DocumentError, match=r'^services."/ask": service /rosapi/topics is provided by /rosapi$'):
+        rig.items.open()
+
+
+def test_a_type_that_one_release_lacks_makes_no_item_and_settings_that_speak_of_it_do_no_harm() -> None:
+    rig = Rig(services={"/new": {"name": "/n"}}, publishers={"/newer": {"rate": 5}})
+    rig.bindings.provide("new", "OnlyThereSrv", rig.hold, is_everywhere=False)
+    rig.outputs.add("/newer", "morai_msgs/OnlyThere", rig.count, is_everywhere=False)
+    rig.items.open()
+    assert rig.names() == {"/out", "/news", "/in", "/ask", "/tell"}
+    rig.show()
+    with pytest.raises(TypeNameError):
+        rig.bindings.provide("newest", "OnlyThereSrv", rig.hold)
+
+
+# The simulator's own
+
+
+def test_a_car_is_driven_and_watched_under_names_of_ones_own() -> None:
+    stand = Stand(
+        network={
+            "publishers": {"/Ego_topic": {"name": "/car/state"}, "/SyncModeInfo": {"name": "/mode"}},
+            "subscribers": {"/ctrl_cmd": {"name": "/car/drive"}, "/ctrl_cmd_0": {"on": False}},
+            "services": {"/SyncModeCmd": {"name": "/lead"}, "/sim/reset": {"on": False}},
+        }
+    )
+    client = stand.client()
+    client.listen("/car/state", "/mode")
+    client.send("/car/drive", "morai_msgs/CtrlCmd", longlCmdType=2, velocity=30.0)
+    stand.run(1.0)
+    assert client.messages("/car/state")[-1]["velocity"]["x"] > 1.0
+    assert client.ask("/lead", user_id="me", start_sync_mode=True)["result"] is True
+    assert client.messages("/mode")[-1]["master_id"] == "me"
+    for gone in ("/SyncModeCmd", "/sim/reset"):
+        assert client.refused(gone) == f"Service {gone} does not exist"
+    client.send("/car/drive", "morai_msgs/CtrlCmd")
+    assert client.told == [("warning", "/car/drive is ignored in synchronous mode: use /SyncModeCtrlCmd")]
+
+
+def test_what_is_off_is_not_listed_and_anybodys_to_use() -> None:
+    stand = Stand(
+        network={"publishers": {"/Ego_topic": {"on": False}}, "services": {"/Service_MoraiSL": {"on": False}}}
+    )
+    assert stand.bus.find_topic("/Ego_topic") is None
+    assert "/Service_MoraiSL" not in stand.bus.services
+    client = stand.client()
+    client.send("/Ego_topic", "std_msgs/Int32", data=1)
+    stand.bus.provide(client, "/Service_MoraiSL", TRIGGER, lambda *_: None)
+
+
+def test_a_further_ego_has_the_names_of_the_first_behind_its_prefix() -> None:
+    stand = Stand(
+        network={
+            "publishers": {"/Ego_topic": {"name": "/my/ego"}, "/Ego-3/Ego_topic": {"name": "/third"}},
+            "subscribers": {"/lamps": {"on": False}},
+            "services": {"/SyncModeCmd": {"name": "/my/lead"}},
+        }
+    )
+    client = stand.client()
+    client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **egos(2, 3))
+    client.listen("/Ego-2/my/ego", "/third")
+    stand.run(0.02)
+    assert [name for name, _ in client.heard] == ["/Ego-2/my/ego", "/third"]
+    assert client.ask("/Ego-3/my/lead", user_id="me", start_sync_mode=True)["result"] is True
+    for name in ("/Ego-2/Ego_topic", "/Ego-3/my/ego", "/Ego-2/lamps", "/Ego-2/SyncModeCmd"):
+        assert stand.bus.find_topic(name) is None
+        assert name not in stand.bus.services
+
+
+def egos(*indices: int) -> dict[str, Any]:
+    """The fields of a MultiEgoSetting that puts these."""
+    n = len(indices)
+    return {
+        "number_of_ego_vehicle": n,
+        "ego_index": list(indices),
+        **{f"global_position_{axis}": [30.0 * i for i in range(n)] for axis in "xyz"},
+        "global_roll": [0.0] * n,
+        "global_pitch": [0.0] * n,
+        "global_yaw": [0.0] * n,
+        "velocity": [0.0] * n,
+        "gear": [4] * n,
+        "ctrl_mode": [16] * n,
+    }
+
+
+@pytest.mark.parametrize("release", ["22.R2", "26.R1"])
+def test_every_item_of_a_release_can_be_renamed_and_turned_off(release: str) -> None:
+    def names(stand: Stand) -> set[str]:
+        topics = stand.bus.topics.values()
+        mine = {
+            t.name for t in topics if stand.node in t.publishers or any(s.owner is stand.node for s in t.subscriptions)
+        }
+        return mine | set(stand.bus.services)
+
+    usual = Stand(release=release)
+    items = list(usual.node.items.listing())
+    assert {item.name for item in items} == names(usual)
+    renamed: dict[str, Any] = {kind.value: {} for kind in ItemKind}
+    off: dict[str, Any] = {kind.value: {} for kind in ItemKind}
+    for item in items:
+        renamed[item.kind.value][item.default] = {"name": f"/{item.kind.value}{item.default}"}
+        off[item.kind.value][item.default] = {"on": False}
+    assert names(Stand(release=release, network=renamed)) == {f"/{item.kind.value}{item.name}" for item in items}
+    assert names(Stand(release=release, network=off)) == set()
+
+
+def test_settings_of_one_release_serve_for_the_other() -> None:
+    for one, other in (("22.R2", "26.R1"), ("26.R1", "22.R2")):
+        whole: dict[str, dict[str, Any]] = {kind.value: {} for kind in ItemKind}
+        for item in Stand(release=one).node.items.listing():
+            whole[item.kind.value][item.default] = {"name": item.name, "on": item.is_on}
+        Stand(release=other, network=whole)
+
+
+def test_reset_leaves_the_network_settings() -> None:
+    stand = Stand(network={"services": {"/sim/reset": {"name": "/again"}}})
+    client = stand.client()
+    assert client.call("/again", {"seed": 3}).is_ok
+    assert "/again" in stand.bus.services
