@@ -286,6 +286,8 @@ class Mirror:
         """A line has lost its socket. Its calls that are still on their way here are answered to nobody."""
         self._now = now
         line.shut()
+        if self.lines.get(line.name) is not line:  # nobody wants it any more
+            return
         self._is_attached = False
         self._survey_at = None
         for item in self._of(line):

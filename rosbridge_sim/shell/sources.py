@@ -252,6 +252,8 @@ def _from_flags(argv: Sequence[str], *, is_attaching: bool = False) -> dict[str,
     strange = next((word for word in rest if word.startswith("-")), None)
     if strange is not None:
         name = strange.partition("=")[0]
+        if is_attaching and name.removeprefix("--") in _flags():
+            raise SettingError(f"{name}: is a flag of serve; attach has no clients of its own")
         raise SettingError(f"no such flag: {name}{hint(name, [f'--{key}' for key in _flags()])}; --help lists them all")
     values: dict[str, object] = {}
     if is_attaching:

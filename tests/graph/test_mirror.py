@@ -435,6 +435,21 @@ def test_lines_come_and_go_with_what_they_carry() -> None:
     assert looks == [["topic /Ego-2/state"], []]
 
 
+def test_a_line_that_ends_with_what_it_carried_is_no_loss() -> None:
+    stand = Stand(has_line_each=True)
+    stand.bus.advertise(stand.car, "/Ego-2/state", "std_msgs/Int32")
+    stand.attach()
+    line = stand.mirror.lines["topic /Ego-2/state"]
+    stand.bus.unadvertise(stand.car, "/Ego-2/state", 0.0)
+    stand.pump()
+    assert not stand.far.bus.topics["/Ego-2/state"].publishers
+    stand.far.cut(stand.mirror, line)
+    stand.far.cut(stand.mirror, stand.mirror.lines["topic /state"])
+    stand.far.connect(stand.mirror, stand.mirror.lines["topic /state"])
+    stand.pump()
+    assert stand.num_attached == 2
+
+
 def test_one_line_that_waits_delays_no_other() -> None:
     stand = Stand(has_line_each=True)
     stand.attach()

@@ -14,6 +14,7 @@ from datetime import UTC, datetime, timedelta
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import pytest
 import pytest_asyncio
@@ -573,6 +574,20 @@ async def test_with_a_certificate_it_is_wss(certificate: Certificate) -> None:
             text = "x" * 1_000_000
             await client.send("publish", topic="/t", msg={"data": text})
             assert (await client.message("/t"))["data"] == text
+
+
+async def test_a_simulator_dials_a_bridge_with_a_certificate(
+    certificate: Certificate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SSL_CERT_FILE", certificate.certfile)
+    options: dict[str, object] = {"certfile": certificate.certfile, "keyfile": certificate.keyfile, "token": TOKEN}
+    async with (
+        Simulator(port=0, world=False, **options) as bridge,
+        Simulator(listen=False, attach=f"{bridge.url}/?token={quote(TOKEN)}") as sim,
+    ):
+        await asyncio.wait_for(asyncio.shield(sim.attachments[0].attached), PATIENCE)
+        assert bridge.bus is not None
+        assert "/SyncModeCmd" in bridge.bus.services
 
 
 async def test_who_speaks_plainly_to_a_port_with_a_certificate_disturbs_nobody(

@@ -70,6 +70,12 @@ def test_help_is_that_of_serve_with_and_without_its_name() -> None:
         (("serve", "--port", "x"), "--port: expected a whole number from 0 to 65,535; got 'x'"),
         (("sevre",), "no such command: sevre (did you mean serve?); --help says what there is"),
         (("demo",), "no such command: demo; --help says what there is"),
+        (("atach", "h"), "no such command: atach (did you mean attach?); --help says what there is"),
+        (("attach", "h", "--port", "1"), "--port: is a flag of serve; attach has no clients of its own"),
+        (
+            ("attach", "ws://h:x"),
+            "attach: expected URLs of rosbridges, each once, such as ws://192.168.0.5:9090; got ['ws://h:x']",
+        ),
         (("--config", "/nowhere.toml"), "/nowhere.toml: cannot be read: No such file or directory"),
     ],
 )
@@ -91,6 +97,8 @@ def test_start_that_fails_is_one_line_and_code_2(tmp_path: Path) -> None:
             (("--port", port), "the port is taken"),
             (("--port", "0", "--scenario", str(tmp_path / "bad.json")), "bad.json:1:"),
             (("--port", "0", "--schema-path", str(tmp_path)), "found no definition"),
+            (("attach",), "attach: expected URLs of rosbridges"),
+            (("attach", "h", "--no-world"), "there is nothing to advertise"),
         ):
             done = run(*words, "--log-level", "warning")
             assert (done.returncode, done.stdout) == (2, "")
@@ -152,6 +160,53 @@ def test_first_line_is_the_only_one_on_stdout() -> None:
         process.send_signal(signal.SIGTERM)
         assert process.wait(PATIENCE) == 0
         assert process.stdout.read() == ""
+
+
+@pytest.mark.slow
+def test_first_line_of_attach_says_to_which_bridge_and_a_signal_ends_it_with_code_0(serve: Serve) -> None:
+    bridge = serve("--no-world", "--token", "sesame")
+    url = f"{bridge.url}/?token=sesame"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "rosbridge_sim", "attach", url],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    with process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline() == f"rosbridge-sim attached to {bridge.url}\n"
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(PATIENCE) == 0
+        assert process.stdout.read() == ""
+        log = process.stderr.read()
+    assert "sesame" not in log
+    assert [line.partition(" attach: ")[2] for line in log.splitlines() if " attach: " in line][:2] == [
+        f"{bridge.url}: dialling",
+        f"{bridge.url}: connected",
+    ]
+
+
+@pytest.mark.slow
+def test_attach_waits_for_a_bridge_until_a_signal_ends_it() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as mute:  # it takes the connection, and says nothing
+        url = f"ws://127.0.0.1:{mute.getsockname()[1]}"
+        process = subprocess.Popen(
+            [sys.executable, "-m", "rosbridge_sim", "attach", url],
+            cwd=ROOT,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        with process:
+            assert process.stdout is not None
+            assert process.stderr is not None
+            while "dialling" not in (line := process.stderr.readline()):
+                assert line, "it ended before it dialled"
+            process.send_signal(signal.SIGINT)
+            assert process.wait(PATIENCE) == 0
+            assert process.stdout.read() == ""
 
 
 @pytest.mark.slow

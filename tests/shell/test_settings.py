@@ -52,6 +52,9 @@ def read(key: str, value: object) -> object:
         ("deny-param", ["/a ", "*"], ("/a", "*")),
         ("allow-origin", ["null", "https://a.b:1"], ("null", "https://a.b:1")),
         ("max-clients", "none", None),
+        ("attach", "a", ("ws://a:9090",)),
+        ("attach", ["wss://a/?token=b", "http://c:1"], ("wss://a/?token=b", "ws://c:1")),
+        ("attach-retry", "0.5", 0.5),
         ("max-rate", 50, 50),
     ],
 )

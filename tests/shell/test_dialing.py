@@ -1,0 +1,141 @@
+"""A dialled socket hands over what comes, whole, in order and at once; and says why it ended."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from contextlib import asynccontextmanager
+
+import pytest
+from websockets.asyncio.client import connect
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.exceptions import ConnectionClosed
+from websockets.frames import CloseCode
+
+from rosbridge_sim.protocol.flow import BinaryFrame
+from rosbridge_sim.shell.dialing import DialedSocket, why_gone
+from tests.support import PATIENCE
+
+Handler = Callable[[ServerConnection], Awaitable[None]]
+
+
+@asynccontextmanager
+async def dialled(handler: Handler, max_size: int = 10_000) -> AsyncIterator[DialedSocket]:
+    """A socket to a server that does as the handler says."""
+    async with serve(handler, "127.0.0.1", 0, compression=None) as server:
+        url = f"ws://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+        socket = await connect(url, create_connection=DialedSocket, compression=None, max_size=max_size, proxy=None)
+        assert isinstance(socket, DialedSocket)
+        yield socket
+        await socket.close()
+
+
+class Heard:
+    """Messages that came, and a way to wait for so many of them."""
+
+    def __init__(self) -> None:
+        self.messages: list[bytes] = []
+        self._has_changed = asyncio.Event()
+
+    def __call__(self, message: bytes) -> None:
+        self.messages.append(message)
+        self._has_changed.set()
+
+    async def count(self, num: int) -> list[bytes]:
+        async with asyncio.timeout(PATIENCE):
+            while len(self.messages) < num:
+                self._has_changed.clear()
+                await self._has_changed.wait()
+        return self.messages
+
+
+async def test_messages_come_whole_and_in_order_whatever_they_came_in() -> None:
+    async def say(connection: ServerConnection) -> None:
+        await connection.send("one")
+        await connection.send(b"\x02\x03")
+
+        def parts() -> Iterator[str]:
+            yield from ("th", "re", "e")
+
+        await connection.send(parts())
+        await connection.ping()
+        await connection.send("four")
+        await connection.wait_closed()
+
+    async with dialled(say) as socket:
+        heard = Heard()
+        socket.listen(heard)
+        assert await heard.count(4) == [b"one", b"\x02\x03", b"three", b"four"]
+
+
+async def test_what_comes_before_somebody_listens_is_kept() -> None:
+    async def say(connection: ServerConnection) -> None:
+        await connection.send("early")
+        await (await connection.ping())
+        await connection.send("late")
+        await connection.wait_closed()
+
+    async with dialled(say) as socket:
+        await (await socket.ping())  # by then the first has come
+        heard = Heard()
+        socket.listen(heard)
+        assert await heard.count(2) == [b"early", b"late"]
+
+
+async def test_messages_go_out_in_order_as_text_and_binary() -> None:
+    got: asyncio.Queue[str | bytes] = asyncio.Queue()
+
+    async def listen(connection: ServerConnection) -> None:
+        async for message in connection:
+            got.put_nowait(message)
+
+    async with dialled(listen) as socket:
+        assert socket.has_room
+        socket.send_messages([b"{}", BinaryFrame(b"\xff"), "é".encode() * 40_000])
+        assert [await asyncio.wait_for(got.get(), PATIENCE) for _ in range(3)] == ["{}", b"\xff", "é" * 40_000]
+    assert not socket.has_room
+
+
+async def test_room_is_told_of_once_the_other_side_reads_again() -> None:
+    may_read = asyncio.Event()
+
+    async def listen(connection: ServerConnection) -> None:
+        connection.transport.pause_reading()
+        await may_read.wait()
+        connection.transport.resume_reading()
+        async for _ in connection:
+            pass
+
+    async with dialled(listen) as socket:
+        has_room = asyncio.Event()
+        socket.on_room = has_room.set
+        async with asyncio.timeout(PATIENCE):
+            while socket.has_room:
+                socket.send_messages([b"x" * 2**20])
+            may_read.set()
+            await has_room.wait()
+
+
+@pytest.mark.parametrize(
+    ("end", "said"),
+    [
+        ("bye", "the server has closed the connection (1001): bye"),
+        ("reset", "the connection was lost"),
+        ("long", "the connection was given up: "),
+    ],
+)
+async def test_it_is_told_why_it_ended(end: str, said: str) -> None:
+    async def leave(connection: ServerConnection) -> None:
+        if end == "reset":
+            connection.transport.abort()
+        elif end == "bye":
+            await connection.close(CloseCode.GOING_AWAY, "bye")
+        else:
+            await connection.send("x" * 20_000)
+            await connection.wait_closed()
+
+    async with dialled(leave) as socket:
+        await socket.wait_closed()
+        closed = socket.protocol.close_exc
+        assert isinstance(closed, ConnectionClosed)
+        assert why_gone("ws://far:1/?token=x", closed).startswith(f"ws://far:1: {said}")

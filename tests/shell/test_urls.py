@@ -1,0 +1,48 @@
+"""Addresses as people write them, and as a log shows them."""
+
+from __future__ import annotations
+
+import pytest
+
+from rosbridge_sim.shell.urls import check_url, shown_url
+
+
+@pytest.mark.parametrize(
+    ("text", "url"),
+    [
+        ("host", "ws://host:9090"),
+        ("host:1", "ws://host:1"),
+        (" 10.0.0.5 ", "ws://10.0.0.5:9090"),
+        ("[::1]", "ws://[::1]:9090"),
+        ("ws://host", "ws://host"),
+        ("wss://host:1/path?token=x", "wss://host:1/path?token=x"),
+        ("http://host:1", "ws://host:1"),
+        ("https://host", "wss://host"),
+    ],
+)
+def test_url_is_made_full(text: str, url: str) -> None:
+    assert check_url(text) == url
+
+
+@pytest.mark.parametrize(
+    "text", ["", "ws://", "ftp://h", "ws://h:0", "ws://h:65536", "ws://h:x", "ws://[::1", "a b", "ws://h#x", "h\x00"]
+)
+def test_what_is_no_url_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"|.*"):
+        check_url(text)
+
+
+@pytest.mark.parametrize(
+    ("url", "shown"),
+    [
+        ("ws://host:1", "ws://host:1"),
+        ("ws://host:1/", "ws://host:1"),
+        ("ws://host:1/?token=secret", "ws://host:1"),
+        ("ws://host:1?token=secret", "ws://host:1"),
+        ("wss://host/path?token=secret", "wss://host/path"),
+        ("ws://me:secret@host:1/a@b", "ws://host:1/a@b"),
+        ("no url", "no url"),
+    ],
+)
+def test_secrets_are_not_shown(url: str, shown: str) -> None:
+    assert shown_url(url) == shown
