@@ -121,7 +121,8 @@ async def test_the_tables_of_topics_and_services_are_complete(server: ServerProc
     for names, type_name, direction, _ in rows("| topic | type |"):
         for name in names_in(names):
             types[name] = type_name.strip("`")
-            {"in": into, "out": out}[direction].add(name)
+            for way in direction.split(", "):
+                {"in": into, "out": out}[way].add(name)
     assert out == set(node["subscribing"])
     assert into == set(node["publishing"])
     for name, type_name in types.items():

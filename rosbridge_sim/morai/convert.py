@@ -11,7 +11,7 @@ Headers carry simulation time, and as `seq` the frame: it does not depend on who
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
@@ -36,6 +36,7 @@ __all__ = [
     "Profile",
     "UniqueId",
     "choose_profile",
+    "exact_quotient",
     "gear_of",
     "maker",
     "time_text",
@@ -163,6 +164,25 @@ def choose_profile(
 KMH: Final = 3.6
 """One m/s [km/h]."""
 
+DEGREES: Final = math.degrees(1.0)
+"""One radian [deg]."""
+
+
+def exact_quotient(product: FloatArray, factor: float) -> FloatArray:
+    """What gives `product` when it is multiplied by a factor: to the last bit where there is such a number.
+
+    A plain division is off by one last place now and then. What was converted on its way out is to go out again as it
+    was, so the neighbours are tried as well.
+    """
+    quotient = product / factor
+    for side in (-math.inf, math.inf):
+        with np.errstate(over="ignore"):  # the largest number's neighbour, times a factor
+            neighbour = np.nextafter(product / factor, side)
+            is_better = (quotient * factor != product) & (neighbour * factor == product)
+        quotient = np.where(is_better, neighbour, quotient)
+    return np.asarray(quotient)
+
+
 _MODES: Final = {0: Mode.PEDALS, 1: Mode.PEDALS, 2: Mode.SPEED, 3: Mode.ACCEL}
 """`longlCmdType`. 0 is what clients send who never set the field, and they drive by pedals."""
 
@@ -281,15 +301,18 @@ class Converter:
     """Makes messages from the world and reads commands, for one store and one profile.
 
     The methods that make something return a struct of the type named after them.
+
+    Attributes:
+        profile: the one in use.
     """
 
     def __init__(self, store: Store, profile: Profile = MANUAL) -> None:
+        self.profile = profile
         self._store = store
-        self._profile = profile
         self._vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
         self._header = maker(store, "std_msgs/Header", "seq", "stamp", "frame_id")
         self._clock = maker(store, "rosgraph_msgs/Clock", "clock")
-        self._wheel_factor = math.degrees(1.0) if profile.wheel_angle_unit == "deg" else 1.0
+        self._wheel_factor = DEGREES if profile.wheel_angle_unit == "deg" else 1.0
         figures = {
             "wheel_angle": self._wheel_angle,
             "front_steer_angle": _front_steer_angle,
@@ -385,18 +408,18 @@ class Converter:
         layout = world.derived(self._lay_out)
         rows, ends = layout.rows, layout.ends
         chosen = None
-        limit = self._profile.object_limit
+        limit = self.profile.object_limit
         if limit and len(rows) > limit and ego_row is not None:
             chosen = _nearest(world, rows, ego_row, limit)
             rows, ends = rows[chosen], np.searchsorted(chosen, ends).tolist()
         fixed = layout.fixed if chosen is None else [layout.fixed[i] for i in chosen.tolist()]
         entries = self._object_statuses(world, rows, fixed)
-        npcs, people, things = entries[: ends[0]], entries[ends[0] : ends[1]], entries[ends[1] :]
-        return self._objects(
-            self.header(world.frame, "ObjectInfo"),
-            *(len(npcs), len(people), len(things)),
-            *(npcs, people, things),
-        )
+        return self._objects(self.header(world.frame, "ObjectInfo"), *_in_lists(entries, ends))
+
+    def object_lists(self, world: World) -> tuple[Any, ...]:
+        """How many vehicles, people and things there are, then the lists of them all; structs."""
+        layout = world.derived(self._lay_out)
+        return _in_lists(self._object_statuses(world, layout.rows, layout.fixed), layout.ends)
 
     def collision_data(self, world: World, rows: IntArray, unique_id: UniqueId) -> Any:  # noqa: ANN401 - a generated struct
         """What an ego touches, and where the first of these is.
@@ -511,6 +534,12 @@ class Converter:
                 fixed, headings, speeds, accels, *places, strict=True
             )
         ]
+
+
+def _in_lists(entries: list[Any], ends: Sequence[int]) -> tuple[Any, ...]:
+    """Numbers of vehicles, people and things, and their lists; structs, in the order of `_LISTED`."""
+    lists = entries[: ends[0]], entries[ends[0] : ends[1]], entries[ends[1] :]
+    return (*map(len, lists), *lists)
 
 
 def _nearest(world: World, rows: IntArray, ego_row: int, limit: int) -> IntArray:

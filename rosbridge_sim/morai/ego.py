@@ -49,6 +49,7 @@ class Ego:
         turn_signal: 0 none, 1 left, 2 right.
         emergency_signal: 0 off, 1 on.
         mountings: where its sensors sit, by their frames, in the order of `SENSORS`.
+        is_replayed: a recording moves it, and what anybody commands meanwhile is not carried out.
     """
 
     def __init__(
@@ -77,6 +78,7 @@ class Ego:
         self.turn_signal = 0
         self.emergency_signal = 0
         self.mountings = dict.fromkeys(SENSORS, Mounting())
+        self.is_replayed = False
         self._world = world
         self._convert = convert
         self._roads = roads
@@ -121,7 +123,7 @@ class Ego:
 
     def control(self, control: Control) -> None:
         """Drive like this from the next frame on, by hand from now on; the command of one who is gone is nobody's."""
-        if not self.is_there:
+        if not self.is_there or self.is_replayed:
             return
         if self.ctrl_mode is CtrlMode.AUTONOMOUS:
             self.hand_over(CtrlMode.EXTERNAL)
@@ -191,6 +193,8 @@ class Ego:
         Returns:
             None when he drives now, else why not, for a person to read.
         """
+        if self.is_replayed:
+            return f"ctrl_mode {ctrl_mode.name} refused: a recording moves ego {self.index}"
         row = self.row
         if ctrl_mode is CtrlMode.AUTONOMOUS:
             why = self.shift(Gear.DRIVE)
@@ -220,6 +224,8 @@ class Ego:
         """
         if not self.is_there:
             return f"gear {gear.name} refused: ego {self.index} is gone"
+        if self.is_replayed:
+            return f"gear {gear.name} refused: a recording moves ego {self.index}"
         row = self.row
         if dynamics.shift(self._world, row, gear):
             self._refused_gear = None

@@ -74,30 +74,43 @@ class Inputs(Part):
             instead = self._node.items.name_of(ItemKind.SUBSCRIBER, "/ego_setting")
             self._decline(ego, bindings, "ghost_ctrl_cmd", instead, sender)
 
-    def _npc_ghosts(self, message: Any, _sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
+    def _npc_ghosts(self, message: Any, sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
         """Place vehicles; in synchronous mode too, for they are not the ego."""
+        if self._is_replaying("/NpcGhost_Topic", sender):
+            return
         self._ghosts.place(npc_ghosts(message))
         self._node.refresh()
 
     def _is_external(self, ego: Ego) -> bool:
         """Whether a client may move this ego now."""
-        return not self._node.sync.is_on and ego.ctrl_mode is CtrlMode.EXTERNAL
+        return not (ego.is_replayed or self._node.sync.is_on) and ego.ctrl_mode is CtrlMode.EXTERNAL
 
     def _decline(self, ego: Ego, bindings: Bindings, name: str, instead: str, sender: Owner) -> None:
         """Tell why a client may not move this ego now, and what to use in place of it."""
         topic = bindings.topic(name)
-        if self._node.sync.is_on:
+        if ego.is_replayed:
+            why = f"{topic} is ignored while a recording is replayed"
+        elif self._node.sync.is_on:
             why = f"{topic} is ignored in synchronous mode: use {instead}"
         else:
             service = bindings.service("Service_MoraiEventCmd")
             why = f"{topic} is ignored: ctrl_mode is {ego.ctrl_mode.name}; set 3 by {service}"
         self._node.tell_once(sender, why)
 
+    def _is_replaying(self, topic: str, sender: Owner) -> bool:
+        """Whether nobody comes or goes now; if so, tell why."""
+        is_replaying = self._node.stage.is_replaying
+        if is_replaying:
+            self._node.tell_once(sender, f"{topic} is ignored while a recording is replayed")
+        return is_replaying
+
     def _lamps(self, ego: Ego, message: Any, _sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
         ego.turn_signal, ego.emergency_signal = lamps_of(message)
 
     def _ego_setting(self, message: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
         """Put egos somewhere; those whose number is new come into the world."""
+        if self._is_replaying("/ego_setting", sender):
+            return
         settings = [(setting, _ctrl_mode(setting)) for setting in ego_settings(message)]
         node = self._node
         node.add_egos([setting for setting, _ in settings if node.find_ego(setting.index) is None], now)

@@ -225,7 +225,7 @@ class Node:
         world = self.world
         for command in self.sync.due(world.frame + 1):
             command(now)
-        step(world)
+        step(world, self._place)
         self.refresh()
         self.bus.stamp_ns = world.frame * STEP_NS
         if is_tick:
@@ -236,6 +236,16 @@ class Node:
         self._announce(now, may_tick=is_last)
         while self.afterwards:
             self.afterwards.pop(0)(now)
+        self._settle(now)
+
+    def _place(self) -> None:
+        """Within a step: the parts put whom they move where they are to stand."""
+        for part in self._parts:
+            part.place()
+
+    def _settle(self, now: float) -> None:
+        for part in self._parts:
+            part.settle(now)
 
     # Synchronous mode
 
@@ -248,6 +258,7 @@ class Node:
                 self._announce(now)
         if not self.sync.is_free:
             self._outputs.forget_repeats()
+        self._settle(now)
 
     def _announce(self, now: float, *, may_tick: bool = True) -> None:
         """Publish /SyncModeInfo; latched, so it is kept up to date whoever listens."""
@@ -258,6 +269,8 @@ class Node:
     def _see_off(self, owner: Owner, now: float) -> None:
         """A peer has left the bus."""
         self._told.pop(owner, None)
+        for part in self._parts:
+            part.see_off(owner, now)
         lost = self.sync.leave(owner)
         if lost is not None:
             self._lose(lost, now)
@@ -343,8 +356,10 @@ class Node:
         """Have a prepared scenario take the stage.
 
         Raises:
-            DocumentError: the world is too full; nothing has changed.
+            DocumentError: the world is too full; nothing has changed, but that a replay has ended.
         """
+        for part in self._parts:
+            part.make_way(now)
         self.stage.carry_out(load)
         if load.egos:
             self.egos[0].renew()
@@ -371,6 +386,8 @@ class Node:
         """
         if self.is_moving:
             raise GraphError("the world is moving")
+        for part in self._parts:
+            part.make_way(now)
         for ego in self.egos[1:]:
             self._drop_ego(ego, now)
         self.egos = self.egos[:1]

@@ -45,17 +45,22 @@ class _Publisher(Item):
 
     kind = ItemKind.PUBLISHER
 
-    def __init__(self, name: str, type_name: str, *, is_exclusive: bool, rate: float | None) -> None:
+    def __init__(self, name: str, type_name: str, *, is_exclusive: bool, rate: float | None, depth: int) -> None:
         prefix, default = split_prefix(name)
         super().__init__(default, prefix, type_name, rate)
         self.topic: Topic | None = None
         self._is_exclusive = is_exclusive
+        self._depth = depth
 
     def bind(self, owner: Owner, bus: Bus, name: str, now: float) -> None:  # noqa: ARG002 - it does not matter when
-        self.topic = self._advertise(owner, bus, name)
-
-    def _advertise(self, owner: Owner, bus: Bus, name: str) -> Topic:
-        return bus.advertise(owner, name, self.type_name, is_exclusive=self._is_exclusive, is_on_demand=True)
+        self.topic = bus.advertise(
+            owner,
+            name,
+            self.type_name,
+            depth=self._depth,
+            is_exclusive=self._is_exclusive,
+            is_on_demand=not self._depth,
+        )
 
     def release(self, owner: Owner, bus: Bus, now: float, *, is_gone: bool) -> None:  # noqa: ARG002 - one way to leave
         assert self.topic is not None
@@ -84,12 +89,20 @@ class Feed(_Publisher):
         is_exclusive: bool = True,
         rate: float = USUAL_RATE,
         is_sampled: bool = False,
+        depth: int = 0,
     ) -> None:
         """A topic; the arguments are those of `Outputs.add`."""
-        super().__init__(name, type_name, is_exclusive=is_exclusive, rate=rate)
+        super().__init__(name, type_name, is_exclusive=is_exclusive, rate=rate, depth=depth)
         self.make = make
         self.is_sampled = is_sampled
         self._up, self._down = 1, 1
+
+    def bind(self, owner: Owner, bus: Bus, name: str, now: float) -> None:
+        """Be on the bus under this name; what is kept there for others is there from the start."""
+        super().bind(owner, bus, name, now)
+        if self._depth:
+            assert self.topic is not None
+            bus.announce(owner, self.topic, Message(self.topic.type, self.make()), now)
 
     def tune(self, rate: float) -> None:
         """Go out so often [Hz]."""
@@ -106,16 +119,13 @@ class Kept(_Publisher):
 
     def __init__(self, name: str, type_name: str, *, is_exclusive: bool = True) -> None:
         """A topic; the arguments are those of `Outputs.keep`."""
-        super().__init__(name, type_name, is_exclusive=is_exclusive, rate=None)
+        super().__init__(name, type_name, is_exclusive=is_exclusive, rate=None, depth=1)
         self._value: Any = None  # a generated struct, once there is one
 
     def bind(self, owner: Owner, bus: Bus, name: str, now: float) -> None:
         """Be on the bus under this name, and say there what was said last."""
         super().bind(owner, bus, name, now)
         self._publish(owner, bus, now)
-
-    def _advertise(self, owner: Owner, bus: Bus, name: str) -> Topic:
-        return bus.advertise(owner, name, self.type_name, depth=1, is_exclusive=self._is_exclusive)
 
     def update(self, owner: Owner, bus: Bus, value: Any, now: float) -> None:  # noqa: ANN401 - a generated struct
         """This is what it says from now on."""
@@ -155,7 +165,8 @@ class Outputs:
         rate: float = USUAL_RATE,
         is_sampled: bool = False,
         is_everywhere: bool = True,
-    ) -> None:
+        depth: int = 0,
+    ) -> Feed:
         """Publish a topic with every frame, or at its rate; a further ego's at that of the first.
 
         Args:
@@ -167,13 +178,18 @@ class Outputs:
             rate: publications a second of simulated time, unless somebody has chosen another one [Hz].
             is_sampled: in synchronous mode, too, it goes out at its rate in simulated time and not with every frame.
             is_everywhere: every release has the type. Where one does not, nothing is published.
+            depth: how many messages are kept for those who come late.
+
+        Returns:
+            What goes out, for `show_now`.
 
         Raises:
             GraphError: somebody has given the topic another type.
         """
-        feed = Feed(name, type_name, make, is_exclusive=is_exclusive, rate=rate, is_sampled=is_sampled)
+        feed = Feed(name, type_name, make, is_exclusive=is_exclusive, rate=rate, is_sampled=is_sampled, depth=depth)
         self._items.add(feed, is_everywhere=is_everywhere)
         self._feeds.append(feed)
+        return feed
 
     def keep(self, name: str, type_name: str, *, is_exclusive: bool = True) -> Kept:
         """Have a topic that goes out whenever there is news, and is kept for those who come late; see `update`.
@@ -237,6 +253,11 @@ class Outputs:
             self.publish(topic, message, now)
             for i in range(1, num):
                 heapq.heappush(self._repeats, (shown_at + i * DT / num, next(self._ticket), feed, message))
+
+    def show_now(self, feed: Feed, now: float) -> None:
+        """Publish one topic between frames, since there is news; it must have something to say."""
+        if feed.topic is not None:
+            self.publish(feed.topic, Message(feed.topic.type, feed.make()), now)
 
     @property
     def repeat_due(self) -> float | None:

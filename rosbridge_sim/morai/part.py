@@ -6,6 +6,7 @@ word of it.
 
 from __future__ import annotations
 
+from rosbridge_sim.graph.bus import Owner
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.ego import Ego
 from rosbridge_sim.morai.outputs import Outputs
@@ -30,3 +31,15 @@ class Part:
 
     def forget(self) -> None:
         """The world has begun anew, at frame 0."""
+
+    def place(self) -> None:
+        """Within a step, when all others have moved: put whom this part moves where they are to stand."""
+
+    def settle(self, now: float) -> None:
+        """A frame has gone out, or the mode may have changed."""
+
+    def make_way(self, now: float) -> None:
+        """A scenario is about to take the stage: what this part has put there is to go."""
+
+    def see_off(self, owner: Owner, now: float) -> None:
+        """A peer has left the bus."""

@@ -135,6 +135,8 @@ class Services(Part):
             return carry_out
 
         self._queue(call, read, request.frame, now)
+        if ego.is_replayed:
+            self._node.tell_once(call.caller, f"{call.service.name} moves nothing while a recording is replayed")
 
     def _sync_set_gear(self, ego: Ego, call: Call, now: float) -> None:
         request: Any = _request(call)

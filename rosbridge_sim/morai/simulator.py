@@ -8,6 +8,8 @@ from rosbridge_sim.morai.crossings import Crossings
 from rosbridge_sim.morai.inputs import Inputs
 from rosbridge_sim.morai.node import Node, NodeSettings
 from rosbridge_sim.morai.part import Part
+from rosbridge_sim.morai.recorded import Recordings
+from rosbridge_sim.morai.replay import Replay
 from rosbridge_sim.morai.scenario import Scenario
 from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.services import Services
@@ -26,6 +28,7 @@ def make_node(
     settings: NodeSettings | None = None,
     *,
     archive: Archive | None = None,
+    recordings: Recordings | None = None,
 ) -> Node:
     """The simulator with its opening scene, on the bus; the arguments and errors are those of `Node`.
 
@@ -36,6 +39,7 @@ def make_node(
         scenario: the opening scene.
         settings: None for the defaults.
         archive: where sensors' data is saved; None where there is no place for it.
+        recordings: where those come from that are to be replayed; None for nowhere.
 
     Raises:
         DocumentError: the scenario does not fit its map, or the network settings do not fit.
@@ -44,6 +48,6 @@ def make_node(
     def make_parts(node: Node) -> list[Part]:
         """All there are, in the order in which their topics go out with a frame."""
         sensors = Sensors(node, archive)
-        return [States(node), Crossings(node), sensors, Services(node, sensors), Inputs(node)]
+        return [States(node), Crossings(node), sensors, Services(node, sensors), Inputs(node), Replay(node, recordings)]
 
     return Node(bus, world, library, scenario, settings=settings or NodeSettings(), make_parts=make_parts)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 from rosbridge_sim.errors import DocumentError, FieldError
@@ -50,6 +50,9 @@ MAX_FILE_UID: Final = 2**30
 
 MAX_ENTITIES: Final = 20_000
 """What may stand in the world at once: twice what one step is made for."""
+
+_AT_ORIGIN: Final = Spawn(Kind.EGO, DEFAULT_EGO, DEFAULT_EGO.name, FIRST_EGO, 0.0, 0.0, 0.0, 0.0)
+"""The ego of an opening scenario that has none."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
@@ -120,6 +123,8 @@ class Stage:
     Attributes:
         world: written by `carry_out`, `add` and `remove`.
         road_map: the one in use.
+        loaded: the scenario that the world has been made from: the opening one, or the last that cleared the stage.
+        is_replaying: a recording has the stage: nobody else comes or goes by himself.
     """
 
     def __init__(self, world: World, library: Library, scenario: Scenario, *, ego_gear: Gear) -> None:
@@ -135,15 +140,17 @@ class Stage:
             DocumentError: the scenario does not fit its map, or the map cannot be used.
         """
         self.world = world
+        self.is_replaying = False
         self._library = library
         self._next_uid = FIRST_UID
         self._map_name = scenario.map_name or DEFAULT_MAP
         self.road_map = self._find_map(self._map_name)
-        self._opening = self.prepare(scenario, WHOLE)
-        self._ego_gear = ego_gear
-        if not self._opening.egos:
+        opening = self.prepare(scenario, WHOLE)
+        if not opening.egos:
             _log.info("scenario %s has no ego: one stands at the origin", scenario.name)
-        self._open()
+        egos = tuple([replace(ego, gear=ego_gear) for ego in opening.egos or (_AT_ORIGIN,)])
+        self._opening = self.loaded = replace(opening, egos=egos)
+        self.carry_out(self._opening)
 
     def reset(self, seed: int | None) -> None:
         """Begin anew: the opening scene on its own map, at frame 0, with ids from the first one on.
@@ -153,14 +160,7 @@ class Stage:
         """
         self.world.reset(seed)
         self._next_uid = FIRST_UID
-        self._open()
-
-    def _open(self) -> None:
-        """Have the opening scene take the empty stage."""
-        world, gear = self.world, self._ego_gear
-        self.carry_out(self._opening, ego_gear=gear)
-        if FIRST_EGO not in world:
-            world.spawn(Kind.EGO, DEFAULT_EGO.body, name=DEFAULT_EGO.name, x=0.0, y=0.0, uid=FIRST_EGO, gear=gear)
+        self.carry_out(self._opening)
 
     def prepare(self, scenario: Scenario, options: LoadOptions) -> Load:
         """All that a load needs and that can go wrong.
@@ -188,12 +188,8 @@ class Stage:
             _log.info("scenario %s: %s", placed.name, line)
         return Load(scenario.name, egos, others, options.delete_all, map_name, road_map, phases)
 
-    def carry_out(self, load: Load, *, ego_gear: Gear | None = None) -> None:
+    def carry_out(self, load: Load) -> None:
         """Do what was prepared: wholly or not at all.
-
-        Args:
-            load: from `prepare`.
-            ego_gear: the new ego's, in place of its own.
 
         Raises:
             DocumentError: the world is too full. It is as it was.
@@ -204,11 +200,13 @@ class Stage:
             raise DocumentError(f"{load.name}: the world holds {MAX_ENTITIES:,} at most")
         before = world.snapshot()
         try:
-            next_uid = self._populate(load, ego_gear)
+            next_uid = self._populate(load)
         except ValueError as error:
             world.restore(before)
             raise DocumentError(f"{load.name}: {error}") from error
         self._next_uid = next_uid
+        if load.is_clearing:
+            self.loaded = load
         self.road_map, self._map_name = load.road_map, load.map_name
         _log.info("scenario %s: %d egos, %d others loaded", load.name, len(load.egos), len(load.others))
 
@@ -216,8 +214,9 @@ class Stage:
         """Put a single object into the world, at rest, and return its id.
 
         Raises:
-            FieldError: it stands beyond all bounds, or the world is full.
+            FieldError: it stands beyond all bounds, or the world is full, or a recording is replayed.
         """
+        self._check_free()
         if len(self.world) >= MAX_ENTITIES:
             raise FieldError(f"{model.name}: the world holds {MAX_ENTITIES:,} at most")
         try:
@@ -235,6 +234,18 @@ class Stage:
         """
         self.world.spawn(model.kind, model.body, name=model.name, x=x, y=y, z=z, yaw=yaw, uid=uid)
         self._next_uid = max(self._next_uid, uid + 1)
+
+    def add_actor(self, uid: int, kind: Kind, body: Body, name: str, *, x: float, y: float) -> int:
+        """Put somebody from a recording into the world; return his id, another one where that cannot be his.
+
+        Raises:
+            ValueError: the place is beyond all bounds. The world is as it was.
+        """
+        if uid in self.world or not FIRST_UID <= uid <= MAX_FILE_UID:
+            uid = self._next_uid
+        self.world.spawn(kind, body, name=name, x=x, y=y, uid=uid)
+        self._next_uid = max(self._next_uid, uid + 1)
+        return uid
 
     def add_ego(self, like: int, pose: Pose, gear: Gear) -> int:
         """Put a further ego into the world and return its id there.
@@ -264,8 +275,9 @@ class Stage:
         """Take an object out of the world.
 
         Raises:
-            FieldError: there is none with this id, or it is an ego.
+            FieldError: there is none with this id, or it is an ego, or a recording is replayed.
         """
+        self._check_free()
         world = self.world
         if uid not in world:
             raise FieldError(f"unique_id {uid}: there is no such object")
@@ -281,6 +293,10 @@ class Stage:
         row = self.world.row(uid)
         return self.world.bodies[row] if self.world.kind[row] in {Kind.EGO, Kind.VEHICLE} else None
 
+    def _check_free(self) -> None:
+        if self.is_replaying:
+            raise FieldError("refused while a recording is replayed")
+
     def _find_map(self, name: str) -> RoadMap:
         try:
             road_map = self._library.map(name)
@@ -293,7 +309,7 @@ class Stage:
             _log.info("map %s: %s", road_map.name, note)
         return road_map
 
-    def _populate(self, load: Load, ego_gear: Gear | None) -> int:
+    def _populate(self, load: Load) -> int:
         """Remove and spawn; return the next id.
 
         Raises:
@@ -312,7 +328,7 @@ class Stage:
         for start in load.phases:
             _set_phase(world, start)
         for ego in load.egos:
-            _spawn(world, ego, FIRST_EGO, ego_gear or ego.gear)
+            _spawn(world, ego, FIRST_EGO, ego.gear)
         uids, next_uid = _choose_uids(load.others, self._next_uid)
         for spawn, uid in zip(load.others, uids, strict=True):
             _spawn(world, spawn, uid, spawn.gear)

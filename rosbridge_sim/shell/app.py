@@ -17,6 +17,7 @@ import logging
 import os
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -31,11 +32,13 @@ from rosbridge_sim.morai.convert import LENIENCY, choose_profile
 from rosbridge_sim.morai.items import ListedItem
 from rosbridge_sim.morai.network_settings import NetworkSettings
 from rosbridge_sim.morai.node import Node, NodeSettings
+from rosbridge_sim.morai.recorded import Recordings
 from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.protocol.flow import OutboxLimits
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.access import Access, load_certificate
 from rosbridge_sim.shell.archive import DiskArchive
+from rosbridge_sim.shell.replays import DiskRecordings
 from rosbridge_sim.shell.reports import TOPICS, Reports
 from rosbridge_sim.shell.server import Server, ServerLimits
 from rosbridge_sim.shell.settings import URLS, Settings
@@ -96,6 +99,7 @@ class Simulator:
         self._clockwork: Clockwork | None = None
         self._reports: Reports | None = None
         self._recorder: Recorder | None = None
+        self._recordings: DiskRecordings | None = None
         self._stopping: asyncio.Task[None] | None = None
 
     @property
@@ -150,10 +154,13 @@ class Simulator:
         )
         limits = _limits(settings)
         Rosapi(bus, limits.policy)
+        loop = asyncio.get_running_loop()
+        recordings = DiskRecordings(settings.data_dir, texts, loop)
         republisher = Republisher(bus)
-        node = _make_node(bus, settings) if settings.world else None
+        node = _make_node(bus, settings, recordings) if settings.world else None
         clocks: list[Clock] = [republisher] if node is None else [node, republisher]
-        clockwork = Clockwork(asyncio.get_running_loop(), bus, clocks, self._give_up)
+        clockwork = Clockwork(loop, bus, clocks, self._give_up)
+        recordings.on_done = clockwork.look
         server = Server(bus, limits, clockwork.look)
         if settings.listen:
             try:
@@ -166,7 +173,8 @@ class Simulator:
         except DocumentError:
             await server.stop()
             raise
-        self._reports = Reports(bus, server, asyncio.get_running_loop())
+        self._reports = Reports(bus, server, loop)
+        self._recordings = recordings
         self.bus, self.node, self._server, self._clockwork = bus, node, server, clockwork
         if settings.listen and settings.token is None and not server.is_loopback:
             _log.warning("%s wants no token: whoever reaches it is let in; --token sets one", self.url)
@@ -198,6 +206,8 @@ class Simulator:
         """Close every connection (code 1001) and stop the world; within two seconds, and twice is no error."""
         if self._clockwork is not None:
             self._clockwork.stop()
+        if self._recordings is not None:
+            self._recordings.stop()
         if self._reports is not None:
             self._reports.stop()
         if self._server is not None:
@@ -229,10 +239,10 @@ def list_items(settings: Settings) -> list[ListedItem]:
     Rosapi(bus)
     Republisher(bus)
     built_in = replace(settings, scenario=Settings().scenario, scenario_path=(), map=None)
-    return list(_make_node(bus, built_in).items.listing())
+    return list(_make_node(bus, built_in, None).items.listing())
 
 
-def _make_node(bus: Bus, settings: Settings) -> Node:
+def _make_node(bus: Bus, settings: Settings, recordings: Recordings | None) -> Node:
     library = DiskLibrary(settings.scenario_path, settings.map)
     profile = choose_profile(
         settings.profile,
@@ -253,7 +263,8 @@ def _make_node(bus: Bus, settings: Settings) -> Node:
         anyone_may_stop=settings.anyone_may_stop,
     )
     scenario = library.opening_scenario(settings.scenario)
-    return make_node(bus, World(settings.seed), library, scenario, choices, archive=DiskArchive(settings.data_dir))
+    archive = DiskArchive(settings.data_dir)
+    return make_node(bus, World(settings.seed), library, scenario, choices, archive=archive, recordings=recordings)
 
 
 def _network(settings: Settings) -> NetworkSettings:
@@ -280,6 +291,9 @@ def _start_recording(settings: Settings, bus: Bus, node: Node | None, texts: Tex
     from rosbridge_sim.shell.recording import Recorder, Scribe  # noqa: PLC0415
 
     path = Path(settings.record)
+    if path.resolve().is_relative_to(Path(settings.data_dir).resolve()):  # which is made when it is needed
+        with suppress(OSError):  # the bag will say what is wrong
+            path.parent.mkdir(parents=True, exist_ok=True)
     bag = open_bag(path)
     store = bus.store if bag.ros == bus.store.ros else Store(texts, leniency=LENIENCY, ros=bag.ros)
     loop = asyncio.get_running_loop()

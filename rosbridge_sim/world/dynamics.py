@@ -31,15 +31,16 @@ real car goes wide); no pitch, no slope, no load transfer, no engine that needs 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 
 from rosbridge_sim.world.block import Block
-from rosbridge_sim.world.geometry import FloatArray, wrap_angle
+from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.state import MAX_SPEED, BoolArray, Gear, Kind, Mode, World, check_pose
 
-__all__ = ["command", "drive", "place_ghost", "shift", "teleport", "turn_wheels"]
+__all__ = ["command", "drive", "place_ghost", "shift", "show_ghosts", "teleport", "turn_wheels"]
 
 MAX_COMMAND_ACCEL = 100.0  # beyond any brake; keeps the controller's sums finite [m/s^2]
 STANDSTILL = 0.1  # a gear change takes hold below this speed [m/s]
@@ -218,6 +219,27 @@ def place_ghost(
     world.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
     world.roll[row], world.pitch[row] = roll, pitch
     _set_ghost(world, row, is_ghost=True)
+
+
+def show_ghosts(world: World, rows: IntArray, columns: Sequence[str], values: FloatArray) -> None:
+    """Have ghosts show what was worked out or recorded elsewhere: steps leave all of it as it is.
+
+    For many at once, frame by frame. They stay ghosts until a `teleport`, for driven ones a `command`.
+
+    Args:
+        world: written in place.
+        rows: (m,) of anybody.
+        columns: what is shown of them: of x, y, z, roll, pitch, yaw, speed, accel, lateral_accel, yaw_rate and, for
+            driven rows, steer, throttle and brake.
+        values: (columns, m) in the world's units and within its bounds, which is not checked; headings are wrapped. NaN
+            leaves a figure as it is.
+    """
+    for name, figures in zip(columns, values, strict=True):
+        column = getattr(world, name)
+        column[rows] = np.where(np.isnan(figures), column[rows], wrap_angle(figures) if name == "yaw" else figures)
+    if not world.is_ghost[rows].all():
+        world.is_ghost[rows] = True
+        world.touch()
 
 
 def _set_ghost(world: World, row: int, *, is_ghost: bool) -> None:

@@ -9,14 +9,18 @@ the arrays, and because everybody sees the same half-finished world at the same 
    go their own way and look at nobody (`walking.walk`).
 3. *driven rows* (`dynamics.drive`): the commands in force are carried out for exactly one step. A command that came
    between two steps counts for the whole of the next one, and the state that a client reads after it already shows it.
-4. *contacts* (`contacts.find`): when all stand where they stand at the end of the step, who has touched whom on the
+4. *whoever is placed*: a caller that has recorded or foreign motion to show puts its rows where they stand at the end
+   of this step. Here, so that whom they pass on the way there they have met.
+5. *contacts* (`contacts.find`): when all stand where they stand at the end of the step, who has touched whom on the
    way there. It moves nobody.
-5. *bookkeeping*: the frame counter, last, so that whoever finds frame f finds the world of frame f.
+6. *bookkeeping*: the frame counter, last, so that whoever finds frame f finds the world of frame f.
 
 A step draws no random number, reads no clock and allocates nothing that stays.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 from rosbridge_sim.world import contacts
 from rosbridge_sim.world.dynamics import drive
@@ -27,12 +31,19 @@ from rosbridge_sim.world.walking import walk
 __all__ = ["step"]
 
 
-def step(world: World) -> None:
-    """Move the world from its frame to the next one: exactly 20 ms. Writes in place."""
+def step(world: World, place: Callable[[], None] | None = None) -> None:
+    """Move the world from its frame to the next one: exactly 20 ms. Writes in place.
+
+    Args:
+        world: whose.
+        place: called within the step to place rows; see above.
+    """
     before = contacts.remember(world)
     world.signals.advance(world.frame + 1)
     drive_lanes(world, DT)
     walk(world, DT)
     drive(world, DT)
+    if place is not None:
+        place()
     contacts.find(world, before)
     world.frame += 1

@@ -13,6 +13,7 @@ from rosbridge_sim.morai.convert import LENIENCY
 from rosbridge_sim.morai.mgeo import Projection, RoadMap
 from rosbridge_sim.morai.network_settings import ItemKind, NetworkSettings, read_choices
 from rosbridge_sim.morai.node import NodeSettings
+from rosbridge_sim.morai.recorded import Recordings
 from rosbridge_sim.morai.scenario import Scenario, read_scenario
 from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.schema.store import Message, Store
@@ -208,6 +209,7 @@ class Stand:
         scenario: str = "crowd",
         *,
         release: str = "22.R2",
+        recordings: Recordings | None = None,
         network: Mapping[str, Any] | None = None,
         **settings: Any,  # noqa: ANN401 - NodeSettings' own fields
     ) -> None:
@@ -218,7 +220,13 @@ class Stand:
         self.drawer = Drawer()
         chosen = NodeSettings(network=network_settings(network or {}), **settings)
         self.node = make_node(
-            self.bus, self.world, self.shelf, self.shelf.scenario(scenario), chosen, archive=self.drawer
+            self.bus,
+            self.world,
+            self.shelf,
+            self.shelf.scenario(scenario),
+            chosen,
+            archive=self.drawer,
+            recordings=recordings,
         )
         self.now = 100.0
         self._num_clients = 0

@@ -1,0 +1,644 @@
+"""Replay: a recorded drive shown again, from a bag or as somebody tells it; a table, and the part that obeys it.
+
+The states are four. Whether the world stands is not among them: a pause is synchronous mode's (see `sync`), one for
+the whole simulator, whoever asks for it.
+
+    SIMULATING   the world is its own
+    REPLAYING    a bag moves it, frame by frame
+    AT_END       the bag is over; the last of it stays, and the world is paused
+    FOLLOWING    a client publishes what it replays (*network replay*), and the world follows
+
+The decisions, and why:
+
+- What is recorded is shown with frames, 20 ms of it with each (times the speed), in real time and by ticks alike. The
+  first frame shows the place that was asked for, so frame for frame comes out what was recorded. Time, stamps and
+  traffic lights are the simulation's own.
+- Rows are placed within the step, behind all motion and before contacts: whom they pass they meet, as in the drive.
+- Who is not replayed (by `replay_target_option`, or since the bag does not hold him) goes on by himself. So vehicles
+  from a bag meet a car that a program drives.
+- Nobody commands whom a recording moves, and nobody else comes or goes meanwhile.
+- Stop gives the world back as it was before, paused if it was. In simulation mode play and pause are those of the
+  simulator, and stop begins the scenario anew: the last one that was loaded onto a cleared stage, else the opening one.
+- Play at the end begins again where the last start was. At the end nothing else ends the pause.
+- A new bag is read before the old one goes; what cannot be used changes nothing.
+- A source of network replay holds the stage until it stops publishing there, or leaves. Who was stopped by a command
+  stays unheard until it begins anew, else its next message would undo the stop.
+- A bag comes with the mode of its own recorder: units that its messages do not name are those of this profile.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
+
+from rosbridge_sim.errors import DocumentError, FieldError, GraphError
+from rosbridge_sim.graph.bus import Call, Owner
+from rosbridge_sim.morai.bindings import Bindings
+from rosbridge_sim.morai.convert import DEGREES, maker
+from rosbridge_sim.morai.outputs import Outputs
+from rosbridge_sim.morai.part import Part
+from rosbridge_sim.morai.puppets import EGO, EVERYBODY, Puppets
+from rosbridge_sim.morai.recorded import Reading, Recordings
+from rosbridge_sim.morai.recording import Recording
+from rosbridge_sim.world.geometry import quaternion
+from rosbridge_sim.world.state import STEP_NS
+
+if TYPE_CHECKING:
+    from rosbridge_sim.morai.node import Node
+
+__all__ = ["OF_A_BAG", "OF_A_SOURCE", "TABLE", "Effect", "Event", "Outcome", "Replay", "Result", "State"]
+
+STATUS: Final = "/sim/process/state/msg/MoraiSimProcStatus"
+INFO: Final = "/ReplayInfo_topic"
+
+MAX_SPEED: Final = 10
+"""What MORAI's dialog offers."""
+
+_log = logging.getLogger("rosbridge_sim.replay")
+
+
+# The table
+
+
+class State(IntEnum):
+    """Who moves the world."""
+
+    SIMULATING = 0
+    REPLAYING = 1
+    AT_END = 2
+    FOLLOWING = 3
+
+
+class Event(IntEnum):
+    """What was asked for, or has happened."""
+
+    LOAD = 0  # a recording has been read
+    TUNE = 1  # other targets, another speed
+    SEEK = 2
+    PLAY = 3
+    PAUSE = 4
+    STOP = 5
+    RUN_OUT = 6  # the last of the bag has been shown
+    MESSAGE = 7  # a client tells what it replays
+    LOST = 8  # ... and will not go on
+    EVICT = 9  # a scenario or a reset takes the stage
+
+
+OF_A_BAG: Final = frozenset({Event.RUN_OUT})
+"""Events that take a bag to happen: the table has no row for them in the other states."""
+
+OF_A_SOURCE: Final = frozenset({Event.LOST})
+"""Events that take a source of network replay."""
+
+
+class Effect(Enum):
+    """What follows from an event; carried out in the order of the row.
+
+    LEAVE (the world is as it was before), ENTER (the recording takes the stage), TUNE and SEEK (as was asked for),
+    REWIND (back to the start), RESUME and HOLD (the simulator's pause), AGAIN (the scenario anew), IGNORE (the source
+    is unheard from now on).
+    """
+
+    LEAVE = "leave"
+    ENTER = "enter"
+    TUNE = "tune"
+    SEEK = "seek"
+    REWIND = "rewind"
+    RESUME = "resume"
+    HOLD = "hold"
+    AGAIN = "again"
+    IGNORE = "ignore"
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """One row of the table.
+
+    Attributes:
+        state: the state afterwards.
+        effects: in the order in which they are carried out.
+        why: for a refusal, a text for the peer; empty otherwise.
+    """
+
+    state: State
+    effects: tuple[Effect, ...] = ()
+    why: str = ""
+
+
+def _yes(state: State, *effects: Effect) -> Outcome:
+    return Outcome(state, effects)
+
+
+def _no(state: State, why: str) -> Outcome:
+    return Outcome(state, why=why)
+
+
+_NONE: Final = "no recording is loaded: replay_option 1 loads one"
+_TOLD: Final = "a client tells what is replayed: targets, start and speed are its own"
+_TAKEN: Final = "a bag is replayed already"
+
+TABLE: Final[Mapping[State, Mapping[Event, Outcome]]] = {
+    State.SIMULATING: {
+        Event.LOAD: _yes(State.REPLAYING, Effect.ENTER),
+        Event.TUNE: _no(State.SIMULATING, _NONE),
+        Event.SEEK: _no(State.SIMULATING, _NONE),
+        Event.PLAY: _yes(State.SIMULATING, Effect.RESUME),
+        Event.PAUSE: _yes(State.SIMULATING, Effect.HOLD),
+        Event.STOP: _yes(State.SIMULATING, Effect.AGAIN),
+        Event.MESSAGE: _yes(State.FOLLOWING, Effect.ENTER),
+        Event.EVICT: _yes(State.SIMULATING),
+    },
+    State.REPLAYING: {
+        Event.LOAD: _yes(State.REPLAYING, Effect.LEAVE, Effect.ENTER),
+        Event.TUNE: _yes(State.REPLAYING, Effect.TUNE),
+        Event.SEEK: _yes(State.REPLAYING, Effect.SEEK),
+        Event.PLAY: _yes(State.REPLAYING, Effect.RESUME),
+        Event.PAUSE: _yes(State.REPLAYING, Effect.HOLD),
+        Event.STOP: _yes(State.SIMULATING, Effect.LEAVE),
+        Event.RUN_OUT: _yes(State.AT_END, Effect.HOLD),
+        Event.MESSAGE: _no(State.REPLAYING, _TAKEN),
+        Event.EVICT: _yes(State.SIMULATING, Effect.LEAVE),
+    },
+    State.AT_END: {
+        Event.LOAD: _yes(State.REPLAYING, Effect.LEAVE, Effect.ENTER),
+        Event.TUNE: _yes(State.AT_END, Effect.TUNE),
+        Event.SEEK: _yes(State.REPLAYING, Effect.SEEK),
+        Event.PLAY: _yes(State.REPLAYING, Effect.REWIND, Effect.RESUME),
+        Event.PAUSE: _yes(State.AT_END, Effect.HOLD),
+        Event.STOP: _yes(State.SIMULATING, Effect.LEAVE),
+        Event.RUN_OUT: _yes(State.AT_END, Effect.HOLD),
+        Event.MESSAGE: _no(State.AT_END, _TAKEN),
+        Event.EVICT: _yes(State.SIMULATING, Effect.LEAVE),
+    },
+    State.FOLLOWING: {
+        Event.LOAD: _yes(State.REPLAYING, Effect.LEAVE, Effect.ENTER),
+        Event.TUNE: _no(State.FOLLOWING, _TOLD),
+        Event.SEEK: _no(State.FOLLOWING, _TOLD),
+        Event.PLAY: _yes(State.FOLLOWING, Effect.RESUME),
+        Event.PAUSE: _yes(State.FOLLOWING, Effect.HOLD),
+        Event.STOP: _yes(State.SIMULATING, Effect.LEAVE, Effect.IGNORE),
+        Event.MESSAGE: _yes(State.FOLLOWING),
+        Event.LOST: _yes(State.SIMULATING, Effect.LEAVE),
+        Event.EVICT: _yes(State.SIMULATING, Effect.LEAVE),
+    },
+}
+"""Every state and every event that can happen in it."""
+
+
+# The wire
+
+
+class Result(IntEnum):
+    """`command_result`."""
+
+    NONE = 0
+    DONE = 1
+    REFUSED = 16
+    NOT_LOADED = 32
+    UNUSABLE = 48
+
+
+_SIMULATION_MODE, _REPLAY_MODE = 1, 16
+_RUNNING, _PAUSED, _ENDED = 1, 16, 32
+_COMMANDS: Final = {1: Event.PLAY, 2: Event.PAUSE, 32: Event.STOP}
+_FILE, _TARGETS, _START, _SPEED = 1, 2, 4, 8
+_OPTIONS: Final = _FILE | _TARGETS | _START | _SPEED
+
+
+@dataclass(frozen=True, slots=True)
+class _Command:
+    """A MoraiSimProcHandle, read; None is what was not chosen."""
+
+    event: Event
+    name: str | None
+    targets: int | None
+    start_ns: int | None
+    speed: int | None
+
+    @property
+    def events(self) -> list[Event]:
+        """What happens, in this order; of a file it is LOAD, then these."""
+        if self.event is Event.STOP:
+            return [Event.STOP]
+        if self.name is not None:
+            return [Event.LOAD, self.event]
+        tuned = [Event.TUNE] if self.targets is not None or self.speed is not None else []
+        return [*tuned, *([Event.SEEK] if self.start_ns is not None else []), self.event]
+
+
+def _read(request: Any) -> _Command:  # noqa: ANN401 - a generated struct
+    """Read a MoraiSimProcHandle; of a stop, the options do not count.
+
+    Raises:
+        FieldError: a command, option or figure that there is not.
+    """
+    where, option = "morai_msgs/MoraiSimProcHandle", request.replay_option
+    event = _COMMANDS.get(request.sim_process_status)
+    if event is None:
+        got = request.sim_process_status
+        raise FieldError(f"{where}.sim_process_status: expected 1 (play), 2 (pause) or 32 (stop), got {got}")
+    if event is Event.STOP:
+        option = 0
+    if option & ~_OPTIONS:
+        raise FieldError(f"{where}.replay_option: expected a sum of 1, 2, 4 and 8, got {option}")
+    targets, start_ms, speed = request.replay_target_option, request.start_time, request.replay_speed
+    if option & _TARGETS and (not targets or targets & ~EVERYBODY):
+        raise FieldError(f"{where}.replay_target_option: expected a sum of 1, 2 and 4, got {targets}")
+    if option & _START and start_ms < 0:
+        raise FieldError(f"{where}.start_time: expected 0 or more, got {start_ms}")
+    if option & _SPEED and not 1 <= speed <= MAX_SPEED:
+        raise FieldError(f"{where}.replay_speed: expected 1..{MAX_SPEED}, got {speed}")
+    return _Command(
+        event,
+        request.rosbag_file_name if option & _FILE else None,
+        targets if option & _TARGETS else None,
+        start_ms * 1_000_000 if option & _START else None,
+        speed if option & _SPEED else None,
+    )
+
+
+# The part
+
+
+@dataclass(slots=True)
+class _Programme:
+    """What is shown, of whom, from where on and how fast; `position_ns` is for the next frame."""
+
+    recording: Recording
+    targets: int = EVERYBODY
+    start_ns: int = 0
+    speed: int = 1
+    position_ns: int = 0
+    is_over: bool = False
+
+    def seek(self, start_ns: int) -> None:
+        self.start_ns = self.position_ns = start_ns
+        self.is_over = False
+
+
+class Replay(Part):
+    """The part of a node that shows recordings.
+
+    Attributes:
+        state: where in the table it is.
+    """
+
+    def __init__(self, node: Node, recordings: Recordings | None) -> None:
+        """Nothing is replayed yet.
+
+        Args:
+            node: whose part it is.
+            recordings: where they come from; None for nowhere.
+        """
+        self.state = State.SIMULATING
+        self._recordings = recordings
+        self._node = node
+        self._puppets = Puppets(node.world, node.stage, node.find_ego)
+        self._programme = _Programme(Recording(""))
+        self._was_paused = False
+        self._source: Owner | None = None  # of network replay
+        self._unheard: Owner | None = None
+        self._loading: Call | None = None
+        self._result, self._commanded_ns = Result.NONE, 0
+        self._told: tuple[object, ...] = ()
+        self._is_obeying = False
+        self._carry_out = {
+            Effect.LEAVE: self._leave,
+            Effect.ENTER: self._enter,
+            Effect.TUNE: self._tune,
+            Effect.SEEK: self._show,
+            Effect.REWIND: self._rewind,
+            Effect.RESUME: lambda now: node.follow(node.sync.resume(), now),
+            Effect.HOLD: lambda now: node.follow(node.sync.pause(), now),
+            Effect.AGAIN: lambda now: node.carry_out(node.stage.loaded, is_pausing=False, now=now),
+            Effect.IGNORE: self._ignore,
+        }
+        store = node.bus.store
+        self._make_status = maker(
+            store,
+            "morai_msgs/MoraiSimProcStatus",
+            *("header", "latest_command_time", "command_result", "current_mode", "current_status"),
+        )
+        self._make_info = maker(
+            store,
+            "morai_msgs/ReplayInfo",
+            *("header", "ego_acc", "ego_brake", "ego_steer", "orientation", "linear_acceleration", "angular_velocity"),
+            *("num_of_npcs", "num_of_pedestrian", "num_of_obstacle", "npc_list", "pedestrian_list", "obstacle_list"),
+        )
+        self._vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
+        self._quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
+        self._make_result = maker(store, "morai_msgs/MoraiSrvResponse", "result")
+
+    def show(self, outputs: Outputs) -> None:
+        """Publish what the world has once."""
+        self._outputs = outputs
+        self._info = outputs.add(INFO, "morai_msgs/ReplayInfo", self._replay_info, is_exclusive=False)
+        self._status = outputs.add(STATUS, "morai_msgs/MoraiSimProcStatus", self._process_status, depth=1)
+        self._told = self._process()
+
+    def bind(self, bindings: Bindings) -> None:
+        """What the world has once."""
+        bindings.provide("Morai_SimProc", "MoraiSimProcSrv", self._command)
+        bindings.listen("ReplayInfo_topic", "ReplayInfo", self._hear)
+        self._bindings = bindings
+
+    def place(self) -> None:
+        """Within a step: put everybody where the recording has him at this frame."""
+        if self.state is State.SIMULATING:
+            return
+        programme = self._programme
+        duration_ns = programme.recording.duration_ns
+        self._puppets.show(programme.recording.scene(min(programme.position_ns, duration_ns)))
+        programme.is_over = programme.position_ns >= duration_ns
+        programme.position_ns += STEP_NS * programme.speed
+
+    def settle(self, now: float) -> None:
+        """A frame has gone out, or somebody has paused the simulator or ended the pause."""
+        if self.state is State.REPLAYING and self._programme.is_over:
+            _log.info("%s: the end is reached", self._programme.recording.name)
+            self._happen(Event.RUN_OUT, now)
+        elif self.state is State.AT_END and not self._node.sync.is_paused:
+            self._happen(Event.RUN_OUT, now)
+        elif self.state is State.FOLLOWING and not self._publishes(self._source):
+            self._lose(now)
+        if self._unheard is not None and not self._publishes(self._unheard):
+            self._unheard = None
+        self._announce(now)
+
+    def make_way(self, now: float) -> None:
+        """The world is to be its own again."""
+        if self.state is not State.SIMULATING:
+            _log.info("the replay has ended: the stage is needed")
+        self._happen(Event.EVICT, now)
+
+    def see_off(self, owner: Owner, now: float) -> None:
+        """A peer has left the bus."""
+        if owner is self._source and self.state is State.FOLLOWING:
+            self._lose(now)
+        if owner is self._unheard:
+            self._unheard = None
+
+    def forget(self) -> None:
+        """The world has begun anew: no command has come yet."""
+        if self._loading is not None:
+            loading, self._loading = self._loading, None
+            loading.refuse("The simulation was reset")
+        self._result, self._commanded_ns = Result.NONE, 0
+        self._told = ()
+
+    # The table
+
+    def _happen(self, event: Event, now: float) -> Outcome:
+        outcome = TABLE[self.state][event]
+        self.state = outcome.state
+        for effect in outcome.effects:
+            self._carry_out[effect](now)
+        return outcome
+
+    def _enter(self, now: float) -> None:
+        del now
+        programme = self._programme
+        self._was_paused = self._node.sync.is_paused
+        self._puppets.enter(
+            programme.recording.egos, programme.targets, has_objects=programme.recording.objects is not None
+        )
+        self._show(0.0)
+
+    def _leave(self, now: float) -> None:
+        self._puppets.leave()
+        self._node.refresh()
+        sync = self._node.sync
+        if sync.is_paused and not self._was_paused:
+            self._node.follow(sync.resume(), now)
+        elif self._was_paused and not sync.is_paused:
+            self._node.follow(sync.pause(), now)
+
+    def _tune(self, now: float) -> None:
+        """The targets may be others: the stage is set anew."""
+        del now
+        self._puppets.leave()
+        programme = self._programme
+        self._puppets.enter(
+            programme.recording.egos, programme.targets, has_objects=programme.recording.objects is not None
+        )
+        self._show(0.0)
+
+    def _show(self, now: float) -> None:
+        """Put everybody where he is to be now; nobody is met on the way there."""
+        del now
+        programme = self._programme
+        self._puppets.show(programme.recording.scene(min(programme.position_ns, programme.recording.duration_ns)))
+        self._node.refresh()
+
+    def _rewind(self, now: float) -> None:
+        self._programme.seek(self._programme.start_ns)
+        self._show(now)
+
+    def _ignore(self, now: float) -> None:
+        del now
+        self._unheard, self._source = self._source, None
+
+    def _lose(self, now: float) -> None:
+        assert self._source is not None
+        _log.info("%s publishes %s no longer: the replay has ended", self._source.name, INFO)
+        self._source = None
+        self._happen(Event.LOST, now)
+
+    # Commands
+
+    def _command(self, call: Call, now: float) -> None:
+        if self._node.is_moving:
+            raise GraphError("the world is moving")
+        self._commanded_ns = self._node.world.frame * STEP_NS
+        request: Any = call.request
+        try:
+            command = _read(request.request)
+        except FieldError as error:
+            self._refuse(call, Result.REFUSED, str(error), now)
+            return
+        if self._loading is not None:
+            self._refuse(call, Result.REFUSED, "a recording is being read", now)
+        elif command.name is None:
+            self._steer(call, command, now)
+        elif self._recordings is None:
+            self._refuse(call, Result.NOT_LOADED, "no recordings are kept here", now)
+        else:
+            self._loading = call
+            reading = Reading(command.name, self._node.convert)
+            self._recordings.read(command.name, reading, partial(self._take, call, command))
+
+    def _take(self, call: Call, command: _Command, outcome: Recording | DocumentError, now: float) -> None:
+        """A recording has been read, or could not be."""
+        if self._loading is not call:
+            return
+        self._loading = None
+        if call.is_done:
+            _log.info("%s was read for nobody: its caller is gone", command.name)
+        elif isinstance(outcome, DocumentError):
+            self._refuse(call, Result.NOT_LOADED, str(outcome), now)
+        else:
+            self._load(call, command, outcome, now)
+
+    def _load(self, call: Call, command: _Command, recording: Recording, now: float) -> None:
+        targets = EVERYBODY if command.targets is None else command.targets
+        why = self._why_unusable(recording, targets)
+        if why:
+            self._refuse(call, Result.UNUSABLE, f"{recording.name}: {why}", now)
+            return
+        start_ns = command.start_ns or 0
+        if start_ns > recording.duration_ns:
+            self._refuse(call, Result.REFUSED, _beyond(recording), now)
+            return
+        for note in [*recording.notes, *self._notes_on(recording, targets)]:
+            call.caller.tell("warning", f"{recording.name}: {note}")
+            _log.warning("%s: %s", recording.name, note)
+        seconds = recording.duration_ns / 1e9
+        _log.info("%s: %.2f s are replayed for %s", recording.name, seconds, call.caller.name)
+        self._programme = _Programme(recording, targets, speed=command.speed or 1)
+        self._programme.seek(start_ns)
+        self._obey(call, command, now)
+
+    def _why_unusable(self, recording: Recording, targets: int) -> str:
+        if recording.is_empty:
+            return "there is nothing in it that can be replayed: no ego, no objects"
+        has_ego = any(self._node.find_ego(index) is not None for index in recording.egos)
+        held = (EGO if has_ego else 0) | (EVERYBODY & ~EGO if recording.objects is not None else 0)
+        return "" if held & targets else "it holds none of those that are to be replayed"
+
+    def _notes_on(self, recording: Recording, targets: int) -> list[str]:
+        if not targets & EGO:
+            return []
+        if not recording.egos:
+            return ["it holds no ego: only the objects are replayed"]
+        placeless = [index for index, track in recording.egos.items() if not track.has_place]
+        return ["it holds no position of the ego: objects and pedals are replayed"] if placeless else []
+
+    def _steer(self, call: Call, command: _Command, now: float) -> None:
+        programme = self._programme
+        if self.state in {State.REPLAYING, State.AT_END}:
+            targets = programme.targets if command.targets is None else command.targets
+            why = self._why_unusable(programme.recording, targets)
+            if command.start_ns is not None and command.start_ns > programme.recording.duration_ns:
+                why = _beyond(programme.recording)
+            if why:
+                self._refuse(call, Result.REFUSED, why, now)
+                return
+            programme.targets, programme.speed = targets, command.speed or programme.speed
+            if command.start_ns is not None:
+                programme.seek(command.start_ns)
+        self._obey(call, command, now)
+
+    def _obey(self, call: Call, command: _Command, now: float) -> None:
+        self._is_obeying = True  # what it goes through meanwhile is nobody's business
+        why = ""
+        try:
+            for event in command.events:
+                why = why or self._happen(event, now).why
+        except DocumentError as error:  # the scenario that is to begin anew finds no room
+            why = str(error)
+        finally:
+            self._is_obeying = False
+        if why:
+            self._refuse(call, Result.REFUSED, why, now)
+            return
+        _log.debug("%s by %s: %s", command, call.caller.name, self.state.name)
+        self._end(call, Result.DONE, now)
+
+    def _refuse(self, call: Call, result: Result, why: str, now: float) -> None:
+        call.caller.tell("error", f"{call.service.name}: {why}")
+        _log.warning("%s refused: %s", call.service.name, why)
+        self._end(call, result, now)
+
+    def _end(self, call: Call, result: Result, now: float) -> None:
+        self._result = result
+        self._told = ()  # whoever waits for a word on his command is to hear one, be it the same as before
+        self._announce(now)
+        call.answer(call.service.type.response.struct(self._make_result(result is Result.DONE)))
+
+    # Network replay
+
+    def _hear(self, message: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+        """A client tells what it replays.
+
+        Raises:
+            FieldError: a figure that is no number or beyond all bounds. Nothing has changed.
+        """
+        node = self._node
+        why = TABLE[self.state][Event.MESSAGE].why
+        if sender is node:
+            return
+        if not why and sender is self._unheard:
+            why = "the replay was stopped"
+        if not why and self.state is State.FOLLOWING and sender is not self._source:
+            why = "another client replays already"
+        if why:
+            node.tell_once(sender, f"{INFO} is ignored: {why}")
+            return
+        reading = Reading(INFO, node.convert)
+        reading.take_pedals(message, (0, 0))
+        reading.take_objects(message, (0, 0))
+        recording = reading.finish()
+        if recording.notes:
+            raise FieldError(f"{INFO}: {recording.notes[0]}")
+        if self.state is State.SIMULATING:
+            _log.info("%s replays a recording over %s", sender.name, INFO)
+        self._source, self._programme = sender, _Programme(recording)
+        self._happen(Event.MESSAGE, now)
+        self._announce(now)
+
+    def _publishes(self, owner: Owner | None) -> bool:
+        """Whether somebody still publishes what he replays."""
+        topic = self._node.bus.find_topic(self._bindings.topic("ReplayInfo_topic"))
+        return topic is not None and owner in topic.publishers
+
+    # Out
+
+    def _process_status(self) -> Any:  # noqa: ANN401 - a generated struct
+        node = self._node
+        store = node.bus.store
+        result, mode, status, commanded_ns = self._process()
+        return self._make_status(
+            node.convert.header(node.world.frame, "SimProcStatus"), store.time_value(commanded_ns), result, mode, status
+        )
+
+    def _process(self) -> tuple[int, int, int, int]:
+        """Result, mode and status as MORAI numbers them, and the time of the last command [ns]."""
+        status = _PAUSED if self._node.sync.is_paused else _RUNNING
+        mode = _SIMULATION_MODE if self.state is State.SIMULATING else _REPLAY_MODE
+        return self._result.value, mode, _ENDED if self.state is State.AT_END else status, self._commanded_ns
+
+    def _announce(self, now: float) -> None:
+        """Publish the status if it has changed; latched, so it is kept up to date whoever listens."""
+        process = self._process()
+        if process != self._told and not self._is_obeying:
+            self._told = process
+            self._outputs.show_now(self._status, now)
+
+    def _replay_info(self) -> Any:  # noqa: ANN401 - a generated struct, or None
+        """What is being replayed, for others than ourselves, who listen there too."""
+        node = self._node
+        assert self._info.topic is not None, "it is published"
+        if self.state not in {State.REPLAYING, State.AT_END}:
+            return None
+        if not any(one.owner is not node and not one.is_idle for one in self._info.topic.subscriptions):
+            return None
+        world, row = node.world, node.egos[0].row
+        vector = self._vector
+        return self._make_info(
+            node.convert.header(world.frame, "ReplayInfo"),
+            world.throttle.item(row),
+            world.brake.item(row),
+            world.steer.item(row) * DEGREES,
+            self._quaternion(*quaternion(world.roll.item(row), world.pitch.item(row), world.yaw.item(row))),
+            vector(world.accel.item(row), world.lateral_accel.item(row), 0.0),
+            vector(0.0, 0.0, world.yaw_rate.item(row)),
+            *node.convert.object_lists(world),
+        )
+
+
+def _beyond(recording: Recording) -> str:
+    return f"start_time: {recording.name} lasts {recording.duration_ns // 1_000_000} ms"

@@ -1,0 +1,189 @@
+"""What a recording shows between its stamps, and what is read from messages of any kind."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace as Struct
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.morai import recorded
+from rosbridge_sim.morai.convert import DEGREES, FIELD, KMH, MANUAL, Converter, Profile, exact_quotient
+from rosbridge_sim.morai.recorded import Reading
+from rosbridge_sim.morai.recording import EGO_COLUMNS, OBJECT_COLUMNS, Recording
+from rosbridge_sim.world.state import Kind
+from tests.morai.stand import make_store
+
+SECOND = 1_000_000_000
+
+
+def vector(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Struct:
+    return Struct(x=x, y=y, z=z)
+
+
+def ego(x: float, heading_deg: float = 0.0, **fields: Any) -> Struct:  # noqa: ANN401 - any field
+    return Struct(
+        **{
+            "position": vector(x, 2.0, 3.0),
+            "velocity": vector(4.0),
+            "acceleration": vector(0.5, 0.25),
+            "heading": heading_deg,
+            "accel": 0.75,
+            "brake": 0.0,
+            "wheel_angle": 0.5,
+            **fields,
+        }
+    )
+
+
+def thing(uid: int, x: float, name: str = "Bus", heading_deg: float = 0.0, size: Struct | None = None) -> Struct:
+    return Struct(
+        unique_id=uid,
+        name=name,
+        heading=heading_deg,
+        velocity=vector(36.0),
+        acceleration=vector(1.0),
+        size=size or vector(2.0, 5.0, 3.0),
+        position=vector(x, 1.0, 0.0),
+    )
+
+
+def reading(profile: Profile = MANUAL) -> Reading:
+    return Reading("a", Converter(make_store(), profile))
+
+
+def both(stamp_ns: int) -> tuple[int, int]:
+    return stamp_ns, stamp_ns
+
+
+def ego_at(recording: Recording, since: float, column: str = "x") -> float:
+    return float(recording.scene(round(since * SECOND)).egos[0][EGO_COLUMNS.index(column)])
+
+
+@pytest.mark.parametrize("factor", [DEGREES, KMH])
+def test_what_was_converted_comes_back_to_the_last_bit(factor: float) -> None:
+    rng = np.random.Generator(np.random.PCG64(1))
+    values = np.concatenate([rng.uniform(-math.pi, math.pi, 10_000), [math.pi, 0.0, -0.0, 1e-9]])
+    products = values * factor
+    assert (exact_quotient(products, factor) * factor == products).all()
+
+
+def test_between_stamps_is_what_lies_between() -> None:
+    take = reading()
+    for i, (x, heading) in enumerate([(0.0, 170.0), (1.0, -170.0), (2.0, -170.0)]):
+        take.take_ego(0, ego(x, heading), both(SECOND + i * SECOND // 10))
+    recording = take.finish()
+    assert recording.duration_ns == SECOND // 5
+    assert ego_at(recording, 0.025) == 0.25
+    assert ego_at(recording, 0.075, "yaw") == pytest.approx(math.radians(185.0))
+    assert ego_at(recording, 0.1, "yaw") == math.radians(-170.0)
+    assert ego_at(recording, 0.1, "yaw_rate") == pytest.approx(math.radians(200.0))
+    assert ego_at(recording, 99.0) == 2.0
+
+
+def test_jumps_and_gaps_are_not_driven_through() -> None:
+    take = reading()
+    for x, stamp in ((0.0, 1.0), (500.0, 1.1), (501.0, 3.0), (502.0, 3.1)):
+        take.take_ego(0, ego(x), both(round(stamp * SECOND)))
+    recording = take.finish()
+    assert [ego_at(recording, since) for since in (0.05, 0.1, 1.0, 2.05)] == [0.0, 500.0, 500.0, 501.5]
+
+
+def test_objects_between_stamps_and_those_who_leave() -> None:
+    take = reading()
+    take.take_ego(0, ego(0.0), both(SECOND))
+    for i, xs in enumerate([{3: 0.0, 5: 7.0}, {5: 8.0, 9: 1.0}]):
+        npcs = [thing(uid, x) for uid, x in xs.items()]
+        take.take_objects(Struct(npc_list=npcs, pedestrian_list=[], obstacle_list=[]), both(SECOND + i * SECOND // 10))
+    scene = take.finish().scene(SECOND // 20)
+    assert [actor.uid for actor in scene.cast] == [3, 5]
+    assert scene.values[0].tolist() == [0.0, 7.5]
+    assert scene.values[OBJECT_COLUMNS.index("speed")].tolist() == [10.0, 10.0]
+    assert scene.cast[0].size == (5.0, 2.0, 3.0)
+    assert scene.cast[0].kind is Kind.VEHICLE
+
+
+def test_profile_says_what_units_are() -> None:
+    take = reading(FIELD)
+    take.take_ego(0, ego(0.0, wheel_angle=90.0), both(1))
+    take.take_objects(Struct(npc_list=[thing(1, 0.0)]), both(1))
+    scene = take.finish().scene(0)
+    assert scene.egos[0][EGO_COLUMNS.index("steer")] == pytest.approx(math.pi / 2)
+    assert scene.cast[0].size == (2.0, 5.0, 3.0)
+
+
+@pytest.mark.parametrize("profile", [MANUAL, FIELD])
+def test_newer_name_of_the_steering_is_degrees(profile: Profile) -> None:
+    take = reading(profile)
+    message = ego(0.0, front_steer_angle=90.0)
+    del message.wheel_angle
+    take.take_ego(0, message, both(1))
+    assert take.finish().scene(0).egos[0][EGO_COLUMNS.index("steer")] == pytest.approx(math.pi / 2)
+
+
+def test_own_stamps_count_where_they_are_a_clock() -> None:
+    for said, duration in (([5, 6, 7], 2), ([0, 0, 0], 20), ([7, 6, 5], 20)):
+        take = reading()
+        for stamp, came in zip(said, (10, 20, 30), strict=True):
+            take.take_ego(0, ego(0.0), (stamp, came))
+        assert take.finish().duration_ns == duration
+
+
+def test_repeated_stamp_counts_once_and_order_is_that_of_time() -> None:
+    take = reading()
+    for x, came in ((1.0, 30), (2.0, 10), (3.0, 30)):
+        take.take_ego(0, ego(x), (0, came))
+        take.take_objects(Struct(npc_list=[thing(1, x), thing(1, 99.0)]), (0, came))
+    recording = take.finish()
+    assert recording.egos[0].values[0].tolist() == [2.0, 3.0]
+    assert recording.objects is not None
+    assert recording.objects.values[0].tolist() == [2.0, 3.0]
+
+
+def test_figures_that_are_none_are_left_out_and_told() -> None:
+    take = reading()
+    for i, x in enumerate((1.0, math.nan, 3.0)):
+        take.take_ego(0, ego(x), both(10 + i))
+        take.take_objects(Struct(npc_list=[thing(1, x), thing(2, 0.0, heading_deg=math.inf)]), both(10 + i))
+    recording = take.finish()
+    assert recording.egos[0].values[0].tolist() == [1.0, 3.0]
+    assert recording.objects is not None
+    assert recording.objects.starts.tolist() == [0, 1, 1, 2]
+    assert recording.notes == (
+        "1 states of ego 0 are left out: they hold no numbers, or numbers beyond all bounds",
+        "4 states of an object are left out: they hold no numbers, or numbers beyond all bounds",
+    )
+
+
+def test_nothing_is_empty() -> None:
+    assert reading().finish().is_empty
+    take = reading()
+    take.take_ego(0, ego(math.nan), both(1))
+    assert take.finish().is_empty
+
+
+def test_too_much_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recorded, "MAX_ENTRIES", 3)
+    take = reading()
+    take.take_objects(Struct(npc_list=[thing(1, 0.0)]), both(1))
+    with pytest.raises(DocumentError, match="a: more than 3 states in it; cut it into shorter ones"):
+        take.take_objects(Struct(npc_list=[thing(1, 0.0)]), both(2))
+
+
+def test_many_random_states_are_found_by_hand_as_well() -> None:
+    rng = np.random.Generator(np.random.PCG64(7))
+    take = reading()
+    frames = [{uid: rng.uniform(-9, 9) for uid in range(6) if rng.random() < 0.5} for _ in range(30)]
+    for i, xs in enumerate(frames):
+        npcs = [thing(uid, x) for uid, x in xs.items()]
+        if i % 2:
+            npcs.reverse()
+        take.take_objects(Struct(npc_list=npcs), both((i + 1) * SECOND // 50))
+    recording = take.finish()
+    for i, xs in enumerate(frames):
+        scene = recording.scene(i * SECOND // 50)
+        found = {actor.uid: x for actor, x in zip(scene.cast, scene.values[0].tolist(), strict=True)}
+        assert found == xs
