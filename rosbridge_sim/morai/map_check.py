@@ -21,7 +21,7 @@ from rosbridge_sim.world.plan import Plan
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import DT
 
-__all__ = ["UNREAD_FILES", "Gap", "describe_map", "find_gaps", "list_files"]
+__all__ = ["UNREAD_FILES", "describe_map", "list_files"]
 
 UNREAD_FILES: Final = (
     "lane_node_set.json",
@@ -40,21 +40,6 @@ MAX_STEP: Final = 0.5
 
 Entry = dict[str, Any]
 """An entry of a file: a JSON object that has been checked as far as it is read."""
-
-
-@dataclass(frozen=True, slots=True)
-class Gap:
-    """Something that a map lacks.
-
-    Attributes:
-        what: a few words, after which names can stand.
-        num: how many times.
-        examples: the first names.
-    """
-
-    what: str
-    num: int
-    examples: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,6 +152,7 @@ def describe_map(files: Mapping[str, bytes], road_map: RoadMap) -> Entry:
             "num_with_lights": sum(bool(crosswalk.lights) for crosswalk in road_map.crosswalks),
         },
         "notes": list(road_map.notes),
+        "gaps": list(_gaps(sets, road_map)),
     }
 
 
@@ -227,12 +213,12 @@ def _controllers(plan: Plan | None) -> Iterator[Entry]:
 # Gaps
 
 
-def find_gaps(files: Mapping[str, bytes], road_map: RoadMap) -> list[Gap]:
-    """What the map lacks; the arguments are those of `describe_map`."""
-    sets = _parse(files)
-    pairs = [*_gaps_of_lanes(sets, road_map), *_gaps_of_lights(sets, road_map)]
-    found = [(what, list(dict.fromkeys(names))) for what, names in pairs]
-    return [Gap(what, len(names), tuple(names[:MAX_EXAMPLES])) for what, names in found if names]
+def _gaps(sets: _Sets, road_map: RoadMap) -> Iterator[Entry]:
+    """What the map lacks: what that is, how many times, and the first names."""
+    for what, names in (*_gaps_of_lanes(sets, road_map), *_gaps_of_lights(sets, road_map)):
+        found = list(dict.fromkeys(names))
+        if found:
+            yield {"what": what, "num": len(found), "examples": found[:MAX_EXAMPLES]}
 
 
 def _gaps_of_lanes(sets: _Sets, road_map: RoadMap) -> Iterator[tuple[str, list[str]]]:

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from rosbridge_sim.morai.map_check import describe_map, find_gaps, list_files
+from rosbridge_sim.morai.map_check import describe_map, list_files
 from rosbridge_sim.morai.mgeo import find_map_mistakes, read_map
 from tests.morai.maps import KOREAN, ROADRUNNER, Files, light, node
 
@@ -19,7 +19,7 @@ def described(files: Files) -> dict[str, Any]:
 
 
 def gaps(files: Files) -> dict[str, tuple[str, ...]]:
-    return {gap.what: gap.examples for gap in find_gaps(encoded(files), read_map(encoded(files), "maps/tiny"))}
+    return {gap["what"]: tuple(gap["examples"]) for gap in described(files)["gaps"]}
 
 
 def mistakes(files: Files) -> list[str]:
@@ -179,9 +179,9 @@ def test_each_gap_is_told_by_name(files: Files, what: str, names: tuple[str, ...
 
 def test_many_of_one_kind_are_counted() -> None:
     nodes = [*ROADRUNNER["node_set.json"], *(node(f"n{i}", i, 9) for i in range(50))]
-    files = encoded({**ROADRUNNER, "node_set.json": nodes})
-    (gap,) = [gap for gap in find_gaps(files, read_map(files, "tiny")) if gap.what == "nodes without a link"]
-    assert (gap.num, gap.examples) == (50, ("n0", "n1", "n2", "n3", "n4"))
+    found = described({**ROADRUNNER, "node_set.json": nodes})["gaps"]
+    (gap,) = [gap for gap in found if gap["what"] == "nodes without a link"]
+    assert (gap["num"], gap["examples"]) == (50, ["n0", "n1", "n2", "n3", "n4"])
 
 
 # -- mistakes

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.map_check import Gap, describe_map, find_gaps, list_files
+from rosbridge_sim.morai.map_check import describe_map, list_files
 from rosbridge_sim.morai.mgeo import find_map_mistakes, read_map
 from rosbridge_sim.shell.storage import DiskLibrary, map_names, read_folder
 from rosbridge_sim.shell.tools.text import put, put_json, put_table, safe
@@ -46,13 +46,12 @@ def show_map(name: str, picture: str | None, *, is_json: bool) -> int:
         raise DocumentError(f"{folder}: cannot be read: {error.strerror}") from None
     files = read_folder(folder)
     account: _Account = {"folder": str(folder), "files": list_files(files, names)}
-    account["mistakes"] = mistakes = find_map_mistakes(files, str(folder))
-    account["is_good"] = not mistakes
-    if not mistakes:
+    try:
         road_map = read_map(files, str(folder))
-        gaps = find_gaps(files, road_map)
-        account |= describe_map(files, road_map)
-        account["gaps"] = [{"what": gap.what, "num": gap.num, "examples": list(gap.examples)} for gap in gaps]
+    except DocumentError:
+        account |= {"is_good": False, "mistakes": find_map_mistakes(files, str(folder))}
+    else:
+        account |= {"is_good": True, "mistakes": [], **describe_map(files, road_map)}
         if picture is not None:
             from rosbridge_sim.shell.tools.map_picture import draw_map  # noqa: PLC0415 - with Pillow, for this alone
 
@@ -60,16 +59,14 @@ def show_map(name: str, picture: str | None, *, is_json: bool) -> int:
     if is_json:
         put_json(account)
     else:
-        _show_head(account)
-        if not mistakes:
-            _show_figures(account, gaps)
-    return 1 if mistakes else 0
+        _show(account)
+    return 0 if account["is_good"] else 1
 
 
 # For a person
 
 
-def _show_head(account: _Account) -> None:
+def _show(account: _Account) -> None:
     mistakes, gaps = account["mistakes"], account.get("gaps", [])
     verdict = f"{len(mistakes):,} mistake{'' if len(mistakes) == 1 else 's'}" if mistakes else "good"
     put(f"{safe(account['folder'])}: {verdict}" + (f", {len(gaps)} kinds of gaps" if gaps else ""))
@@ -79,6 +76,8 @@ def _show_head(account: _Account) -> None:
     _put_names("there, but not needed", [one["name"] for one in files if one["is_there"] and not one["is_read"]])
     _put_names("not there", [one["name"] for one in files if not one["is_there"] and one["is_known"]])
     _put_lines("mistakes", mistakes)
+    if account["is_good"]:
+        _show_figures(account)
 
 
 def _put_names(title: str, names: Sequence[str]) -> None:
@@ -94,7 +93,7 @@ def _put_lines(title: str, lines: Sequence[str]) -> None:
             put(f"  {safe(line)}")
 
 
-def _show_figures(account: _Account, gaps: Sequence[Gap]) -> None:
+def _show_figures(account: _Account) -> None:
     projection, lanes, lights = account["projection"], account["lanes"], account["lights"]
     east, north, up = account["origin"]
     (west, to_east), (south, to_north), (low, high) = account["extent"].values()
@@ -125,7 +124,7 @@ def _show_figures(account: _Account, gaps: Sequence[Gap]) -> None:
     put(f"crosswalks: {crosswalks['num']:,}, {crosswalks['num_with_lights']:,} of them with lights")
     _show_controllers(account["controllers"])
     _put_lines("notes", account["notes"])
-    _put_lines("gaps", [_gap(gap) for gap in gaps])
+    _put_lines("gaps", [_gap(gap) for gap in account["gaps"]])
 
 
 def _put_lanes(title: str, kinds: Mapping[str, _Account]) -> None:
@@ -160,6 +159,6 @@ def _show_controllers(controllers: Sequence[_Account]) -> None:
         put(f"... and {len(controllers) - MAX_ROWS:,} more (--json has them all)")
 
 
-def _gap(gap: Gap) -> str:
-    more = "" if gap.num <= len(gap.examples) else ", ..."
-    return f"{gap.num:,} {gap.what}: {', '.join(gap.examples)}{more}"
+def _gap(gap: _Account) -> str:
+    more = "" if gap["num"] <= len(gap["examples"]) else ", ..."
+    return f"{gap['num']:,} {gap['what']}: {', '.join(gap['examples'])}{more}"

@@ -177,10 +177,11 @@ def _draw_arrows(pen: ImageDraw.ImageDraw, view: _View, roads: Roads, lane: int,
     is_thin = width * view.scale < 3.0 * NARROW * FINE
     if is_thin and (is_inside or roads.right[lane] >= 0):
         return
-    size = min(9.0 * FINE / view.scale if is_thin else 0.5 * width, 0.4 * length)
+    size = min(9.0 * FINE / view.scale if is_thin else 0.5 * width, 12.0, 0.4 * length)
     apart = max(60.0, 90.0 * FINE / view.scale)
     num = max(1, int(length / apart))
-    points, yaws = roads.at([lane] * num, [(i + 0.5) * length / num for i in range(num)])
+    # Before the middle, so that those of two opposite lanes do not meet.
+    points, yaws = roads.at([lane] * num, [(i + 0.42) * length / num for i in range(num)])
     for point, yaw in zip(points, yaws.tolist(), strict=True):
         pen.polygon(view.place(_shape(point, yaw, size, _ARROW)), fill=ARROW)
 
@@ -204,7 +205,7 @@ def _draw_stop_line(pen: ImageDraw.ImageDraw, view: _View, roads: Roads, lane: i
 
 def _draw_lights(pen: ImageDraw.ImageDraw, view: _View, road_map: RoadMap) -> None:
     """Each light points to where it looks, a line ties it to the lanes that it serves."""
-    size = max(1.6, 8.0 * FINE / view.scale)
+    size = min(max(1.6, 8.0 * FINE / view.scale), 6.0)  # to be seen, but not to hide the crossing
     roads = road_map.roads
     for light in road_map.plan.lights if road_map.plan else ():
         colour = WALK_LIGHT if light.is_pedestrian else WARNING_LIGHT if light.is_warning else CAR_LIGHT
