@@ -19,7 +19,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Final
+from typing import Final, Protocol
 
 from rosbridge_sim.errors import DocumentError, GraphError, hint
 from rosbridge_sim.graph.owner import resolve
@@ -30,6 +30,7 @@ __all__ = [
     "Choice",
     "ItemKind",
     "NetworkSettings",
+    "Networks",
     "Place",
     "path_text",
     "read_choices",
@@ -141,6 +142,17 @@ def _over(choices: Mapping[str, Choice], base: Mapping[str, Choice]) -> dict[str
     for name, choice in choices.items():
         merged[name] = choice.over(merged.get(name, _NOTHING))
     return merged
+
+
+class Networks(Protocol):
+    """Where network settings that belong to a scenario come from; the shell reads them from the disk."""
+
+    def network(self, scenario: str) -> NetworkSettings | None:
+        """Those of the scenario that a client calls by this name; None where it has none.
+
+        Raises:
+            DocumentError: the name is none, or what is there cannot be used.
+        """
 
 
 def split_prefix(name: str) -> tuple[str, str]:

@@ -352,12 +352,21 @@ class Node:
         for ego in self.egos:
             ego.forget_status()
 
-    def carry_out(self, load: Load, *, is_pausing: bool, now: float) -> None:
-        """Have a prepared scenario take the stage.
+    def carry_out(self, load: Load, *, is_pausing: bool, now: float, network: NetworkSettings | None = None) -> None:
+        """Have a prepared scenario take the stage, wholly or not at all.
+
+        Args:
+            load: from `stage.prepare`.
+            is_pausing: time stands still from then on.
+            now: monotonic time [s].
+            network: other network settings from then on; None for those in force.
 
         Raises:
-            DocumentError: the world is too full; nothing has changed, but that a replay has ended.
+            DocumentError: the world is too full, and nothing has changed but that a replay has ended; or a name of the
+                network cannot be had, and nothing has changed at all.
         """
+        if network is not None:
+            self.items.check(network)
         for part in self._parts:
             part.make_way(now)
         self.stage.carry_out(load)
@@ -369,6 +378,8 @@ class Node:
         self.egos = [ego for ego in self.egos if ego.is_there]
         for ego in self.egos:
             ego.resume()
+        if network is not None:
+            self.items.change(network, now)
         self.refresh()
         self.announce_mounts(now)
         if is_pausing:

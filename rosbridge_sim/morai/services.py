@@ -26,6 +26,7 @@ from rosbridge_sim.morai.catalogue import find_model
 from rosbridge_sim.morai.commands import lamps_of
 from rosbridge_sim.morai.convert import gear_of, maker, time_text
 from rosbridge_sim.morai.ego import CtrlMode, Ego
+from rosbridge_sim.morai.network_settings import Networks, NetworkSettings
 from rosbridge_sim.morai.part import Part
 from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.stage import Load, LoadOptions
@@ -47,8 +48,17 @@ _log = logging.getLogger("rosbridge_sim.morai")
 class Services(Part):
     """A node's services, and the topics of synchronous mode. It holds no state: that is the parts' of the node."""
 
-    def __init__(self, node: Node, sensors: Sensors) -> None:
+    def __init__(self, node: Node, sensors: Sensors, networks: Networks | None) -> None:
+        """The services of a node that is being made.
+
+        Args:
+            node: whose.
+            sensors: its, for what is saved with a command.
+            networks: where scenarios' network settings are; None where there are none.
+        """
         self._node = node
+        self._networks = networks
+        self._opening_network = node.items.settings
         self._sensors = sensors
         store = node.bus.store
         self._make_cmd = maker(store, "morai_msgs/SyncModeCmdResponse", "user_id", "frame", "result", "time_step")
@@ -159,11 +169,11 @@ class Services(Part):
         caller = call.caller
 
         def read() -> Command:
-            load = self._prepare(request, caller)
+            load, network = self._prepare(request, caller)
 
             def carry_out(then: float) -> None:
                 try:
-                    self._node.carry_out(load, is_pausing=request.set_pause, now=then)
+                    self._node.carry_out(load, is_pausing=request.set_pause, now=then, network=network)
                 except DocumentError as error:
                     _complain(caller, f"{call.service.name}: {error}")
 
@@ -272,13 +282,17 @@ class Services(Part):
         Raises:
             DocumentError: it cannot be loaded; nothing has changed.
         """
-        self._node.carry_out(self._prepare(request, caller), is_pausing=request.set_pause, now=now)
+        load, network = self._prepare(request, caller)
+        self._node.carry_out(load, is_pausing=request.set_pause, now=now, network=network)
 
-    def _prepare(self, request: Any, caller: Owner) -> Load:  # noqa: ANN401 - a generated struct
-        """Read the scenario that a request of either service names.
+    def _prepare(self, request: Any, caller: Owner) -> tuple[Load, NetworkSettings | None]:  # noqa: ANN401 - a generated struct
+        """Read the scenario that a request names and, if it is wanted, the network settings that belong to it.
+
+        These are laid over those of the start, so what came in between plays no part. Most scenarios have none: then
+        the caller is warned, and all stays as it is.
 
         Raises:
-            DocumentError: there is none, or it cannot be used.
+            DocumentError: there is no such scenario, or one of both cannot be used.
         """
         options = LoadOptions(
             delete_all=request.delete_all,
@@ -287,9 +301,22 @@ class Services(Part):
             pedestrians=request.load_pedestrian_data,
             obstacles=request.load_obstacle_data,
         )
-        if not any((options.delete_all, options.ego, options.vehicles, options.pedestrians, options.obstacles)):
+        has_network = request.load_network_connection_data
+        if not any(
+            (options.delete_all, options.ego, options.vehicles, options.pedestrians, options.obstacles, has_network)
+        ):
             caller.tell("warning", "nothing to load: delete_all and all load_... are false")
-        return self._node.stage.prepare(self._node.library.scenario(request.file_name), options)
+        load = self._node.stage.prepare(self._node.library.scenario(request.file_name), options)
+        return load, self._read_network(request.file_name, caller) if has_network else None
+
+    def _read_network(self, scenario: str, caller: Owner) -> NetworkSettings | None:
+        found = self._networks.network(scenario) if self._networks is not None else None
+        if found is None:
+            caller.tell("warning", f"{scenario[:80]!r} has no network settings: those in force stay")
+            return None
+        network = found.over(self._opening_network)
+        self._node.items.check(network)
+        return network
 
     def _event_cmd(self, ego: Ego, call: Call, now: float) -> None:
         request: Any = _request(call)

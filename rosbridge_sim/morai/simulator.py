@@ -6,6 +6,7 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.morai.captures import Archive
 from rosbridge_sim.morai.crossings import Crossings
 from rosbridge_sim.morai.inputs import Inputs
+from rosbridge_sim.morai.network_settings import Networks
 from rosbridge_sim.morai.node import Node, NodeSettings
 from rosbridge_sim.morai.part import Part
 from rosbridge_sim.morai.recorded import Recordings
@@ -29,6 +30,7 @@ def make_node(
     *,
     archive: Archive | None = None,
     recordings: Recordings | None = None,
+    networks: Networks | None = None,
 ) -> Node:
     """The simulator with its opening scene, on the bus; the arguments and errors are those of `Node`.
 
@@ -40,6 +42,7 @@ def make_node(
         settings: None for the defaults.
         archive: where sensors' data is saved; None where there is no place for it.
         recordings: where those come from that are to be replayed; None for nowhere.
+        networks: where scenarios' network settings are; None where there are none.
 
     Raises:
         DocumentError: the scenario does not fit its map, or the network settings do not fit.
@@ -48,6 +51,13 @@ def make_node(
     def make_parts(node: Node) -> list[Part]:
         """All there are, in the order in which their topics go out with a frame."""
         sensors = Sensors(node, archive)
-        return [States(node), Crossings(node), sensors, Services(node, sensors), Inputs(node), Replay(node, recordings)]
+        return [
+            States(node),
+            Crossings(node),
+            sensors,
+            Services(node, sensors, networks),
+            Inputs(node),
+            Replay(node, recordings),
+        ]
 
     return Node(bus, world, library, scenario, settings=settings or NodeSettings(), make_parts=make_parts)

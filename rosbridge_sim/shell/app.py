@@ -38,6 +38,7 @@ from rosbridge_sim.protocol.flow import OutboxLimits
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.access import Access, load_certificate
 from rosbridge_sim.shell.archive import DiskArchive
+from rosbridge_sim.shell.networks import DiskNetworks
 from rosbridge_sim.shell.replays import DiskRecordings
 from rosbridge_sim.shell.reports import TOPICS, Reports
 from rosbridge_sim.shell.server import Server, ServerLimits
@@ -263,8 +264,16 @@ def _make_node(bus: Bus, settings: Settings, recordings: Recordings | None) -> N
         anyone_may_stop=settings.anyone_may_stop,
     )
     scenario = library.opening_scenario(settings.scenario)
-    archive = DiskArchive(settings.data_dir)
-    return make_node(bus, World(settings.seed), library, scenario, choices, archive=archive, recordings=recordings)
+    return make_node(
+        bus,
+        World(settings.seed),
+        library,
+        scenario,
+        choices,
+        archive=DiskArchive(settings.data_dir),
+        recordings=recordings,
+        networks=DiskNetworks(settings.data_dir),
+    )
 
 
 def _network(settings: Settings) -> NetworkSettings:

@@ -19,7 +19,16 @@ from rosbridge_sim.morai.scenario import Scenario, read_scenario
 from rosbridge_sim.schema.parse import parse_action, parse_message, parse_service
 from rosbridge_sim.shell.sources import looks_like_path
 
-__all__ = ["MAX_NAME", "PLAIN_NAME", "DiskLibrary", "Texts", "map_names", "read_definitions", "read_folder"]
+__all__ = [
+    "MAX_NAME",
+    "PLAIN_NAME",
+    "DiskLibrary",
+    "Texts",
+    "map_names",
+    "read_definitions",
+    "read_folder",
+    "safe_parts",
+]
 
 _log = logging.getLogger("rosbridge_sim.storage")
 
@@ -245,7 +254,7 @@ class DiskLibrary:
         return self._read_scenario(path if is_any_file else self._find_scenario(name))
 
     def _find_scenario(self, name: str) -> Path:
-        parts = _safe_parts(name)
+        parts = safe_parts(name)
         for folder in [*self._folders, DATA / "scenarios"]:
             path = _find_scenario(folder, parts)
             if path is not None:
@@ -292,7 +301,7 @@ def map_names() -> list[str]:
     return sorted(at.name for at in (DATA / "maps").iterdir() if at.is_dir())
 
 
-def _safe_parts(name: str) -> tuple[str, ...]:
+def safe_parts(name: str) -> tuple[str, ...]:
     """A client's name of a scenario, taken apart: (NAME.json,) or (MAP, NAME.json)."""
     parts = name.replace("\\", "/").split("/")
     is_plain = len(name) <= MAX_NAME and all(PLAIN_NAME.fullmatch(part) for part in parts)

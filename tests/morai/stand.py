@@ -21,7 +21,19 @@ from rosbridge_sim.shell.storage import read_definitions
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import World
 
-__all__ = ["ALL", "SCENARIOS", "Client", "Drawer", "Shelf", "Stand", "make_store", "network_settings", "rates"]
+__all__ = [
+    "ALL",
+    "SCENARIOS",
+    "Client",
+    "Drawer",
+    "Networks",
+    "Shelf",
+    "Stand",
+    "make_store",
+    "network_settings",
+    "put_egos",
+    "rates",
+]
 
 STRAIGHT = [{"pos": {"x": 0, "y": 0, "z": 0}}, {"pos": {"x": -50, "y": 0, "z": 0}}]
 
@@ -94,6 +106,36 @@ class Shelf:
             projection = Projection(is_tm=True, central_latitude=38.0, central_meridian=127.0, false_easting=200_000.0)
             return RoadMap(name, projection, (0.0, 0.0, 0.0), _roads(name))
         raise DocumentError(f"no map {name!r}")
+
+
+def put_egos(*indices: int) -> dict[str, Any]:
+    """The fields of a MultiEgoSetting that puts these."""
+    n = len(indices)
+    return {
+        "number_of_ego_vehicle": n,
+        "ego_index": list(indices),
+        **{f"global_position_{axis}": [30.0 * i for i in range(n)] for axis in "xyz"},
+        "global_roll": [0.0] * n,
+        "global_pitch": [0.0] * n,
+        "global_yaw": [0.0] * n,
+        "velocity": [0.0] * n,
+        "gear": [4] * n,
+        "ctrl_mode": [16] * n,
+    }
+
+
+class Networks:
+    """Scenarios' network settings in memory.
+
+    Attributes:
+        tables: name of the scenario -> what a TOML file would say.
+    """
+
+    def __init__(self) -> None:
+        self.tables: dict[str, Mapping[str, Any]] = {}
+
+    def network(self, scenario: str) -> NetworkSettings | None:
+        return network_settings(self.tables[scenario]) if scenario in self.tables else None
 
 
 class Drawer:
@@ -218,6 +260,7 @@ class Stand:
         self.world = World(seed=0)
         self.shelf = Shelf()
         self.drawer = Drawer()
+        self.networks = Networks()
         chosen = NodeSettings(network=network_settings(network or {}), **settings)
         self.node = make_node(
             self.bus,
@@ -227,6 +270,7 @@ class Stand:
             chosen,
             archive=self.drawer,
             recordings=recordings,
+            networks=self.networks,
         )
         self.now = 100.0
         self._num_clients = 0

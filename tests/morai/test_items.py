@@ -14,7 +14,7 @@ from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.items import Items
 from rosbridge_sim.morai.network_settings import ItemKind
 from rosbridge_sim.morai.outputs import Outputs
-from tests.morai.stand import Client, Stand, make_store, network_settings
+from tests.morai.stand import Client, Stand, make_store, network_settings, put_egos
 
 INT, TRIGGER = "std_msgs/Int32", "std_srvs/Trigger"
 
@@ -358,7 +358,7 @@ def test_a_further_ego_has_the_names_of_the_first_behind_its_prefix() -> None:
         }
     )
     client = stand.client()
-    client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **egos(2, 3))
+    client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(2, 3))
     client.listen("/Ego-2/my/ego", "/third")
     stand.run(0.02)
     assert [name for name, _ in client.heard] == ["/Ego-2/my/ego", "/third"]
@@ -366,22 +366,6 @@ def test_a_further_ego_has_the_names_of_the_first_behind_its_prefix() -> None:
     for name in ("/Ego-2/Ego_topic", "/Ego-3/my/ego", "/Ego-2/lamps", "/Ego-2/SyncModeCmd"):
         assert stand.bus.find_topic(name) is None
         assert name not in stand.bus.services
-
-
-def egos(*indices: int) -> dict[str, Any]:
-    """The fields of a MultiEgoSetting that puts these."""
-    n = len(indices)
-    return {
-        "number_of_ego_vehicle": n,
-        "ego_index": list(indices),
-        **{f"global_position_{axis}": [30.0 * i for i in range(n)] for axis in "xyz"},
-        "global_roll": [0.0] * n,
-        "global_pitch": [0.0] * n,
-        "global_yaw": [0.0] * n,
-        "velocity": [0.0] * n,
-        "gear": [4] * n,
-        "ctrl_mode": [16] * n,
-    }
 
 
 @pytest.mark.parametrize("release", ["22.R2", "26.R1"])
