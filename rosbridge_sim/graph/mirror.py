@@ -18,13 +18,13 @@ What it sends and what cannot be used is a line in our log, and has no other con
 from __future__ import annotations
 
 import logging
-import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final
 
 from rosbridge_sim.errors import FrameError, PeerError
 from rosbridge_sim.graph.bus import Answer, Bus, Owner, Subscription, Topic, decode_body, resolve
+from rosbridge_sim.graph.findings import Findings, Key, names_of
 from rosbridge_sim.graph.line import MARK, Line, Values
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.codec import publish_head
@@ -38,20 +38,6 @@ NODE_NAME: Final = "/rosbridge_far_side"
 
 SURVEYS: Final = (0.0, 1.0, 3.0)
 """When the far side is asked what it has [s]: each after the one before. In ROS 2 topics are found by and by."""
-
-MAX_LINES, PERIOD = 10, 10.0
-"""Lines in the log about what the far side sends, at most so many in so many seconds."""
-
-MAX_SHOWN: Final = 3
-"""Names that a line in the log gives before it only counts."""
-
-_UNKNOWN = re.compile(r"Unable to import ([\w-]+)\.\w+ from package")
-"""What a server that answers mistakes says of a package that it does not know."""
-
-_log = logging.getLogger("rosbridge_sim.attach")
-
-_Key = tuple[str, str, str]
-"""What is mirrored: `topic`, `input` or `service`; its name; its type as the far side is told."""
 
 
 @dataclass(slots=True)
@@ -116,16 +102,13 @@ class Mirror:
         self._has_line_each = has_line_each
         self._limits = limits or OutboxLimits()
         self._max_frame_size = max_frame_size
-        self._items: dict[_Key, _Item] = {}
+        self._items: dict[Key, _Item] = {}
         self._inputs: dict[str, Topic] = {}
         self._now = 0.0
         self._is_attached = self._is_gone = False
-        self._taken: list[str] = []
-        self._reported: set[str] = set()
+        self._findings = Findings(address, bus.store.ros)
         self._survey_at: float | None = None
         self._num_surveys = 0
-        self._num_lines = self._num_hushed = 0
-        self._lines_until = 0.0
         self._is_behind = False
         self.lines: dict[str, Line] = {"": self._make_line("")}
         bus.on_holdings.append(self._look)
@@ -158,16 +141,18 @@ class Mirror:
             if key not in self._items:
                 self._add(key)
 
-    def _wanted(self) -> Iterable[_Key]:
+    def _wanted(self) -> Iterable[Key]:
         held, spelled = self._bus.holdings(self._source), self._bus.store.spelled
         for topic in held.published:
             yield "topic", topic.name, spelled(topic.type.name, "msg")
         for subscription in held.subscriptions:
+            if subscription.topic.owner is self._source:  # it hears itself, and nobody else may speak there
+                continue
             yield "input", subscription.topic.name, spelled(subscription.topic.type.name, "msg")
         for service in held.services:
             yield "service", service.name, spelled(service.type.name, "srv")
 
-    def _add(self, key: _Key) -> None:
+    def _add(self, key: Key) -> None:
         kind, name, type_name = key
         line = self._line_for(kind, name)
         item = self._items[key] = _Item(line, kind, name, type_name)
@@ -188,7 +173,7 @@ class Mirror:
 
         return self._bus.subscribe(self, name, deliver, is_idle=not line.has_services)
 
-    def _drop(self, key: _Key) -> None:
+    def _drop(self, key: Key) -> None:
         item = self._items.pop(key)
         self._renounce(item)
         if item.subscription is not None:
@@ -259,12 +244,12 @@ class Mirror:
             self._announce_services(line, None, now)
 
     def _announce_services(self, line: Line, values: Values | None, now: float) -> None:
-        there = set(_names(values, "services"))
+        there = set(names_of(values, "services"))
         line.has_services = True
         for item in self._of(line):
             if item.kind == "service":
                 if not item.is_known and item.name in there:
-                    self._taken.append(item.name)
+                    self._findings.taken.append(item.name)
                 self._announce(item)
             if item.subscription is not None:  # from now on calls may come, and what they move is to be seen
                 item.subscription.is_idle = False
@@ -274,10 +259,10 @@ class Mirror:
         """All of a line is announced, and handled if the far side answers."""
         line.is_ready = True
         if not line.name:
-            self._judge_clock(values)
+            self._findings.judge_time(values)
         if not self._is_attached and all(one.is_ready for one in self.lines.values()):
             self._is_attached = True
-            self._report_attached()
+            self._findings.greet(self._items)
             self.on_attached()
             self._num_surveys = 0
             self._survey_at = now
@@ -316,7 +301,7 @@ class Mirror:
         elif isinstance(op, ops.CallService):
             self._call(line, op, now)
         elif isinstance(op, ops.Status):
-            self._hear(op)
+            self._findings.hear_status(op, self._items, now)
         else:
             self._note(logging.WARNING, f"it sent an op that means nothing here: {type(op).__name__}")
 
@@ -355,106 +340,31 @@ class Mirror:
         service = self._bus.services.get(resolve(name))
         return service is not None and service.owner is self._source
 
-    def _hear(self, op: ops.Status) -> None:
-        text = op.msg or ""
-        unknown = _UNKNOWN.match(text)
-        if unknown is not None:
-            self._report_package(unknown[1])
-        else:
-            about = f" of {op.id}" if op.id else ""
-            self._note(logging.WARNING, f"it says{about}: [{op.level}] {text}")
-
     def _refuse(self, error: FrameError) -> None:
         self._note(logging.WARNING, f"it sent what cannot be read: {error}")
 
-    # What is to be known about the far side
+    def _note(self, level: int, text: str) -> None:
+        self._findings.note(level, text, self._now)
 
-    def _judge_clock(self, values: Values | None) -> None:
-        """Look at the time that it told: its spelling is that of its ROS generation."""
-        if values is None:
-            text = "rosapi does not answer there: how far behind it is, and what of ours it lacks, is not seen"
-            self._report(logging.WARNING, text)
-            return
-        time = values.get("time")
-        ros = self._bus.store.ros
-        if isinstance(time, dict) and ("sec" in time or "secs" in time) and ("secs" in time) != (ros == 1):
-            self._report(
-                logging.WARNING,
-                f"it is of ROS {3 - ros}, which refuses messages as ROS {ros} has them: use --ros {3 - ros} here",
-            )
-
-    def _report_attached(self) -> None:
-        kinds = [item.kind for item in self._items.values()]
-        counts = [kinds.count(kind) for kind in ("topic", "service", "input")]
-        _log.info("%s: attached: %d topics and %d services announced, %d topics subscribed", self.address, *counts)
-        if self._taken:
-            self._report(
-                logging.WARNING,
-                f"it has {_listed(self._taken)} already, of another program or of one that is gone;"
-                " ours take their place",
-            )
-            self._taken.clear()
+    # What it has of ours
 
     def _survey(self, now: float) -> None:
-        """Ask it what it has of ours."""
+        """Ask it for its lists; once more later, if something is missing."""
         self._survey_at = None
         self._num_surveys += 1
         desk = self.lines[""]
 
+        def hear_services(topics: Values, services: Values | None, now: float) -> None:
+            is_final = self._num_surveys == len(SURVEYS)
+            if services is None or self._findings.judge(topics, services, self._items, is_final=is_final) or is_final:
+                return
+            self._survey_at = now + SURVEYS[self._num_surveys]
+
         def hear_topics(topics: Values | None, now: float) -> None:
-            desk.ask("/rosapi/services", lambda services, now: self._judge(topics, services, now), now)
+            if topics is not None:
+                desk.ask("/rosapi/services", lambda services, now: hear_services(topics, services, now), now)
 
         desk.ask("/rosapi/topics", hear_topics, now)
-
-    def _judge(self, topics: Values | None, services: Values | None, now: float) -> None:
-        """Say what it lacks of ours, once it had time enough."""
-        if topics is None or services is None:
-            return
-        types = dict(zip(_names(topics, "topics"), _names(topics, "types"), strict=False))
-        there = {("topic", name) for name in types} | {("service", name) for name in _names(services, "services")}
-        ours = [item for item in self._items.values() if item.kind != "input"]
-        missing = [item for item in ours if (item.kind, item.name) not in there]
-        if missing and self._num_surveys < len(SURVEYS):
-            self._survey_at = now + SURVEYS[self._num_surveys]
-            return
-        for package in dict.fromkeys(_package(item) for item in missing):
-            lacking = [item for item in missing if _package(item) == package]
-            if all(item in missing for item in ours if _package(item) == package):
-                self._report_package(package)
-            else:
-                names = _listed([item.name for item in lacking])
-                self._report(logging.WARNING, f"it does not have {names}: its own lists (globs) may deny them")
-        for item in ours:
-            told = types.get(item.name)
-            if item.kind == "topic" and told and told.replace("/msg/", "/") != item.type.replace("/msg/", "/"):
-                self._report(logging.WARNING, f"{item.name} is {told} there and not {item.type}: ours is not taken")
-
-    def _report_package(self, package: str) -> None:
-        names = [item.name for item in self._items.values() if _package(item) == package]
-        self._report(
-            logging.WARNING,
-            f"it does not know the package {package}, and so not {_listed(names)}: build the package where it runs, and"
-            " start it again",
-        )
-
-    def _report(self, level: int, text: str) -> None:
-        """A line that is said once."""
-        if text not in self._reported:
-            self._reported.add(text)
-            _log.log(level, "%s: %s", self.address, text)
-
-    def _note(self, level: int, text: str) -> None:
-        """A line that may come again and again: some are said, the others counted."""
-        if self._now >= self._lines_until:
-            if self._num_hushed:
-                _log.warning("%s: and %d lines more that are left out", self.address, self._num_hushed)
-            self._lines_until = self._now + PERIOD
-            self._num_lines = self._num_hushed = 0
-        if self._num_lines < MAX_LINES:
-            self._num_lines += 1
-            _log.log(level, "%s: %s", self.address, text)
-        else:
-            self._num_hushed += 1
 
     # Time
 
@@ -472,22 +382,6 @@ class Mirror:
         if is_behind != self._is_behind:
             self._is_behind = is_behind
             text = "does not keep up: topics wait, the newest are kept" if is_behind else "keeps up again"
-            _log.warning("%s: it %s", self.address, text)
+            self._findings.say(logging.WARNING, f"it {text}")
         if self._survey_at is not None and now >= self._survey_at:
             self._survey(now)
-
-
-def _package(item: _Item) -> str:
-    return item.type.partition("/")[0]
-
-
-def _names(values: Values | None, key: str) -> list[str]:
-    """A list of names in an answer; empty where there is none."""
-    names = None if values is None else values.get(key)
-    return [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
-
-
-def _listed(names: list[str]) -> str:
-    """`/a, /b, /c and 4 more`."""
-    more = len(names) - MAX_SHOWN
-    return ", ".join(names[:MAX_SHOWN]) + (f" and {more} more" if more > 0 else "")

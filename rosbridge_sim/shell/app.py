@@ -190,6 +190,8 @@ class Simulator:
             return
         from rosbridge_sim.shell.attach import AttachLimits, Attachment  # noqa: PLC0415 - most dial nobody
 
+        if settings.sync_lease is None:
+            _log.info("without --sync-lease, a master behind a bridge stays master when it dies: nobody sees it go")
         limits = AttachLimits(
             has_line_each=settings.attach_sockets == "per-topic",
             max_wait=settings.attach_retry,

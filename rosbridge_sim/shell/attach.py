@@ -187,7 +187,12 @@ class _Carrier:
         wait = FIRST_WAIT
         self._log(logging.INFO, "%s: dialling", self._attachment.url)
         while not self._is_stopped:
-            was_ready, why = await self._connect_once()
+            try:
+                was_ready, why = await self._connect_once()
+            except Exception:  # noqa: BLE001 - our own bug: this connection is lost, and there will be another
+                self._attachment.num_bugs += 1
+                _log.exception("a connection to %s could not be kept", self._attachment.url)
+                was_ready, why = False, f"{self._attachment.url}: lost"
             if self._is_stopped:
                 return
             if was_ready:
@@ -256,11 +261,14 @@ class _Carrier:
         dialed, line = self._socket, self._line
         if dialed is None:
             return
+        due = line.credit.due
         while dialed.has_room:
             frames = line.take(WRITE_SIZE, self._loop.time())
             if not frames:
                 break
             dialed.send_messages(frames)
+        if line.credit.due != due:  # a mark is on its way, whose answer may have to be given up
+            self._on_change()
         if line.outbox.is_overfull:
             _log.warning(
                 "%s: answers are not taken: %d bytes wait; closing", self._attachment.url, line.outbox.num_bytes

@@ -12,8 +12,9 @@ import pytest
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.bus import Bus, Call, Owner, Topic
+from rosbridge_sim.graph.findings import MAX_LINES, PERIOD
 from rosbridge_sim.graph.line import MARK, PATIENCE, Line
-from rosbridge_sim.graph.mirror import MAX_LINES, PERIOD, SURVEYS, Mirror
+from rosbridge_sim.graph.mirror import SURVEYS, Mirror
 from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.protocol.credit import WINDOW
@@ -247,6 +248,13 @@ def test_only_what_the_simulator_has_is_mirrored(stand: Stand) -> None:
     stand.pump()
     assert stand.far.bus.find_topic("/mine") is None
     assert "/my" not in stand.far.bus.services
+
+
+def test_a_topic_on_which_the_simulator_hears_itself_is_no_input() -> None:
+    stand = Stand()
+    stand.bus.subscribe(stand.car, "/state", lambda *_: None)
+    stand.attach()
+    assert [frame["topic"] for frame in stand.far.ops("subscribe")] == ["/pedal"]
 
 
 def test_nothing_is_published_for_a_far_side_that_is_not_there() -> None:
@@ -580,9 +588,8 @@ def test_a_topic_that_it_alone_does_not_have_may_be_denied(lines: Callable[[], l
     deaf(stand, "/state")
     stand.attach()
     stand.run(until=10.0)
-    assert [line for line in lines() if "globs" in line] == [
-        "ws://far:9090: it does not have /state: its own lists (globs) may deny them"
-    ]
+    (line,) = [line for line in lines() if "globs" in line]
+    assert "it does not have /state (std_msgs/Int32): its std_msgs may be of another release" in line
 
 
 def test_a_topic_that_is_of_another_type_there_is_told(lines: Callable[[], list[str]]) -> None:
@@ -599,6 +606,15 @@ def test_a_status_about_a_package_is_the_same_line(stand: Stand, lines: Callable
         stand.receive({"op": "status", "level": "error", "msg": text, "id": f"advertise:{name}"})
     (line,) = lines()
     assert "it does not know the package std_msgs, and so not /state, /plate, /pedal: build the package" in line
+
+
+def test_a_simulator_that_is_there_already_is_one_line(lines: Callable[[], list[str]]) -> None:
+    stand = Stand()
+    Car(stand.far.bus)
+    stand.attach()
+    warnings = [line for line in lines() if "attached" not in line]
+    assert len(warnings) == 1
+    assert "it has a simulator of its own (/car)" in warnings[0]
 
 
 def test_the_other_generation_of_ros_is_told(lines: Callable[[], list[str]]) -> None:

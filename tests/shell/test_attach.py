@@ -241,6 +241,37 @@ async def test_a_bridge_that_stands_still_is_not_buried() -> None:
 
 
 @pytest.mark.slow
+async def test_an_answer_comes_at_last_from_behind_more_topics_than_a_silent_bridge_is_sent() -> None:
+    """It answers at the beginning, and then nothing: what it is sent is little by little, but comes."""
+    frames: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
+    connections: list[ServerConnection] = []
+
+    async def fall_silent(connection: ServerConnection) -> None:
+        connections.append(connection)
+        async for text in connection:
+            op = json.loads(text)
+            if op["op"] == "call_service" and op["id"].startswith("ask:"):
+                answer = {"op": "service_response", "service": "", "id": op["id"], "values": {}, "result": True}
+                await connection.send(json.dumps(answer))
+            frames.put_nowait(op)
+
+    async with serve(fall_silent, "127.0.0.1", 0) as server:
+        url = f"ws://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+        async with attached(url) as sim:
+            for mark, service, request in (
+                ("start", "/SyncModeCmd", {"user_id": "me", "start_sync_mode": True, "time_step": 500}),
+                ("tick", "/SyncModeWaitForTick", {"user_id": "me", "frame": 1}),
+            ):
+                call = {"op": "call_service", "id": mark, "service": service, "args": {"request": request}}
+                await connections[0].send(json.dumps(call))
+                async with asyncio.timeout(PATIENCE):
+                    while (answer := await frames.get()).get("id") != mark:
+                        pass
+            assert answer["values"]["response"]["frame"] == 25
+            assert sim.attachments[0].mirror.lines[""].credit.is_late
+
+
+@pytest.mark.slow
 async def test_a_missing_package_is_one_line_and_the_rest_goes_on(lines: Callable[[], list[str]]) -> None:
     async with FarSide(without=["tf2_msgs"]) as far_side, attached(far_side.url):
         assert "/Ego_topic" in far_side.graph.topics

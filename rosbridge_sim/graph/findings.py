@@ -1,0 +1,187 @@
+"""What is found out about a far side, and said in the log: what it lacks of ours, what it says, what it does wrong.
+
+rosbridge_suite answers no mistake. Whether it knows our types is seen from the lists that its rosapi gives, a while
+after everything was announced: what is missing there was refused. A server that does answer mistakes, as ours does,
+says the same in its own words; either way it is one line, said once.
+
+Lines about what comes again and again are bounded in number, whatever a far side sends.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Collection, Sequence
+from typing import Final, Literal
+
+from rosbridge_sim.graph.line import Values
+from rosbridge_sim.protocol.ops import Status
+
+__all__ = ["MAX_LINES", "PERIOD", "Findings", "Key", "names_of"]
+
+MAX_LINES, PERIOD = 10, 10.0
+"""Lines about what the far side sends, at most so many in so many seconds."""
+
+MAX_SHOWN: Final = 3
+"""Names that a line gives before it only counts."""
+
+_UNKNOWN = re.compile(r"Unable to import ([\w-]+)\.\w+ from package")
+"""What a server that answers mistakes says of a package that it does not know."""
+
+_OWNED = re.compile(r"(?:Topic|Service) \S+ is (?:published|provided) by (\S+) alone")
+"""What a server of our own kind says if it has a simulator inside."""
+
+_log = logging.getLogger("rosbridge_sim.attach")
+
+Key = tuple[str, str, str]
+"""Something of ours: `topic`, `input` or `service`; its name; its type as the far side is told."""
+
+
+class Findings:
+    """What is known of one far side.
+
+    Attributes:
+        taken: services of ours that it had before us, until that is said.
+    """
+
+    def __init__(self, address: str, ros: Literal[1, 2]) -> None:
+        """Nothing is known yet.
+
+        Args:
+            address: of the far side, for people to read.
+            ros: the generation that we speak.
+        """
+        self.taken: list[str] = []
+        self._address = address
+        self._ros = ros
+        self._said: set[str] = set()
+        self._num_lines = self._num_hushed = 0
+        self._lines_until = 0.0
+
+    # Lines
+
+    def say(self, level: int, text: str) -> None:
+        """A line about the far side."""
+        _log.log(level, "%s: %s", self._address, text)
+
+    def say_once(self, text: str) -> None:
+        """A warning that is true until somebody changes something there."""
+        if text not in self._said:
+            self._said.add(text)
+            self.say(logging.WARNING, text)
+
+    def note(self, level: int, text: str, now: float) -> None:
+        """A line that may come again and again: some are said, the others counted."""
+        if now >= self._lines_until:
+            if self._num_hushed:
+                self.say(logging.WARNING, f"and {self._num_hushed} lines more that are left out")
+            self._lines_until = now + PERIOD
+            self._num_lines = self._num_hushed = 0
+        if self._num_lines < MAX_LINES:
+            self._num_lines += 1
+            self.say(level, text)
+        else:
+            self._num_hushed += 1
+
+    # Findings
+
+    def hear_status(self, op: Status, ours: Collection[Key], now: float) -> None:
+        """A remark of its own."""
+        text = op.msg or ""
+        unknown, owned = _UNKNOWN.match(text), _OWNED.match(text)
+        if unknown is not None:
+            self._miss_package(unknown[1], ours)
+        elif owned is not None:
+            self.taken.clear()
+            self.say_once(
+                f"it has a simulator of its own ({owned[1]}), whose names it keeps for it: ours is not seen there;"
+                " a bridge without a world is wanted (--no-world)"
+            )
+        else:
+            about = f" of {op.id}" if op.id else ""
+            self.note(logging.WARNING, f"it says{about}: [{op.level}] {text}", now)
+
+    def judge_time(self, values: Values | None) -> None:
+        """Look at the time that it told: its spelling is that of its ROS generation."""
+        if values is None:
+            self.say_once("rosapi does not answer there: how far behind it is, and what of ours it lacks, is not seen")
+            return
+        time = values.get("time")
+        ours, theirs = self._ros, 3 - self._ros
+        if isinstance(time, dict) and ("sec" in time or "secs" in time) and ("secs" in time) != (ours == 1):
+            self.say_once(f"it is of ROS {theirs}, which refuses messages as ROS {ours} has them: use --ros {theirs}")
+
+    def greet(self, ours: Collection[Key]) -> None:
+        """Everything is announced there."""
+        kinds = [kind for kind, _, _ in ours]
+        num_topics, num_services, num_inputs = map(kinds.count, ("topic", "service", "input"))
+        self.say(
+            logging.INFO,
+            f"attached: {num_topics} topics and {num_services} services announced, {num_inputs} topics subscribed",
+        )
+        if self.taken:
+            names = _listed(self.taken)
+            self.say_once(f"it has {names} already, of another program or of one that is gone; ours take their place")
+            self.taken.clear()
+
+    def judge(self, topics: Values, services: Values, ours: Collection[Key], *, is_final: bool) -> bool:
+        """Look through the lists of its rosapi.
+
+        Args:
+            topics: the values of `/rosapi/topics`.
+            services: the values of `/rosapi/services`.
+            ours: what was announced.
+            is_final: it had time enough: what is missing will not come.
+
+        Returns:
+            Whether nothing is missing.
+        """
+        types = dict(zip(names_of(topics, "topics"), names_of(topics, "types"), strict=False))
+        there = {("topic", name) for name in types} | {("service", name) for name in names_of(services, "services")}
+        announced = [key for key in ours if key[0] != "input"]
+        missing = [key for key in announced if key[:2] not in there]
+        if is_final:
+            self._miss(missing, announced, ours)
+        for kind, name, type_name in announced:
+            told = types.get(name)
+            if kind == "topic" and told and _plain(told) != _plain(type_name):
+                self.say_once(f"{name} is {told} there and not {type_name}: ours is not taken")
+        return not missing
+
+    def _miss(self, missing: Sequence[Key], announced: Sequence[Key], ours: Collection[Key]) -> None:
+        for package in dict.fromkeys(map(_package, missing)):
+            lacking = [key for key in missing if _package(key) == package]
+            if len(lacking) == sum(_package(key) == package for key in announced):
+                self._miss_package(package, ours)
+            else:
+                names = _listed([f"{name} ({type_name})" for _, name, type_name in lacking])
+                self.say_once(
+                    f"it does not have {names}: its {package} may be of another release, or its lists (globs) deny them"
+                )
+
+    def _miss_package(self, package: str, ours: Collection[Key]) -> None:
+        names = _listed([key[1] for key in ours if _package(key) == package])
+        self.say_once(
+            f"it does not know the package {package}, and so not {names}: build the package where it runs, and start it"
+            " again"
+        )
+
+
+def names_of(values: Values | None, key: str) -> list[str]:
+    """A list of names in an answer; empty where there is none."""
+    names = None if values is None else values.get(key)
+    return [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
+
+
+def _package(key: Key) -> str:
+    return key[2].partition("/")[0]
+
+
+def _plain(type_name: str) -> str:
+    return type_name.replace("/msg/", "/")
+
+
+def _listed(names: Sequence[str]) -> str:
+    """`/a, /b, /c and 4 more`."""
+    more = len(names) - MAX_SHOWN
+    return ", ".join(names[:MAX_SHOWN]) + (f" and {more} more" if more > 0 else "")
