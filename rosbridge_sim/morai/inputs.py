@@ -44,8 +44,8 @@ class Inputs(Part):
 
     def bind(self, bindings: Bindings) -> None:
         """What the world has once."""
-        bindings.listen("ego_setting", "MultiEgoSetting", self._ego_setting)
-        bindings.listen("NpcGhost_Topic", "NpcGhostCmd", self._npc_ghosts)
+        bindings.listen("ego_setting", "MultiEgoSetting", partial(self._ego_setting, bindings))
+        bindings.listen("NpcGhost_Topic", "NpcGhostCmd", partial(self._npc_ghosts, bindings))
 
     def bind_ego(self, ego: Ego, bindings: Bindings) -> None:
         """What each ego has of its own; the first one has two names for its control."""
@@ -74,9 +74,9 @@ class Inputs(Part):
             instead = self._node.items.name_of(ItemKind.SUBSCRIBER, "/ego_setting")
             self._decline(ego, bindings, "ghost_ctrl_cmd", instead, sender)
 
-    def _npc_ghosts(self, message: Any, sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
+    def _npc_ghosts(self, bindings: Bindings, message: Any, sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
         """Place vehicles; in synchronous mode too, for they are not the ego."""
-        if self._is_replaying("/NpcGhost_Topic", sender):
+        if self._is_replaying(bindings, "NpcGhost_Topic", sender):
             return
         self._ghosts.place(npc_ghosts(message))
         self._node.refresh()
@@ -97,19 +97,19 @@ class Inputs(Part):
             why = f"{topic} is ignored: ctrl_mode is {ego.ctrl_mode.name}; set 3 by {service}"
         self._node.tell_once(sender, why)
 
-    def _is_replaying(self, topic: str, sender: Owner) -> bool:
+    def _is_replaying(self, bindings: Bindings, name: str, sender: Owner) -> bool:
         """Whether nobody comes or goes now; if so, tell why."""
         is_replaying = self._node.stage.is_replaying
         if is_replaying:
-            self._node.tell_once(sender, f"{topic} is ignored while a recording is replayed")
+            self._node.tell_once(sender, f"{bindings.topic(name)} is ignored while a recording is replayed")
         return is_replaying
 
     def _lamps(self, ego: Ego, message: Any, _sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
         ego.turn_signal, ego.emergency_signal = lamps_of(message)
 
-    def _ego_setting(self, message: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+    def _ego_setting(self, bindings: Bindings, message: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
         """Put egos somewhere; those whose number is new come into the world."""
-        if self._is_replaying("/ego_setting", sender):
+        if self._is_replaying(bindings, "ego_setting", sender):
             return
         settings = [(setting, _ctrl_mode(setting)) for setting in ego_settings(message)]
         node = self._node
@@ -124,7 +124,7 @@ class Inputs(Part):
             if is_itself:
                 why = ego.hand_over(CtrlMode.AUTONOMOUS)
                 if why is not None:
-                    sender.tell("warning", f"/ego_setting: {why}")
+                    sender.tell("warning", f"{bindings.topic('ego_setting')}: {why}")
             if setting.lamps is not None:
                 ego.turn_signal, ego.emergency_signal = setting.lamps
         node.camera_index = message.camera_index

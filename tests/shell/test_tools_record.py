@@ -34,6 +34,16 @@ async def test_topics_are_recorded_with_the_servers_time(tmp_path: Path, name: s
     assert all(stamp_ns == said for stamp_ns, said in stamps[1:])
 
 
+async def test_clock_of_another_name_gives_the_time(tmp_path: Path) -> None:
+    names = {"/clock": {"name": "/sim/time"}, "/tf": {"on": False}}
+    async with Simulator(port=0, publishers=names) as sim:
+        words = ("record", str(tmp_path / "a.mcap"), "-n", "9", "--topics", "/Ego_topic")
+        assert (await in_the_background(*words, url=sim.url)).code == 0
+    stamps = [stamp_ns - message.header.stamp.sec * 10**9 for _, stamp_ns, message in read_bag(tmp_path / "a.mcap")]
+    assert len(stamps) == 9
+    assert max(stamps) < 10**9
+
+
 async def test_topic_that_comes_later_is_found(tmp_path: Path, connect: Connect) -> None:
     async with Simulator(port=0, world=False) as sim:
         client = await connect(sim.url)

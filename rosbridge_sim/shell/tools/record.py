@@ -1,8 +1,8 @@
 """`record`: what is published on any rosbridge, into a bag, until Ctrl-C.
 
-Stamps are simulation time where the server has a `/clock`, as `rosbag record` does it with `use_sim_time`, and the
-time of day elsewhere. What comes before the first clock waits for it. New topics are looked for once a second, and the
-bag is flushed as often.
+Stamps are simulation time where the server has a `/clock`, as `rosbag record` does it with `use_sim_time`, or a clock
+by another name, and the time of day elsewhere. What comes before the first clock waits for it. New topics are looked
+for once a second, and the bag is flushed as often.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import asyncio
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -28,6 +28,9 @@ from rosbridge_sim.shell.tools.text import note, put_json, safe
 __all__ = ["record"]
 
 CLOCK = "/clock"
+
+CLOCK_TYPES = {"rosgraph_msgs/Clock", "rosgraph_msgs/msg/Clock"}
+"""Of a clock that is called something else."""
 
 MAX_WAITING = 10_000
 """Messages that wait for a first clock; then they are stamped with the time 0."""
@@ -94,7 +97,7 @@ class _Tape:
         self._scribe = scribe
         self._rule = rule
         self._wanted: dict[str, bool] = {}  # name -> whether it is recorded; False for a type that is not known
-        self._has_clock = False
+        self._clock: str | None = None  # the topic
         self._clock_ns: int | None = None
         self._waiting: list[tuple[str, bytes]] = []
 
@@ -121,12 +124,12 @@ class _Tape:
     async def _look(self) -> None:
         """Subscribe to what is new."""
         values = await self._bridge.ask("topics")
-        for name, type_name in zip(words(values, "topics"), words(values, "types"), strict=False):
-            topic = absolute(name)
-            if topic == CLOCK and not self._has_clock:
-                self._has_clock = True
-                if not self._rule.admits(topic):
-                    await self._bridge.send("subscribe", topic=CLOCK, type=type_name)
+        types = dict(zip(map(absolute, words(values, "topics")), words(values, "types"), strict=False))
+        if self._clock is None:
+            self._clock = _clock_of(types)
+            if self._clock is not None and not self._rule.admits(self._clock):
+                await self._bridge.send("subscribe", topic=self._clock, type=types[self._clock])
+        for topic, type_name in types.items():
             if topic in self._wanted or not self._rule.admits(topic):
                 continue
             self._wanted[topic] = self._can(topic, type_name)
@@ -149,12 +152,12 @@ class _Tape:
         if frame.get("op") != "publish":
             return
         topic, msg = absolute(str(frame.get("topic"))), frame.get("msg")
-        if topic == CLOCK:
+        if topic == self._clock:
             self._clock_ns = _stamp_of(msg)
             self._release(self._clock_ns)
         if self._wanted.get(topic):
             body = orjson.dumps(msg)
-            if self._has_clock and self._clock_ns is None:
+            if self._clock is not None and self._clock_ns is None:
                 self._waiting.append((topic, body))
                 if len(self._waiting) >= MAX_WAITING:
                     self._release(0)
@@ -181,6 +184,12 @@ class _Tape:
             size = self._scribe.num_bytes / 1e6
             sys.stderr.write(f"\r{at}{self._scribe.num_messages:,} messages, {size:,.1f} MB  (Ctrl-C ends it) ")
             sys.stderr.flush()
+
+
+def _clock_of(types: Mapping[str, str]) -> str | None:
+    """The topic that tells the time, of those that there are; None where there is none."""
+    clocks = [topic for topic, type_name in types.items() if type_name in CLOCK_TYPES]
+    return CLOCK if CLOCK in types else min(clocks, default=None)
 
 
 def _stamp_of(msg: object) -> int:
