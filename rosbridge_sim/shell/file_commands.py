@@ -79,14 +79,21 @@ def run_scenario(argv: Sequence[str]) -> int:
     parser.add_argument(
         "--scenario-path", action="append", default=[], metavar="DIR", help="folder with scenarios; may be repeated"
     )
+    _add_picture(parser)
     add_json(parser)
     return run_command(group, argv)
+
+
+def _add_picture(parser: Parser) -> None:
+    parser.add_argument("--picture", metavar="FILE.png", help="also draw it")
 
 
 def _check_scenario(options: Options) -> int:
     from rosbridge_sim.shell.tools import scenario  # noqa: PLC0415
 
-    return scenario.check_scenario(options.file, options.map, tuple(options.scenario_path), is_json=options.json)
+    return scenario.check_scenario(
+        options.file, options.map, tuple(options.scenario_path), options.picture, is_json=options.json
+    )
 
 
 # map
@@ -98,7 +105,7 @@ def run_map(argv: Sequence[str]) -> int:
 
     parser = add("info", _show_map, "explain a map: its files, what is in them, and what it lacks")
     parser.add_argument("map", metavar="DIR|NAME", help="a folder of MGeo files, or a built-in map")
-    parser.add_argument("--picture", metavar="FILE.png", help="also draw it")
+    _add_picture(parser)
     add_json(parser)
     return run_command(group, argv)
 

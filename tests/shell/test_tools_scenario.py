@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from tests.morai.maps import ROADRUNNER
 from tests.shell.tooling import run
@@ -103,6 +104,18 @@ def test_what_is_built_in_is_good(path: Path) -> None:
     assert {key.rpartition(".")[2] for key in account["passed_over"]} <= {"roll", "pitch"}
 
 
+@pytest.mark.slow
+def test_a_picture_shows_who_is_there(folder: Path) -> None:
+    path = folder / "mine.png"
+    for own_map in ([], ["--map", str(folder / "tiny")]):  # an unknown map is bare ground
+        done = run("scenario", "check", str(folder / "mine.json"), *own_map, "--picture", str(path))
+        assert (done.code, done.err) == (0, "")
+        with Image.open(path) as image:
+            shown = {colour for _, colour in image.getcolors(2**20) or []}
+        for colour in ("#e0007a", "#6a3fb5", "#e06c00"):
+            assert tuple(bytes.fromhex(colour[1:])) in shown, colour
+
+
 def test_a_torn_file_tells_line_and_column(folder: Path) -> None:
     (folder / "torn.json").write_text('{"egoVehicle": 1,\n}')
     done = run("scenario", "check", str(folder / "torn.json"))
@@ -119,6 +132,7 @@ def test_a_torn_file_tells_line_and_column(folder: Path) -> None:
         (("check", "nowhere"), "no scenario 'nowhere'; known are demo, loop, town"),
         (("check", "./nowhere.json"), "nowhere.json: cannot be read: No such file or directory"),
         (("check", "demo", "--map", "nowhere"), "no map 'nowhere'; known are loop, town, track"),
+        (("check", "demo", "--picture", "demo"), "--picture: expected a file such as MAP.png; got 'demo'"),
         (("check", "demo", "--scenario-path", "/nowhere"), "/nowhere: expected a folder with scenarios"),
     ],
 )

@@ -1,4 +1,7 @@
-"""A map as a picture: lanes by their kind, edges, stop lines, lights and crosswalks, with a scale and the north."""
+"""A map as a picture: lanes by their kind, edges, stop lines, lights and crosswalks, with a scale and the north.
+
+Whoever is in a scenario is drawn on it as the box that he is, with a nose, and with the path that he follows.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +16,10 @@ from PIL import Image, ImageDraw, ImageFont
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.mgeo import RoadMap
+from rosbridge_sim.morai.scenario import Spawn
 from rosbridge_sim.world.geometry import FloatArray
 from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.state import Kind
 
 __all__ = ["draw_map"]
 
@@ -30,6 +35,9 @@ MARGIN: Final = 90
 NARROW: Final = 3.0
 """Lanes thinner than this have no edges [pixels]."""
 
+NEAR: Final = 500.0
+"""Whoever is farther from all roads is left out: a slip in a scenario must not make the map a dot [m]."""
+
 PAPER: Final = "#f4f2ec"
 INK: Final = "#222222"
 LANE: Final = "#b9bec4"
@@ -42,9 +50,19 @@ STRIPES: Final = "#ffffff"
 CAR_LIGHT: Final = "#0a7d32"
 WALK_LIGHT: Final = "#1f5fbf"
 WARNING_LIGHT: Final = "#d98a00"
+AGENTS: Final = {
+    Kind.EGO: ("#e0007a", "ego"),
+    Kind.VEHICLE: ("#6a3fb5", "vehicle"),
+    Kind.PEDESTRIAN: ("#e06c00", "pedestrian"),
+    Kind.OBSTACLE: ("#7a4a1e", "obstacle"),
+}
 
 Points = list[tuple[float, float]]
 """Places on the picture [pixels]."""
+
+
+_Kinds = np.ndarray[tuple[int], np.dtype[np.str_]]
+"""(l,) the colour of each lane."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,32 +80,46 @@ class _View:
         return list(zip(x.tolist(), y.tolist(), strict=True))
 
 
-def draw_map(road_map: RoadMap, path: Path) -> None:
+def draw_map(road_map: RoadMap, path: Path, agents: Sequence[Spawn] = ()) -> None:
     """Write a picture of a map; the file's name says in which format (`.png`).
+
+    Args:
+        road_map: what is drawn.
+        path: the file.
+        agents: who is drawn on it; nobody who has no place yet.
 
     Raises:
         DocumentError: it cannot be written.
     """
     if path.suffix.lower() not in Image.registered_extensions():
         raise DocumentError(f"--picture: expected a file such as MAP.png; got {str(path)!r}")
-    image = _draw(road_map)
+    image = _draw(road_map, [agent for agent in agents if agent.is_placed])
     try:
         image.save(path)
     except OSError as error:
         raise DocumentError(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
-def _draw(road_map: RoadMap) -> Image.Image:
-    roads = road_map.roads
-    points = roads.points if len(roads) else np.zeros((1, 3))
-    (west, south), (east, north) = points.min(axis=0)[:2] - 10.0, points.max(axis=0)[:2] + 10.0
-    scale = FINE * (SIZE - 2 * MARGIN) / max(east - west, north - south)
-    view = _View(float(west), float(north), float(scale))
-    width = round((east - west) * scale) + 2 * MARGIN * FINE
-    height = round((north - south) * scale) + 2 * MARGIN * FINE
+def _draw(road_map: RoadMap, agents: Sequence[Spawn]) -> Image.Image:
+    low, high = _extent(road_map.roads, agents)
+    scale = FINE * (SIZE - 2 * MARGIN) / float((high - low).max())
+    view = _View(float(low[0]), float(high[1]), scale)
+    width, height = (round(length) + 2 * MARGIN * FINE for length in ((high - low) * scale).tolist())
     image = Image.new("RGB", (max(width, 900 * FINE), height), PAPER)
     pen = ImageDraw.Draw(image)
     kinds = _kinds(road_map)
+    _draw_ground(pen, view, road_map, kinds)
+    for agent in agents:
+        _draw_path(pen, view, agent)
+    for agent in agents:
+        _draw_agent(pen, view, agent)
+    legend = [*_legend(road_map, set(kinds.tolist())), *_legend_of_agents(agents)]
+    _draw_frame(pen, image.size, view, road_map, legend)
+    return image.resize((image.width // FINE, image.height // FINE), Image.Resampling.LANCZOS)
+
+
+def _draw_ground(pen: ImageDraw.ImageDraw, view: _View, road_map: RoadMap, kinds: _Kinds) -> None:
+    roads = road_map.roads
     for kind in (LANE, INSIDE, DEAD_END):
         for lane in np.flatnonzero(kinds == kind).tolist():
             _draw_lane(pen, view, roads, lane, kind)
@@ -102,12 +134,22 @@ def _draw(road_map: RoadMap) -> Image.Image:
     for lane in np.flatnonzero(roads.is_stop).tolist():
         _draw_stop_line(pen, view, roads, lane)
     _draw_lights(pen, view, road_map)
-    _draw_frame(pen, image.size, view, road_map, set(kinds.tolist()))
-    return image.resize((image.width // FINE, image.height // FINE), Image.Resampling.LANCZOS)
 
 
-def _kinds(road_map: RoadMap) -> np.ndarray[tuple[int], np.dtype[np.str_]]:
-    """(l,) the colour of each lane."""
+def _extent(roads: Roads, agents: Sequence[Spawn]) -> tuple[FloatArray, FloatArray]:
+    """The south-west and the north-east corner of what is shown: the roads, and who is not far from them [m]."""
+    places = np.array([(agent.x, agent.y) for agent in agents]).reshape(-1, 2)
+    if len(roads):
+        points = roads.points[:, :2]
+        is_near = ((places >= points.min(axis=0) - NEAR) & (places <= points.max(axis=0) + NEAR)).all(axis=1)
+        places = np.concatenate([points, places[is_near]])
+    elif not agents:
+        places = np.zeros((1, 2))
+    return places.min(axis=0) - 10.0, places.max(axis=0) + 10.0
+
+
+def _kinds(road_map: RoadMap) -> _Kinds:
+    """What each lane is: a plain one, one within an intersection, a dead end."""
     roads = road_map.roads
     led_to_from_stop = np.zeros(len(roads), dtype=bool)
     for lane in np.flatnonzero(roads.is_stop).tolist():
@@ -216,11 +258,41 @@ def _draw_lights(pen: ImageDraw.ImageDraw, view: _View, road_map: RoadMap) -> No
         pen.polygon(view.place(_shape(at, light.yaw, size, _LIGHT)), fill=colour, outline=INK)
 
 
+# Who is there
+
+
+def _draw_path(pen: ImageDraw.ImageDraw, view: _View, agent: Spawn) -> None:
+    if agent.path is not None:
+        line = agent.path[:, :2]
+        line = np.concatenate([line, line[:1]]) if agent.is_loop else line
+        pen.line(view.place(line), fill=AGENTS[agent.kind][0], width=FINE)
+
+
+def _draw_agent(pen: ImageDraw.ImageDraw, view: _View, agent: Spawn) -> None:
+    body = agent.model.body
+    # Larger than life where he would be too small to see.
+    size = max(1.0, 5.0 * FINE / (view.scale * max(body.length, body.width)))
+    tail, nose, side = -body.rear_overhang, body.length - body.rear_overhang, 0.5 * body.width
+    tip = max(tail, nose - side)
+    outline = ((tail, -side), (tail, side), (tip, side), (nose, 0.0), (tip, -side))
+    shape = _shape(np.array([agent.x, agent.y]), agent.yaw, size, outline)
+    pen.polygon(view.place(shape), fill=AGENTS[agent.kind][0], outline=INK)
+
+
+def _legend_of_agents(agents: Sequence[Spawn]) -> Iterator[tuple[str, str]]:
+    kinds = {agent.kind for agent in agents}
+    yield from (look for kind, look in AGENTS.items() if kind in kinds)
+
+
 # Around it
 
 
 def _draw_frame(
-    pen: ImageDraw.ImageDraw, size: tuple[int, int], view: _View, road_map: RoadMap, kinds: set[str]
+    pen: ImageDraw.ImageDraw,
+    size: tuple[int, int],
+    view: _View,
+    road_map: RoadMap,
+    legend: Sequence[tuple[str, str]],
 ) -> None:
     """The map's name above, the scale and what the colours mean below, the north at the top right."""
     width, height = size
@@ -241,7 +313,7 @@ def _draw_frame(
     text = f"{metres / 1000:g} km" if metres >= 1000 else f"{metres:g} m"  # noqa: PLR2004 - a kilometre
     pen.text((x + length + 8 * FINE, y + 4 * FINE), text, fill=INK, font=font, anchor="lm")
     x += length + 30 * FINE + pen.textlength(text, font=font)
-    for colour, what in _legend(road_map, kinds):
+    for colour, what in legend:
         pen.rectangle((x, y - 4 * FINE, x + 16 * FINE, y + 12 * FINE), fill=colour, outline=INK)
         pen.text((x + 22 * FINE, y + 4 * FINE), what, fill=INK, font=font, anchor="lm")
         x += 40 * FINE + pen.textlength(what, font=font)

@@ -6,12 +6,13 @@ import math
 import os
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.catalogue import model_of_data_id
 from rosbridge_sim.morai.convert import KMH
-from rosbridge_sim.morai.mgeo import RoadMap
+from rosbridge_sim.morai.mgeo import Projection, RoadMap
 from rosbridge_sim.morai.scenario import Scenario, Spawn
 from rosbridge_sim.morai.scenario_check import find_oddities, keys_near, place_draft, read_draft
 from rosbridge_sim.morai.stage import DEFAULT_MAP
@@ -19,6 +20,7 @@ from rosbridge_sim.shell.sources import PREFIX, hint, read_settings
 from rosbridge_sim.shell.storage import DiskLibrary
 from rosbridge_sim.shell.tools.text import put, put_json, put_table, safe
 from rosbridge_sim.world.geometry import arc_lengths
+from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import Kind
 
 __all__ = ["check_scenario", "hint_at", "open_library", "show_keys"]
@@ -48,21 +50,30 @@ def open_library(own_map: str | None, folders: Sequence[str]) -> tuple[DiskLibra
     return DiskLibrary(settings.scenario_path, settings.map), settings.map
 
 
-def check_scenario(name: str, own_map: str | None, folders: Sequence[str], *, is_json: bool) -> int:
+def check_scenario(
+    name: str, own_map: str | None, folders: Sequence[str], picture: str | None, *, is_json: bool
+) -> int:
     """Explain a scenario; the exit code is 1 if the file has mistakes.
 
     Args:
         name: a file, or the name of a scenario as clients and `serve --scenario` give it.
         own_map: name or folder of the map to check it on, in place of its own.
         folders: where scenarios are found by name.
+        picture: where a picture of it on its map goes.
         is_json: for a program.
 
     Raises:
-        DocumentError: no such file, or a map that was named here cannot be used.
+        DocumentError: no such file, a map that was named here cannot be used, or the picture cannot be written.
     """
     library, own_map = open_library(own_map, folders)
     text, source = library.opening_file(name)
-    account = _account(text, source, library, own_map)
+    account, scenario, road_map = _account(text, source, library, own_map)
+    if picture is not None and scenario is not None:
+        from rosbridge_sim.shell.tools.map_picture import draw_map  # noqa: PLC0415 - with Pillow, for this alone
+
+        ground = road_map or RoadMap(scenario.map_name or "", Projection(is_tm=False), (0.0, 0.0, 0.0), Roads())
+        everybody = (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles)
+        draw_map(ground, Path(picture), everybody)
     if is_json:
         put_json(account)
     else:
@@ -73,11 +84,15 @@ def check_scenario(name: str, own_map: str | None, folders: Sequence[str], *, is
 # The account
 
 
-def _account(text: bytes, source: str, library: DiskLibrary, own_map: str | None) -> _Account:
+def _account(
+    text: bytes, source: str, library: DiskLibrary, own_map: str | None
+) -> tuple[_Account, Scenario | None, RoadMap | None]:
+    """The account; and the scenario as far as it can be read, on its map if that is known."""
     draft = read_draft(text, source)
     mistakes, notes = list(draft.mistakes), []
     scenario = draft.scenario
     map_account: _Account = {"name": None, "is_known": False}
+    road_map: RoadMap | None = None
     if scenario is not None:
         map_account, road_map = _find_map(scenario, library, own_map)
         if road_map is not None:
@@ -85,7 +100,7 @@ def _account(text: bytes, source: str, library: DiskLibrary, own_map: str | None
             mistakes += more
         notes = [*scenario.notes, *find_oddities(scenario, None if road_map is None else road_map.roads)]
     prefixes = (f"{source}: ", "" if scenario is None else f"{scenario.name}: ")
-    return {
+    account = {
         "file": source,
         "is_good": not mistakes,
         "mistakes": [_without_prefix(line, prefixes) for line in mistakes],
@@ -100,6 +115,7 @@ def _account(text: bytes, source: str, library: DiskLibrary, own_map: str | None
         "read": draft.read,
         "passed_over": draft.passed_over,
     }
+    return account, scenario, road_map
 
 
 def _without_prefix(line: str, prefixes: Sequence[str]) -> str:
