@@ -21,6 +21,8 @@ The decisions, and why:
   simulator, and stop begins the scenario anew: the last one that was loaded onto a cleared stage, else the opening one.
 - Play at the end begins again where the last start was. At the end nothing else ends the pause.
 - A new bag is read before the old one goes; what cannot be used changes nothing.
+- What we publish ourselves is not what a client replays, not even when a far bridge, which does not know who is who,
+  gives it back: it is known by its stamp.
 - A source of network replay holds the stage until it stops publishing there, or leaves. Who was stopped by a command
   stays unheard until it begins anew, else its next message would undo the stop.
 - A bag comes with the mode of its own recorder: units that its messages do not name are those of this profile.
@@ -29,6 +31,7 @@ The decisions, and why:
 from __future__ import annotations
 
 import logging
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, IntEnum
@@ -57,6 +60,9 @@ INFO: Final = "/ReplayInfo_topic"
 
 MAX_SPEED: Final = 10
 """What MORAI's dialog offers."""
+
+MAX_SAID: Final = 250
+"""Messages of ours that are known again when a far bridge gives them back: five seconds of them."""
 
 _log = logging.getLogger("rosbridge_sim.replay")
 
@@ -302,6 +308,7 @@ class Replay(Part):
         self._was_paused = False
         self._source: Owner | None = None  # of network replay
         self._unheard: Owner | None = None
+        self._said: deque[object] = deque(maxlen=MAX_SAID)  # stamps of what we published ourselves
         self._loading: Call | None = None
         self._result, self._commanded_ns = Result.NONE, 0
         self._told: tuple[object, ...] = ()
@@ -389,6 +396,7 @@ class Replay(Part):
             loading.refuse("The simulation was reset")
         self._result, self._commanded_ns = Result.NONE, 0
         self._told = ()
+        self._said.clear()
 
     # The table
 
@@ -397,6 +405,8 @@ class Replay(Part):
         self.state = outcome.state
         for effect in outcome.effects:
             self._carry_out[effect](now)
+        if self.state is State.SIMULATING:
+            self._programme = _Programme(Recording(""))  # it may be large
         return outcome
 
     def _enter(self, now: float) -> None:
@@ -444,7 +454,7 @@ class Replay(Part):
 
     def _lose(self, now: float) -> None:
         assert self._source is not None
-        _log.info("%s publishes %s no longer: the replay has ended", self._source.name, INFO)
+        _log.info("%s publishes nothing of it any longer: the replay has ended", self._source.name)
         self._source = None
         self._happen(Event.LOST, now)
 
@@ -567,25 +577,25 @@ class Replay(Part):
         Raises:
             FieldError: a figure that is no number or beyond all bounds. Nothing has changed.
         """
-        node = self._node
+        node, topic = self._node, self._bindings.topic("ReplayInfo_topic")
         why = TABLE[self.state][Event.MESSAGE].why
-        if sender is node:
+        if sender is node or message.header.stamp in self._said:
             return
         if not why and sender is self._unheard:
             why = "the replay was stopped"
         if not why and self.state is State.FOLLOWING and sender is not self._source:
             why = "another client replays already"
         if why:
-            node.tell_once(sender, f"{INFO} is ignored: {why}")
+            node.tell_once(sender, f"{topic} is ignored: {why}")
             return
-        reading = Reading(INFO, node.convert)
+        reading = Reading(topic, node.convert)
         reading.take_pedals(message, (0, 0))
         reading.take_objects(message, (0, 0))
         recording = reading.finish()
         if recording.notes:
-            raise FieldError(f"{INFO}: {recording.notes[0]}")
+            raise FieldError(f"{topic}: {recording.notes[0]}")
         if self.state is State.SIMULATING:
-            _log.info("%s replays a recording over %s", sender.name, INFO)
+            _log.info("%s replays a recording over %s", sender.name, topic)
         self._source, self._programme = sender, _Programme(recording)
         self._happen(Event.MESSAGE, now)
         self._announce(now)
@@ -628,8 +638,10 @@ class Replay(Part):
             return None
         world, row = node.world, node.egos[0].row
         vector = self._vector
+        header = node.convert.header(world.frame, "ReplayInfo")
+        self._said.append(header.stamp)
         return self._make_info(
-            node.convert.header(world.frame, "ReplayInfo"),
+            header,
             world.throttle.item(row),
             world.brake.item(row),
             world.steer.item(row) * DEGREES,

@@ -411,7 +411,7 @@ class Settings:
         "SaveFile",
         _WORLD,
         FOLDER,
-        "folder in which sensors' data is saved and network settings are looked for; made when it is needed",
+        "folder of sensors' data, network settings and recordings to replay; made when it is needed",
     )
     start: Literal["run", "sync"] = _flag(
         "run", _WORLD, _choice("run", "sync"), "run in real time, or stand at frame 0 until a first master comes"

@@ -543,6 +543,43 @@ def test_it_is_told_while_a_bag_is_replayed_and_only_then(stand: Stand, client: 
     assert not stand.node.stage.is_replaying, "what we say ourselves is not replayed"
 
 
+def test_what_a_far_bridge_gives_back_is_not_replayed(stand: Stand, client: Client) -> None:
+    bridge = stand.client()
+    bridge.listen(INFO)
+    assert replay(client, PLAY, FILE, "drive")
+    for _ in range(3):
+        client.tick()
+    echoes = bridge.messages(INFO)
+    assert replay(client, STOP)
+    client.tick()
+    for echo in echoes:
+        bridge.send(INFO, "morai_msgs/ReplayInfo", **echo)
+    assert not stand.node.stage.is_replaying
+    assert not bridge.told
+    echo["header"]["stamp"]["secs"] = 77
+    bridge.send(INFO, "morai_msgs/ReplayInfo", **echo)
+    assert stand.node.stage.is_replaying
+
+
+def test_car_that_drives_itself_goes_on_after_a_replay(tape: Tape) -> None:
+    ways = []
+    for is_replaying in (False, True):
+        stand = Stand("elsewhere", start="sync", recordings=tape)
+        client = stand.client()
+        client.start()
+        assert client.ask("/Service_MoraiEventCmd", option=1, ctrl_mode=6)["ctrl_mode"] == 6
+        for _ in range(25):
+            client.tick()
+        if is_replaying:
+            assert replay(client, PLAY, FILE, "drive")
+            for i in range(5):
+                status = client.tick()["vehicle_status"]
+                assert status["position"]["x"] == ego_values(tape)[i].position.x
+            assert replay(client, STOP)
+        ways.append([client.tick()["vehicle_status"]["position"] for _ in range(10)])
+    assert ways[0] == ways[1]
+
+
 def test_recording_of_it_alone_moves_objects_and_pedals(client: Client, tape: Tape) -> None:
     client.listen("/Object_topic")
     place = client.tick()["vehicle_status"]["position"]
@@ -621,6 +658,29 @@ def test_player_who_was_stopped_begins_anew_to_be_heard(stand: Stand, client: Cl
     stand.bus.unadvertise(player, INFO, 100.0)
     client.tick()
     assert not stand.node.stage.is_replaying
+
+
+def test_names_of_ones_own_are_kept_to(tape: Tape) -> None:
+    network = {
+        "publishers": {INFO: {"on": False}, STATUS: {"name": "/state"}},
+        "subscribers": {INFO: {"name": "/told"}, "/ego_setting": {"name": "/put"}},
+        "services": {"/Morai_SimProc": {"name": "/steer"}},
+    }
+    stand = Stand("parked", start="sync", recordings=tape, network=network)
+    client, player = stand.client(), stand.client()
+    client.start()
+    client.listen("/state")
+    player.send("/told", "morai_msgs/ReplayInfo", **told_messages(tape)[0])
+    client.tick()
+    assert client.messages("/state")[-1]["current_mode"] == 16
+    player.send("/put", "morai_msgs/MultiEgoSetting")
+    assert player.told == [("warning", "/put is ignored while a recording is replayed")]
+    player.leave()
+    request = {"sim_process_status": PLAY, "replay_option": FILE, "rosbag_file_name": "drive"}
+    assert client.ask("/steer", **request)["result"]
+    client.tick()
+    player.send("/told", "morai_msgs/ReplayInfo", ego_acc=1.0)
+    assert player.told[1:] == [("warning", "/told is ignored: a bag is replayed already")]
 
 
 def test_bag_goes_before_the_network(stand: Stand, client: Client, tape: Tape) -> None:
