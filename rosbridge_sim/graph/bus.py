@@ -240,6 +240,15 @@ class Bus:
         """
         self._topic(name, type_name)
 
+    def forget_topic(self, name: str) -> None:
+        """Forget now what is remembered of a topic without publishers; no such topic is no error.
+
+        That is what is latched there and, unless somebody listens, its type.
+        """
+        topic = self.find_topic(name)
+        if topic in self._orphans:
+            self._forget(topic)
+
     def type_conflict(self, name: str, type_name: str) -> str | None:
         """Why a topic cannot be of this type; None if it can, whether it is there or not.
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from rosbridge_sim.graph.bus import Bus, Handle, Owner, Subscription, Topic
-from rosbridge_sim.morai.items import Item, Items
+from rosbridge_sim.morai.items import Item, Items, why_no_topic
 from rosbridge_sim.morai.network_settings import ItemKind
 from rosbridge_sim.schema.store import Message
 
@@ -119,12 +119,14 @@ class _Subscriber(Item):
 
         self._subscription = bus.subscribe(owner, name, deliver, type_name=self.type_name)
 
-    def release(self, owner: Owner, bus: Bus, now: float, *, is_gone: bool) -> None:  # noqa: ARG002 - one way to leave
+    def release(self, owner: Owner, bus: Bus, now: float, *, is_gone: bool) -> None:  # noqa: ARG002 - it owns nothing
         assert self._subscription is not None
         bus.unsubscribe(self._subscription, now)
+        if not is_gone:
+            bus.forget_topic(self._subscription.topic.name)
 
-    def why_not(self, owner: Owner, bus: Bus, name: str) -> str | None:  # noqa: ARG002 - anybody may publish there
-        return bus.type_conflict(name, self.type_name)
+    def why_not(self, owner: Owner, bus: Bus, name: str) -> str | None:
+        return why_no_topic(owner, bus, name, self.type_name)
 
 
 def _full(type_name: str) -> str:

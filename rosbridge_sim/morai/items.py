@@ -18,7 +18,7 @@ from rosbridge_sim.errors import DocumentError, TypeNameError, hint
 from rosbridge_sim.graph.bus import Bus, Owner
 from rosbridge_sim.morai.network_settings import DEFAULTS, Choice, ItemKind, NetworkSettings, split_prefix
 
-__all__ = ["Item", "Items", "ListedItem"]
+__all__ = ["Item", "Items", "ListedItem", "why_no_topic"]
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
@@ -64,6 +64,19 @@ class Item(ABC):
     def tune(self, rate: float) -> None:  # noqa: ARG002 - those that have one use it
         """Go out so often [Hz]."""
         raise AssertionError(f"{self.default} has no rate")
+
+
+def why_no_topic(owner: Owner, bus: Bus, name: str, type_name: str) -> str | None:
+    """Why an owner cannot have a topic of this type; one of another type that it has alone is no obstacle.
+
+    For settings are checked before anything moves, and what the owner has there will have another name by then.
+    """
+    topic = bus.find_topic(name)
+    if topic is not None:
+        holders = {*topic.publishers, *(subscription.owner for subscription in topic.subscriptions)}
+        if holders == {owner}:
+            return None
+    return bus.type_conflict(name, type_name)
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ from typing import Any, Final
 
 from rosbridge_sim.errors import PeerError
 from rosbridge_sim.graph.bus import Bus, Owner, Topic
-from rosbridge_sim.morai.items import Item, Items
+from rosbridge_sim.morai.items import Item, Items, why_no_topic
 from rosbridge_sim.morai.network_settings import USUAL_RATE, ItemKind, split_prefix
 from rosbridge_sim.schema.store import Message
 from rosbridge_sim.world.state import DT
@@ -62,9 +62,11 @@ class _Publisher(Item):
             is_on_demand=not self._depth,
         )
 
-    def release(self, owner: Owner, bus: Bus, now: float, *, is_gone: bool) -> None:  # noqa: ARG002 - one way to leave
+    def release(self, owner: Owner, bus: Bus, now: float, *, is_gone: bool) -> None:
         assert self.topic is not None
         bus.unadvertise(owner, self.topic.name, now)
+        if not is_gone:  # who comes late is not to find the last message of a topic that has another name
+            bus.forget_topic(self.topic.name)
         self.topic = None
 
     def why_not(self, owner: Owner, bus: Bus, name: str) -> str | None:
@@ -74,7 +76,7 @@ class _Publisher(Item):
         others = [other for other in topic.publishers if other is not owner]
         if others and (self._is_exclusive or topic.owner in others):
             return f"topic {name} is published by {others[0].name}"
-        return bus.type_conflict(name, self.type_name)
+        return why_no_topic(owner, bus, name, self.type_name)
 
 
 class Feed(_Publisher):

@@ -108,6 +108,36 @@ def test_a_type_is_remembered_for_a_while_and_then_forgotten() -> None:
     assert bus.next_deadline() is None
 
 
+def test_what_is_remembered_of_a_topic_can_be_forgotten_at_once() -> None:
+    bus, first, second = make_bus(), Somebody(), Somebody()
+    topic = bus.advertise(first, "/t", STRING, depth=1)
+    bus.publish(first, topic, text(bus, "x"), 0.0)
+    bus.forget_topic("/t")
+    bus.forget_topic("/nothing")
+    assert topic.latched, "it has a publisher"
+    bus.unadvertise(first, "/t", 0.0)
+    bus.forget_topic("t")
+    assert bus.find_topic("/t") is None
+    assert bus.type_conflict("/t", "std_msgs/Int32") is None
+    bus.subscribe(second, "/t", second.deliver, type_name="std_msgs/Int32")
+    bus.forget_topic("/t")
+    conflict = bus.type_conflict("t", "std_msgs/msg/String")
+    assert conflict == (
+        "Tried to register topic /t with type std_msgs/msg/String"
+        " but it is already established with type std_msgs/Int32"
+    )
+
+
+def test_a_service_may_be_withdrawn_with_or_without_an_answer_to_those_who_wait() -> None:
+    bus, provider, caller = make_bus(), Somebody(), Somebody()
+    for answers_calls in (True, False):
+        bus.provide(provider, "/add", ADD, provider.hold)
+        bus.call(caller, "/add", {}, caller.answers.append, now=0.0)
+        bus.withdraw(provider, "/add", answers_calls=answers_calls)
+        provider.calls[-1].refuse("later")
+    assert [answer.values for answer in caller.answers] == ["later", "Service /add was unadvertised"]
+
+
 def test_a_latched_message_outlives_its_publisher_as_long_as_the_type_does() -> None:
     bus, first, second = make_bus(), Somebody(), Somebody()
     topic = bus.advertise(first, "/t", STRING, depth=1)

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from rosbridge_sim.errors import DocumentError, TypeNameError
 from rosbridge_sim.graph.bus import Answer, Bus, Call
@@ -183,6 +186,31 @@ def test_repeats_follow_their_topic() -> None:
     assert len(rig.client.heard) == 3
 
 
+def test_nothing_of_a_topic_is_left_under_its_old_name() -> None:
+    rig = opened()
+    rig.client.listen("/out")
+    rig.show()
+    rig.change(**OTHERS)
+    assert rig.bus.find_topic("/news") is None
+    assert rig.bus.find_topic("/in") is None
+    out = rig.bus.find_topic("/out")
+    assert out is not None
+    assert (out.publishers, len(out.subscriptions)) == ({}, 1), "who listens there may go on waiting"
+
+
+def test_names_of_topics_of_different_types_can_be_swapped_unless_somebody_listens() -> None:
+    rig = Rig()
+    rig.outputs.add("/text", "std_msgs/String", lambda: None)
+    rig.items.open()
+    swapped = {"/text": {"name": "/out"}, "/out": {"name": "/text"}}
+    rig.change(publishers=swapped)
+    assert [rig.bus.topics[name].type.name for name in ("/text", "/out")] == [INT, "std_msgs/String"]
+    rig.client.listen("/text")
+    with pytest.raises(DocumentError, match=r'publishers."/text": .*already established with type std_msgs/Int32'):
+        rig.change(publishers={"/text": {"name": "/text"}})
+    assert [rig.bus.topics[name].type.name for name in ("/text", "/out")] == [INT, "std_msgs/String"]
+
+
 def test_names_can_be_swapped() -> None:
     rig = opened()
     rig.change(services={"/ask": {"name": "/tell"}, "/tell": {"name": "/ask"}})
@@ -202,6 +230,46 @@ def test_a_listener_may_change_the_settings_from_within_a_frame() -> None:
     rig.show()
     rig.show()
     assert rig.names() == {"/o", "/n", "/i", "/a"}
+
+
+CHOICES = st.fixed_dictionaries(
+    {},
+    optional={
+        "name": st.sampled_from(["/out", "/news", "/in", "/ask", "/tell", "/x", "/y", "/z", "/theirs"]),
+        "on": st.booleans(),
+    },
+)
+
+TABLES = st.fixed_dictionaries(
+    {},
+    optional={
+        "publishers": st.dictionaries(st.sampled_from(["/out", "/news"]), CHOICES),
+        "subscribers": st.dictionaries(st.just("/in"), CHOICES),
+        "services": st.dictionaries(st.sampled_from(["/ask", "/tell"]), CHOICES),
+    },
+)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(TABLES, max_size=5))
+def test_any_changes_leave_just_what_the_last_good_one_says(changes: list[dict[str, Any]]) -> None:
+    rig = opened()
+    rig.bus.advertise(rig.client, "/theirs", "std_msgs/String")
+    rig.bus.provide(rig.client, "/theirs", TRIGGER, lambda *_: None)
+    wanted = rig.names()
+    for tables in changes:
+        with suppress(DocumentError):
+            rig.change(**tables)
+            wanted = {item.name for item in rig.items.listing() if item.is_on}
+        assert rig.names() == wanted
+        rig.show()
+    with suppress(DocumentError):
+        rig.change()
+    rig.bus.leave(rig.client, 0.0)
+    rig.change()
+    rig.bus.expire(1_000.0)
+    assert set(rig.bus.topics) == {"/out", "/news", "/in"}
+    assert set(rig.bus.services) == {"/ask", "/tell"}
 
 
 # Mistakes
