@@ -18,6 +18,7 @@ __all__ = ["EgoSetting", "Ghost", "Pose", "ego_settings", "ghost_pose", "lamps_o
 
 _TURN_SIGNALS: Final = (0, 1, 2)
 _EMERGENCY_SIGNALS: Final = (0, 1)
+_FIRST_EGO, _FIRST_EGO_IN_FILES = 0, -1  # scenario files give it another number than the topics do
 _HAZARD: Final = 3  # of the single number that 26.R1 has for both lamps
 
 
@@ -103,7 +104,7 @@ def ego_settings(message: Any) -> list[EgoSetting]:  # noqa: ANN401 - a generate
     steering, signals = (getattr(message, name, ()) for name in _NEWER_LISTS)
     settings = [
         EgoSetting(
-            index,
+            _FIRST_EGO if index == _FIRST_EGO_IN_FILES else index,
             _pose(
                 f"{where}[{i}]",
                 (message.global_position_x[i], message.global_position_y[i], message.global_position_z[i]),

@@ -31,7 +31,7 @@ from rosbridge_sim.morai.part import Part
 from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.stage import Load, LoadOptions
 from rosbridge_sim.morai.sync import Effect, Outcome
-from rosbridge_sim.world.state import Gear
+from rosbridge_sim.world.state import MAX_COORDINATE, Gear
 
 if TYPE_CHECKING:
     from rosbridge_sim.morai.node import Command, Node
@@ -223,11 +223,12 @@ class Services(Part):
         model = find_model(request.name)
         if model is None:
             raise FieldError(f"the catalogue has no model {request.name[:80]!r}")
-        position = request.position
-        figures = (position.x, position.y, position.z, request.heading)
-        if not all(map(math.isfinite, figures)):
-            raise FieldError(f"position and heading must be finite numbers, got {figures}")
-        x, y, z, heading_deg = figures
+        place, heading_deg = (request.position.x, request.position.y, request.position.z), request.heading
+        if not all(-MAX_COORDINATE <= figure <= MAX_COORDINATE for figure in place):
+            raise FieldError(f"position: expected numbers within +-{MAX_COORDINATE:g}, got {place}")
+        if not -MAX_COORDINATE <= heading_deg <= MAX_COORDINATE:
+            raise FieldError(f"heading: expected a number within +-{MAX_COORDINATE:g}, got {heading_deg}")
+        x, y, z = place
 
         def add(_now: float) -> None:
             try:
@@ -241,8 +242,11 @@ class Services(Part):
 
     def _read_remove(self, request: Any, sender: Owner, where: str) -> Command:  # noqa: ANN401 - a generated struct
         def remove(_now: float) -> None:
+            node, unique_id = self._node, request.unique_id
             try:
-                self._node.stage.remove(request.unique_id)
+                if unique_id not in node.world and node.find_ego(unique_id) is not None:
+                    raise FieldError(f"unique_id {unique_id}: the ego cannot be removed")
+                node.stage.remove(unique_id)
             except PeerError as error:
                 _complain(sender, f"{where}: {error}")
 

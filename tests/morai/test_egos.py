@@ -128,6 +128,7 @@ def test_a_list_of_another_length_changes_nothing(name: str, length: int) -> Non
         ({"gear": [4, 7]}, "gear: expected"),
         ({"ctrl_mode": [16, 5]}, "ctrl_mode: expected"),
         ({"ego_index": [0, 0]}, "named twice"),
+        ({"ego_index": [0, -1]}, "named twice"),  # the first ego has two numbers
         ({"ego_index": [0, 1]}, "expected 0, 2 or more, got 1"),
         ({"ego_index": [0, -3]}, "expected 0, 2 or more, got -3"),
     ],
