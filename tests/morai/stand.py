@@ -20,6 +20,7 @@ from rosbridge_sim.schema.store import Message, Store
 from rosbridge_sim.shell.storage import read_definitions
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import World
+from tests.morai.maps import ROADRUNNER, read
 
 __all__ = [
     "ALL",
@@ -53,6 +54,14 @@ SCENARIOS: dict[str, dict[str, Any]] = {
     "elsewhere": {
         "mapInfo": {"mapName": "hills"},
         "egoVehicle": {"initPosition": {"initPositionMode": "Link", "initLink": "up", "initLinkRatio": 0.5}},
+    },
+    "crossing": {
+        "mapInfo": {"mapName": "tiny"},
+        "egoVehicle": {"initPosition": {"pos": {"x": 50, "y": 3.5}}, "gear": 4},
+        "vehicleList": [
+            {"initPosition": {"initPositionMode": "Link", "initLink": "A1B1"}, "isWaypointMode": False},
+            {"initPosition": {"pos": {"x": 30, "y": 3.5}}, "constantVelocity": 36},
+        ],
     },
     "nowhere": {
         "mapInfo": {"mapName": "R_KR_PG_K-City"},
@@ -102,6 +111,8 @@ class Shelf:
         self.num_maps_read += 1
         if name == "track":
             return RoadMap(name, Projection(is_tm=False, zone=52), (300.0, 400.0, 5.0), _roads(name))
+        if name == "tiny":
+            return read(ROADRUNNER)
         if name == "hills":
             projection = Projection(is_tm=True, central_latitude=38.0, central_meridian=127.0, false_easting=200_000.0)
             return RoadMap(name, projection, (0.0, 0.0, 0.0), _roads(name))
