@@ -117,26 +117,22 @@ class Feed(_Publisher):
 
 
 class Kept(_Publisher):
-    """One topic that goes out whenever there is news, and whose last message waits for those who come late."""
+    """One topic that goes out whenever there is news, and whose last message waits for those who come late.
+
+    Attributes:
+        value: what it says, a generated struct; None before it has said anything.
+    """
 
     def __init__(self, name: str, type_name: str, *, is_exclusive: bool = True) -> None:
         """A topic; the arguments are those of `Outputs.keep`."""
         super().__init__(name, type_name, is_exclusive=is_exclusive, rate=None, depth=1)
-        self._value: Any = None  # a generated struct, once there is one
+        self.value: Any = None
 
     def bind(self, owner: Owner, bus: Bus, name: str, now: float) -> None:
         """Be on the bus under this name, and say there what was said last."""
         super().bind(owner, bus, name, now)
-        self._publish(owner, bus, now)
-
-    def update(self, owner: Owner, bus: Bus, value: Any, now: float) -> None:  # noqa: ANN401 - a generated struct
-        """This is what it says from now on."""
-        self._value = value
-        self._publish(owner, bus, now)
-
-    def _publish(self, owner: Owner, bus: Bus, now: float) -> None:
-        if self.topic is not None and self._value is not None:
-            bus.announce(owner, self.topic, Message(self.topic.type, self._value), now)
+        if self.topic is not None and self.value is not None:
+            bus.announce(owner, self.topic, Message(self.topic.type, self.value), now)
 
 
 class Outputs:
@@ -210,7 +206,9 @@ class Outputs:
 
     def update(self, kept: Kept, value: Any, now: float) -> None:  # noqa: ANN401 - a generated struct
         """There is news for a topic that `keep` has made."""
-        kept.update(self._owner, self._bus, value, now)
+        kept.value = value
+        if kept.topic is not None:
+            self.publish(kept.topic, Message(kept.topic.type, value), now)
 
     def remove(self, prefix: str, now: float) -> None:
         """Publish the topics under a further ego's prefix no longer."""
