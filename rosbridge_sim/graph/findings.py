@@ -25,6 +25,12 @@ MAX_LINES, PERIOD = 10, 10.0
 MAX_SHOWN: Final = 3
 """Names that a line gives before it only counts."""
 
+MAX_LINE: Final = 500
+"""Longest line [characters]."""
+
+MAX_SAID: Final = 100
+"""Lines that are said once, in all: more than there are packages, unless a far side makes names up."""
+
 _UNKNOWN = re.compile(r"Unable to import ([\w-]+)\.\w+ from package")
 """What a server that answers mistakes says of a package that it does not know."""
 
@@ -61,12 +67,12 @@ class Findings:
     # Lines
 
     def say(self, level: int, text: str) -> None:
-        """A line about the far side."""
-        _log.log(level, "%s: %s", self._address, text)
+        """A line about the far side, cut where its own words make it too long."""
+        _log.log(level, "%s: %s", self._address, text if len(text) <= MAX_LINE else text[: MAX_LINE - 3] + "...")
 
     def say_once(self, text: str) -> None:
         """A warning that is true until somebody changes something there."""
-        if text not in self._said:
+        if text not in self._said and len(self._said) < MAX_SAID:
             self._said.add(text)
             self.say(logging.WARNING, text)
 

@@ -274,10 +274,14 @@ class Mirror:
         if self.lines.get(line.name) is not line:  # nobody wants it any more
             return
         self._is_attached = False
+        self._is_behind = self._is_any_late()
         self._survey_at = None
         for item in self._of(line):
             if item.subscription is not None:
                 item.subscription.is_idle = True
+
+    def _is_any_late(self) -> bool:
+        return any(line.credit.is_late for line in self.lines.values())
 
     def _of(self, line: Line) -> list[_Item]:
         return [item for item in self._items.values() if item.line is line]
@@ -378,10 +382,14 @@ class Mirror:
         self._now = now
         for line in list(self.lines.values()):
             line.expire(now)
-        is_behind = any(line.credit.is_late for line in self.lines.values())
+        is_behind = self._is_any_late()
         if is_behind != self._is_behind:
             self._is_behind = is_behind
-            text = "does not keep up: topics wait, the newest are kept" if is_behind else "keeps up again"
-            self._findings.say(logging.WARNING, f"it {text}")
+            if is_behind:
+                text = "it does not keep up: topics wait, the newest are kept"
+            else:
+                num_dropped = sum(line.outbox.dropped.total() for line in self.lines.values())
+                text = f"it keeps up again; {num_dropped:,} messages of topics were dropped since it is connected"
+            self._findings.say(logging.WARNING, text)
         if self._survey_at is not None and now >= self._survey_at:
             self._survey(now)

@@ -498,7 +498,8 @@ def test_a_far_side_that_stands_still_is_told_of_once_and_again_when_it_goes_on(
     stand.flood()
     stand.run(until=60.0)
     stand.mirror.advance(60.0)
-    assert [line for line in lines() if "keep" in line] == ["ws://far:9090: it keeps up again"]
+    (line,) = [line for line in lines() if "keep" in line]
+    assert f"it keeps up again; {stand.line.outbox.dropped.total():,} messages" in line
 
 
 def test_an_answer_stays_behind_its_topics_when_both_wait(stand: Stand) -> None:
@@ -680,6 +681,19 @@ def test_a_flood_of_nonsense_is_a_few_lines(stand: Stand, lines: Callable[[], li
     assert len(lines()) == MAX_LINES
     stand.receive(b"{]", now=PERIOD + 1.0)
     assert f"and {1_000 - MAX_LINES} lines more" in lines()[0]
+
+
+def test_names_that_a_far_side_makes_up_fill_neither_memory_nor_log(
+    stand: Stand, lines: Callable[[], list[str]]
+) -> None:
+    lines()
+    for i in range(1_000):
+        text = f"Unable to import made_up_{i}.msg from package made_up_{i}. " + "x" * 10_000
+        stand.receive({"op": "status", "level": "error", "msg": text})
+        stand.receive({"op": "status", "level": "error", "msg": text[10:]})
+    said = lines()
+    assert len(said) <= 100 + MAX_LINES
+    assert max(map(len, said)) < 600
 
 
 def test_pieces_that_nobody_asked_for_are_put_together(stand: Stand) -> None:

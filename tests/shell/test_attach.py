@@ -129,6 +129,18 @@ async def test_egos_that_come_at_run_time_are_there_too(connect: Connect) -> Non
         assert (await client.message("/Ego-2/Ego_topic"))["unique_id"] == 2
 
 
+@pytest.mark.slow
+async def test_a_master_that_falls_silent_behind_a_bridge_loses_its_lease(connect: Connect) -> None:
+    async with gateway() as bridge, attached(bridge.url, sync_lease=0.3, sync_on_loss="wait"):
+        master, other = await connect(bridge.url), await connect(bridge.url)
+        await other.subscribe("/SyncModeInfo")
+        await lead(master)
+        await master.close()  # which nobody behind the bridge can see
+        await other.message_where("/SyncModeInfo", lambda info: info["master_id"] == "me")
+        await other.message_where("/SyncModeInfo", lambda info: info["master_id"] == "")
+        assert await lead(other) == 0
+
+
 async def test_with_serve_both_kinds_of_clients_live_together(connect: Connect) -> None:
     async with gateway() as bridge, Simulator(port=0, attach=[bridge.url], start="sync") as sim:
         await asyncio.wait_for(sim.attachments[0].attached, PATIENCE)
