@@ -126,6 +126,10 @@ class Mirror:
         """What would be told to a client, nobody there could hear: it goes to the log."""
         self._note(logging.INFO, f"a program there is told: [{level}] {text}")
 
+    def note(self, level: int, text: str, now: float) -> None:
+        """Have a line in the log, unless there were too many of late."""
+        self._findings.note(level, text, now)
+
     # What is mirrored
 
     def _look(self, owner: Owner) -> None:
@@ -348,7 +352,7 @@ class Mirror:
         self._note(logging.WARNING, f"it sent what cannot be read: {error}")
 
     def _note(self, level: int, text: str) -> None:
-        self._findings.note(level, text, self._now)
+        self.note(level, text, self._now)
 
     # What it has of ours
 

@@ -185,7 +185,7 @@ class _Carrier:
 
     async def _keep(self) -> None:
         wait = FIRST_WAIT
-        self._log(logging.INFO, "%s: dialling", self._attachment.url)
+        self._tell(logging.INFO, f"{self._attachment.url}: dialling")
         while not self._is_stopped:
             try:
                 was_ready, why = await self._connect_once()
@@ -197,7 +197,10 @@ class _Carrier:
                 return
             if was_ready:
                 wait = FIRST_WAIT
-            self._log(logging.WARNING, "%s; next try in %g s", why, wait)
+            # a line that was good and is lost may be the first of many: not yet told
+            self._tell(
+                logging.INFO if was_ready and self._line.name else logging.WARNING, f"{why}; next try in {wait:g} s"
+            )
             await asyncio.sleep(wait)
             wait = min(2 * wait, self._limits.max_wait)
 
@@ -219,7 +222,7 @@ class _Carrier:
         except (OSError, ValueError, ImportError, WebSocketException) as error:
             return False, why_not(self._url, error, PATIENCE, flag="attach", token="?token=... in its URL")  # noqa: S106
         assert isinstance(dialed, DialedSocket)
-        self._log(logging.INFO, "%s: connected", self._attachment.url)
+        self._tell(logging.INFO, f"{self._attachment.url}: connected")
         self._socket = dialed
         dialed.on_room = self._carry
         try:
@@ -237,10 +240,13 @@ class _Carrier:
         assert isinstance(closed, ConnectionClosed)
         return was_ready, why_gone(self._url, closed)
 
-    def _log(self, level: int, text: str, *args: object) -> None:
-        """What happens to the first line is for everybody; the others' fate is mostly the same."""
-        is_told = not self._line.name or (level >= logging.WARNING and self._mirror.lines[""].is_open)
-        _log.log(level if is_told else logging.DEBUG, text, *args)
+    def _tell(self, level: int, text: str) -> None:
+        """Log what happens to the first line. The others mostly share its fate: theirs is told if it stands alone."""
+        if not self._line.name:
+            _log.log(level, "%s", text)
+        elif level >= logging.WARNING and self._mirror.lines[""].is_ready:
+            text = text.removeprefix(f"{self._attachment.url}: ")
+            self._mirror.note(level, f"the socket of {self._line.name}: {text}", self._loop.time())
 
     def _receive(self, message: bytes) -> None:
         try:

@@ -181,6 +181,26 @@ async def _clients(client: Client) -> dict[str, Any]:
     return await client.message("/client_count")
 
 
+@pytest.mark.slow
+async def test_the_loss_of_many_sockets_is_one_line(lines: Callable[[], list[str]]) -> None:
+    async with FarSide() as far_side, attached(far_side.url, attach_sockets="per-topic", start="run") as sim:
+        await far_side.kill()
+        await far_side.listen()
+        await until(lambda: sum("attached: " in line for line in lines()) == 2)
+        assert sum("lost" in line for line in lines()) == 1
+        assert sim.num_bugs == 0
+
+
+@pytest.mark.slow
+async def test_a_bridge_that_takes_a_few_sockets_only_is_told_of_in_a_few_lines(lines: Callable[[], list[str]]) -> None:
+    async with (
+        gateway(max_clients=5) as bridge,
+        Simulator(attach=bridge.url, attach_sockets="per-topic", listen=False, attach_retry=0.5),
+    ):
+        await until(lambda: any("takes nobody now" in line for line in lines()))
+        assert len(lines()) < 20
+
+
 async def test_personality_is_that_of_serve(connect: Connect) -> None:
     async with gateway(ros=2) as bridge, attached(bridge.url, ros=2):
         client = await connect(bridge.url)
