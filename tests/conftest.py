@@ -9,12 +9,16 @@ from pathlib import Path
 import pytest
 import pytest_asyncio
 
+from tests.places import Bridges, Place
 from tests.support import Client, ServerProcess, require_tool
 
-__all__ = ["Connect", "Serve", "require_tool"]
+__all__ = ["Connect", "Serve", "Simulate", "require_tool"]
 
 Serve = Callable[..., ServerProcess]
 """`serve("--start", "sync")`: a server of the test's own."""
+
+Simulate = Callable[..., Place]
+"""`simulate("--start", "sync")`: a simulator of the test's own, in some place."""
 
 Connect = Callable[..., Awaitable[Client]]
 """`await connect(url)`: a bare client that is closed at the end of the test."""
@@ -41,6 +45,41 @@ def serve(tmp_path: Path) -> Iterator[Serve]:
     yield start
     for process in processes:
         process.stop_cleanly()
+
+
+@pytest.fixture(scope="session")
+def bridges(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bridges]:
+    """Bridges that simulators dial, for all tests: each simulator takes with it what it brought."""
+    kept = Bridges(tmp_path_factory.mktemp("bridges"))
+    yield kept
+    kept.stop_cleanly()
+
+
+@pytest.fixture(scope="session", params=["serve", "attach"])
+def simulator(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Place]:
+    """One simulator for all tests that leave it as they found it, in each place where clients find one."""
+    folder = tmp_path_factory.mktemp(f"simulator-{request.param}")
+    bridges = Bridges(folder)  # of its own: others come and go while it runs
+    place = Place(request.param, folder / "log.txt", (), bridges)
+    yield place
+    place.simulator.stop_cleanly()
+    bridges.stop_cleanly()
+
+
+@pytest.fixture(params=["serve", "attach"])
+def simulate(request: pytest.FixtureRequest, tmp_path: Path, bridges: Bridges) -> Iterator[Simulate]:
+    """Starts simulators with flags of the test's own, in each place; a new one takes the place of the one before."""
+    places: list[Place] = []
+
+    def start(*flags: str) -> Place:
+        if places:
+            places[-1].simulator.stop_cleanly()
+        places.append(Place(request.param, tmp_path / f"log-{len(places)}.txt", flags, bridges))
+        return places[-1]
+
+    yield start
+    for place in places[-1:]:
+        place.simulator.stop_cleanly()
 
 
 @pytest_asyncio.fixture

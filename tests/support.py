@@ -29,6 +29,7 @@ from tests.vector_player import read_frame
 __all__ = [
     "PATIENCE",
     "ROOT",
+    "AttachProcess",
     "Client",
     "FarSideProcess",
     "Frame",
@@ -191,6 +192,23 @@ class ServerProcess(Process):
         super().__init__(log, ["-m", "rosbridge_sim", "serve", "--port", str(port), *flags], _READY, env)
         self.url = self.said
         self.port = int(self.url.rpartition(":")[2].strip("/"))
+
+
+class AttachProcess(Process):
+    """A running `rosbridge-sim attach`, known to have announced everything to its first bridge."""
+
+    def __init__(
+        self, log: Path, urls: Sequence[str], flags: Sequence[str] = (), env: dict[str, str] | None = None
+    ) -> None:
+        """Start it and wait until it has announced everything.
+
+        Args:
+            log: where its stderr goes.
+            urls: of the bridges.
+            flags: behind them.
+            env: beside the test's own environment.
+        """
+        super().__init__(log, ["-m", "rosbridge_sim", "attach", *urls, *flags], "rosbridge-sim attached to ", env)
 
 
 class FarSideProcess(Process):

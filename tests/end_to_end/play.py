@@ -102,15 +102,17 @@ class Play:
 
     Attributes:
         client: its socket.
-        release: of the server.
+        release: of the simulator.
+        is_attached: a bridge stands between: it knows nothing of the simulator's time, and tells nobody's mistakes.
         data: the folder that the server writes to.
         frame: the world's after the last tick.
         step: of a tick [s].
     """
 
-    def __init__(self, client: Client, release: str, data: Path) -> None:
+    def __init__(self, client: Client, release: str, data: Path, *, is_attached: bool = False) -> None:
         self.client = client
         self.release = release
+        self.is_attached = is_attached
         self.data = data
         self.frame = 0
         self.step = 0.02
@@ -143,14 +145,16 @@ class Play:
         told = [frame for frame in await self._settle() if frame["op"] == "status"]
         assert not told, told
 
-    async def send_badly(self, topic: str, **message: object) -> str:
-        """Publish something that is refused; why."""
+    async def send_badly(self, topic: str, expected: str, **message: object) -> None:
+        """Publish something that is refused, with a text that has the expected one in it, if it is told at all."""
         await self.client.send("publish", topic=topic, msg=message)
-        (told,) = [frame["msg"] for frame in await self._settle() if frame["op"] == "status"]
-        return str(told)
+        told = [frame["msg"] for frame in await self._settle() if frame["op"] == "status"]
+        assert [expected in text for text in told] == ([] if self.is_attached else [True]), told
 
     async def _settle(self) -> list[Message]:
         """What came until all that was sent has been heard; topics' messages stay in the inbox."""
+        if self.is_attached:  # it is not the bridge that must have heard it
+            await self.ask("/Service_MoraiVehicleSpec", unique_id=0)
         frames = await self.client.settle()
         self.client.inbox.extend(frame for frame in frames if frame["op"] == "publish")
         return frames

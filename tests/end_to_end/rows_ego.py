@@ -139,7 +139,8 @@ async def _(play: Play) -> None:
         await play.send("/lamps", turnSignal=turn, emergencySignal=emergency)
         lamps = (await play.ask("/Service_MoraiEventCmd", option=0))["lamps"]
         assert (lamps["turnSignal"], lamps["emergencySignal"]) == (turn, emergency)
-    assert "turnSignal" in await play.send_badly("/lamps", turnSignal=9)
+    await play.send_badly("/lamps", "turnSignal", turnSignal=9)
+    assert (await play.ask("/Service_MoraiEventCmd", option=0))["lamps"] == lamps
 
 
 @TABLE.row(

@@ -61,10 +61,9 @@ async def _(play: Play) -> None:
     assert (await play.objects())[9]["position"]["x"] > -14.0
     await play.send("/SetTrafficLight", trafficLightIndex="TL22W", trafficLightStatus=-1)
     assert await play.light("TL22W") in {RED, YELLOW, GREEN}
-    assert "no traffic light 'TL99'" in await play.send_badly(
-        "/SetTrafficLight", trafficLightIndex="TL99", trafficLightStatus=RED
-    )
-    assert "sum of lamps" in await play.send_badly("/SetTrafficLight", trafficLightIndex="TL22W", trafficLightStatus=2)
+    nobody = "no traffic light 'TL99'"
+    await play.send_badly("/SetTrafficLight", nobody, trafficLightIndex="TL99", trafficLightStatus=RED)
+    await play.send_badly("/SetTrafficLight", "sum of lamps", trafficLightIndex="TL22W", trafficLightStatus=2)
 
 
 @TABLE.row(
@@ -108,7 +107,7 @@ async def _(play: Play) -> None:
         said = play.last("/InsnStatus")
         assert (said["intersection_status"], said["intersection_status_time"]) == (1, pytest.approx(4.52))
         assert await play.light("TL22W") != before
-    assert "phases" in await play.send_badly("/InsnControl", intersection_index=number, intersection_status=77)
+    await play.send_badly("/InsnControl", "phases", intersection_index=number, intersection_status=77)
 
 
 @TABLE.row(

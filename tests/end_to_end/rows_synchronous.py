@@ -40,9 +40,9 @@ async def _(play: Play) -> None:
 
 
 async def _is_time_standing(play: Play) -> bool:
-    """Whether no frame goes by while the server answers a few calls."""
-    times = [await play.client.values("/rosapi/get_time") for _ in range(10)]
-    return bool(times[0]["time"] == times[-1]["time"])
+    """Whether no frame goes by while the simulator answers a few calls: a stranger's ticks, which it refuses."""
+    answers = [await play.ask("/SyncModeWaitForTick", user_id="stranger") for _ in range(10)]
+    return bool(answers[0]["frame"] == answers[-1]["frame"])
 
 
 @TABLE.row(

@@ -14,7 +14,7 @@ import pytest
 from playwright.async_api import Error as PlaywrightError
 from playwright.async_api import Page, async_playwright
 
-from tests.conftest import Serve
+from tests.conftest import Serve, Simulate
 from tests.support import PATIENCE, ROOT, require_node_modules, require_tool
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
@@ -88,8 +88,8 @@ async def until(page: Page, test: str) -> None:
     await page.wait_for_function(f"((at) => {test})({at})")
 
 
-async def test_a_page_drives_the_car_and_shows_it(serve: Serve, site: str, tmp_path: Path) -> None:
-    async with page_at(site + "?" + urlencode({"url": serve().url}), tmp_path) as page:
+async def test_a_page_drives_the_car_and_shows_it(simulate: Simulate, site: str, tmp_path: Path) -> None:
+    async with page_at(site + "?" + urlencode({"url": simulate().url}), tmp_path) as page:
         await until(page, "at('connection') === 'open'")
         await until(page, "at('others') > 0 && at('clock') > 0")
         await page.click("#drive")

@@ -12,10 +12,13 @@ from typing import Any
 
 import pytest
 
-from tests.conftest import Connect, Serve
+from tests.conftest import Connect, Simulate
 from tests.support import Client
 
 pytestmark = pytest.mark.slow
+
+everywhere = pytest.mark.parametrize("simulate", ["serve", "attach", "quirks"], indirect=True)
+"""Also behind rosbridge_suite, which takes no float for an integer and promises no order between topics and answers."""
 
 FULL_THROTTLE = {"accel": 1.0, "brake": 0.0, "steering": 0.0}
 """Commands of the official programs never set longlCmdType."""
@@ -61,10 +64,11 @@ async def tick(client: Client, user_id: str, frame: float) -> dict[str, Any]:
     return answer
 
 
+@everywhere
 @pytest.mark.parametrize("step_ms", [20, 40])
-async def test_the_planner_that_counts_on(serve: Serve, connect: Connect, step_ms: int) -> None:
+async def test_the_planner_that_counts_on(simulate: Simulate, connect: Connect, step_ms: int) -> None:
     """Start, tick, then control and tick for a frame that it counts by itself; no gear, no control type."""
-    client = await connect(serve("--start", "sync").url)
+    client = await connect(simulate("--start", "sync").url)
     started = await start(client, step_ms=step_ms)
     user_id = started["user_id"]
     next_frame = started["frame"] + 1  # ends one frame early with a step of 40: nobody may mind
@@ -82,9 +86,9 @@ async def test_the_planner_that_counts_on(serve: Serve, connect: Connect, step_m
     await stop(client, user_id, step_ms)
 
 
-async def test_the_planner_with_scenario_and_gear(serve: Serve, connect: Connect) -> None:
+async def test_the_planner_with_scenario_and_gear(simulate: Simulate, connect: Connect) -> None:
     """Scenario and gear for the frame to come, then its tick; frames may come as floats."""
-    client = await connect(serve().url)
+    client = await connect(simulate().url)
     started = await start(client)
     user_id, next_frame = started["user_id"], float(started["frame"]) + 2.0 / 2
     assert (await client.ask("/SyncModeScenarioLoad", frame=next_frame, **SCENARIO))["result"] is True
@@ -99,12 +103,13 @@ async def test_the_planner_with_scenario_and_gear(serve: Serve, connect: Connect
     await stop(client, user_id)
 
 
-async def test_the_course_with_its_stale_frames(serve: Serve, connect: Connect) -> None:
+@everywhere
+async def test_the_course_with_its_stale_frames(simulate: Simulate, connect: Connect) -> None:
     """Gear and every tick for the frame of the start, control for the current one, a scenario load in between.
 
     A reset is: off, scenario, on, gear, tick. Each command is followed by two ticks.
     """
-    client = await connect(serve().url)
+    client = await connect(simulate().url)
     starts = []
     for _ in range(2):
         assert (await client.ask("/Service_MoraiSL", **SCENARIO))["result"] is True
@@ -126,10 +131,11 @@ async def test_the_course_with_its_stale_frames(serve: Serve, connect: Connect) 
     assert math.dist(*starts) < 0.5, "a load puts the car back to its start"
 
 
+@everywhere
 @pytest.mark.parametrize("frame", [0, 1])
-async def test_a_constant_frame(serve: Serve, connect: Connect, frame: int) -> None:
+async def test_a_constant_frame(simulate: Simulate, connect: Connect, frame: int) -> None:
     """A learner's program: control and tick always name the same frame."""
-    client = await connect(serve("--start", "sync").url)
+    client = await connect(simulate("--start", "sync").url)
     started = await start(client, "learner")
     first = answer = await tick(client, "learner", frame)
     for _ in range(100):
@@ -140,10 +146,11 @@ async def test_a_constant_frame(serve: Serve, connect: Connect, frame: int) -> N
     await stop(client, "learner")
 
 
-async def test_the_learning_loop(serve: Serve, connect: Connect) -> None:
+@everywhere
+async def test_the_learning_loop(simulate: Simulate, connect: Connect) -> None:
     """Reinforcement learning: attaches to its own master, goes by the answer's frame, reads SyncModeInfo, cleans up."""
     step_ms = 60
-    client = await connect(serve().url)
+    client = await connect(simulate().url)
     await client.subscribe("/SyncModeInfo", type="morai_msgs/SyncModeInfo")
     await start(client, "learner", step_ms)
     again = await client.ask("/SyncModeCmd", user_id="learner", start_sync_mode=True, time_step=step_ms)
@@ -170,9 +177,10 @@ async def test_the_learning_loop(serve: Serve, connect: Connect) -> None:
     await client.message_where("/SyncModeInfo", lambda info: not info["status"])
 
 
-async def test_a_gear_by_the_frame_of_the_info(serve: Serve, connect: Connect) -> None:
+@everywhere
+async def test_a_gear_by_the_frame_of_the_info(simulate: Simulate, connect: Connect) -> None:
     """Synchronous mode for a change of gear alone, with a time step of 0 on start and stop."""
-    client = await connect(serve().url)
+    client = await connect(simulate().url)
     await client.subscribe("/SyncModeInfo", type="morai_msgs/SyncModeInfo")
     frame = (await client.message("/SyncModeInfo"))["frame"]
     answer = await client.ask("/SyncModeCmd", user_id="gear", start_sync_mode=True, time_step=0)
@@ -186,8 +194,8 @@ async def test_a_gear_by_the_frame_of_the_info(serve: Serve, connect: Connect) -
     await stop(client, "gear", 0)
 
 
-async def test_the_topics_of_a_tick_come_before_its_answer(serve: Serve, connect: Connect) -> None:
-    client = await connect(serve("--start", "sync").url)
+async def test_the_topics_of_a_tick_come_before_its_answer(simulate: Simulate, connect: Connect) -> None:
+    client = await connect(simulate("--start", "sync").url)
     await client.subscribe("/Ego_topic", type="morai_msgs/EgoVehicleStatus")
     await start(client, "master", 60)
     for i in range(20):

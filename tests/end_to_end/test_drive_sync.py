@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import Connect, Serve
+from tests.conftest import Connect, Serve, Simulate
+from tests.places import Place
 from tests.support import PATIENCE, ROOT, ServerProcess, read_line
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
@@ -58,14 +59,14 @@ def write(points: list[tuple[float, float]], file: Path) -> Path:
     return file
 
 
-def start(process: ServerProcess, *flags: str) -> subprocess.Popen[str]:
-    command = [sys.executable, str(EXAMPLE), "--port", str(process.port), *flags]
+def start(place: Place | ServerProcess, *flags: str) -> subprocess.Popen[str]:
+    command = [sys.executable, str(EXAMPLE), "--port", str(place.port), *flags]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def run(process: ServerProcess, *flags: str) -> tuple[int, str, str]:
+def run(place: Place | ServerProcess, *flags: str) -> tuple[int, str, str]:
     """Exit code, stdout and stderr."""
-    with start(process, *flags) as example:
+    with start(place, *flags) as example:
         out, err = example.communicate(timeout=6 * PATIENCE)
     return example.returncode, out, err
 
@@ -76,26 +77,26 @@ def figure_of(pattern: str, text: str) -> float:
     return float(match[1])
 
 
-async def test_it_follows_a_path_in_map_coordinates(serve: Serve, connect: Connect, tmp_path: Path) -> None:
-    process = serve("--start", "sync")
-    client = await connect(process.url)
+async def test_it_follows_a_path_in_map_coordinates(simulate: Simulate, connect: Connect, tmp_path: Path) -> None:
+    place = simulate("--start", "sync")
+    client = await connect(place.url)
     await client.ask("/SyncModeCmd", user_id="look", start_sync_mode=True, time_step=20)
     car = (await client.ask("/SyncModeWaitForTick", user_id="look", frame=1))["vehicle_status"]
     await client.ask("/SyncModeCmd", user_id="look", start_sync_mode=False, time_step=20)
     points = draw(COURSE, car["position"]["x"], car["position"]["y"], math.radians(car["heading"]))
-    code, out, err = run(process, "--path", str(write(points, tmp_path / "path.txt")))
+    code, out, err = run(place, "--path", str(write(points, tmp_path / "path.txt")))
     assert (code, err) == (0, "")
     assert figure_of(r"drove ([\d.]+) m", out) >= 600.0
     assert figure_of(r"slowest after the run-up: ([\d.]+) km/h", out) >= 30.0
     assert figure_of(r"largest lateral error: ([\d.]+) m", out) < 0.3
 
 
-async def test_interrupted_it_gives_the_world_back(serve: Serve, connect: Connect, tmp_path: Path) -> None:
-    process = serve()
-    client = await connect(process.url)
+async def test_interrupted_it_gives_the_world_back(simulate: Simulate, connect: Connect, tmp_path: Path) -> None:
+    place = simulate()
+    client = await connect(place.url)
     await client.subscribe("/SyncModeInfo", type="morai_msgs/SyncModeInfo")
     path = write([(0.0, 0.0), (100_000.0, 0.0)], tmp_path / "path.txt")
-    with start(process, "--path", str(path), "--from-car") as example:
+    with start(place, "--path", str(path), "--from-car") as example:
         assert read_line(example).startswith("path of 100000.0 m")
         await client.message_where("/SyncModeInfo", lambda info: info["master_id"] == "drive_sync")
         example.send_signal(signal.SIGINT)
@@ -105,17 +106,17 @@ async def test_interrupted_it_gives_the_world_back(serve: Serve, connect: Connec
     assert info["status"] is False
 
 
-async def test_it_says_who_is_the_master_already(serve: Serve, connect: Connect, tmp_path: Path) -> None:
-    process = serve()
-    client = await connect(process.url)
+async def test_it_says_who_is_the_master_already(simulate: Simulate, connect: Connect, tmp_path: Path) -> None:
+    place = simulate()
+    client = await connect(place.url)
     await client.ask("/SyncModeCmd", user_id="the_other", start_sync_mode=True, time_step=20)
-    code, _, err = run(process, "--path", str(write([(0.0, 0.0), (9.0, 0.0)], tmp_path / "path.txt")))
+    code, _, err = run(place, "--path", str(write([(0.0, 0.0), (9.0, 0.0)], tmp_path / "path.txt")))
     assert (code, err) == (1, "drive_sync: synchronous mode was refused: 'the_other' is its master\n")
 
 
-def test_it_says_that_a_time_step_cannot_be_had(serve: Serve, tmp_path: Path) -> None:
+def test_it_says_that_a_time_step_cannot_be_had(simulate: Simulate, tmp_path: Path) -> None:
     path = write([(0.0, 0.0), (9.0, 0.0)], tmp_path / "path.txt")
-    code, _, err = run(serve(), "--path", str(path), "--step-ms", "30")
+    code, _, err = run(simulate(), "--path", str(path), "--step-ms", "30")
     assert (code, err) == (1, "drive_sync: synchronous mode was refused: a tick of 30 ms cannot be had\n")
 
 
@@ -146,7 +147,7 @@ def test_a_path_that_is_none_is_one_readable_line(server: ServerProcess, tmp_pat
     assert err == f"drive_sync: {path.parent}/{told}\n"
 
 
-def test_a_path_far_away_is_refused(server: ServerProcess, tmp_path: Path) -> None:
-    code, _, err = run(server, "--path", str(write([(5e5, 5e5), (6e5, 6e5)], tmp_path / "path.txt")))
+def test_a_path_far_away_is_refused(simulator: Place, tmp_path: Path) -> None:
+    code, _, err = run(simulator, "--path", str(write([(5e5, 5e5), (6e5, 6e5)], tmp_path / "path.txt")))
     assert code == 1
     assert re.fullmatch(r"drive_sync: the path starts \d+ m away from the car; --from-car would lay it there\n", err)

@@ -16,7 +16,8 @@ from tests.conftest import Connect
 from tests.end_to_end import rows_ego, rows_lights, rows_replay, rows_scene, rows_sensors, rows_synchronous
 from tests.end_to_end.play import Play, Row, write_scenes
 from tests.morai.pages import INTERFACES, RELEASES, REPLACED, Interface
-from tests.support import Client, ServerProcess
+from tests.places import Bridges, Kind, Place
+from tests.support import Client
 
 pytestmark = pytest.mark.slow
 
@@ -26,30 +27,34 @@ ROWS = [row for rows in TABLES for row in rows.TABLE]
 KNOWN = {interface.name: interface for interface in (*INTERFACES, *REPLACED.values())}
 
 
+@pytest.fixture(scope="module", params=["serve", "attach"])
+def kind(request: pytest.FixtureRequest) -> Kind:
+    kind: Kind = request.param
+    return kind
+
+
 @pytest.fixture(scope="module", params=RELEASES)
 def stage(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[tuple[ServerProcess, str, Path]]:
-    """A server of a release, and the folder that it writes to."""
+    request: pytest.FixtureRequest, kind: Kind, tmp_path_factory: pytest.TempPathFactory, bridges: Bridges
+) -> Iterator[tuple[Place, str, Path]]:
+    """A simulator of a release, and the folder that it writes to."""
     release: str = request.param
-    folder = tmp_path_factory.mktemp(f"stage-{release}")
+    folder = tmp_path_factory.mktemp(f"stage-{kind}-{release}")
     write_scenes(folder)
     flags = ["--release", release, "--start", "sync", "--sync-on-loss", "wait", "--scenario-path", str(folder)]
     flags += ["--scenario", str(folder / "page.json"), "--data-dir", str(folder / "data")]
-    process = ServerProcess(folder / "log.txt", flags)
-    yield process, release, folder / "data"
-    process.stop_cleanly()
+    place = Place(kind, folder / "log.txt", flags, bridges)
+    yield place, release, folder / "data"
+    place.simulator.stop_cleanly()
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
-async def test_what_the_manual_promises_happens(
-    stage: tuple[ServerProcess, str, Path], connect: Connect, row: Row
-) -> None:
-    process, release, data = stage
+async def test_what_the_manual_promises_happens(stage: tuple[Place, str, Path], connect: Connect, row: Row) -> None:
+    place, release, data = stage
     if release not in row.releases:
-        assert not await _is_there(await connect(process.url), row.name)
+        assert not await _is_there(await connect(place.url), row.name)
         return
-    play = Play(await connect(process.url), release, data)
+    play = Play(await connect(place.url), release, data, is_attached=place.is_attached)
     await play.begin()
     await _check_type_and_way(play, KNOWN[row.name])
     await row.act(play)
@@ -68,7 +73,10 @@ async def _check_type_and_way(play: Play, interface: Interface) -> None:
         side = "subscribers" if interface.way == "to the simulator" else "publishers"
         ends = (await values(f"/rosapi/{side}", {"topic": interface.name}))[side]
     assert answer["type"] == f"morai_msgs/{expected}"
-    assert "/morai_sim" in ends
+    if play.is_attached:
+        assert len(ends) == 1, "a bridge has a name of its own for what dials it"
+    else:
+        assert "/morai_sim" in ends
 
 
 async def _is_there(client: Client, name: str) -> bool:

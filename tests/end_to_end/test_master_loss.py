@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.conftest import Connect, Serve
+from tests.conftest import Connect, Serve, Simulate
 from tests.support import Client
 
 pytestmark = pytest.mark.slow
@@ -72,8 +72,8 @@ async def test_wait_stands_still_for_the_next_master(serve: Serve, connect: Conn
     assert (answer["tick_status"], answer["frame"]) == (True, frame + 1)
 
 
-async def test_a_silent_master_is_lost_by_the_lease(serve: Serve, connect: Connect) -> None:
-    url = serve("--sync-lease", "0.2", "--sync-on-loss", "wait").url
+async def test_a_silent_master_is_lost_by_the_lease(simulate: Simulate, connect: Connect) -> None:
+    url = simulate("--sync-lease", "0.2", "--sync-on-loss", "wait").url
     client = await connect(url)
     await client.subscribe("/SyncModeInfo", type="morai_msgs/SyncModeInfo")
     await client.ask("/SyncModeCmd", user_id="silent", start_sync_mode=True, time_step=20)

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from tests.conftest import Connect, Serve
+from tests.conftest import Connect, Simulate
 
 pytestmark = pytest.mark.slow
 
@@ -43,9 +43,9 @@ async def record_drive(url: str, connect: Connect) -> list[str]:
     return watcher.raw
 
 
-async def test_two_runs_are_the_same_to_the_byte(serve: Serve, connect: Connect) -> None:
-    first = await record_drive(serve("--start", "sync").url, connect)
-    second = await record_drive(serve("--start", "sync").url, connect)
+async def test_two_runs_are_the_same_to_the_byte(simulate: Simulate, connect: Connect) -> None:
+    first = await record_drive(simulate("--start", "sync").url, connect)
+    second = await record_drive(simulate("--start", "sync").url, connect)
     assert len(first) >= 2 * NUM_TICKS
     assert len(set(first)) >= 2 * NUM_TICKS, "the world moved"
     assert first == second

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from pyproj import Proj
 
-from tests.conftest import Connect, Serve
+from tests.conftest import Connect, Serve, Simulate
 from tests.end_to_end.programs import finish, start
 
 pytestmark = pytest.mark.slow
@@ -23,10 +23,10 @@ def row(path: Path) -> dict[str, float]:
 
 
 @pytest.mark.client
-def test_a_client_moves_an_antenna_drives_and_saves(serve: Serve, tmp_path: Path) -> None:
+def test_a_client_moves_an_antenna_drives_and_saves(simulate: Simulate, tmp_path: Path) -> None:
     data = tmp_path / "data"
-    server = serve("--start", "sync", "--data-dir", str(data), "--rate", "/gps=5")
-    seen = finish(start("roslibpy-twisted", "sensors", server.port, "save", str(data / "mine")))
+    place = simulate("--start", "sync", "--data-dir", str(data), "--rate", "/gps=5")
+    seen = finish(start("roslibpy-twisted", "sensors", place.port, "save", str(data / "mine")))
     assert seen["counts"] == {"gps": 5, "imu": 50, "Ego_topic": 50}
     gps, imu, ego = seen["gps"], seen["imu"], seen["Ego_topic"]
     east, north = Proj(proj="utm", zone=52, ellps="WGS84")(gps["longitude"], gps["latitude"])
