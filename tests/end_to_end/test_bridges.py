@@ -1,0 +1,329 @@
+"""A simulator behind a bridge that dies, limps or lacks something: it comes back, and a line says what is wrong.
+
+The bridge is our own server without a world, or the far side with the manners of rosbridge_suite. Clients know the
+bridge alone. What takes time is waited for by what comes meanwhile.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from statistics import median
+
+import pytest
+
+from tests.broken_proxy import BrokenProxy, draw_fates
+from tests.conftest import Connect
+from tests.far_side.server import FarSide
+from tests.places import Kind
+from tests.support import PATIENCE, AttachProcess, Client, FarSideProcess, Frame, ServerProcess
+
+pytestmark = pytest.mark.slow
+
+BRIDGES: tuple[Kind, ...] = ("attach", "quirks")
+
+MIB = 2**20
+
+Start = Callable[..., AttachProcess]
+"""`start(url, "--start", "sync")`: a simulator that dials a bridge, or several: a list of URLs."""
+
+Bridge = ServerProcess | FarSideProcess
+
+Build = Callable[..., Bridge]
+"""`build("quirks", "--work", "0.1", port=9090)`: a bridge of some kind."""
+
+
+@pytest.fixture
+def build(tmp_path: Path) -> Iterator[Build]:
+    """Starts bridges."""
+    bridges: list[Bridge] = []
+
+    def build_one(kind: Kind, *flags: str, port: int = 0) -> Bridge:
+        log = tmp_path / f"bridge-{len(bridges)}.txt"
+        bridges.append(
+            FarSideProcess(log, flags, port)
+            if kind == "quirks"
+            else ServerProcess(log, ["--no-world", *flags], port=port)
+        )
+        return bridges[-1]
+
+    yield build_one
+    for bridge in bridges:
+        bridge.kill()
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Start]:
+    """Starts simulators that dial; each must end cleanly, whatever became of its bridge."""
+    simulators: list[AttachProcess] = []
+
+    def start_one(urls: str | list[str], *flags: str) -> AttachProcess:
+        log = tmp_path / f"simulator-{len(simulators)}.txt"
+        simulators.append(AttachProcess(log, [urls] if isinstance(urls, str) else urls, flags))
+        return simulators[-1]
+
+    yield start_one
+    for simulator in simulators:
+        simulator.stop_cleanly()
+
+
+class Driver:
+    """A master at the wheel."""
+
+    def __init__(self, client: Client) -> None:
+        self.client = client
+
+    async def lead(self) -> int:
+        """Be the master; the frame."""
+        answer = await self._ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)
+        assert answer["result"] is True
+        frame: int = answer["frame"]
+        return frame
+
+    async def drive(self, frame: int, num_ticks: int) -> tuple[int, float]:
+        """Full throttle for some ticks from a frame on; the frame after them, and how far east that is [m]."""
+        for named in range(frame + 1, frame + 1 + num_ticks):
+            answer = await self._ask("/SyncModeCtrlCmd", frame=named, command={"longlCmdType": 1, "accel": 1.0})
+            assert answer["result"] is True
+            answer = await self._ask("/SyncModeWaitForTick", user_id="me", frame=named)
+            assert (answer["tick_status"], answer["frame"]) == (True, named)
+        return answer["frame"], answer["vehicle_status"]["position"]["x"]
+
+    async def _ask(self, service: str, **request: object) -> Frame:
+        """A call, made again if it went to a socket that is gone: rosbridge_suite lists those, and tells it late."""
+        answer = await self.client.call(service, {"request": request})
+        while answer["values"] == f"Service {service} was unadvertised":
+            answer = await self.client.call(service, {"request": request})
+        response: Frame = answer["values"]["response"]
+        return response
+
+
+async def until_announced(client: Client) -> None:
+    """Come back once the simulator is there again: its latched topic first, its services soon after."""
+    await client.send("subscribe", topic="/SyncModeInfo", type="morai_msgs/SyncModeInfo", id="until")
+    await client.message("/SyncModeInfo")
+    await client.send("unsubscribe", topic="/SyncModeInfo", id="until")
+    async with asyncio.timeout(PATIENCE):
+        while "/SyncModeWaitForTick" not in (await client.values("/rosapi/services"))["services"]:
+            pass
+
+
+async def lines_of(simulator: AttachProcess, client: Client, text: str) -> list[str]:
+    """The lines of its log with this text, once there is one; the world's clock goes on meanwhile."""
+    async with asyncio.timeout(PATIENCE):
+        while not (lines := [line for line in simulator.log.splitlines() if text in line]):
+            await client.message("/clock")
+    return lines
+
+
+# Gone and back
+
+
+@pytest.mark.parametrize("kind", BRIDGES)
+async def test_a_bridge_is_killed_in_the_middle_of_a_drive(
+    build: Build, start: Start, connect: Connect, kind: Kind
+) -> None:
+    bridge = build(kind)
+    simulator = start(bridge.url, "--start", "sync", "--sync-lease", "60")
+    first = Driver(await connect(bridge.url))
+    frame, x = await first.drive(await first.lead(), 50)
+    for _ in range(2):
+        bridge.kill()
+        bridge = build(kind, port=bridge.port)
+        client = await connect(bridge.url)
+        await until_announced(client)
+        frame, further = await Driver(client).drive(frame, 50)
+        assert further > x, "it drives on from where it was"
+        x = further
+    assert frame == 150, "nothing has moved without a tick"
+    assert simulator.log.count("attached:") == 3
+
+
+@pytest.mark.parametrize("kind", BRIDGES)
+async def test_a_real_time_drive_goes_on_after_it(build: Build, start: Start, connect: Connect, kind: Kind) -> None:
+    bridge = build(kind)
+    start(bridge.url)
+    client = await connect(bridge.url)
+    await client.send("advertise", topic="/ctrl_cmd", type="morai_msgs/CtrlCmd")
+    await client.send("publish", topic="/ctrl_cmd", msg={"longlCmdType": 2, "velocity": 20.0})
+    await client.send("subscribe", topic="/Ego_topic", type="morai_msgs/EgoVehicleStatus")
+    before = await client.message_where("/Ego_topic", lambda status: status["velocity"]["x"] > 2.0)
+    bridge.kill()
+    client = await connect(build(kind, port=bridge.port).url)
+    await client.send("subscribe", topic="/Ego_topic", type="morai_msgs/EgoVehicleStatus")
+    after = await client.message("/Ego_topic")
+    assert after["position"] != before["position"], "it has not stood still meanwhile"
+    await client.send("advertise", topic="/ctrl_cmd", type="morai_msgs/CtrlCmd")
+    await until_announced(client)
+    await client.send("publish", topic="/ctrl_cmd", msg={"longlCmdType": 1, "brake": 1.0})
+    await client.message_where("/Ego_topic", lambda status: status["velocity"]["x"] == 0.0)
+
+
+async def test_a_simulator_that_is_killed_is_followed_by_another(build: Build, start: Start, connect: Connect) -> None:
+    """rosbridge_suite keeps the services of the one that is gone, and calls of them wait for ever."""
+    bridge = build("quirks")
+    first = AttachProcess(Path("/dev/null"), [bridge.url])
+    first.kill()
+    client = await connect(bridge.url)
+    await client.send("call_service", service="/Service_MoraiEventCmd", id="lost", args={})
+    second = start(bridge.url)
+    frame = await client.take("service_response", id="lost")
+    assert (frame["result"], frame["values"]) == (False, "Service /Service_MoraiEventCmd was unadvertised")
+    assert (await client.ask("/Service_MoraiEventCmd", option=0))["gear"] == 4
+    (line,) = [line for line in second.log.splitlines() if " already" in line]
+    assert "WARNING" in line
+
+
+@pytest.mark.parametrize("kind", BRIDGES)
+async def test_with_a_socket_for_each_topic_and_service_a_drive_is_the_same(
+    build: Build, start: Start, connect: Connect, kind: Kind
+) -> None:
+    bridge = build(kind)
+    start(bridge.url, "--start", "sync", "--attach-sockets", "per-topic", "--sync-lease", "60")
+    driver = Driver(await connect(bridge.url))
+    frame, x = await driver.drive(await driver.lead(), 50)
+    bridge.kill()
+    client = await connect(build(kind, port=bridge.port).url)
+    await until_announced(client)
+    assert (await Driver(client).drive(frame, 50))[1] > x
+
+
+# What the far side lacks, or has already
+
+
+async def test_a_package_that_is_not_built_there_is_one_line(build: Build, start: Start, connect: Connect) -> None:
+    bridge = build("quirks", "--without", "morai_msgs")
+    simulator = start(bridge.url)
+    client = await connect(bridge.url)
+    await client.send("subscribe", topic="/clock", type="rosgraph_msgs/Clock")
+    (line,) = await lines_of(simulator, client, "package morai_msgs")
+    assert "WARNING" in line
+    await client.message("/clock")
+    services = (await client.values("/rosapi/services"))["services"]
+    assert "/SyncModeCmd" not in services
+
+
+async def test_without_rosapi_it_drives_all_the_same(build: Build, start: Start) -> None:
+    bridge = build("quirks", "--no-rosapi")
+    simulator = start(bridge.url, "--start", "sync")
+    async with await Client.open(bridge.url) as client:
+        driver = Driver(client)
+        await driver.drive(await driver.lead(), 20)
+    assert len(simulator.log.splitlines()) < 10
+
+
+async def test_a_service_that_is_served_there_already_is_one_line(build: Build, start: Start, connect: Connect) -> None:
+    bridge = build("quirks", "--provide", "/Service_MoraiEventCmd=morai_msgs/MoraiEventCmdSrv")
+    simulator = start(bridge.url)
+    client = await connect(bridge.url)
+    await client.send("subscribe", topic="/clock", type="rosgraph_msgs/Clock")
+    (line,) = await lines_of(simulator, client, "/Service_MoraiEventCmd already")
+    assert "WARNING" in line
+
+
+async def test_a_call_that_is_refused_is_answered_where_result_is_passed_over(
+    build: Build, start: Start, connect: Connect
+) -> None:
+    bridge = build("quirks")
+    start(bridge.url, "--start", "sync")
+    client = await connect(bridge.url)
+    answer = await client.ask("/SyncModeWaitForTick", user_id="nobody", frame=1)
+    assert answer["tick_status"] is False
+    answer = await client.ask("/Service_MoraiSL", file_name="no such scenario")
+    assert answer["result"] is False
+
+
+async def test_calls_in_fragments_that_nobody_asked_for_are_put_together(
+    build: Build, start: Start, connect: Connect
+) -> None:
+    bridge = build("quirks", "--max-message-size", "100")
+    simulator = start(bridge.url, "--start", "sync")
+    client = await connect(bridge.url)
+    await client.send("call_service", service="/rosapi/get_time", id="mine", fragment_size=10**6)  # for us alone
+    await client.take("service_response", id="mine")
+    driver = Driver(client)
+    frame, _ = await driver.drive(await driver.lead(), 20)
+    assert frame == 20
+    assert "WARNING" not in simulator.log
+
+
+# Slow and broken
+
+
+@asynccontextmanager
+async def watched(simulator: AttachProcess, num_lines: int, growth: int = 24 * MIB) -> AsyncIterator[None]:
+    """Whatever happens meanwhile costs the simulator little memory [bytes] and few lines."""
+    memory, lines = simulator.memory, len(simulator.log.splitlines())
+    yield
+    assert simulator.is_alive, simulator.log
+    assert simulator.memory - memory < growth
+    assert len(simulator.log.splitlines()) - lines <= num_lines, simulator.log
+
+
+async def test_a_far_side_that_is_slow_is_not_flooded(build: Build, start: Start, connect: Connect) -> None:
+    """It handles fewer frames than a world makes, reads them all and says nothing: answers still come."""
+    bridge = build("quirks", "--work", "0.004")
+    assert isinstance(bridge, FarSideProcess)
+    simulator = start(bridge.url)
+    client = await connect(bridge.url)
+    async with watched(simulator, num_lines=5):
+        while bridge.report["handled"] < 1000:
+            state = await client.ask("/Service_MoraiEventCmd", option=0)
+            assert state["gear"] == 4
+    assert bridge.report["most_waiting"] < 500
+
+
+async def test_with_a_socket_each_no_topic_delays_an_answer(build: Build, start: Start, connect: Connect) -> None:
+    """A slow far side handles few frames between a call and its answer; with one socket for all, it is hundreds."""
+    bridge = build("quirks", "--work", "0.004")
+    assert isinstance(bridge, FarSideProcess)
+    start(bridge.url, "--attach-sockets", "per-topic")
+    client = await connect(bridge.url)
+    while bridge.report["handled"] < 500:
+        await client.settle()
+    counts = []
+    for _ in range(3):
+        before = bridge.report["handled"]
+        await client.ask("/Service_MoraiEventCmd", option=0)
+        counts.append(bridge.report["handled"] - before)
+    assert median(counts) < 150, counts
+
+
+async def test_a_far_side_that_stands_still_keeps_nobody_else_waiting(
+    build: Build, start: Start, connect: Connect
+) -> None:
+    """Two bridges: the one's threads hang while it reads on, the other's clients notice nothing."""
+    bridge = build("attach")
+    async with FarSide() as far_side:
+        simulator = await asyncio.to_thread(start, [bridge.url, far_side.url])
+        client, there = await connect(bridge.url), await connect(far_side.url)
+        await until_announced(there)
+        await client.send("subscribe", topic="/clock", type="rosgraph_msgs/Clock")
+        far_side.may_work.clear()
+        async with watched(simulator, num_lines=5):
+            for _ in range(150):
+                await client.message("/clock")
+            assert (await client.ask("/Service_MoraiEventCmd", option=0))["gear"] == 4
+        assert far_side.most_waiting < 800
+        far_side.may_work.set()
+        assert (await there.ask("/Service_MoraiEventCmd", option=0))["gear"] == 4
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("attach", 1), ("quirks", 2)])
+async def test_a_line_that_splits_stalls_and_resets_is_dialled_until_it_holds(
+    build: Build, start: Start, connect: Connect, kind: Kind, seed: int
+) -> None:
+    num_fates = 5
+    bridge = build(kind)
+    async with BrokenProxy(bridge.port, draw_fates(seed, num_fates, 20_000)) as proxy:
+        flags = ("--ping-interval", "0.3", "--ping-timeout", "0.3", "--attach-retry", "0.5")
+        simulator = await asyncio.to_thread(start, proxy.url, *flags)
+        async with watched(simulator, num_lines=4 * num_fates):
+            await proxy.until(lambda: proxy.is_used_up)
+            client = await connect(bridge.url)
+            await until_announced(client)
+            driver = Driver(client)
+            await driver.drive(await driver.lead(), 20)
+        await asyncio.to_thread(simulator.stop_cleanly)
