@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
-__all__ = ["FLOOR", "SERVER", "Program", "machine", "running"]
+__all__ = ["FLOOR", "SERVER", "Program", "attached", "machine", "running"]
 
 _ROOT = Path(__file__).resolve().parents[2]
 _CORES = sorted(os.sched_getaffinity(0))
@@ -50,11 +50,30 @@ class Program:
 
 @contextmanager
 def running(command: Sequence[str], log: IO[bytes] | None = None) -> Iterator[Program]:
-    """Run a program from its start to the end of the block.
+    """Run a program that listens, from its start to the end of the block.
 
     Raises:
         RuntimeError: it ended before it listened.
     """
+    with _started(command, " listening on ws://", log) as (pid, line, start):
+        yield Program(pid, int(line.rsplit(":", 1)[1]), start)
+
+
+@contextmanager
+def attached(bridge: Program, *flags: str) -> Iterator[Program]:
+    """Run a simulator that has dialled a bridge: a program without a port, to be met at the bridge's.
+
+    Raises:
+        RuntimeError: it ended before everything was announced.
+    """
+    command = (sys.executable, "-m", "rosbridge_sim", "attach", f"ws://127.0.0.1:{bridge.port}", *flags)
+    with _started(command, " attached to ws://", None) as (pid, _, start):
+        yield Program(pid, bridge.port, start)
+
+
+@contextmanager
+def _started(command: Sequence[str], ready: str, log: IO[bytes] | None) -> Iterator[tuple[int, str, float]]:
+    """The process, the first line, and how long that took [s]."""
     # what is started inherits the core; preexec_fn would cost a fork of this process in full
     os.sched_setaffinity(0, {_CORES[0]})
     begun = time.perf_counter()
@@ -67,9 +86,9 @@ def running(command: Sequence[str], log: IO[bytes] | None = None) -> Iterator[Pr
         assert process.stdout is not None
         line = process.stdout.readline()
         start = time.perf_counter() - begun
-        if " listening on ws://" not in line:
-            raise RuntimeError(f"{' '.join(command)} said {line!r} in place of where it listens")
-        yield Program(process.pid, int(line.rsplit(":", 1)[1]), start)
+        if ready not in line:
+            raise RuntimeError(f"{' '.join(command)} said {line!r} in place of {ready!r} and where")
+        yield process.pid, line, start
     finally:
         process.terminate()
         try:
