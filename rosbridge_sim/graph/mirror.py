@@ -104,6 +104,7 @@ class Mirror:
         self._max_frame_size = max_frame_size
         self._items: dict[Key, _Item] = {}
         self._inputs: dict[str, Topic] = {}
+        self._in_flight: dict[str, int] = {}
         self._now = 0.0
         self._is_attached = self._is_gone = False
         self._findings = Findings(address, bus.store.ros)
@@ -137,9 +138,14 @@ class Mirror:
             self._refresh()
 
     def _refresh(self) -> None:
-        """Mirror what has come, and no longer what has gone."""
+        """Mirror what has come, and no longer what has gone.
+
+        A service that moves to another name while it is called goes when it has answered: rosbridge_suite takes
+        no answers for a service that has ended, and its callers would hear of a failure.
+        """
         wanted = dict.fromkeys(self._wanted())
-        for key in [key for key in self._items if key not in wanted]:
+        awaited = {("service", name) for name in self._in_flight} - {key[:2] for key in wanted}
+        for key in [key for key in self._items if key not in wanted and key[:2] not in awaited]:
             self._drop(key)
         for key in wanted:
             if key not in self._items:
@@ -328,6 +334,14 @@ class Mirror:
         session = line.session
 
         def on_answer(answer: Answer) -> None:
+            tell(answer)
+            left = self._in_flight.pop(name) - 1
+            if left:
+                self._in_flight[name] = left
+            elif not self._serves(name):
+                self._refresh()
+
+        def tell(answer: Answer) -> None:
             if line.session is not session:  # another socket by now, on which ids are counted anew
                 return
             if answer.is_ok:
@@ -340,8 +354,10 @@ class Mirror:
             line.say("service_response", service=op.service, id=op.id, values={}, result=False, reason=why)
 
         if not self._serves(op.service):
-            on_answer(Answer(is_ok=False, values=f"Service {op.service} is not ours"))
+            tell(Answer(is_ok=False, values=f"Service {op.service} is not ours"))
             return
+        name = resolve(op.service)
+        self._in_flight[name] = self._in_flight.get(name, 0) + 1
         self._bus.call(self, op.service, op.args, on_answer, now=now)
 
     def _serves(self, name: str) -> bool:

@@ -394,6 +394,27 @@ def test_what_comes_and_goes_here_comes_and_goes_there(stand: Stand) -> None:
     assert "/Ego-2/state" not in [topic.name for topic in stand.bus.holdings(stand.mirror).published]
 
 
+@pytest.mark.parametrize("has_line_each", [False, True])
+def test_a_service_that_gets_another_name_while_it_is_called_answers_first(*, has_line_each: bool) -> None:
+    stand = Stand(has_line_each=has_line_each)
+    stand.attach()
+    calls: list[Call] = []
+    stand.bus.provide(stand.car, "/rename", "std_srvs/SetBool", lambda call, _now: calls.append(call))
+    stand.attach() if has_line_each else stand.pump()
+    program = Program(stand.far)
+    program.send("call_service", service="/rename", id="1")
+    program.send("call_service", service="rename", id="2")
+    stand.pump()
+    stand.bus.withdraw(stand.car, "/rename", answers_calls=True)
+    stand.bus.provide(stand.car, "/renamed", "std_srvs/SetBool", lambda call, _now: calls.append(call))
+    for call in calls:
+        assert "/rename" in stand.far.bus.services
+        call.answer(call.service.type.response.default())
+        stand.pump()
+    assert [frame["result"] for frame in program.received("service_response")] == [True, True]
+    assert "/rename" not in stand.far.bus.services
+
+
 def test_leaving_takes_everything_away_on_both_sides(stand: Stand) -> None:
     stand.mirror.leave(0.0)
     stand.pump()
