@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import Connect, Serve
+from tests.conftest import Connect, Serve, Simulate
 from tests.shell.bag_reading import read_bag
 
 AT_START = """
@@ -73,3 +73,24 @@ async def test_a_scenario_brings_other_names_while_all_goes_on(serve: Serve, con
     server.stop_cleanly()
     topics = {topic for topic, _, _ in read_bag(bag)}
     assert {"/car/state", "/other/state", "/other/drive", "/SyncModeInfo", "/other/mode"} <= topics
+
+
+@pytest.mark.slow
+async def test_who_changes_the_names_is_answered_wherever_the_simulator_is(
+    simulate: Simulate, connect: Connect, tmp_path: Path
+) -> None:
+    network = tmp_path / "data" / "Network" / "demo.toml"
+    network.parent.mkdir(parents=True)
+    network.write_text(WITH_SCENARIO + '"/SyncModeWaitForTick" = { name = "/other/tick" }\n')
+    client = await connect(simulate("--start", "sync", "--data-dir", str(tmp_path / "data")).url)
+    await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)
+    assert (await client.ask("/SyncModeScenarioLoad", frame=2, **LOAD))["result"] is True
+    for frame in (1, 2):
+        answer = await client.ask("/SyncModeWaitForTick", user_id="me", frame=frame)
+        assert (answer["tick_status"], answer["frame"]) == (True, frame)
+    answer = await client.ask("/other/tick", user_id="me", frame=3)
+    assert (answer["tick_status"], answer["frame"]) == (True, 3)
+    assert (await client.ask("/other/load", **LOAD))["result"] is True
+    await client.subscribe("/other/state")
+    await client.ask("/other/tick", user_id="me", frame=4)
+    await client.message("/other/state")
