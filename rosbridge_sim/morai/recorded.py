@@ -210,8 +210,9 @@ class Reading:
     def _are_good(self, values: FloatArray, whose: str, *, has_place: bool) -> BoolArray:
         """Which entries the world can hold; the pedals and angles need not be possible, but numbers."""
         checked = values.copy()
-        checked[_YAW_RATE] = 0.0
-        if not has_place:
+        if has_place:
+            checked[_YAW_RATE] = 0.0  # it will follow from the headings
+        else:
             checked[: _Z + 1] = 0.0
             checked[_YAW] = np.nan_to_num(checked[_YAW])
         limits = np.full((len(values), 1), MAX_COORDINATE)

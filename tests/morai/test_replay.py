@@ -696,7 +696,8 @@ def test_bag_goes_before_the_network(stand: Stand, client: Client, tape: Tape) -
 
 def test_figure_that_is_none_is_told_to_its_sender(stand: Stand) -> None:
     player = stand.client()
-    for info in ({"ego_acc": math.nan}, {"npc_list": [{"name": "Bus", "position": {"x": math.inf}}]}):
+    turns = [{"angular_velocity": {"z": rate}} for rate in (math.nan, 1e300)]
+    for info in ({"ego_acc": math.nan}, *turns, {"npc_list": [{"name": "Bus", "position": {"x": math.inf}}]}):
         with pytest.raises(FieldError, match="hold no numbers"):
             player.send(INFO, "morai_msgs/ReplayInfo", **info)
     assert not stand.node.stage.is_replaying
