@@ -214,6 +214,10 @@ _COMMANDS: Final = {1: Event.PLAY, 2: Event.PAUSE, 32: Event.STOP}
 _FILE, _TARGETS, _START, _SPEED = 1, 2, 4, 8
 _OPTIONS: Final = _FILE | _TARGETS | _START | _SPEED
 
+_LITERAL: Final = {0x10: 2, 0x100: 4, 0x1000: 8}
+"""The message's own comment writes the bits of both sums as 0x1, 0x10, 0x100, 0x1000, which are binary digits; taken at
+its word, these numbers mean nothing else, so they are understood as well."""
+
 
 @dataclass(frozen=True, slots=True)
 class _Command:
@@ -242,7 +246,7 @@ def _read(request: Any) -> _Command:  # noqa: ANN401 - a generated struct
     Raises:
         FieldError: a command, option or figure that there is not.
     """
-    where, option = "morai_msgs/MoraiSimProcHandle", request.replay_option
+    where, option = "morai_msgs/MoraiSimProcHandle", _plain(request.replay_option)
     event = _COMMANDS.get(request.sim_process_status)
     if event is None:
         got = request.sim_process_status
@@ -251,7 +255,7 @@ def _read(request: Any) -> _Command:  # noqa: ANN401 - a generated struct
         option = 0
     if option & ~_OPTIONS:
         raise FieldError(f"{where}.replay_option: expected a sum of 1, 2, 4 and 8, got {option}")
-    targets, start_ms, speed = request.replay_target_option, request.start_time, request.replay_speed
+    targets, start_ms, speed = _plain(request.replay_target_option), request.start_time, request.replay_speed
     if option & _TARGETS and (not targets or targets & ~EVERYBODY):
         raise FieldError(f"{where}.replay_target_option: expected a sum of 1, 2 and 4, got {targets}")
     if option & _START and start_ms < 0:
@@ -265,6 +269,14 @@ def _read(request: Any) -> _Command:  # noqa: ANN401 - a generated struct
         start_ms * 1_000_000 if option & _START else None,
         speed if option & _SPEED else None,
     )
+
+
+def _plain(bits: int) -> int:
+    """A sum of bits, however it is written; what is neither stays as it is."""
+    for literal, bit in _LITERAL.items():
+        if bits > 0 and bits & literal:
+            bits = bits & ~literal | bit
+    return bits
 
 
 # The part
@@ -407,6 +419,7 @@ class Replay(Part):
             self._carry_out[effect](now)
         if self.state is State.SIMULATING:
             self._programme = _Programme(Recording(""))  # it may be large
+        self._announce(now)
         return outcome
 
     def _enter(self, now: float) -> None:
@@ -598,7 +611,6 @@ class Replay(Part):
             _log.info("%s replays a recording over %s", sender.name, topic)
         self._source, self._programme = sender, _Programme(recording)
         self._happen(Event.MESSAGE, now)
-        self._announce(now)
 
     def _publishes(self, owner: Owner | None) -> bool:
         """Whether somebody still publishes what he replays."""

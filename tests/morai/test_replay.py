@@ -8,15 +8,12 @@ from typing import Any
 
 import pytest
 
-from rosbridge_sim.errors import DocumentError, FieldError
-from rosbridge_sim.graph.bus import Bus, Owner, Topic
+from rosbridge_sim.errors import FieldError
 from rosbridge_sim.morai.catalogue import find_model
 from rosbridge_sim.morai.convert import FIELD
-from rosbridge_sim.morai.recorded import Reading, Then
-from rosbridge_sim.morai.recording import Recording
 from rosbridge_sim.morai.replay import OF_A_BAG, OF_A_SOURCE, TABLE, Effect, Event, State
-from rosbridge_sim.schema.store import Message
 from tests.morai.stand import ALL, Client, Stand
+from tests.morai.tape import Tape
 
 STATUS = "/sim/process/state/msg/MoraiSimProcStatus"
 INFO = "/ReplayInfo_topic"
@@ -24,55 +21,6 @@ PLAY, PAUSE, STOP = 1, 2, 32
 FILE, TARGETS, START, SPEED = 1, 2, 4, 8
 EGO, VEHICLES, PEDESTRIANS = 1, 2, 4
 NUM_FRAMES = 60
-
-
-class Tape:
-    """Recordings in memory: messages as they went over a bus.
-
-    Attributes:
-        takes: name -> (topic, struct, stamp [ns]) in order.
-    """
-
-    name = "/tape"
-
-    def __init__(self) -> None:
-        self.takes: dict[str, list[tuple[str, Any, int]]] = {}
-        self.waiting: list[tuple[Reading, Then]] = []
-        self.is_slow = False
-
-    def tell(self, level: str, text: str) -> None:
-        raise AssertionError((level, text))
-
-    def record(self, bus: Bus, name: str, *topics: str) -> None:
-        take = self.takes.setdefault(name, [])
-
-        def hear(topic: Topic, message: Message, _sender: Owner, _now: float) -> None:
-            take.append((topic.name, message.value, bus.stamp_ns))
-
-        for topic in topics:
-            bus.subscribe(self, topic, hear)
-
-    def read(self, name: str, reading: Reading, then: Then) -> None:
-        if self.is_slow:
-            self.waiting.append((reading, then))
-            return
-        then(self._finish(reading) if name in self.takes else DocumentError(f"no recording {name!r}"), 100.0)
-
-    def deliver(self) -> None:
-        for reading, then in self.waiting:
-            then(self._finish(reading), 100.0)
-        self.waiting.clear()
-
-    def _finish(self, reading: Reading) -> Recording:
-        for topic, value, stamp_ns in self.takes[reading.name]:
-            if topic == "/Ego_topic":
-                reading.take_ego(0, value, (stamp_ns, stamp_ns))
-            elif topic == "/Object_topic":
-                reading.take_objects(value, (stamp_ns, stamp_ns))
-            else:
-                reading.take_pedals(value, (stamp_ns, stamp_ns))
-                reading.take_objects(value, (stamp_ns, stamp_ns))
-        return reading.finish()
 
 
 def replay(client: Client, status: int = PLAY, option: int = 0, name: str = "", **fields: int) -> bool:
@@ -420,7 +368,8 @@ def test_status_follows_each_command(client: Client) -> None:
     [
         ({"status": 0}, "sim_process_status: expected 1 (play), 2 (pause) or 32 (stop), got 0"),
         ({"status": 16}, "sim_process_status: expected 1 (play), 2 (pause) or 32 (stop), got 16"),
-        ({"option": 16}, "replay_option: expected a sum of 1, 2, 4 and 8, got 16"),
+        ({"option": 32}, "replay_option: expected a sum of 1, 2, 4 and 8, got 32"),
+        ({"option": -1}, "replay_option: expected a sum of 1, 2, 4 and 8, got -1"),
         ({"option": TARGETS}, "replay_target_option: expected a sum of 1, 2 and 4, got 0"),
         ({"option": TARGETS, "replay_target_option": 8}, "replay_target_option: expected a sum of 1, 2 and 4, got 8"),
         ({"option": START, "start_time": -1}, "start_time: expected 0 or more, got -1"),
@@ -435,6 +384,17 @@ def test_command_that_is_none_is_refused(client: Client, stand: Stand, fields: d
     assert client.told == [("error", f"/Morai_SimProc: morai_msgs/MoraiSimProcHandle.{why}")]
     assert process(client) == (16, 1, 1)
     assert stand.world.digest() == digest
+
+
+def test_sums_may_be_written_as_in_the_comment(client: Client, tape: Tape) -> None:
+    client.listen("/Ego_topic", "/Object_topic")
+    option = 0x0001 | 0x0010 | 0x0100 | 0x1000
+    assert replay(client, PLAY, option, "drive", start_time=200, replay_speed=2, replay_target_option=0x001 | 0x010)
+    client.tick()
+    client.tick()
+    assert shown_x(client) == [value.position.x for value in ego_values(tape)][10:14:2]
+    assert client.messages("/Object_topic")[-1]["num_of_npcs"] == 2
+    assert client.messages("/Object_topic")[-1]["num_of_pedestrian"] == 0
 
 
 def test_options_without_a_recording_are_refused(client: Client) -> None:
