@@ -31,7 +31,7 @@ from rosbridge_sim.shell.settings import (
     flag_of,
     show_size,
 )
-from rosbridge_sim.shell.toml_text import lines_of, place_of, read_toml
+from rosbridge_sim.shell.toml_text import Lines, lines_of, place_of, read_toml
 
 if TYPE_CHECKING:
     from rosbridge_sim.morai.items import ListedItem
@@ -377,10 +377,11 @@ def _add(values: dict[str, object], key: str, value: object, where: str) -> None
 
 def _from_file(path: Path) -> dict[str, object]:
     text, document = read_toml(path)
+    lines = lines_of(text)
     values: dict[str, object] = {}
     for name, value in document.items():
         key = name.replace("_", "-")
-        where = f"{path}{place_of(text, (name,))}: {name}"
+        where = f"{path}{place_of(lines, (name,))}: {name}"
         if key == "config":
             raise SettingError(f"{where}: a settings file cannot name another one")
         if key in SHORT_FORMS:
@@ -388,7 +389,7 @@ def _from_file(path: Path) -> dict[str, object]:
         if key not in _keys():
             raise SettingError(f"{where}: no such setting{hint(key, _keys())}")
         if key in _tables():
-            _add(values, key, _read_table(key, name, value, path, text), where)
+            _add(values, key, _read_table(key, name, value, path, lines), where)
         else:
             base, checked = _read_key(key, value, where)
             _add(values, base, _beside(base, checked, path.parent), where)
@@ -404,37 +405,33 @@ def read_network(path: Path) -> NetworkSettings:
     from rosbridge_sim.morai.network_settings import NetworkSettings  # noqa: PLC0415 - as above
 
     text, document = read_toml(path)
+    lines = lines_of(text)
     tables: dict[str, Any] = {}  # Any: each is a table of choices
     others = []
     for name, value in document.items():
         if name in _tables():
-            tables[name] = _read_table(name, name, value, path, text)
+            tables[name] = _read_table(name, name, value, path, lines)
         elif name.replace("_", "-") in _keys():
             others.append(name)
         else:
             raise SettingError(
-                f"{path}{place_of(text, (name,))}: {name}: expected {', '.join(_tables())}{hint(name, _tables())}"
+                f"{path}{place_of(lines, (name,))}: {name}: expected {', '.join(_tables())}{hint(name, _tables())}"
             )
     if others:
         _log.info("%s: passed over what is no network setting: %s", path, ", ".join(others))
     return NetworkSettings(**tables)
 
 
-def _read_table(key: str, name: str, value: object, path: Path, text: str) -> object:
+def _read_table(key: str, name: str, value: object, path: Path, lines: Lines) -> object:
     """The choices of one table of a file; errors have their lines."""
     from rosbridge_sim.morai.network_settings import ItemKind, path_text, read_choices  # noqa: PLC0415 - as above
 
-    lines = lines_of(text)
-
     def place(keys: tuple[str, ...]) -> str:
         at = (name, *keys[1:])
-        line = next((lines[at[:n]] for n in range(len(at), 0, -1) if at[:n] in lines), None)
-        return f"{path}{'' if line is None else f':{line}'}: {path_text(at)}"
+        return f"{path}{place_of(lines, at)}: {path_text(at)}"
 
     try:
         return read_choices(ItemKind(key), value, place)
-    except SettingError:
-        raise
     except DocumentError as error:
         raise SettingError(str(error)) from None
 

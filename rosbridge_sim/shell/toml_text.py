@@ -10,7 +10,7 @@ from typing import Any
 
 from rosbridge_sim.shell.settings import SettingError, show_size
 
-__all__ = ["lines_of", "place_of", "read_toml"]
+__all__ = ["Lines", "lines_of", "place_of", "read_toml"]
 
 MAX_CONFIG_SIZE = 2**20
 """A longer file holds no settings [bytes]."""
@@ -58,14 +58,18 @@ def _split_place(message: str) -> tuple[str, str]:
     return (text, f":{line}:{column}") if line else (f"{text} at its end", "")
 
 
-def place_of(text: str, keys: tuple[str, ...]) -> str:
-    """`:line` of a key or table in a TOML text; nothing where it is written in a way that is hard to find."""
-    line = lines_of(text).get(keys)
+Lines = Mapping[tuple[str, ...], int]
+"""Path of keys -> the line where it first stands in a TOML text."""
+
+
+def place_of(lines: Lines, keys: tuple[str, ...]) -> str:
+    """`:line` of a key or table, else of the innermost table around it; nothing where that is hard to find."""
+    line = next((lines[keys[:n]] for n in range(len(keys), 0, -1) if keys[:n] in lines), None)
     return "" if line is None else f":{line}"
 
 
-def lines_of(text: str) -> dict[tuple[str, ...], int]:
-    """Path of keys -> the line where it first stands in a TOML text, as far as single lines tell."""
+def lines_of(text: str) -> Lines:
+    """The lines of all keys of a TOML text, as far as single lines tell."""
     lines: dict[tuple[str, ...], int] = {}
     table: tuple[str, ...] = ()
     for number, line in enumerate(text.split("\n"), 1):

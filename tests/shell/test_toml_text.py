@@ -40,12 +40,14 @@ schema-path = [
     ],
 )
 def test_line_of_a_key(path: tuple[str, ...], line: int) -> None:
-    assert lines_of(TEXT)[path] == line
-    assert place_of(TEXT, path) == f":{line}"
+    lines = lines_of(TEXT)
+    assert lines[path] == line
+    assert place_of(lines, path) == f":{line}"
 
 
-def test_key_that_cannot_be_found_has_no_line() -> None:
-    assert place_of(TEXT, ("nowhere",)) == ""
+def test_key_that_cannot_be_found_has_the_line_of_its_table_or_none() -> None:
+    assert place_of(lines_of(TEXT), ("services", "/f", "on")) == ":11"
+    assert place_of(lines_of(TEXT), ("nowhere",)) == ""
 
 
 def test_line_of_a_key_in_a_list_of_tables() -> None:
