@@ -28,6 +28,8 @@ def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
     except tomllib.TOMLDecodeError as error:
         message, where = _split_place(str(error))
         raise SettingError(f"{path}{where}: not valid TOML: {message}") from None
+    except RecursionError:
+        raise SettingError(f"{path}: nested too deeply") from None
 
 
 def _read_text(path: Path) -> str:

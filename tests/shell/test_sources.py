@@ -397,6 +397,7 @@ def test_switch_and_its_no_form_in_one_place_must_agree() -> None:
         ('config = "b.toml"\n', "s.toml:1: config: a settings file cannot name another one"),
         ("world = true\nno-world = true\n", "s.toml:2: no-world: world and no-world contradict each other"),
         (b"# \xe9\nport = 1\n# \xff", "s.toml:1: expected UTF-8 text"),
+        ("a = " + "[" * 100_000, "s.toml: nested too deeply"),
         (b"#" * (2**20 + 1), "s.toml: expected a settings file; it is longer than 1MiB"),
     ],
 )
