@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from tests.end_to_end.play import Play, Table
@@ -19,6 +21,18 @@ WHOLE = {
     "load_obstacle_data": True,
     "set_pause": False,
 }
+
+
+def write_networks(data: Path) -> None:
+    """Network settings for two scenarios: one renames a topic, the other leaves all as at the start."""
+    folder = data / "Network"
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "elsewhere.toml").write_text('[publishers]\n"/imu" = { name = "/inertia" }\n')
+    (folder / "page.toml").write_text("")
+
+
+async def _topics(play: Play) -> set[str]:
+    return set((await play.client.values("/rosapi/topics"))["topics"])
 
 
 @TABLE.row(
@@ -64,8 +78,8 @@ async def _(play: Play) -> None:
 
 @TABLE.row(
     "/Service_MoraiSL",
-    done="another scenario is loaded: its obstacles alone beside what is there, then all of it with a pause; then none",
-    seen="/Object_topic and the ego are the new ones and nobody moves; a wrong name is false and changes nothing",
+    done="a scenario is loaded: its obstacles alone, all of it with a pause, its network settings; then none",
+    seen="objects and ego are the new ones, nobody moves, /imu is renamed; a wrong name is false and does nothing",
 )
 async def _(play: Play) -> None:
     await play.listen("/Object_topic")
@@ -90,6 +104,12 @@ async def _(play: Play) -> None:
 
     assert (await play.ask("/Service_MoraiSL", file_name="nowhere", **WHOLE))["result"] is False
     assert len(await play.objects()) == 4
+
+    write_networks(play.data)
+    only = dict.fromkeys(WHOLE, False) | {"load_network_connection_data": True}
+    for name, topic, gone in (("elsewhere", "/inertia", "/imu"), ("page", "/imu", "/inertia")):
+        assert (await play.ask("/Service_MoraiSL", file_name=name, **only))["result"] is True
+        assert (topic in await _topics(play), gone in await _topics(play)) == (True, False)
 
 
 @TABLE.row(

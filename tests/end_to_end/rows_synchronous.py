@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 
 from tests.end_to_end.play import ME, Play, Table
-from tests.end_to_end.rows_scene import WHOLE
+from tests.end_to_end.rows_scene import WHOLE, write_networks
 
 __all__ = ["TABLE"]
 
@@ -112,8 +112,8 @@ async def _(play: Play) -> None:
 
 @TABLE.row(
     "/SyncModeScenarioLoad",
-    done="another scenario for the frame five frames on, with the manual's names; then one that there is not",
-    seen="until then all is as it was, at that very frame the new one has taken the stage; the other one is false",
+    done="a scenario for the frame six frames on, by the manual's names; one that there is not; one's network settings",
+    seen="till then all is as it was, at that very frame it has the stage, or a topic its name; the other: false",
 )
 async def _(play: Play) -> None:
     await play.listen("/Ego_topic", "/Object_topic")
@@ -128,6 +128,14 @@ async def _(play: Play) -> None:
     assert play.frame == 10, "frames go on counting"
     answer = await play.ask("/SyncModeScenarioLoad", frame=11, file_name="nowhere", **options)
     assert answer["result"] is False
+
+    write_networks(play.data)
+    await play.client.send("subscribe", topic="/inertia", type="sensor_msgs/Imu")
+    for name, frame in (("elsewhere", 16), ("page", 21)):
+        only = dict.fromkeys(options, False) | {"load_network_connection": True}
+        assert (await play.ask("/SyncModeScenarioLoad", frame=frame, file_name=name, **only))["result"] is True
+    await play.tick(0.3)
+    assert [said["header"]["seq"] for said in play.heard("/inertia")] == list(range(16, 21))
 
 
 @TABLE.row(
