@@ -1,40 +1,13 @@
-"""Replay: a recorded drive shown again, from a bag or as somebody tells it; a table, and the part that obeys it.
+"""The part of a node that shows recordings: `/Morai_SimProc`, `/ReplayInfo_topic` and the state of the process.
 
-The states are four. Whether the world stands is not among them: a pause is synchronous mode's (see `sync`), one for
-the whole simulator, whoever asks for it.
-
-    SIMULATING   the world is its own
-    REPLAYING    a bag moves it, frame by frame
-    AT_END       the bag is over; the last of it stays, and the world is paused
-    FOLLOWING    a client publishes what it replays (*network replay*), and the world follows
-
-The decisions, and why:
-
-- What is recorded is shown with frames, 20 ms of it with each (times the speed), in real time and by ticks alike. The
-  first frame shows the place that was asked for, so frame for frame comes out what was recorded. Time, stamps and
-  traffic lights are the simulation's own.
-- Rows are placed within the step, behind all motion and before contacts: whom they pass they meet, as in the drive.
-- Who is not replayed (by `replay_target_option`, or since the bag does not hold him) goes on by himself. So vehicles
-  from a bag meet a car that a program drives.
-- Nobody commands whom a recording moves, and nobody else comes or goes meanwhile.
-- Stop gives the world back as it was before, paused if it was. In simulation mode play and pause are those of the
-  simulator, and stop begins the scenario anew: the last one that was loaded onto a cleared stage, else the opening one.
-- Play at the end begins again where the last start was. At the end nothing else ends the pause.
-- A new bag is read before the old one goes; what cannot be used changes nothing.
-- What we publish ourselves is not what a client replays, not even when a far bridge, which does not know who is who,
-  gives it back: it is known by its stamp.
-- A source of network replay holds the stage until it stops publishing there, or leaves. Who was stopped by a command
-  stays unheard until it begins anew, else its next message would undo the stop.
-- A bag comes with the mode of its own recorder: units that its messages do not name are those of this profile.
+What follows from what is `replay_table`'s, and why; this file finds out what has happened, and carries the effects out.
 """
 
 from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import Enum, IntEnum
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
@@ -47,239 +20,26 @@ from rosbridge_sim.morai.part import Part
 from rosbridge_sim.morai.puppets import EGO, EVERYBODY, Puppets
 from rosbridge_sim.morai.recorded import Reading, Recordings
 from rosbridge_sim.morai.recording import Recording
+from rosbridge_sim.morai.replay_command import Command, Result, read_command
+from rosbridge_sim.morai.replay_table import TABLE, Effect, Event, Outcome, State
 from rosbridge_sim.world.geometry import quaternion
 from rosbridge_sim.world.state import STEP_NS
 
 if TYPE_CHECKING:
     from rosbridge_sim.morai.node import Node
 
-__all__ = ["OF_A_BAG", "OF_A_SOURCE", "TABLE", "Effect", "Event", "Outcome", "Replay", "Result", "State"]
+__all__ = ["Replay"]
 
 STATUS: Final = "/sim/process/state/msg/MoraiSimProcStatus"
 INFO: Final = "/ReplayInfo_topic"
-
-MAX_SPEED: Final = 10
-"""What MORAI's dialog offers."""
 
 MAX_SAID: Final = 250
 """Messages of ours that are known again when a far bridge gives them back: five seconds of them."""
 
 _log = logging.getLogger("rosbridge_sim.replay")
 
-
-# The table
-
-
-class State(IntEnum):
-    """Who moves the world."""
-
-    SIMULATING = 0
-    REPLAYING = 1
-    AT_END = 2
-    FOLLOWING = 3
-
-
-class Event(IntEnum):
-    """What was asked for, or has happened."""
-
-    LOAD = 0  # a recording has been read
-    TUNE = 1  # other targets, another speed
-    SEEK = 2
-    PLAY = 3
-    PAUSE = 4
-    STOP = 5
-    RUN_OUT = 6  # the last of the bag has been shown
-    MESSAGE = 7  # a client tells what it replays
-    LOST = 8  # ... and will not go on
-    EVICT = 9  # a scenario or a reset takes the stage
-
-
-OF_A_BAG: Final = frozenset({Event.RUN_OUT})
-"""Events that take a bag to happen: the table has no row for them in the other states."""
-
-OF_A_SOURCE: Final = frozenset({Event.LOST})
-"""Events that take a source of network replay."""
-
-
-class Effect(Enum):
-    """What follows from an event; carried out in the order of the row.
-
-    LEAVE (the world is as it was before), ENTER (the recording takes the stage), TUNE and SEEK (as was asked for),
-    REWIND (back to the start), RESUME and HOLD (the simulator's pause), AGAIN (the scenario anew), IGNORE (the source
-    is unheard from now on).
-    """
-
-    LEAVE = "leave"
-    ENTER = "enter"
-    TUNE = "tune"
-    SEEK = "seek"
-    REWIND = "rewind"
-    RESUME = "resume"
-    HOLD = "hold"
-    AGAIN = "again"
-    IGNORE = "ignore"
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """One row of the table.
-
-    Attributes:
-        state: the state afterwards.
-        effects: in the order in which they are carried out.
-        why: for a refusal, a text for the peer; empty otherwise.
-    """
-
-    state: State
-    effects: tuple[Effect, ...] = ()
-    why: str = ""
-
-
-def _yes(state: State, *effects: Effect) -> Outcome:
-    return Outcome(state, effects)
-
-
-def _no(state: State, why: str) -> Outcome:
-    return Outcome(state, why=why)
-
-
-_NONE: Final = "no recording is loaded: replay_option 1 loads one"
-_TOLD: Final = "a client tells what is replayed: targets, start and speed are its own"
-_TAKEN: Final = "a bag is replayed already"
-
-TABLE: Final[Mapping[State, Mapping[Event, Outcome]]] = {
-    State.SIMULATING: {
-        Event.LOAD: _yes(State.REPLAYING, Effect.ENTER),
-        Event.TUNE: _no(State.SIMULATING, _NONE),
-        Event.SEEK: _no(State.SIMULATING, _NONE),
-        Event.PLAY: _yes(State.SIMULATING, Effect.RESUME),
-        Event.PAUSE: _yes(State.SIMULATING, Effect.HOLD),
-        Event.STOP: _yes(State.SIMULATING, Effect.AGAIN),
-        Event.MESSAGE: _yes(State.FOLLOWING, Effect.ENTER),
-        Event.EVICT: _yes(State.SIMULATING),
-    },
-    State.REPLAYING: {
-        Event.LOAD: _yes(State.REPLAYING, Effect.LEAVE, Effect.ENTER),
-        Event.TUNE: _yes(State.REPLAYING, Effect.TUNE),
-        Event.SEEK: _yes(State.REPLAYING, Effect.SEEK),
-        Event.PLAY: _yes(State.REPLAYING, Effect.RESUME),
-        Event.PAUSE: _yes(State.REPLAYING, Effect.HOLD),
-        Event.STOP: _yes(State.SIMULATING, Effect.LEAVE),
-        Event.RUN_OUT: _yes(State.AT_END, Effect.HOLD),
-        Event.MESSAGE: _no(State.REPLAYING, _TAKEN),
-        Event.EVICT: _yes(State.SIMULATING, Effect.LEAVE),
-    },
-    State.AT_END: {
-        Event.LOAD: _yes(State.REPLAYING, Effect.LEAVE, Effect.ENTER),
-        Event.TUNE: _yes(State.AT_END, Effect.TUNE),
-        Event.SEEK: _yes(State.REPLAYING, Effect.SEEK),
-        Event.PLAY: _yes(State.REPLAYING, Effect.REWIND, Effect.RESUME),
-        Event.PAUSE: _yes(State.AT_END, Effect.HOLD),
-        Event.STOP: _yes(State.SIMULATING, Effect.LEAVE),
-        Event.RUN_OUT: _yes(State.AT_END, Effect.HOLD),
-        Event.MESSAGE: _no(State.AT_END, _TAKEN),
-        Event.EVICT: _yes(State.SIMULATING, Effect.LEAVE),
-    },
-    State.FOLLOWING: {
-        Event.LOAD: _yes(State.REPLAYING, Effect.LEAVE, Effect.ENTER),
-        Event.TUNE: _no(State.FOLLOWING, _TOLD),
-        Event.SEEK: _no(State.FOLLOWING, _TOLD),
-        Event.PLAY: _yes(State.FOLLOWING, Effect.RESUME),
-        Event.PAUSE: _yes(State.FOLLOWING, Effect.HOLD),
-        Event.STOP: _yes(State.SIMULATING, Effect.LEAVE, Effect.IGNORE),
-        Event.MESSAGE: _yes(State.FOLLOWING),
-        Event.LOST: _yes(State.SIMULATING, Effect.LEAVE),
-        Event.EVICT: _yes(State.SIMULATING, Effect.LEAVE),
-    },
-}
-"""Every state and every event that can happen in it."""
-
-
-# The wire
-
-
-class Result(IntEnum):
-    """`command_result`."""
-
-    NONE = 0
-    DONE = 1
-    REFUSED = 16
-    NOT_LOADED = 32
-    UNUSABLE = 48
-
-
 _SIMULATION_MODE, _REPLAY_MODE = 1, 16
 _RUNNING, _PAUSED, _ENDED = 1, 16, 32
-_COMMANDS: Final = {1: Event.PLAY, 2: Event.PAUSE, 32: Event.STOP}
-_FILE, _TARGETS, _START, _SPEED = 1, 2, 4, 8
-_OPTIONS: Final = _FILE | _TARGETS | _START | _SPEED
-
-_LITERAL: Final = {0x10: 2, 0x100: 4, 0x1000: 8}
-"""The message's own comment writes the bits of both sums as 0x1, 0x10, 0x100, 0x1000, which are binary digits; taken at
-its word, these numbers mean nothing else, so they are understood as well."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Command:
-    """A MoraiSimProcHandle, read; None is what was not chosen."""
-
-    event: Event
-    name: str | None
-    targets: int | None
-    start_ns: int | None
-    speed: int | None
-
-    @property
-    def events(self) -> list[Event]:
-        """What happens, in this order; of a file it is LOAD, then these."""
-        if self.event is Event.STOP:
-            return [Event.STOP]
-        if self.name is not None:
-            return [Event.LOAD, self.event]
-        tuned = [Event.TUNE] if self.targets is not None or self.speed is not None else []
-        return [*tuned, *([Event.SEEK] if self.start_ns is not None else []), self.event]
-
-
-def _read(request: Any) -> _Command:  # noqa: ANN401 - a generated struct
-    """Read a MoraiSimProcHandle; of a stop, the options do not count.
-
-    Raises:
-        FieldError: a command, option or figure that there is not.
-    """
-    where, option = "morai_msgs/MoraiSimProcHandle", _plain(request.replay_option)
-    event = _COMMANDS.get(request.sim_process_status)
-    if event is None:
-        got = request.sim_process_status
-        raise FieldError(f"{where}.sim_process_status: expected 1 (play), 2 (pause) or 32 (stop), got {got}")
-    if event is Event.STOP:
-        option = 0
-    if option & ~_OPTIONS:
-        raise FieldError(f"{where}.replay_option: expected a sum of 1, 2, 4 and 8, got {option}")
-    targets, start_ms, speed = _plain(request.replay_target_option), request.start_time, request.replay_speed
-    if option & _TARGETS and (not targets or targets & ~EVERYBODY):
-        raise FieldError(f"{where}.replay_target_option: expected a sum of 1, 2 and 4, got {targets}")
-    if option & _START and start_ms < 0:
-        raise FieldError(f"{where}.start_time: expected 0 or more, got {start_ms}")
-    if option & _SPEED and not 1 <= speed <= MAX_SPEED:
-        raise FieldError(f"{where}.replay_speed: expected 1..{MAX_SPEED}, got {speed}")
-    return _Command(
-        event,
-        request.rosbag_file_name if option & _FILE else None,
-        targets if option & _TARGETS else None,
-        start_ms * 1_000_000 if option & _START else None,
-        speed if option & _SPEED else None,
-    )
-
-
-def _plain(bits: int) -> int:
-    """A sum of bits, however it is written; what is neither stays as it is."""
-    for literal, bit in _LITERAL.items():
-        if bits > 0 and bits & literal:
-            bits = bits & ~literal | bit
-    return bits
-
-
-# The part
 
 
 @dataclass(slots=True)
@@ -479,7 +239,7 @@ class Replay(Part):
         self._commanded_ns = self._node.world.frame * STEP_NS
         request: Any = call.request
         try:
-            command = _read(request.request)
+            command = read_command(request.request)
         except FieldError as error:
             self._refuse(call, Result.REFUSED, str(error), now)
             return
@@ -494,7 +254,7 @@ class Replay(Part):
             reading = Reading(command.name, self._node.convert)
             self._recordings.read(command.name, reading, partial(self._take, call, command))
 
-    def _take(self, call: Call, command: _Command, outcome: Recording | DocumentError, now: float) -> None:
+    def _take(self, call: Call, command: Command, outcome: Recording | DocumentError, now: float) -> None:
         """A recording has been read, or could not be."""
         if self._loading is not call:
             return
@@ -506,7 +266,7 @@ class Replay(Part):
         else:
             self._load(call, command, outcome, now)
 
-    def _load(self, call: Call, command: _Command, recording: Recording, now: float) -> None:
+    def _load(self, call: Call, command: Command, recording: Recording, now: float) -> None:
         targets = EVERYBODY if command.targets is None else command.targets
         why = self._why_unusable(recording, targets)
         if why:
@@ -540,7 +300,7 @@ class Replay(Part):
         placeless = [index for index, track in recording.egos.items() if not track.has_place]
         return ["it holds no position of the ego: objects and pedals are replayed"] if placeless else []
 
-    def _steer(self, call: Call, command: _Command, now: float) -> None:
+    def _steer(self, call: Call, command: Command, now: float) -> None:
         programme = self._programme
         if self.state in {State.REPLAYING, State.AT_END}:
             targets = programme.targets if command.targets is None else command.targets
@@ -555,7 +315,7 @@ class Replay(Part):
                 programme.seek(command.start_ns)
         self._obey(call, command, now)
 
-    def _obey(self, call: Call, command: _Command, now: float) -> None:
+    def _obey(self, call: Call, command: Command, now: float) -> None:
         self._is_obeying = True  # what it goes through meanwhile is nobody's business
         why = ""
         try:
