@@ -76,6 +76,7 @@ async def test_a_scenario_brings_other_names_while_all_goes_on(serve: Serve, con
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("simulate", ["serve", "attach", "quirks"], indirect=True)
 async def test_who_changes_the_names_is_answered_wherever_the_simulator_is(
     simulate: Simulate, connect: Connect, tmp_path: Path
 ) -> None:
