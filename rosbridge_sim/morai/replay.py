@@ -36,6 +36,10 @@ INFO: Final = "/ReplayInfo_topic"
 MAX_SAID: Final = 250
 """Messages of ours that are known again when a far bridge gives them back: five seconds of them."""
 
+SILENCE: Final = 50
+"""Frames without a message after which a source that was stopped is heard again: it has ended, and what comes then is
+another replay. A far bridge, behind which many speak as one, never leaves."""
+
 _log = logging.getLogger("rosbridge_sim.replay")
 
 _SIMULATION_MODE, _REPLAY_MODE = 1, 16
@@ -80,6 +84,7 @@ class Replay(Part):
         self._was_paused = False
         self._source: Owner | None = None  # of network replay
         self._unheard: Owner | None = None
+        self._unheard_at = 0  # the frame of his last message
         self._said: deque[object] = deque(maxlen=MAX_SAID)  # stamps of what we published ourselves
         self._loading: Call | None = None
         self._result, self._commanded_ns = Result.NONE, 0
@@ -144,8 +149,9 @@ class Replay(Part):
             self._happen(Event.RUN_OUT, now)
         elif self.state is State.FOLLOWING and not self._publishes(self._source):
             self._lose(now)
-        if self._unheard is not None and not self._publishes(self._unheard):
-            self._unheard = None
+        if self._unheard is not None:
+            is_silent = self._node.world.frame - self._unheard_at >= SILENCE
+            self._unheard = None if is_silent or not self._publishes(self._unheard) else self._unheard
         self._announce(now)
 
     def make_way(self, now: float) -> None:
@@ -169,6 +175,7 @@ class Replay(Part):
         self._result, self._commanded_ns = Result.NONE, 0
         self._told = ()
         self._said.clear()
+        self._unheard = None
 
     # The table
 
@@ -224,6 +231,7 @@ class Replay(Part):
     def _ignore(self, now: float) -> None:
         del now
         self._unheard, self._source = self._source, None
+        self._unheard_at = self._node.world.frame
 
     def _lose(self, now: float) -> None:
         assert self._source is not None
@@ -356,6 +364,7 @@ class Replay(Part):
             return
         if not why and sender is self._unheard:
             why = "the replay was stopped"
+            self._unheard_at = node.world.frame
         if not why and self.state is State.FOLLOWING and sender is not self._source:
             why = "another client replays already"
         if why:

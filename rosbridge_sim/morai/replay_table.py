@@ -24,7 +24,7 @@ The decisions, and why:
 - What we publish ourselves is not what a client replays, not even when a far bridge, which does not know who is who,
   gives it back: it is known by its stamp.
 - A source of network replay holds the stage until it stops publishing there, or leaves. Who was stopped by a command
-  stays unheard until it begins anew, else its next message would undo the stop.
+  stays unheard until it begins anew or has been silent for a second, else its next message would undo the stop.
 - A bag comes with the mode of its own recorder: units that its messages do not name are those of this profile.
 """
 

@@ -611,6 +611,14 @@ def test_player_who_was_stopped_begins_anew_to_be_heard(stand: Stand, client: Cl
     player.send(INFO, "morai_msgs/ReplayInfo", **infos[1])
     assert not stand.node.stage.is_replaying
     assert player.told == [("warning", f"{INFO} is ignored: the replay was stopped")]
+    for i in range(60):
+        client.tick()
+        if i < 10:
+            player.send(INFO, "morai_msgs/ReplayInfo", **infos[1])
+    assert not stand.node.stage.is_replaying
+    player.send(INFO, "morai_msgs/ReplayInfo", **infos[1])
+    assert stand.node.stage.is_replaying, "after a second of silence it is another one"
+    assert replay(client, STOP)
     stand.bus.unadvertise(player, INFO, 100.0)
     client.tick()
     player.send(INFO, "morai_msgs/ReplayInfo", **infos[2])
