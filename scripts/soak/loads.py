@@ -3,10 +3,11 @@
 
     python scripts/soak/loads.py [--loads 10000] [--seed 0]
 
-Loads of all kinds in any order: good files and bad ones, with and without `delete_all`, single parts, other maps, in
-synchronous mode and out of it, with a pause; all the while a client listens, others come and go, and so do objects and
-egos. After each load the objects that are told must be those that belong there: after a bad one those of before. At the
-end memory must be what it was after the first tenth, and so must the numbers of topics, services and clients.
+Loads of all kinds in any order: good files and bad ones, with and without `delete_all`, single parts, other maps, other
+network settings, by services and by the topic, in synchronous mode and out of it, with a pause; all the while a client
+listens, others come and go, and so do objects and egos. After each load the objects that are told must be those that
+belong there: after a bad one those of before. At the end memory must be what it was after the first tenth, and so must
+the numbers of topics, services and clients.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ if __name__ == "__main__":
 
 from rosbridge_sim.shell.storage import DiskLibrary  # noqa: E402
 from scripts.bench.program import SERVER, machine, running  # noqa: E402
-from scripts.soak.scenes import BAD, BUILT_IN, GOOD, MISSING, write_scenes  # noqa: E402
+from scripts.soak.scenes import BAD, BAD_NETWORK, BUILT_IN, GOOD, MISSING, write_networks, write_scenes  # noqa: E402
 
 PATIENCE = 30.0
 """A server that says nothing for so long has lost something [s]."""
@@ -126,6 +127,7 @@ class Soak:
         self._listener.send("subscribe", topic="/CollisionData", compression="cbor-raw", throttle_rate=10**9)
         self._listener.send("advertise", topic="/ego_setting", type="morai_msgs/MultiEgoSetting")
         self._listener.send("advertise", topic="/SyncModeAddObj", type="morai_msgs/SyncModeAddObj")
+        self._listener.send("advertise", topic="/ScenarioLoad", type="morai_msgs/ScenarioLoad")
         self._frame: int | None = None
         self.num = Counter[str]()
         self._look()
@@ -140,8 +142,9 @@ class Soak:
         }
 
     def settle(self) -> None:
-        """Come back to the opening scene, out of synchronous mode."""
+        """Come back to the opening scene and its network settings, out of synchronous mode."""
         self._leave_sync()
+        self._listener.request("/Service_MoraiSL", file_name="demo", load_network_connection_data=True)
         self._listener.ask("/sim/reset", seed=-1)
         self._listener.next_objects()
 
@@ -172,17 +175,22 @@ class Soak:
             "file_name": name,
             "delete_all": is_clearing,
             "load_ego_vehicle_data": chance() < 0.8,
-            "load_network_connection_data": False,
+            "load_network_connection_data": chance() < 0.2,
             "set_pause": is_pausing,
         }
+        is_good = is_good and not (name == BAD_NETWORK and request["load_network_connection_data"])
         before = self._listener.ids
         if self._frame is not None and chance() < 0.8:
             service, request["frame"] = "/SyncModeScenarioLoad", self._frame + 1
         else:
             service = "/Service_MoraiSL"
-        result = self._listener.request(service, **request)["result"]
-        if result is not is_good:
-            raise SoakError(f"{service} of {name!r} answered {result}")
+        if self._frame is None and chance() < 0.2:
+            service = "/ScenarioLoad"
+            self._listener.send("publish", topic=service, msg=request)
+        else:
+            result = self._listener.request(service, **request)["result"]
+            if result is not is_good:
+                raise SoakError(f"{service} of {name!r} answered {result}")
         after = self._look()
         if is_good:
             wanted = [
@@ -194,6 +202,7 @@ class Soak:
         elif after != before:
             raise SoakError(f"{name!r}: a refused load has changed who is there")
         self.num["good" if is_good else "bad"] += 1
+        self.num[f"by {service}"] += 1
         self.num["in synchronous mode" if self._frame is not None else "in real time"] += 1
 
     def _look(self) -> list[list[int]]:
@@ -254,7 +263,9 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_scenes(folder)
-        with (folder / "log").open("wb") as log, running([*SERVER, f"--scenario-path={folder}"], log) as server:
+        write_networks(folder / "data")
+        flags = (f"--scenario-path={folder}", f"--data-dir={folder / 'data'}")
+        with (folder / "log").open("wb") as log, running([*SERVER, *flags], log) as server:
             soak = Soak(f"ws://127.0.0.1:{server.port}", folder, options.seed)
             print(f"before: {server.memory():.1f} MB, {soak.census()}")
             begun, tenth = time.perf_counter(), max(1, options.loads // 10)

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-__all__ = ["BAD", "BUILT_IN", "GOOD", "MISSING", "write_scenes"]
+__all__ = ["BAD", "BAD_NETWORK", "BUILT_IN", "GOOD", "MISSING", "NETWORKS", "write_networks", "write_scenes"]
 
 BUILT_IN = ("demo", "town", "loop")
 
@@ -86,6 +86,33 @@ BAD: dict[str, bytes] = {
     ).encode(),
     "far": _bad("egoVehicle", {"initPosition": _place(1e300, 0)}),
 }
+
+
+NETWORKS: dict[str, str] = {
+    "busy": """
+        [publishers]
+        "/CollisionData" = { name = "/bumps", rate = 10 }
+        "/tf" = { on = false }
+        [subscribers]
+        "/ctrl_cmd" = { name = "/drive" }
+        [services]
+        "/Morai_TLSrv" = { on = false }
+        """,
+    "parked": '[publishers]\n"/Ego_topic" = { name = "/car/state" }\n',
+    "things": "[publishers]\n",  # all as at the start
+    "demo": "[publishers]\n",
+}
+"""Network settings that belong to some of the scenarios; those that the soak itself lives by stay as they are."""
+
+BAD_NETWORK = "junction"
+"""A scenario whose network settings have a mistake, so that it cannot be loaded with them."""
+
+
+def write_networks(folder: Path) -> None:
+    """Put all of them where `--data-dir` leads to."""
+    (folder / "Network").mkdir(parents=True)
+    for name, text in {**NETWORKS, BAD_NETWORK: "[publishers]\n'/Ego_topic' = { rate = 0 }\n"}.items():
+        (folder / "Network" / f"{name}.toml").write_text(text, encoding="utf-8")
 
 
 def write_scenes(folder: Path) -> None:

@@ -6,6 +6,7 @@ import gc
 import json
 import logging
 import random
+import sys
 from collections import Counter
 
 import numpy as np
@@ -102,9 +103,10 @@ def test_hundreds_of_loads_leave_nothing_behind(caplog: pytest.LogCaptureFixture
 
     some(80)  # what is made once is made now
     topics, services = list(run.bus.topics), list(run.bus.services)
-    before = run.census()
+    before, blocks = run.census(), sys.getallocatedblocks()
     some(400)
     after = run.census()
+    assert sys.getallocatedblocks() - blocks < 400, "less than one for each load, of any kind"
     assert (list(run.bus.topics), list(run.bus.services)) == (topics, services)
     # A few that are made at the first load of some kind; what a kind of load left behind would be ten times as many.
     grown = {name: after[name] - before[name] for name in after if after[name] > before[name] + 20}
