@@ -85,7 +85,7 @@ class Replay(Part):
         self._source: Owner | None = None  # of network replay
         self._unheard: Owner | None = None
         self._unheard_at = 0  # the frame of his last message
-        self._said: deque[object] = deque(maxlen=MAX_SAID)  # stamps of what we published ourselves
+        self._said: deque[object] = deque(maxlen=MAX_SAID)  # prints of what we published ourselves
         self._loading: Call | None = None
         self._result, self._commanded_ns = Result.NONE, 0
         self._told: tuple[object, ...] = ()
@@ -360,7 +360,7 @@ class Replay(Part):
         """
         node, topic = self._node, self._bindings.topic("ReplayInfo_topic")
         why = TABLE[self.state][Event.MESSAGE].why
-        if sender is node or message.header.stamp in self._said:
+        if sender is node or _print_of(message) in self._said:
             return
         if not why and sender is self._unheard:
             why = "the replay was stopped"
@@ -419,10 +419,8 @@ class Replay(Part):
             return None
         world, row = node.world, node.egos[0].row
         vector = self._vector
-        header = node.convert.header(world.frame, "ReplayInfo")
-        self._said.append(header.stamp)
-        return self._make_info(
-            header,
+        info = self._make_info(
+            node.convert.header(world.frame, "ReplayInfo"),
             world.throttle.item(row),
             world.brake.item(row),
             world.steer.item(row) * DEGREES,
@@ -431,6 +429,14 @@ class Replay(Part):
             vector(0.0, 0.0, world.yaw_rate.item(row)),
             *node.convert.object_lists(world),
         )
+        self._said.append(_print_of(info))
+        return info
+
+
+def _print_of(info: Any) -> tuple[object, ...]:  # noqa: ANN401 - a generated struct
+    """What tells one ReplayInfo from another; the stamp alone does not, since who leaves it open gets that of now."""
+    header = info.header
+    return header.stamp, header.frame_id, info.ego_acc, info.ego_steer, info.orientation, info.linear_acceleration
 
 
 def _beyond(recording: Recording) -> str:

@@ -22,7 +22,7 @@ The decisions, and why:
 - Play at the end begins again where the last start was. At the end nothing else ends the pause.
 - A new bag is read before the old one goes; what cannot be used changes nothing.
 - What we publish ourselves is not what a client replays, not even when a far bridge, which does not know who is who,
-  gives it back: it is known by its stamp.
+  gives it back: it is known by its stamp and figures.
 - A source of network replay holds the stage until it stops publishing there, or leaves. Who was stopped by a command
   stays unheard until it begins anew or has been silent for a second, else its next message would undo the stop.
 - A bag comes with the mode of its own recorder: units that its messages do not name are those of this profile.

@@ -511,6 +511,9 @@ def test_what_a_far_bridge_gives_back_is_not_replayed(stand: Stand, client: Clie
         client.tick()
     echoes = bridge.messages(INFO)
     assert replay(client, STOP)
+    bridge.send(INFO, "morai_msgs/ReplayInfo", ego_acc=1.0)
+    assert stand.node.stage.is_replaying, "a message without a stamp gets that of now, and is no echo"
+    bridge.leave()
     client.tick()
     for echo in echoes:
         bridge.send(INFO, "morai_msgs/ReplayInfo", **echo)
