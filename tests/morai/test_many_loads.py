@@ -130,11 +130,14 @@ def test_a_bad_load_changes_nothing_and_says_why(name: str) -> None:
     assert fingerprint(run) == before
 
 
-def test_an_agent_that_the_world_refuses_undoes_the_whole_load() -> None:
+@pytest.mark.parametrize("name", ["busy", "junction"])
+def test_an_agent_that_the_world_refuses_undoes_the_whole_load(name: str) -> None:
     run = Run()
-    before = fingerprint(run)
-    load = run.node.stage.prepare(run.node.library.scenario("busy"), WHOLE)
-    object.__setattr__(load.others[-1], "x", np.inf)
-    with pytest.raises(DocumentError, match="busy: "):
+    before, roads, plan = fingerprint(run), run.world.roads, run.world.signals.plan
+    load = run.node.stage.prepare(run.node.library.scenario(name), WHOLE)
+    object.__setattr__((*load.egos, *load.others)[-1], "x", np.inf)
+    with pytest.raises(DocumentError, match=f"{name}: "):
         run.node.stage.carry_out(load)
     assert fingerprint(run) == before
+    assert run.world.roads is roads, "though the scenario has another map"
+    assert run.world.signals.plan is plan
