@@ -31,9 +31,11 @@ __all__ = [
     "LENIENCY",
     "MANUAL",
     "RELEASES",
+    "SPEED_LIMITS",
     "Control",
     "Converter",
     "Profile",
+    "SpeedLimits",
     "UniqueId",
     "choose_profile",
     "exact_quotient",
@@ -130,6 +132,12 @@ FIELD: Final = Profile("deg", "length-width-height", 20, "km/h")
 
 RELEASES: Final[Mapping[str, Profile]] = {"22.R2": MANUAL, "26.R1": replace(MANUAL, object_limit=20)}
 """What releases say differently, beside the fields and names that stand in `schemas/`."""
+
+SpeedLimits = tuple[float, float]
+"""What the speed mode, `longlCmdType` 2, asks for at most: to go faster, and to go slower [m/s^2]."""
+
+SPEED_LIMITS: Final[Mapping[str, SpeedLimits]] = {"26.R1": (1.0, 2.0)}
+"""Of the releases that hold it back, as MORAI SIM does since 23.R1.0. In the others it does what the car can."""
 
 
 def choose_profile(

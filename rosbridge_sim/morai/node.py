@@ -23,7 +23,7 @@ from rosbridge_sim.errors import FieldError, GraphError, PeerError
 from rosbridge_sim.graph.bus import Bus, Owner
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.commands import EgoSetting
-from rosbridge_sim.morai.convert import MANUAL, Converter, Profile, maker
+from rosbridge_sim.morai.convert import MANUAL, Converter, Profile, SpeedLimits, maker
 from rosbridge_sim.morai.ego import CtrlMode, Ego
 from rosbridge_sim.morai.frames import TF, Mount, Transforms
 from rosbridge_sim.morai.items import Items
@@ -64,6 +64,7 @@ class NodeSettings:
         profile: units and orders where documents and clients disagree.
         start: run in real time, or stand at frame 0 until the first master comes.
         start_mode: external control in D, or keyboard control in P as MORAI starts.
+        speed_limits: of the egos' speed mode; None for those of their models.
         network: names, switches and rates of all that the simulator has on the bus.
         sync_frames: whether a tick must name the frame that it will end on.
         sync_lease: silence after which a master is lost [s]; None counts departures only.
@@ -74,6 +75,7 @@ class NodeSettings:
     profile: Profile = MANUAL
     start: Literal["run", "sync"] = "run"
     start_mode: Literal["external", "keyboard"] = "external"
+    speed_limits: SpeedLimits | None = None
     network: NetworkSettings = DEFAULTS
     sync_frames: Literal["lenient", "strict"] = "lenient"
     sync_lease: float | None = None
@@ -125,7 +127,8 @@ class Node:
         self.world = world
         self.library = library
         self.convert = Converter(bus.store, settings.profile)
-        self.stage = Stage(world, library, scenario, ego_gear=Gear.DRIVE if is_external else Gear.PARK)
+        ego_gear = Gear.DRIVE if is_external else Gear.PARK
+        self.stage = Stage(world, library, scenario, ego_gear=ego_gear, speed_limits=settings.speed_limits)
         self.camera_index = FIRST_EGO
         self._ctrl_mode = CtrlMode.EXTERNAL if is_external else CtrlMode.KEYBOARD
         self.egos: list[Ego] = [self._make_ego(FIRST_EGO, FIRST_EGO)]

@@ -18,6 +18,7 @@ from typing import Final, Protocol
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.morai.catalogue import DEFAULT_EGO, Model
 from rosbridge_sim.morai.commands import Pose
+from rosbridge_sim.morai.convert import SpeedLimits
 from rosbridge_sim.morai.mgeo import RoadMap
 from rosbridge_sim.morai.scenario import PhaseStart, Scenario, Spawn, place_on_roads, sort_phases
 from rosbridge_sim.world.state import DT, Body, Gear, Kind, World
@@ -127,7 +128,15 @@ class Stage:
         is_replaying: a recording has the stage: nobody else comes or goes by himself.
     """
 
-    def __init__(self, world: World, library: Library, scenario: Scenario, *, ego_gear: Gear) -> None:
+    def __init__(
+        self,
+        world: World,
+        library: Library,
+        scenario: Scenario,
+        *,
+        ego_gear: Gear,
+        speed_limits: SpeedLimits | None = None,
+    ) -> None:
         """The opening scene.
 
         Args:
@@ -135,6 +144,7 @@ class Stage:
             library: where maps come from.
             scenario: the opening scenario. Without an ego in it, one stands at the map's origin.
             ego_gear: the ego's, whatever the scenario says.
+            speed_limits: of all egos; None for those of their models.
 
         Raises:
             DocumentError: the scenario does not fit its map, or the map cannot be used.
@@ -142,6 +152,7 @@ class Stage:
         self.world = world
         self.is_replaying = False
         self._library = library
+        self._speed_limits = speed_limits
         self._next_uid = FIRST_UID
         self._map_name = scenario.map_name or DEFAULT_MAP
         self.road_map = self._find_map(self._map_name)
@@ -328,7 +339,7 @@ class Stage:
         for start in load.phases:
             _set_phase(world, start)
         for ego in load.egos:
-            _spawn(world, ego, FIRST_EGO, ego.gear)
+            _spawn(world, _hold_back(ego, self._speed_limits), FIRST_EGO, ego.gear)
         uids, next_uid = _choose_uids(load.others, self._next_uid)
         for spawn, uid in zip(load.others, uids, strict=True):
             _spawn(world, spawn, uid, spawn.gear)
@@ -342,6 +353,15 @@ def _set_phase(world: World, start: PhaseStart) -> None:
     controller = names.index(start.controller)
     last = signals.phase_length(controller, start.phase) - 1
     signals.set_phase(controller, start.phase, min(round(start.elapsed / DT), last))
+
+
+def _hold_back(ego: Spawn, limits: SpeedLimits | None) -> Spawn:
+    """The ego with these limits of its speed mode."""
+    if limits is None:
+        return ego
+    up, down = limits
+    body = replace(ego.model.body, speed_mode_accel=up, speed_mode_decel=down)
+    return replace(ego, model=replace(ego.model, body=body))
 
 
 def _choose_uids(spawns: Sequence[Spawn], first: int) -> tuple[list[int], int]:

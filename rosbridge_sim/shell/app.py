@@ -28,7 +28,7 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.republisher import Republisher
 from rosbridge_sim.graph.rosapi import Rosapi
-from rosbridge_sim.morai.convert import LENIENCY, choose_profile
+from rosbridge_sim.morai.convert import LENIENCY, SPEED_LIMITS, choose_profile
 from rosbridge_sim.morai.items import ListedItem
 from rosbridge_sim.morai.network_settings import NetworkSettings
 from rosbridge_sim.morai.node import Node, NodeSettings
@@ -259,6 +259,7 @@ def _make_node(bus: Bus, settings: Settings, recordings: Recordings | None) -> N
         profile=profile,
         start=settings.start,
         start_mode=settings.start_mode,
+        speed_limits=SPEED_LIMITS.get(settings.release),
         network=_network(settings),
         sync_frames=settings.sync_frames,
         sync_lease=settings.sync_lease,

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from rosbridge_sim.morai.convert import FIELD, MANUAL, RELEASES, Converter, choose_profile
+from rosbridge_sim.morai.convert import FIELD, MANUAL, RELEASES, SPEED_LIMITS, Converter, choose_profile
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import Body, Kind, World
-from tests.morai.stand import Client, Stand, make_store
+from tests.morai.stand import ALL, Client, Stand, make_store
 
 NEWER = "26.R1"
 WHEELS = ("fl", "fr", "rl", "rr")
@@ -131,3 +131,31 @@ def test_the_manual_of_the_newer_release_lists_the_20_nearest() -> None:
     assert choose_profile("manual", NEWER).object_limit == 20
     assert choose_profile("manual", NEWER, object_limit=0) == MANUAL
     assert choose_profile("field", NEWER) == FIELD
+
+
+def test_the_speed_mode_is_held_back_for_all_egos_and_after_a_load() -> None:
+    stand = Stand(release=NEWER, start="sync", speed_limits=SPEED_LIMITS[NEWER])
+    client = stand.client()
+    client.start()
+
+    def changes(wish: float) -> list[float]:
+        """How the two egos' speeds change in half a second [m/s^2]."""
+        before = [float(stand.world.speed[ego.row]) for ego in stand.node.egos]
+        for prefix in ("", "/Ego-2"):
+            client.ask(f"{prefix}/SyncModeCtrlCmd", frame=0, command={"longlCmdType": 2, "velocity": wish})
+        for _ in range(25):
+            client.tick()
+        return [2.0 * (float(stand.world.speed[e.row]) - was) for e, was in zip(stand.node.egos, before, strict=True)]
+
+    zeros = ("global_position_y", "global_position_z", "global_yaw", "global_roll", "global_pitch", "velocity")
+    lists: dict[str, Any] = {name: [0.0] for name in zeros} | {"global_position_x": [200.0], "gear": [4]}
+    setting = {"number_of_ego_vehicle": 1, "ego_index": [2], "ctrl_mode": [16], **lists}
+    client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **setting)
+    assert changes(90.0) == pytest.approx([1.0, 1.0])
+    changes(90.0)
+    changes(90.0)
+    changes(90.0)
+    assert changes(0.0) == pytest.approx([-2.0, -2.0])
+    keep = ALL | {"delete_all": False}
+    assert client.ask("/Service_MoraiSL", file_name="crowd", **keep)["result"]
+    assert changes(90.0)[0] == pytest.approx(1.0)

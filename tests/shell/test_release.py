@@ -8,8 +8,10 @@ from rosbridge_sim import Simulator
 from tests.conftest import Connect
 
 
-@pytest.mark.parametrize(("release", "steering"), [("22.R2", "steering"), ("26.R1", "front_steer")])
-async def test_one_flag_and_one_name_change_between_releases(release: str, steering: str, connect: Connect) -> None:
+@pytest.mark.parametrize(("release", "steering", "gain"), [("22.R2", "steering", 3.0), ("26.R1", "front_steer", 1.0)])
+async def test_one_flag_and_one_name_change_between_releases(
+    release: str, steering: str, gain: float, connect: Connect
+) -> None:
     async with Simulator(port=0, start="sync", release=release) as sim:
         client = await connect(sim.url)
         assert (await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20))["result"]
@@ -17,7 +19,7 @@ async def test_one_flag_and_one_name_change_between_releases(release: str, steer
             command = {"longlCmdType": 2, "velocity": 30.0, steering: 0.1}
             assert (await client.ask("/SyncModeCtrlCmd", frame=frame, command=command))["result"]
             status = (await client.ask("/SyncModeWaitForTick", user_id="me", frame=frame))["vehicle_status"]
-        assert status["velocity"]["x"] > 1.0
+        assert status["velocity"]["x"] == pytest.approx(gain), "the newer one holds its speed mode back"
         assert status["heading"] > 0.0
         services = (await client.values("/rosapi/services"))["services"]
         assert ("/SyncModeAddObject" in services) == (release == "26.R1")
