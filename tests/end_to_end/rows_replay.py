@@ -101,6 +101,7 @@ async def _(play: Play) -> None:
     assert last["npc_list"] == play.last("/Object_topic")["npc_list"]
     assert [last[f"num_of_{name}"] for name in ("npcs", "pedestrian", "obstacle")] == [3, 1, 1]
     await _command(play, STOP)
+    await play.tick()  # else ours has the stamp of the simulator's last one, and is taken for its echo
 
     car = {"unique_id": 60, "type": 1, "name": "Van", "heading": 90.0, "position": {"x": 7.0, "y": 350.0, "z": 0.0}}
     await play.send("/ReplayInfo_topic", num_of_npcs=1, npc_list=[car])
