@@ -115,7 +115,7 @@ class Findings:
         time = values.get("time")
         ours, theirs = self._ros, 3 - self._ros
         if isinstance(time, dict) and ("sec" in time or "secs" in time) and ("secs" in time) != (ours == 1):
-            self.say_once(f"it is of ROS {theirs}, which refuses messages as ROS {ours} has them: use --ros {theirs}")
+            self.say_once(f"it is of ROS {theirs}, and may refuse messages as ROS {ours} has them: use --ros {theirs}")
 
     def greet(self, ours: Collection[Key]) -> None:
         """Everything is announced there."""
