@@ -168,17 +168,17 @@ async def test_it_drives_brakes_and_goes_on_in_real_time(
     simulate: Simulate, connect: Connect, tmp_path: Path, planner: Plan, release: str
 ) -> None:
     stand = simulate("--release", release, "--scenario", str(scene(tmp_path)))
-    path, line = course(tmp_path, 40.0)
+    path, line = course(tmp_path, 32.0)
     referee = Referee(await connect(stand.url))
     client = referee.client
-    await put_van(client, x=68.0)
+    await put_van(client, x=62.0)
     await referee.listen()
     process = planner(release, stand.port, path, 25)
-    await referee.watch_until(lambda status: status["velocity"]["x"] > 4.0)
+    await referee.watch_until(lambda status: status["velocity"]["x"] > 3.0)
     status = await referee.watch_until(lambda status: status["velocity"]["x"] == 0.0)
-    rear = 68.0 - 1.07  # of the van, whose place is that of its rear axle
+    rear = 62.0 - 1.07  # of the van, whose place is that of its rear axle
     assert 0.5 < rear - NOSE - status["position"]["x"] < 8.0
-    await put_van(client, x=68.0, y=30.0)
+    await put_van(client, x=62.0, y=30.0)
     await referee.watch_until(
         lambda status: math.dist(place(status), line[-1]) < 2.0 and status["velocity"]["x"] < 0.05
     )
