@@ -146,7 +146,7 @@ class Soak:
         self._leave_sync()
         self._listener.request("/Service_MoraiSL", file_name="demo", load_network_connection_data=True)
         self._listener.ask("/sim/reset", seed=-1)
-        self._listener.next_objects()
+        self._look()  # a load at the last frame may have left a pause
 
     def turn(self) -> None:
         """One load, and now and then something else before it."""
