@@ -29,6 +29,7 @@ from scripts.bench.program import SERVER, Program, attached, machine, running
 __all__: list[str] = []
 
 MASTER = "bench"
+PATIENT = ("--ping-interval", "none")  # our clients answer no pings, and stay
 EGO = ("/Ego_topic",)
 
 ANSWER = b'"service_response"'
@@ -95,8 +96,8 @@ def main() -> None:
     args = parser.parse_args()
     rounds, seconds = (3, 0.3) if args.quick else (args.rounds, 1.0)
     with ExitStack() as stack:
-        server = stack.enter_context(running((*SERVER, "--start", "sync")))
-        bridge = stack.enter_context(running((*SERVER, "--no-world")))
+        server = stack.enter_context(running((*SERVER, *PATIENT, "--start", "sync")))
+        bridge = stack.enter_context(running((*SERVER, *PATIENT, "--no-world")))
         simulator = stack.enter_context(attached(bridge, "--start", "sync", "--sync-lease", "600"))
         masters = Master([server]), Master([bridge, simulator])
         rows = {"a client listens to the ego": EGO, "a client listens to everything": masters[0].topics()}
