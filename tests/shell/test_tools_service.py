@@ -71,6 +71,15 @@ def test_call_shows_the_answer(server: ServerProcess) -> None:
     assert done.out.startswith("response:\n")
 
 
+def test_call_shows_why_the_simulator_says_no(server: ServerProcess) -> None:
+    request = "{request: {file_name: nowhere, delete_all: true}}"
+    done = run("service", "call", "/Service_MoraiSL", request, url=server.url)
+    assert (done.code, done.out) == (0, "response:\n  result: false\n")
+    assert "rosbridge-sim: the server says: /Service_MoraiSL: no scenario 'nowhere'" in done.err
+    done = run("service", "call", "/SyncModeWaitForTick", "{request: {user_id: nobody}}", url=server.url)
+    assert "the server says: /SyncModeWaitForTick: " in done.err
+
+
 @pytest.mark.parametrize("request_text", ['{"topic": "/clock"}', "{topic: /clock}", "topic: /clock", "[/clock]"])
 def test_request_is_json_or_yaml_by_name_or_by_position(server: ServerProcess, request_text: str) -> None:
     done = run("service", "call", "rosapi/topic_type", request_text, "--json", url=server.url)

@@ -129,7 +129,7 @@ class _Tape:
             self._clock = _clock_of(types)
             if self._clock is not None and not self._rule.admits(self._clock):
                 await self._bridge.send("subscribe", topic=self._clock, type=types[self._clock])
-        for topic, type_name in types.items():
+        for topic, type_name in sorted(types.items(), key=lambda one: one[0] != self._clock):  # the time comes first
             if topic in self._wanted or not self._rule.admits(topic):
                 continue
             self._wanted[topic] = self._can(topic, type_name)

@@ -8,7 +8,7 @@ from rosbridge_sim.errors import RosbridgeSimError
 from rosbridge_sim.shell.sources import hint
 from rosbridge_sim.shell.tools.client import Answer, Bridge, absolute, words
 from rosbridge_sim.shell.tools.faults import BridgeError, RefusedError
-from rosbridge_sim.shell.tools.text import put, put_json, put_table, render, safe
+from rosbridge_sim.shell.tools.text import note, put, put_json, put_table, render, safe
 
 __all__ = ["call", "list_services", "show_service"]
 
@@ -144,9 +144,14 @@ def _outline(name: str, fields_of: Callable[[str], Fields], above: tuple[str, ..
 
 
 async def call(bridge: Bridge, name: str, args: object, patience: float | None, *, is_json: bool) -> int:
-    """Call a service and show what it answers."""
+    """Call a service and show what it answers, and beside it what the server remarks on it."""
     service = absolute(name)
+    wish = await bridge.send("set_level", level="warning")  # why a simulator says no is one
     answer = await bridge.call(service, args, patience)
+    for frame in bridge.take_inbox():
+        is_remark = frame.get("op") == "status" and frame.get("id") != wish
+        if is_remark and frame.get("level") in {"warning", "error"}:
+            note(f"the server says: {safe(str(frame.get('msg')))}")
     if answer is None:
         raise RefusedError(f"{safe(service)}: no answer within {patience:g} s; --timeout waits longer")
     if not answer.is_ok:
