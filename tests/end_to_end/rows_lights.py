@@ -42,7 +42,7 @@ async def _(play: Play) -> None:
 @TABLE.row(
     "/SetTrafficLight",
     done="the light before a car is held at red for half a minute, then set to green, then handed back (-1)",
-    seen="the car waits before the line and goes when it is green; the whole group shows it, others do not",
+    seen="the car waits before the line and goes when it is green; all of a group show it, others do not",
 )
 async def _(play: Play) -> None:
     await play.listen("/Object_topic")
@@ -56,11 +56,13 @@ async def _(play: Play) -> None:
     )
     assert await play.light("TL22W") == RED
     await play.send("/SetTrafficLight", trafficLightIndex="TL22W", trafficLightStatus=GREEN + LEFT)
-    assert await play.light("TL22W") == GREEN + LEFT
+    assert [await play.light(name) for name in ("TL22W", "TL22E")] == [GREEN + LEFT, RED]
     await play.tick(6.0)  # the command holds until the crossing's next phase
     assert (await play.objects())[9]["position"]["x"] > -14.0
     await play.send("/SetTrafficLight", trafficLightIndex="TL22W", trafficLightStatus=-1)
     assert await play.light("TL22W") in {RED, YELLOW, GREEN}
+    await play.send("/SetTrafficLight", trafficLightIndex="PS22E1", trafficLightStatus=0)
+    assert [await play.light(name) for name in ("PS22E1", "PS22E2")] == [0, 0]
     nobody = "no traffic light 'TL99'"
     await play.send_badly("/SetTrafficLight", nobody, trafficLightIndex="TL99", trafficLightStatus=RED)
     await play.send_badly("/SetTrafficLight", "sum of lamps", trafficLightIndex="TL22W", trafficLightStatus=2)

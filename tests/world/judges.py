@@ -40,6 +40,8 @@ class RedRuns:
         lane, following, before = self._lane, self._following, self._rest
         self._remember()
         crosses = (before >= 0.0) & (self._rest < 0.0) & (lane == world.lane[rows]) & (following >= 0)
+        if not plan.lights:
+            return
         entered = world.ahead_1[rows[crosses]]
         light = plan.light_of_lane[entered]
         shown = world.signals.shown[light]
