@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from rosbridge_sim.morai.catalogue import CATALOGUE
-from rosbridge_sim.morai.convert import FIELD, MANUAL
+from rosbridge_sim.morai.releases import FIELD, MANUAL
 from rosbridge_sim.morai.sync import TABLE
 from rosbridge_sim.world.state import Kind
 from tests.conftest import Connect, Serve

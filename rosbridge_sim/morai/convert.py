@@ -1,9 +1,8 @@
-"""Between the world's arrays and `morai_msgs`: the only file with a unit factor, and with names that differ by release.
+"""Between the world's arrays and `morai_msgs`: the only file with a unit factor.
 
 Inside, everything is SI and radians. MORAI mixes: the ego's velocity is m/s, an object's km/h, a commanded speed km/h;
 headings are degrees, a commanded wheel angle radians, the reported one radians by the manual and degrees in the field.
-`Profile` holds each such choice. `LENIENCY` holds the names and shapes that the manual pages (or another release)
-use in place of the wire's; they are accepted on the way in and never sent.
+Which of two it is says a `Profile`; fields that only some releases have are made where the type has them.
 
 Headers carry simulation time, and as `seq` the frame: it does not depend on who listens or how often.
 """
@@ -12,162 +11,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Final, Literal
+from dataclasses import dataclass
+from typing import Any, Final
 
 import numpy as np
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.morai.mgeo import RoadMap
+from rosbridge_sim.morai.releases import MANUAL, Profile
 from rosbridge_sim.schema.check import round32
-from rosbridge_sim.schema.store import Leniency, Store
+from rosbridge_sim.schema.store import Store
 from rosbridge_sim.world.geometry import FloatArray, IntArray
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import STEP_NS, Body, Gear, Kind, Mode, World
 
 __all__ = [
-    "FIELD",
     "KMH",
-    "LENIENCY",
-    "MANUAL",
-    "RELEASES",
-    "SPEED_LIMITS",
     "Control",
     "Converter",
-    "Profile",
-    "SpeedLimits",
     "UniqueId",
-    "choose_profile",
     "exact_quotient",
     "gear_of",
     "maker",
     "time_text",
 ]
 
-# Names
-
-_DOCUMENTED = (
-    *("CollisionData", "CtrlCmd", "EgoVehicleStatus", "EventInfo", "GetTrafficLightStatus", "IntersectionControl"),
-    *("IntersectionStatus", "Lamps", "MapSpec", "MapSpecIndex", "MoraiSimProcHandle", "MoraiSimProcStatus"),
-    *("MoraiSrvResponse", "MoraiTLIndex", "MoraiTLInfo", "MultiEgoSetting", "ObjectStatus", "ObjectStatusList"),
-    *("ReplayInfo", "SaveSensorData", "ScenarioLoad", "SensorPosControl", "SetTrafficLight", "SyncModeAddObj"),
-    *("SyncModeCmd", "SyncModeCmdResponse", "SyncModeCtrlCmd", "SyncModeInfo", "SyncModeRemoveObj"),
-    *("SyncModeResultResponse", "SyncModeScenarioLoad", "SyncModeSetGear", "VehicleCollision", "VehicleCollisionData"),
-    *("VehicleSpec", "VehicleSpecIndex", "WaitForTick", "WaitForTickResponse"),
-    *("SyncModeAddObject", "SyncModeRemoveObject", "MoraiSyncModeAddObjectSrv", "MoraiSyncModeRemoveObjectSrv"),
-    *("MoraiEventCmdSrv", "MoraiMapSpecSrv", "MoraiScenarioLoadSrv", "MoraiSimProcSrv", "MoraiSyncModeCmdSrv"),
-    *("MoraiSyncModeCtrlCmdSrv", "MoraiSyncModeSLSrv", "MoraiSyncModeSetGearSrv", "MoraiTLInfoSrv"),
-    *("MoraiVehicleSpecSrv", "MoraiWaitForTickSrv"),
-)
-"""The types of the manual pages, and those that newer releases have in place of one."""
-
-_SCENARIO_LOAD: Final = {
-    "load_object_data": "load_obstacle_data",
-    "load_network_connection": "load_network_connection_data",
-}
-
-_LISTS: Final = frozenset({"npc_list", "pedestrian_list", "obstacle_list"})
-
-LENIENCY: Final = Leniency(
-    types={
-        # The page on ROS writes the package without its s.
-        **{f"morai_msg/{name}": f"morai_msgs/{name}" for name in _DOCUMENTED},
-        # The page on synchronous mode drops a prefix.
-        "morai_msgs/SyncModeSLSrv": "morai_msgs/MoraiSyncModeSLSrv",
-        "morai_msg/SyncModeSLSrv": "morai_msgs/MoraiSyncModeSLSrv",
-        # What /tf was before tf2; the same fields, and old programs still say so.
-        "tf/tfMessage": "tf2_msgs/TFMessage",
-    },
-    fields={
-        # 26.R1 renamed the steering; whichever of the two a release lacks is taken for the other.
-        "morai_msgs/CtrlCmd": {
-            "longCmdType": "longlCmdType",
-            "front_steer": "steering",
-            "steering": "front_steer",
-        },
-        "morai_msgs/ScenarioLoad": _SCENARIO_LOAD,
-        "morai_msgs/SyncModeScenarioLoad": _SCENARIO_LOAD,
-    },
-    scalars={
-        "morai_msgs/SensorPosControl": frozenset(
-            {"sensor_index", "pose_x", "pose_y", "pose_z", "roll", "pitch", "yaw"}
-        ),
-        # The pages print the brackets of some lists and forget those of others.
-        "morai_msgs/ObjectStatusList": _LISTS,
-        "morai_msgs/ReplayInfo": _LISTS,
-    },
-    numerals={
-        "morai_msgs/IntersectionControl": frozenset({"intersection_index"}),
-        "morai_msgs/IntersectionStatus": frozenset({"intersection_index"}),
-    },
-)
-"""What is accepted beside the wire's own names and shapes."""
-
-
 # Units
-
-
-@dataclass(frozen=True, slots=True)
-class Profile:
-    """What goes out where the manual pages and clients in the field disagree.
-
-    Attributes:
-        wheel_angle_unit: of EgoVehicleStatus.wheel_angle.
-        object_size_order: what x, y, z of ObjectStatus.size are.
-        object_limit: how many objects are listed at most, those nearest to the ego whose list it is; 0 lists all.
-        object_velocity_unit: of ObjectStatus.velocity.
-    """
-
-    wheel_angle_unit: Literal["rad", "deg"] = "rad"
-    object_size_order: Literal["width-length-height", "length-width-height"] = "width-length-height"
-    object_limit: int = 0
-    object_velocity_unit: Literal["km/h", "m/s"] = "km/h"
-
-
-MANUAL: Final = Profile()
-"""As the manual pages say."""
-
-FIELD: Final = Profile("deg", "length-width-height", 20, "km/h")
-"""As most published clients read."""
-
-RELEASES: Final[Mapping[str, Profile]] = {"22.R2": MANUAL, "26.R1": replace(MANUAL, object_limit=20)}
-"""What releases say differently, beside the fields and names that stand in `schemas/`."""
-
-SpeedLimits = tuple[float, float]
-"""What the speed mode, `longlCmdType` 2, asks for at most: to go faster, and to go slower [m/s^2]."""
-
-SPEED_LIMITS: Final[Mapping[str, SpeedLimits]] = {"26.R1": (1.0, 2.0)}
-"""Of the releases that hold it back, as MORAI SIM does since 23.R1.0. In the others it does what the car can."""
-
-
-def choose_profile(
-    name: Literal["manual", "field"],
-    release: str = "22.R2",
-    *,
-    wheel_angle_unit: Literal["rad", "deg"] | None = None,
-    object_size_order: Literal["width-length-height", "length-width-height"] | None = None,
-    object_limit: int | None = None,
-    object_velocity_unit: Literal["km/h", "m/s"] | None = None,
-) -> Profile:
-    """A named profile with single choices of one's own; None leaves a choice to the profile.
-
-    Args:
-        name: `manual` means what the manual of the release says.
-        release: of MORAI SIM.
-        wheel_angle_unit: see `Profile`, as for the others.
-        object_size_order: the same.
-        object_limit: the same.
-        object_velocity_unit: the same.
-    """
-    own = {
-        "wheel_angle_unit": wheel_angle_unit,
-        "object_size_order": object_size_order,
-        "object_limit": object_limit,
-        "object_velocity_unit": object_velocity_unit,
-    }
-    chosen: dict[str, Any] = {key: value for key, value in own.items() if value is not None}  # checked by their types
-    return replace({"manual": RELEASES[release], "field": FIELD}[name], **chosen)
-
 
 KMH: Final = 3.6
 """One m/s [km/h]."""

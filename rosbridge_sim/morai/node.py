@@ -23,7 +23,7 @@ from rosbridge_sim.errors import FieldError, GraphError, PeerError
 from rosbridge_sim.graph.bus import Bus, Owner
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.commands import EgoSetting
-from rosbridge_sim.morai.convert import MANUAL, Converter, Profile, SpeedLimits, maker
+from rosbridge_sim.morai.convert import Converter, maker
 from rosbridge_sim.morai.ego import CtrlMode, Ego
 from rosbridge_sim.morai.frames import TF, Mount, Transforms
 from rosbridge_sim.morai.items import Items
@@ -31,6 +31,7 @@ from rosbridge_sim.morai.network_settings import DEFAULTS, NetworkSettings
 from rosbridge_sim.morai.outputs import Outputs
 from rosbridge_sim.morai.pace import Pace
 from rosbridge_sim.morai.part import Part
+from rosbridge_sim.morai.releases import MANUAL, Profile, SpeedLimits
 from rosbridge_sim.morai.scenario import Scenario
 from rosbridge_sim.morai.stage import FIRST_EGO, MAX_ENTITIES, Library, Load, Stage
 from rosbridge_sim.morai.sync import Effect, Outcome, Sync

@@ -28,11 +28,11 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.republisher import Republisher
 from rosbridge_sim.graph.rosapi import Rosapi
-from rosbridge_sim.morai.convert import LENIENCY, SPEED_LIMITS, choose_profile
 from rosbridge_sim.morai.items import ListedItem
 from rosbridge_sim.morai.network_settings import NetworkSettings
 from rosbridge_sim.morai.node import Node, NodeSettings
 from rosbridge_sim.morai.recorded import Recordings
+from rosbridge_sim.morai.releases import LENIENCY, SPEED_LIMITS, choose_profile
 from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.protocol.flow import OutboxLimits
 from rosbridge_sim.schema.store import Store

@@ -23,8 +23,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer
-from rosbridge_sim.morai.convert import LENIENCY
 from rosbridge_sim.morai.node import NodeSettings
+from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session

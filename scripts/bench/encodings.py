@@ -23,7 +23,7 @@ from rosbags.typesys import Stores, get_typestore
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from rosbridge_sim.morai.convert import LENIENCY
+from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.storage import read_definitions
 from scripts.bench import bodies

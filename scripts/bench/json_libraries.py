@@ -24,7 +24,7 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, create_model
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from rosbridge_sim.morai.convert import LENIENCY
+from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.schema.compile import MessageType
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.storage import read_definitions

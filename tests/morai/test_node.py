@@ -12,8 +12,8 @@ import pytest
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.bus import Answer, Bus, Owner, Topic
-from rosbridge_sim.morai.convert import FIELD
 from rosbridge_sim.morai.node import MAX_FRAMES
+from rosbridge_sim.morai.releases import FIELD
 from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.morai.stage import FIRST_EGO
 from rosbridge_sim.schema.store import Message

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from rosbridge_sim.morai.convert import FIELD, MANUAL, RELEASES, SPEED_LIMITS, Converter, choose_profile
+from rosbridge_sim.morai.convert import Converter
+from rosbridge_sim.morai.releases import FIELD, MANUAL, RELEASES, SPEED_LIMITS, choose_profile
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import Body, Kind, World
 from tests.morai.stand import ALL, Client, Stand, make_store

@@ -21,8 +21,8 @@ from websockets.exceptions import ConnectionClosed
 import rosbridge_sim
 from rosbridge_sim import DocumentError, Simulator
 from rosbridge_sim.graph.bus import Answer, Bus
-from rosbridge_sim.morai.convert import LENIENCY
 from rosbridge_sim.morai.node import NodeSettings
+from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.app import AddressError, Clockwork, WorldFailedError, list_items

@@ -10,7 +10,7 @@ import pytest
 from rosbags.rosbag1 import Reader as Reader1
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.convert import LENIENCY
+from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.bags import Bag, open_bag

@@ -17,9 +17,10 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from rosbridge_sim import DocumentError, Simulator
-from rosbridge_sim.morai.convert import LENIENCY, Converter
+from rosbridge_sim.morai.convert import Converter
 from rosbridge_sim.morai.recorded import Reading
 from rosbridge_sim.morai.recording import EGO_COLUMNS, Recording
+from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.bags import open_bag
 from rosbridge_sim.shell.recording import Scribe

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rosbridge_sim.errors import TypeNameError
-from rosbridge_sim.morai.convert import LENIENCY
+from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.schema.parse import Definition
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.sources import PREFIX, hint, read_settings
