@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pyproj
 import pytest
 
 from tests.end_to_end.play import Play, Table
@@ -114,20 +115,24 @@ async def _(play: Play) -> None:
 
 @TABLE.row(
     "/Service_MoraiMapSpec",
-    done="a scenario on another map is loaded",
-    seen="zone and origin of either map",
+    done="scenarios on two maps are loaded, one after the other",
+    seen="zone and origin of either map: with them the fix of /gps is the place that /Ego_topic tells",
 )
 async def _(play: Play) -> None:
-    specs = []
+    await play.listen("/gps", "/Ego_topic")
+    origins = []
     for name in ("page", "motorway"):
         assert (await play.ask("/Service_MoraiSL", file_name=name, **WHOLE))["result"] is True
-        specs.append(await play.ask("/Service_MoraiMapSpec", load_map_data=True))
-    assert [(spec["plane_coordinate_system"], spec["utm_num"], spec["ellipse"]) for spec in specs] == [
-        (0, 52, "WGS84"),
-        (0, 52, "WGS84"),
-    ]
-    assert all(spec["utm_offset"]["x"] > 1e5 and spec["utm_offset"]["y"] > 4e6 for spec in specs)
-    assert specs[0]["utm_offset"] != specs[1]["utm_offset"]
+        await play.put(120.0, 340.0)
+        await play.tick()
+        spec = await play.ask("/Service_MoraiMapSpec", load_map_data=True)
+        assert (spec["plane_coordinate_system"], spec["ellipse"]) == (0, "WGS84")
+        project = pyproj.Proj(proj="utm", zone=spec["utm_num"], ellps=spec["ellipse"])
+        fix, place, origin = play.last("/gps"), play.last("/Ego_topic")["position"], spec["utm_offset"]
+        east, north = project(fix["longitude"], fix["latitude"])
+        assert (east - origin["x"], north - origin["y"]) == pytest.approx((place["x"], place["y"]), abs=1e-3)
+        origins.append(origin)
+    assert origins[0] != origins[1]
 
 
 @TABLE.row(
