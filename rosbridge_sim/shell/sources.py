@@ -17,20 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from rosbridge_sim.errors import DocumentError, hint
-from rosbridge_sim.shell.settings import (
-    FIELDS,
-    FILE,
-    FOLDER,
-    FOLDERS,
-    SECRET,
-    SHORT_FORMS,
-    SWITCH,
-    URLS,
-    SettingError,
-    Settings,
-    flag_of,
-    show_size,
-)
+from rosbridge_sim.shell.kinds import FILE, FOLDER, FOLDERS, SECRET, SWITCH, URLS, SettingError, show_size
+from rosbridge_sim.shell.settings import FIELDS, SHORT_FORMS, Settings, flag_of
 from rosbridge_sim.shell.toml_text import Lines, lines_of, place_of, read_toml
 
 if TYPE_CHECKING:

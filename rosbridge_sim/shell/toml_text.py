@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from rosbridge_sim.shell.settings import SettingError, show_size
+from rosbridge_sim.shell.kinds import SettingError, show_size
 
 __all__ = ["Lines", "lines_of", "place_of", "read_toml"]
 

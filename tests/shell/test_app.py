@@ -9,27 +9,17 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from concurrent.futures import Future
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, cast
 
 import pytest
 from websockets.exceptions import ConnectionClosed
 
 import rosbridge_sim
 from rosbridge_sim import DocumentError, Simulator
-from rosbridge_sim.graph.bus import Answer, Bus
-from rosbridge_sim.morai.node import NodeSettings
-from rosbridge_sim.morai.releases import LENIENCY
-from rosbridge_sim.morai.simulator import make_node
-from rosbridge_sim.schema.store import Store
-from rosbridge_sim.shell.app import AddressError, Clockwork, WorldFailedError, list_items
+from rosbridge_sim.shell.app import AddressError, list_items
+from rosbridge_sim.shell.clockwork import WorldFailedError
 from rosbridge_sim.shell.settings import Settings
 from rosbridge_sim.shell.sources import check_options, format_config
-from rosbridge_sim.shell.storage import DiskLibrary, read_definitions
-from rosbridge_sim.world.state import World
 from tests.conftest import Connect
 from tests.support import PATIENCE, ROOT
 
@@ -166,159 +156,6 @@ async def test_without_a_world_anybody_may_be_the_simulator(connect: Connect) ->
         assert message["header"]["stamp"]["secs"] == pytest.approx(time.time(), abs=PATIENCE)
         stamp = (await user.values("/rosapi/get_time"))["time"]
         assert stamp["secs"] == pytest.approx(time.time(), abs=PATIENCE)
-
-
-# How time passes
-
-
-class Loop:
-    """As much of an event loop as the clockwork uses, with a clock that the test moves."""
-
-    def __init__(self) -> None:
-        self.now = 1000.0
-        self.soon: list[Callable[[], None]] = []
-        self.timers: list[Timer] = []
-
-    def time(self) -> float:
-        return self.now
-
-    def call_soon(self, call: Callable[[], None]) -> None:
-        self.soon.append(call)
-
-    def call_at(self, when: float, call: Callable[[], None]) -> Timer:
-        timer = Timer(when, call)
-        self.timers.append(timer)
-        return timer
-
-    def create_future(self) -> Future[None]:
-        return Future()
-
-    def settle(self) -> int:
-        """Do all that is to be done now; the number of turns it took."""
-        turns = 0
-        while self.soon:
-            turns += 1
-            self.soon.pop(0)()
-        return turns
-
-    @property
-    def armed(self) -> list[float]:
-        """When the timers that wait will ring."""
-        return [timer.when for timer in self.timers if not timer.is_cancelled]
-
-    def move_to(self, now: float) -> int:
-        """Let the time come, ring what is due, and do what follows."""
-        self.now = now
-        due = [timer for timer in self.timers if timer.when <= now and not timer.is_cancelled]
-        self.timers = [timer for timer in self.timers if timer not in due]
-        for timer in due:
-            timer.call()
-        return self.settle()
-
-
-@dataclass(eq=False)
-class Timer:
-    when: float
-    call: Callable[[], None]
-    is_cancelled: bool = False
-
-    def cancel(self) -> None:
-        self.is_cancelled = True
-
-
-class Room:
-    """A bus and a world whose time the test moves."""
-
-    def __init__(self, start: Literal["run", "sync"] = "run") -> None:
-        self.loop = Loop()
-        self.bus = Bus(Store(read_definitions("22.R2"), leniency=LENIENCY), service_timeout=1.0)
-        library = DiskLibrary()
-        settings = NodeSettings(start=start)
-        self.node = make_node(self.bus, World(0), library, library.scenario("demo"), settings)
-        self.failures: list[None] = []
-        self.clockwork = Clockwork(
-            cast("asyncio.AbstractEventLoop", self.loop), self.bus, [self.node], lambda: self.failures.append(None)
-        )
-        self.clockwork.look()
-        self.loop.settle()
-
-    @property
-    def frame(self) -> int:
-        return self.node.world.frame
-
-
-def test_timer_is_armed_for_the_next_frame_alone() -> None:
-    room = Room()
-    for n in range(1, 100):
-        assert room.loop.armed == [pytest.approx(1000.0 + n * 0.02)]
-        room.loop.move_to(room.loop.armed[0])
-        assert room.frame == n
-
-
-def test_nothing_rings_while_only_a_client_can_move_the_world() -> None:
-    room = Room("sync")
-    assert room.loop.armed == []
-
-
-def test_many_changes_of_one_turn_are_looked_at_once() -> None:
-    room = Room("sync")
-    for _ in range(100):
-        room.clockwork.look()
-    assert room.loop.settle() == 1
-
-
-def test_late_frames_are_made_up_for_a_few_in_each_turn() -> None:
-    room = Room()
-    assert room.loop.move_to(1000.0 + 0.41) > 1
-    assert room.frame == 20
-    assert room.loop.armed == [pytest.approx(1000.0 + 0.42)]
-
-
-def test_stall_is_not_raced_through() -> None:
-    room = Room()
-    room.loop.move_to(1000.0 + 3600.0)
-    assert room.frame == 1
-    assert room.node.num_stalls == 1
-
-
-def test_timeout_that_comes_before_all_else_arms_the_timer_anew() -> None:
-    room = Room("sync")
-    answers: list[Answer] = []
-    caller, provider = Somebody("/caller"), Somebody("/provider")
-    room.bus.provide(provider, "/silent", "std_srvs/Trigger", lambda _call, _now: None)
-    for timeout in (3.0, 2.0):
-        room.bus.call(caller, "/silent", None, answers.append, now=room.loop.now, timeout=timeout)
-        room.clockwork.look()
-        room.loop.settle()
-        assert room.loop.armed == [1000.0 + timeout]
-    room.loop.move_to(1002.0)
-    assert len(answers) == 1
-    assert room.loop.armed == [1003.0]
-    room.loop.move_to(1003.0)
-    assert len(answers) == 2
-    assert room.loop.armed == []
-
-
-def test_time_stands_still_after_a_failure_and_it_is_told_once() -> None:
-    room = Room()
-    room.node.world = None  # type: ignore[assignment] # as good a bug as any
-    room.loop.move_to(1000.02)
-    assert room.clockwork.is_failed
-    assert room.failures == [None]
-    room.clockwork.look()
-    room.loop.settle()
-    assert room.loop.armed == []
-    assert room.failures == [None]
-
-
-@dataclass(eq=False)
-class Somebody:
-    """An owner that says nothing."""
-
-    name: str
-
-    def tell(self, level: str, text: str) -> None:
-        """Nobody listens."""
 
 
 # It stops

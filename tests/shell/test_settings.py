@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rosbridge_sim.shell.settings import FIELDS, SWITCH, Settings, flag_of, show_size
+from rosbridge_sim.shell.kinds import SWITCH, show_size
+from rosbridge_sim.shell.settings import FIELDS, Settings, flag_of
 
 
 def read(key: str, value: object) -> object:

@@ -9,7 +9,8 @@ import pytest
 
 from rosbridge_sim.morai.items import ListedItem
 from rosbridge_sim.morai.network_settings import Choice, ItemKind, NetworkSettings
-from rosbridge_sim.shell.settings import FIELDS, FILE, FOLDER, FOLDERS, SHORT_FORMS, SWITCH, Settings, flag_of
+from rosbridge_sim.shell.kinds import FILE, FOLDER, FOLDERS, SWITCH
+from rosbridge_sim.shell.settings import FIELDS, SHORT_FORMS, Settings, flag_of
 from rosbridge_sim.shell.sources import (
     PREFIX,
     SettingError,
