@@ -2,37 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 
 from rosbridge_sim.errors import FieldError
-from rosbridge_sim.graph.bus import Bus, Owner, Topic
 from rosbridge_sim.morai.scenario import read_scenario
-from rosbridge_sim.schema.store import Message
-from tests.morai.stand import Client
-from tests.morai.town import Crossroads, Driver, Judge, Way
-from tests.world.judges import RedRuns, Waits
+from tests.morai.town import Crossroads
 
 STATUS, INSIDE, ALL = "/GetTrafficLightStatus", "/InsnStatus", "/IntscnTL_topic"
-
-
-def put(stand: Crossroads, x: float, y: float, yaw_deg: float = 0.0) -> None:
-    """Have the ego stand somewhere."""
-    zeros = {"global_position_z": [0.0], "global_roll": [0.0], "global_pitch": [0.0], "velocity": [0.0]}
-    stand.client.send(
-        "/ego_setting",
-        "morai_msgs/MultiEgoSetting",
-        number_of_ego_vehicle=1,
-        camera_index=0,
-        ego_index=[0],
-        gear=[4],
-        ctrl_mode=[16],
-        **{"global_position_x": [x], "global_position_y": [y], "global_yaw": [yaw_deg], **zeros},
-    )
 
 
 def set_light(stand: Crossroads, index: str, status: int) -> None:
@@ -87,7 +65,7 @@ def test_the_light_ahead_is_told_with_every_frame() -> None:
 )
 def test_there_is_a_light_or_silence(x: float, y: float, yaw_deg: float, is_told: bool) -> None:  # noqa: FBT001 - a column
     stand = Crossroads.tiny()
-    put(stand, x, y, yaw_deg)
+    stand.put(x, y, yaw_deg)
     stand.client.listen(STATUS)
     stand.run(0.04)
     assert (stand.last(STATUS) is not None) == is_told
@@ -96,12 +74,12 @@ def test_there_is_a_light_or_silence(x: float, y: float, yaw_deg: float, is_told
 def test_a_stop_line_is_seen_from_a_hundred_metres() -> None:
     town = Crossroads.built_in("town")
     town.client.listen(STATUS)
-    put(town, -100.0, -5.25)  # inside of crossing 12, 86 m before the next line
+    town.put(-100.0, -5.25)  # inside of crossing 12, 86 m before the next line
     town.run(0.02)
     heard = town.last(STATUS)
     assert heard is not None
     assert (heard["trafficLightIndex"], heard["trafficLightType"]) == ("TL22W", 0)
-    put(town, -119.0, -5.25)
+    town.put(-119.0, -5.25)
     town.run(0.02)
     assert town.last(STATUS) is None
 
@@ -131,7 +109,7 @@ def test_every_type_of_light_is_told() -> None:
     town.client.listen(STATUS)
     kinds = {}
     for x, y, yaw_deg in ((-50, -5.25, 0), (-50, -1.75, 0), (108.25, 60, -90), (221.75, 150, 90)):
-        put(town, x, y, yaw_deg)
+        town.put(x, y, yaw_deg)
         town.run(0.02)
         heard = town.last(STATUS)
         assert heard is not None
@@ -234,7 +212,7 @@ def test_the_intersection_is_told_while_one_is_inside() -> None:
     stand.client.listen(INSIDE)
     stand.run(14.0)
     assert stand.client.messages(INSIDE) == []
-    put(stand, 104.0, 0.0)
+    stand.put(104.0, 0.0)
     stand.run(0.02)
     assert stand.last(INSIDE) == {
         "header": {"seq": 701, "stamp": {"secs": 14, "nsecs": 20_000_000}, "frame_id": "IntersectionStatus"},
@@ -328,108 +306,3 @@ def test_a_reset_begins_the_lights_anew() -> None:
     stand.client.stop()
     stand.node.reset(None, 0.0)
     assert stand.world.digest() == before
-
-
-# A round through the town
-
-LEFT_ROUND = "R1222L1 J22W1N R2223L1 J23S1W R2313L1 J13E1S R1312L1 J12N1E"
-
-
-class Ears(Client):
-    """A client that hears only what is said last, and reads it only when asked."""
-
-    def __init__(self, bus: Bus, name: str) -> None:
-        super().__init__(bus, name)
-        self._last: dict[str, Message] = {}
-
-    def _hear(self, topic: Topic, message: Message, _sender: Owner, _now: float) -> None:
-        self._last[topic.name] = message
-
-    def take(self) -> list[tuple[str, dict[str, Any]]]:
-        """What was said last on each topic since the last time."""
-        heard = [(topic, json.loads(message.json)) for topic, message in self._last.items()]
-        self._last.clear()
-        return heard
-
-
-class Rounds:
-    """Somebody who drives around the block north of the avenue, in the traffic of the built-in scene, over the bus."""
-
-    def __init__(self, *, heeds_lights: bool) -> None:
-        self.town = Crossroads.built_in("town")
-        self._road_map = self.town.node.stage.road_map
-        self._way = Way(self._road_map, LEFT_ROUND.split())
-        self._heeds_lights = heeds_lights
-        put(self.town, -86.0, -1.75)
-        self._ears = Ears(self.town.bus, "/ears")
-        self._ears.listen(STATUS, "/Object_topic")
-        self.watchers: list[Callable[[], None]] = []
-        self.start()
-        self.town.bus.subscribe(self._ears, "/clock", self._watch)
-        self.town.client.start(time_step=100)
-        self._tick: dict[str, Any] = self.town.client.tick()
-
-    def start(self) -> None:
-        """Begin a round."""
-        self.driver = Driver(self.town.client, self._road_map, self._way, heeds_lights=self._heeds_lights)
-        self.judge = Judge(self.town.world, self._way)
-
-    def _watch(self, *_: object) -> None:
-        """After each frame."""
-        assert not len(self.town.world.contacts), "nobody touches anybody"
-        self.judge.watch()
-        for watch in self.watchers:
-            watch()
-
-    def go_on(self) -> None:
-        """Drive for five frames; whoever watches looks at each."""
-        self.driver.hear(self._ears.take())
-        self.driver.drive(self._tick["vehicle_status"])
-        self._tick = self.town.client.tick()
-
-
-def drive_round(*, heeds_lights: bool) -> Rounds:
-    rounds = Rounds(heeds_lights=heeds_lights)
-    while not rounds.driver.is_done and rounds.town.world.frame < 25_000:
-        rounds.go_on()
-    assert rounds.driver.is_done
-    return rounds
-
-
-LIGHTS = ["TL22WL", "TL23SL", "TL13E", "TL12N"]
-
-
-@pytest.mark.slow
-def test_who_obeys_the_lights_drives_a_round_without_a_red_one() -> None:
-    rounds = drive_round(heeds_lights=True)
-    judge = rounds.judge
-    assert [name for name, _ in judge.passed] == LIGHTS
-    assert judge.red == [], judge.passed
-    assert rounds.town.world.frame * 0.02 < 400.0
-
-
-@pytest.mark.slow
-def test_who_ignores_them_is_caught() -> None:
-    judge = drive_round(heeds_lights=False).judge
-    assert [name for name, _ in judge.passed] == LIGHTS
-    assert len(judge.red) >= 2, judge.passed
-
-
-@pytest.mark.slow
-def test_in_ten_minutes_of_the_town_nobody_runs_a_red_light_and_nobody_stands_for_ever() -> None:
-    rounds = Rounds(heeds_lights=True)
-    world = rounds.town.world
-    reds, waits = RedRuns(world), Waits(world)
-    num_rounds = 0
-    rounds.watchers += [reds.watch, waits.watch]
-    while world.frame < 30_000:
-        rounds.go_on()
-        if rounds.driver.is_done:
-            assert rounds.judge.red == []
-            num_rounds += 1
-            rounds.start()
-    assert (len(waits.way), reds.num) == (24, 0)
-    assert reds.num_passed > 400
-    assert waits.longest.max() < 100.0, "two cycles"
-    assert waits.way.min() > 1_000.0
-    assert num_rounds >= 2

@@ -57,6 +57,20 @@ class Crossroads:
         for _ in range(round(seconds / 0.02)):
             self.client.tick()
 
+    def put(self, x: float, y: float, yaw_deg: float = 0.0) -> None:
+        """Have the ego stand somewhere."""
+        zeros = {"global_position_z": [0.0], "global_roll": [0.0], "global_pitch": [0.0], "velocity": [0.0]}
+        self.client.send(
+            "/ego_setting",
+            "morai_msgs/MultiEgoSetting",
+            number_of_ego_vehicle=1,
+            camera_index=0,
+            ego_index=[0],
+            gear=[4],
+            ctrl_mode=[16],
+            **{"global_position_x": [x], "global_position_y": [y], "global_yaw": [yaw_deg], **zeros},
+        )
+
     def last(self, topic: str) -> dict[str, Any] | None:
         """What was heard there with the newest frame, if anything was."""
         heard = self.client.messages(topic)
