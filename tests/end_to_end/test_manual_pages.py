@@ -16,7 +16,7 @@ from tests.conftest import Connect
 from tests.end_to_end import rows_ego, rows_lights, rows_replay, rows_scene, rows_sensors, rows_synchronous
 from tests.end_to_end.play import Play, Row, write_scenes
 from tests.morai.pages import INTERFACES, RELEASES, REPLACED, Interface
-from tests.places import Bridges, Kind, Place
+from tests.places import Bridges, Place
 from tests.support import Client
 
 pytestmark = pytest.mark.slow
@@ -27,18 +27,39 @@ ROWS = [row for rows in TABLES for row in rows.TABLE]
 KNOWN = {interface.name: interface for interface in (*INTERFACES, *REPLACED.values())}
 
 
-@pytest.fixture(scope="module", params=["serve", "attach"])
-def kind(request: pytest.FixtureRequest) -> Kind:
-    kind: Kind = request.param
-    return kind
+NOT_BY_THE_BOOK = {
+    "/ctrl_cmd",  # the manual's longCmdType
+    "/Ego_topic",  # `header.seq` by the frame: rospy counts by itself
+    "/InsnControl",  # a number for a string
+    "/SensorPosControl",  # a number for a list
+    "/Service_MoraiSL",  # the manual's load_object_data
+    "/SyncModeScenarioLoad",  # the manual's load_network_connection
+    "/SyncModeWaitForTick",  # a float for an integer
+    "/Morai_SimProc",  # figures that are compared to the last digit: a float32 comes out widened
+    # ticks of a second: which of their topics are heard before the answer is up to its threads
+    "/GetTrafficLightStatus",
+    "/InsnStatus",
+    "/Morai_TLSrv",
+    "/SetTrafficLight",
+}
+"""Rows that send what rosbridge_suite refuses, or look for what it changes or does not promise."""
+
+STAGES = [(kind, release) for kind in ("serve", "attach") for release in RELEASES] + [("quirks", "22.R2")]
+
+CASES = [
+    pytest.param(stage, row, id=f"{'-'.join(stage)}-{row.name}")
+    for stage in STAGES
+    for row in ROWS
+    if stage[0] != "quirks" or row.name not in NOT_BY_THE_BOOK
+]
 
 
-@pytest.fixture(scope="module", params=RELEASES)
+@pytest.fixture(scope="module")
 def stage(
-    request: pytest.FixtureRequest, kind: Kind, tmp_path_factory: pytest.TempPathFactory, bridges: Bridges
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, bridges: Bridges
 ) -> Iterator[tuple[Place, str, Path]]:
-    """A simulator of a release, and the folder that it writes to."""
-    release: str = request.param
+    """A simulator of a release in some place, and the folder that it writes to."""
+    kind, release = request.param
     folder = tmp_path_factory.mktemp(f"stage-{kind}-{release}")
     write_scenes(folder)
     flags = ["--release", release, "--start", "sync", "--sync-on-loss", "wait", "--scenario-path", str(folder)]
@@ -48,7 +69,7 @@ def stage(
     place.simulator.stop_cleanly()
 
 
-@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
+@pytest.mark.parametrize(("stage", "row"), CASES, indirect=["stage"])
 async def test_what_the_manual_promises_happens(stage: tuple[Place, str, Path], connect: Connect, row: Row) -> None:
     place, release, data = stage
     if release not in row.releases:
