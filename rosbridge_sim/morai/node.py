@@ -155,6 +155,9 @@ class Node:
         self._mounts: tuple[Mount, ...] | None = None
         self._make_info = maker(bus.store, "morai_msgs/SyncModeInfo", "master_id", "status", "frame", "can_send_tick")
         self._parts = make_parts(self)
+        # Asked at every frame: only those that have something to do.
+        self._placing = [part.place for part in self._parts if type(part).place is not Part.place]
+        self._settling = [part.settle for part in self._parts if type(part).settle is not Part.settle]
         self._bindings: dict[int, Bindings] = {}  # of the further egos, by their number
         bindings = Bindings(self.items)
         for part in self._parts:
@@ -244,12 +247,12 @@ class Node:
 
     def _place(self) -> None:
         """Within a step: the parts put whom they move where they are to stand."""
-        for part in self._parts:
-            part.place()
+        for place in self._placing:
+            place()
 
     def _settle(self, now: float) -> None:
-        for part in self._parts:
-            part.settle(now)
+        for settle in self._settling:
+            settle(now)
 
     # Synchronous mode
 

@@ -89,6 +89,7 @@ class Replay(Part):
         self._loading: Call | None = None
         self._result, self._commanded_ns = Result.NONE, 0
         self._told: tuple[object, ...] = ()
+        self._settled_in: object = None  # the state of synchronous mode that was announced last
         self._is_obeying = False
         self._carry_out = {
             Effect.LEAVE: self._leave,
@@ -142,17 +143,21 @@ class Replay(Part):
 
     def settle(self, now: float) -> None:
         """A frame has gone out, or somebody has paused the simulator or ended the pause."""
-        if self.state is State.REPLAYING and self._programme.is_over:
-            _log.info("%s: the end is reached", self._programme.recording.name)
-            self._happen(Event.RUN_OUT, now)
-        elif self.state is State.AT_END and not self._node.sync.is_paused:
-            self._happen(Event.RUN_OUT, now)
-        elif self.state is State.FOLLOWING and not self._publishes(self._source):
-            self._lose(now)
+        sync = self._node.sync
+        if self.state is not State.SIMULATING:  # asked first: this is called at every frame
+            if self.state is State.REPLAYING and self._programme.is_over:
+                _log.info("%s: the end is reached", self._programme.recording.name)
+                self._happen(Event.RUN_OUT, now)
+            elif self.state is State.AT_END and not sync.is_paused:
+                self._happen(Event.RUN_OUT, now)
+            elif self.state is State.FOLLOWING and not self._publishes(self._source):
+                self._lose(now)
         if self._unheard is not None:
             is_silent = self._node.world.frame - self._unheard_at >= SILENCE
             self._unheard = None if is_silent or not self._publishes(self._unheard) else self._unheard
-        self._announce(now)
+        if sync.state is not self._settled_in:  # all else that the status tells of is announced where it happens
+            self._settled_in = sync.state
+            self._announce(now)
 
     def make_way(self, now: float) -> None:
         """The world is to be its own again."""
@@ -174,6 +179,7 @@ class Replay(Part):
             loading.refuse("The simulation was reset")
         self._result, self._commanded_ns = Result.NONE, 0
         self._told = ()
+        self._settled_in = None
         self._said.clear()
         self._unheard = None
 
@@ -411,10 +417,10 @@ class Replay(Part):
 
     def _replay_info(self) -> Any:  # noqa: ANN401 - a generated struct, or None
         """What is being replayed, for others than ourselves, who listen there too."""
+        if self.state is State.SIMULATING or self.state is State.FOLLOWING:
+            return None
         node = self._node
         assert self._info.topic is not None, "it is published"
-        if self.state not in {State.REPLAYING, State.AT_END}:
-            return None
         if not any(one.owner is not node and not one.is_idle for one in self._info.topic.subscriptions):
             return None
         world, row = node.world, node.egos[0].row
