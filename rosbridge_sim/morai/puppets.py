@@ -79,6 +79,22 @@ class Puppets:
                 if targets & _TARGETS.get(Kind(world.kind.item(world.row(uid))), 0):
                     world.remove(uid)
 
+    def retarget(self, egos: Iterable[int], targets: int, *, has_objects: bool) -> None:
+        """Have others be moved from now on; the arguments are those of `enter`.
+
+        An ego that is moved neither before nor after drives on. All others who are not moved any longer, or still not,
+        are again where they were when the recording took the stage.
+        """
+        if targets == self._targets:
+            return
+        world = self._world
+        now = world.snapshot()
+        free = {uid for uid, row in now.uids if world.kind[row] == Kind.EGO} - {ego.uid for ego in self._egos.values()}
+        self.leave()
+        self.enter(egos, targets, has_objects=has_objects)
+        for uid in free - {ego.uid for ego in self._egos.values()}:
+            world.restore_driven(uid, now)
+
     def show(self, scene: Scene) -> None:
         """Put everybody where a scene has him."""
         world = self._world

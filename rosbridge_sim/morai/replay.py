@@ -214,11 +214,10 @@ class Replay(Part):
             self._node.follow(sync.pause(), now)
 
     def _tune(self, now: float) -> None:
-        """The targets may be others: the stage is set anew."""
+        """The targets may be others."""
         del now
-        self._puppets.leave()
         programme = self._programme
-        self._puppets.enter(
+        self._puppets.retarget(
             programme.recording.egos, programme.targets, has_objects=programme.recording.objects is not None
         )
         self._show(0.0)

@@ -321,6 +321,13 @@ class World(Columns):
         self.rng.bit_generator.state = saved.rng_state
         self.touch()
 
+    def restore_driven(self, uid: int, saved: Snapshot) -> None:
+        """Have one EGO, which is here and there, be as it is in a snapshot; all others stay as they are."""
+        row, before = self._rows[uid], dict(saved.uids)[uid]
+        self._floats[:, row], self._ints[:, row] = saved.floats[:, before], saved.ints[:, before]
+        self._bools[:, row] = saved.bools[:, before]
+        self.touch()
+
     def digest(self) -> str:
         """Return a hash of the whole state, 32 hexadecimal digits: equal worlds have equal digests."""
         state = blake2b(digest_size=16)

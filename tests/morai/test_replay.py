@@ -269,6 +269,28 @@ def test_vehicles_alone_leave_the_ego_to_its_driver(tape: Tape) -> None:
     assert client.tick()["vehicle_status"]["position"]["x"] == ego_values(tape)[20].position.x
 
 
+@pytest.mark.parametrize(
+    ("option", "fields"),
+    [(SPEED, {"replay_speed": 2}), (TARGETS, {"replay_target_option": VEHICLES | PEDESTRIANS})],
+    ids=["speed", "targets"],
+)
+def test_ego_that_its_driver_keeps_drives_on_through_other_options(
+    tape: Tape, option: int, fields: dict[str, int]
+) -> None:
+    stand = Stand(start="sync", recordings=tape)
+    client = stand.client()
+    client.start()
+    assert replay(client, PLAY, FILE | TARGETS, "drive", replay_target_option=VEHICLES)
+    client.control(0, longlCmdType=1, accel=1.0)
+    before = [client.tick()["vehicle_status"] for _ in range(20)][-1]
+    assert replay(client, PLAY, option, **fields)
+    status = client.tick()["vehicle_status"]
+    assert status["velocity"]["x"] > before["velocity"]["x"] > 1.0
+    assert status["position"]["y"] > before["position"]["y"]
+    assert replay(client, STOP)
+    assert client.tick()["vehicle_status"]["velocity"]["x"] == 0.0, "as it was when the replay began"
+
+
 def test_commands_to_the_replayed_are_ignored_with_one_warning(tape: Tape) -> None:
     stand = Stand("parked", recordings=tape)
     client = stand.client()
