@@ -283,7 +283,7 @@ def test_ego_that_its_driver_keeps_drives_on_through_other_options(
     assert replay(client, PLAY, FILE | TARGETS, "drive", replay_target_option=VEHICLES)
     client.control(0, longlCmdType=1, accel=1.0)
     before = [client.tick()["vehicle_status"] for _ in range(20)][-1]
-    assert replay(client, PLAY, option, **fields)
+    assert replay(client, PLAY, option, "", **fields)
     status = client.tick()["vehicle_status"]
     assert status["velocity"]["x"] > before["velocity"]["x"] > 1.0
     assert status["position"]["y"] > before["position"]["y"]
