@@ -116,9 +116,11 @@ class Ego:
         self._status = None
 
     def renew(self) -> None:
-        """It is a new car: lamps off."""
+        """It is a new car: lamps off, and in D if it drives itself, as when it was told to."""
         self.turn_signal = self.emergency_signal = 0
         self._refused_gear = None
+        if self.ctrl_mode is CtrlMode.AUTONOMOUS:
+            self.shift(Gear.DRIVE)
         self.forget_status()
 
     def control(self, control: Control) -> None:

@@ -67,8 +67,6 @@ class Puppets:
         self._stage.is_replaying = True
         found = {index: self._find_ego(index) for index in egos} if targets & EGO else {}
         self._egos = {index: ego for index, ego in found.items() if ego is not None}
-        for index in found.keys() - self._egos.keys():
-            _log.warning("the recording has an ego %d and the world has none: it is left out", index)
         for ego in self._egos.values():
             ego.is_replayed = True
             row = ego.row

@@ -310,8 +310,14 @@ class Replay(Part):
             return []
         if not recording.egos:
             return ["it holds no ego: only the objects are replayed"]
-        placeless = [index for index, track in recording.egos.items() if not track.has_place]
-        return ["it holds no position of the ego: objects and pedals are replayed"] if placeless else []
+        notes = [
+            f"it holds an ego {index} and the world has none: that one is left out"
+            for index in recording.egos
+            if self._node.find_ego(index) is None
+        ]
+        if any(not track.has_place for track in recording.egos.values()):
+            notes.append("it holds no position of the ego: objects and pedals are replayed")
+        return notes
 
     def _steer(self, call: Call, command: Command, now: float) -> None:
         programme = self._programme

@@ -52,8 +52,8 @@ class Tape:
 
     def _finish(self, reading: Reading) -> Recording:
         for topic, value, stamp_ns in self.takes[reading.name]:
-            if topic == "/Ego_topic":
-                reading.take_ego(0, value, (stamp_ns, stamp_ns))
+            if topic.endswith("/Ego_topic"):
+                reading.take_ego(2 if topic.startswith("/Ego-2/") else 0, value, (stamp_ns, stamp_ns))
             elif topic == "/Object_topic":
                 reading.take_objects(value, (stamp_ns, stamp_ns))
             else:

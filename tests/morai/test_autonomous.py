@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rosbridge_sim.morai.ego import CtrlMode
+from rosbridge_sim.world.state import Gear
 from tests.morai.stand import ALL, Stand
 from tests.morai.town import Crossroads
 from tests.world.judges import RedRuns
@@ -70,6 +73,19 @@ def test_a_scenario_that_moves_it_off_the_road_ends_the_mode() -> None:
     assert client.ask("/Service_MoraiEventCmd", option=0)["ctrl_mode"] == 6
     assert client.ask("/Service_MoraiSL", file_name="crowd", **ALL)["result"]
     assert client.ask("/Service_MoraiEventCmd", option=0)["ctrl_mode"] == 1
+
+
+def test_a_scenario_whose_ego_is_parked_lets_it_drive_on() -> None:
+    stand = Stand("elsewhere")
+    client = stand.client()
+    client.ask("/Service_MoraiEventCmd", **ITSELF)
+    stand.node.stage.loaded = replace(
+        stand.node.stage.loaded, egos=tuple([replace(ego, gear=Gear.PARK) for ego in stand.node.stage.loaded.egos])
+    )
+    client.ask("/Morai_SimProc", sim_process_status=32)  # the scenario anew
+    stand.run(2.0)
+    assert stand.world.speed[0] > 1.0
+    assert client.ask("/Service_MoraiEventCmd", option=0)["gear"] == 4
 
 
 def test_put_elsewhere_it_drives_on_from_there() -> None:

@@ -12,7 +12,7 @@ from rosbridge_sim.errors import FieldError
 from rosbridge_sim.morai.catalogue import find_model
 from rosbridge_sim.morai.releases import FIELD
 from rosbridge_sim.morai.replay_table import OF_A_BAG, OF_A_SOURCE, TABLE, Effect, Event, State
-from tests.morai.stand import ALL, Client, Stand
+from tests.morai.stand import ALL, Client, Stand, put_egos
 from tests.morai.tape import Tape
 
 STATUS = "/sim/process/state/msg/MoraiSimProcStatus"
@@ -289,6 +289,22 @@ def test_ego_that_its_driver_keeps_drives_on_through_other_options(
     assert status["position"]["y"] > before["position"]["y"]
     assert replay(client, STOP)
     assert client.tick()["vehicle_status"]["velocity"]["x"] == 0.0, "as it was when the replay began"
+
+
+def test_ego_that_the_world_has_not_is_told_to_whoever_asked(stand: Stand, client: Client, tape: Tape) -> None:
+    tape.takes["two"] = tape.takes["drive"] + [
+        ("/Ego-2/Ego_topic", value, stamp) for topic, value, stamp in tape.takes["drive"] if topic == "/Ego_topic"
+    ]
+    assert replay(client, PLAY, FILE, "two")
+    assert client.told == [("warning", "two: it holds an ego 2 and the world has none: that one is left out")]
+    assert replay(client, STOP)
+    client.told.clear()
+    client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(2))
+    assert replay(client, PLAY, FILE, "two")
+    client.tick()
+    world, (first, second) = stand.world, stand.node.egos
+    assert world.x[first.row] == world.x[second.row]
+    assert client.told == []
 
 
 def test_commands_to_the_replayed_are_ignored_with_one_warning(tape: Tape) -> None:
