@@ -274,6 +274,7 @@ class Replay(Part):
         self._loading = None
         if call.is_done:
             _log.info("%s was read for nobody: its caller is gone", command.name)
+            self._announce(now)
         elif isinstance(outcome, DocumentError):
             self._refuse(call, Result.NOT_LOADED, str(outcome), now)
         else:

@@ -18,7 +18,7 @@ import logging
 import re
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -182,10 +182,12 @@ def read_recording(path: Path, reading: Reading, texts: Texts, breathe: Callable
         DocumentError: it is broken, or no bag, or holds more than can be taken.
     """
     with _open(path) as bag:
-        chosen = _choose(bag.connections, reading)
+        is_ros1 = path.suffix == ".bag"
+        egos = _find_egos(bag, path, texts, is_ros1=is_ros1)
+        chosen = _choose(bag.connections, egos, reading)
         held = {one.msgtype for one in chosen}
         for connection in chosen:
-            take = _taker(connection, held, reading, texts, is_ros1=path.suffix == ".bag")
+            take = _taker(connection, held, egos[connection.topic], reading, texts, is_ros1=is_ros1)
             for stamp_ns, raw in _messages(bag, connection, path, breathe):
                 try:
                     take(raw, stamp_ns)
@@ -198,13 +200,14 @@ def read_recording(path: Path, reading: Reading, texts: Texts, breathe: Callable
 
 
 def _taker(
-    connection: Connection, held: set[str], reading: Reading, texts: Texts, *, is_ros1: bool
+    connection: Connection, held: set[str], index: int, reading: Reading, texts: Texts, *, is_ros1: bool
 ) -> Callable[[bytes, int], None]:
     """What takes the bytes of a topic's messages, and the stamps that the bag gives them [ns].
 
     Args:
         connection: of the topic.
         held: the types of all topics that are read.
+        index: number of the ego whose topic it is.
         reading: gets what is in the messages.
         texts: definitions for a bag without its own.
         is_ros1: whose bytes they are.
@@ -215,7 +218,6 @@ def _taker(
     types = _types_of(connection, texts, is_ros1=is_ros1)
     decode = types.deserialize_ros1 if is_ros1 else types.deserialize_cdr
     if connection.msgtype == _EGO:
-        index = _ego_of(connection.topic)
 
         def take_ego(raw: bytes, stamp_ns: int) -> None:
             message: Any = decode(raw, _EGO)
@@ -250,12 +252,12 @@ def _stamp_of(message: Any) -> int:  # noqa: ANN401 - what the library makes of 
     return int(stamp.sec * 1_000_000_000 + stamp.nanosec)
 
 
-def _choose(connections: list[Connection], reading: Reading) -> list[Connection]:
+def _choose(connections: list[Connection], egos: Mapping[str, int], reading: Reading) -> list[Connection]:
     """The topics that are replayed: all egos' states; of the others one each."""
     held = [one for one in connections if one.msgcount]
     chosen: dict[tuple[str, int], Connection] = {}
     for connection in sorted(held, key=lambda one: (one.topic != _USUAL.get(one.msgtype), one.topic)):
-        index = _ego_of(connection.topic)
+        index = egos[connection.topic]
         if connection.msgtype not in _USUAL or (index and connection.msgtype != _EGO):
             continue
         first = chosen.setdefault((connection.msgtype, index), connection)
@@ -269,9 +271,25 @@ def _choose(connections: list[Connection], reading: Reading) -> list[Connection]
     return [one for one in held if one.topic in topics and one.msgtype in types]
 
 
-def _ego_of(topic: str) -> int:
-    match = _FURTHER_EGO.match(topic)
-    return int(match[1]) if match else 0
+def _find_egos(bag: Reader1 | Reader2, path: Path, texts: Texts, *, is_ros1: bool) -> dict[str, int]:
+    """Topic -> number of the ego whose it is: by its prefix, or, where several have names of their own, by messages."""
+    egos: dict[str, int] = {}
+    unclear: list[Connection] = []
+    for connection in bag.connections:
+        match = _FURTHER_EGO.match(connection.topic)
+        egos[connection.topic] = int(match[1]) if match else 0
+        if not match and connection.msgtype == _EGO and connection.msgcount:
+            unclear.append(connection)
+    if len({one.topic for one in unclear}) < 2 or any(one.topic == _USUAL[_EGO] for one in unclear):  # noqa: PLR2004
+        return egos
+    for connection in unclear:
+        with suppress(Exception):  # a stranger's bytes: whoever reads them all will tell what is wrong with them
+            types = _types_of(connection, texts, is_ros1=is_ros1)
+            decode = types.deserialize_ros1 if is_ros1 else types.deserialize_cdr
+            _, raw = next(_messages(bag, connection, path, _nothing))
+            message: Any = decode(raw, _EGO)
+            egos[connection.topic] = max(message.unique_id, 0)
+    return egos
 
 
 @contextmanager

@@ -108,6 +108,14 @@ def test_of_two_topics_of_a_type_the_usual_one_is_read(tmp_path: Path) -> None:
     assert recording.notes == ("/AAA is left out: /Ego_topic is replayed",)
 
 
+def test_under_names_of_ones_own_the_messages_say_whose_they_are(tmp_path: Path) -> None:
+    second = [{**way, "unique_id": 2} for way in ways(7.0)]
+    first = [{**way, "unique_id": -1} for way in ways(1.0)]
+    recording = read(write(tmp_path / "a.bag", {"/a/second": (EGO, second), "/car/state": (EGO, first)}))
+    assert (shown(recording), shown(recording, 2)) == ([1.0], [7.0])
+    assert recording.notes == ()
+
+
 def test_bag_without_anything_of_ours_is_empty(tmp_path: Path) -> None:
     assert read(write(tmp_path / "a.bag", {"/chatter": ("std_msgs/String", [{"data": "x"}])})).is_empty
     assert read(write(tmp_path / "b.bag", {"/Ego_topic": (EGO, [])})).is_empty
