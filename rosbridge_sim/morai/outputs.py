@@ -244,9 +244,11 @@ class Outputs:
             now: monotonic time [s].
         """
         for feed in self._feeds:
-            num = feed.num_due(frame)
             topic = feed.topic
-            if not num or topic is None or not topic.has_listener:
+            if topic is None or not topic.subscriptions:  # as above
+                continue
+            num = feed.num_due(frame)
+            if not num or not topic.has_listener:
                 continue
             value = feed.make()
             if value is None:

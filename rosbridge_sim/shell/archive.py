@@ -15,7 +15,7 @@ from pathlib import Path
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.storage import MAX_NAME, PLAIN_NAME
 
-__all__ = ["DiskArchive"]
+__all__ = ["OWN_NAME", "DiskArchive"]
 
 USUAL_FOLDER = "SensorData"
 """Where captures go whose client names no folder."""

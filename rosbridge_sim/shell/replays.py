@@ -27,6 +27,7 @@ from rosbridge_sim.errors import DocumentError, PeerError
 from rosbridge_sim.morai.recorded import Reading, Then
 from rosbridge_sim.morai.recording import Recording
 from rosbridge_sim.schema.store import Store
+from rosbridge_sim.shell.archive import OWN_NAME
 from rosbridge_sim.shell.skim import LAYOUT, skim
 from rosbridge_sim.shell.storage import Texts
 
@@ -134,19 +135,25 @@ def find_recording(folder: Path, name: str) -> Path:
     if not wanted or len(wanted) > MAX_NAME or not wanted.isprintable():
         raise DocumentError(f"{name[:80]!r} is no name of a recording: expected NAME.bag, NAME.mcap or a folder's name")
     root = folder.resolve()
-    for base in (folder / FOLDER, folder):
-        for suffix in _SUFFIXES:
-            path = base / (wanted + suffix)
-            try:
-                is_inside = path.resolve().is_relative_to(root)
-            except (OSError, RuntimeError):  # links in a circle, a name too long for the disk
-                continue
-            if not is_inside:
-                raise DocumentError(f"{name[:80]!r} leads out of --data-dir")
-            if _is_bag(path):
-                return path
+    for path in _places(folder, wanted):
+        try:
+            is_inside = path.resolve().is_relative_to(root)
+        except (OSError, RuntimeError):  # links in a circle, a name too long for the disk
+            continue
+        if not is_inside:
+            raise DocumentError(f"{name[:80]!r} leads out of --data-dir")
+        if _is_bag(path):
+            return path
     known = ", ".join(_known(folder)) or "none"
     raise DocumentError(f"no recording {name[:80]!r} in --data-dir ({folder}); known are {known}")
+
+
+def _places(folder: Path, wanted: str) -> Iterator[Path]:
+    """Where a name is looked for, in this order; it may begin with what MORAI calls the data folder."""
+    for name in dict.fromkeys((wanted, wanted.removeprefix(OWN_NAME + "/"))):
+        for base in (folder / FOLDER, folder):
+            for suffix in _SUFFIXES:
+                yield base / (name + suffix)
 
 
 def _is_bag(path: Path) -> bool:

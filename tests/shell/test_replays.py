@@ -247,6 +247,8 @@ def test_names_are_looked_for_in_the_data_folder(tmp_path: Path) -> None:
         "day\\c.bag": "day/c.bag",
         "folder": "folder",
         str(data / "b.mcap"): "b.mcap",
+        "SaveFile/b.mcap": "b.mcap",
+        "SaveFile/Replay/a": "Replay/a.bag",
     }.items():
         assert find_recording(data, name) == data / found
     with pytest.raises(
@@ -264,7 +266,17 @@ def test_names_that_lead_elsewhere_are_refused(tmp_path: Path) -> None:
     secret.touch()
     (data / "link.bag").symlink_to(secret)
     (data / "out").symlink_to(tmp_path)
-    for name in ("../secret", "../secret.bag", str(secret), "link", "out/secret.bag", "day/../../secret", "..", "/"):
+    for name in (
+        "../secret",
+        "../secret.bag",
+        str(secret),
+        "link",
+        "out/secret.bag",
+        "day/../../secret",
+        "..",
+        "/",
+        f"SaveFile/{secret}",
+    ):
         with pytest.raises(DocumentError, match="leads out of --data-dir"):
             find_recording(data, name)
     for name in ("", "  ", "a\0b", "a\nb", "x" * 500):
