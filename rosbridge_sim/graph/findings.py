@@ -95,7 +95,7 @@ class Findings:
         """A remark of its own."""
         text = op.msg or ""
         unknown, owned = _UNKNOWN.match(text), _OWNED.match(text)
-        if unknown is not None:
+        if unknown is not None and any(_package(key) == unknown[1] for key in ours):
             self._miss_package(unknown[1], ours)
         elif owned is not None:
             self.taken.clear()
@@ -107,11 +107,12 @@ class Findings:
             about = f" of {op.id}" if op.id else ""
             self.note(logging.WARNING, f"it says{about}: [{op.level}] {text}", now)
 
-    def judge_time(self, values: Values | None) -> None:
+    def miss_rosapi(self) -> None:
+        """Its rosapi had time enough to start, and does not answer."""
+        self.say_once("rosapi does not answer there: how far behind it is, and what of ours it lacks, is not seen")
+
+    def judge_time(self, values: Values) -> None:
         """Look at the time that it told: its spelling is that of its ROS generation."""
-        if values is None:
-            self.say_once("rosapi does not answer there: how far behind it is, and what of ours it lacks, is not seen")
-            return
         time = values.get("time")
         ours, theirs = self._ros, 3 - self._ros
         if isinstance(time, dict) and ("sec" in time or "secs" in time) and ("secs" in time) != (ours == 1):

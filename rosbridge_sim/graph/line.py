@@ -9,6 +9,7 @@ granted, and what waits to be sent has a bound (`Outbox`) and a brake (`Credit`)
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -34,6 +35,9 @@ PATIENCE = 2.0
 
 _MARK, _QUESTION = "mark:", "ask:"
 """What the ids of our calls begin with."""
+
+_NUMBER = re.compile(r"[0-9]{1,18}")
+"""What the ids of marks end with; whoever makes ids up may write more digits than a number can be read from."""
 
 Values = dict[str, Any]
 """The values of an answer; each is for whoever asked to check."""
@@ -159,10 +163,10 @@ class Line:
             return False
         number = op.id.removeprefix(_MARK)
         if number != op.id:
-            if op.result and number.isdecimal():
+            if not op.result:
+                self.credit.refuse(now)
+            elif _NUMBER.fullmatch(number):
                 self.credit.prove(int(number))
-            else:
-                self.credit.is_on = False
             self._wake()
             return True
         question = self._questions.pop(op.id, None)

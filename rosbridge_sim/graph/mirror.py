@@ -268,7 +268,7 @@ class Mirror:
     def _begin(self, line: Line, values: Values | None, now: float) -> None:
         """All of a line is announced, and handled if the far side answers."""
         line.is_ready = True
-        if not line.name:
+        if not line.name and values is not None:
             self._findings.judge_time(values)
         if not self._is_attached and all(one.is_ready for one in self.lines.values()):
             self._is_attached = True
@@ -373,20 +373,32 @@ class Mirror:
     # What it has of ours
 
     def _survey(self, now: float) -> None:
-        """Ask it for its lists; once more later, if something is missing."""
+        """Ask it for its lists; once more later, if something is missing, or nobody answers: rosapi may start later."""
         self._survey_at = None
         self._num_surveys += 1
         desk = self.lines[""]
+        is_final = self._num_surveys == len(SURVEYS)
 
         def hear_services(topics: Values, services: Values | None, now: float) -> None:
-            is_final = self._num_surveys == len(SURVEYS)
-            if services is None or self._findings.judge(topics, services, self._items, is_final=is_final) or is_final:
-                return
-            self._survey_at = now + SURVEYS[self._num_surveys]
+            if services is None:
+                miss(now)
+            elif not self._findings.judge(topics, services, self._items, is_final=is_final):
+                again(now)
 
         def hear_topics(topics: Values | None, now: float) -> None:
-            if topics is not None:
+            if topics is None:
+                miss(now)
+            else:
                 desk.ask("/rosapi/services", lambda services, now: hear_services(topics, services, now), now)
+
+        def miss(now: float) -> None:
+            if is_final:
+                self._findings.miss_rosapi()
+            again(now)
+
+        def again(now: float) -> None:
+            if not is_final:
+                self._survey_at = now + SURVEYS[self._num_surveys]
 
         desk.ask("/rosapi/topics", hear_topics, now)
 

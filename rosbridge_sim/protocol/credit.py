@@ -9,8 +9,9 @@ What a frame costs there was measured: some 0.28 ms, and 0.18 us a byte. So a fr
 
 A mark that is not answered for a while lets another half of a window out, the next one after twice that while, and so
 on: who is only slow is never buried, and who answers no calls at all still gets a trickle. An answer that comes later
-than that counts like any other. Who *refuses* the call has no such service: then there are no marks, and the socket
-alone holds us back.
+than that counts like any other. Who *refuses* the call has no such service: then there are no marks for a while, and
+the socket alone holds us back. It is tried again, ever more seldom: rosapi is a program of its own, and may come up
+after the bridge.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ class Credit:
     """What may still be sent on one socket.
 
     Attributes:
-        is_on: the far side answers marks, as far as we know; without them everything may be sent.
+        is_on: the far side answers marks, as far as we know; while it does not, everything may be sent.
         is_late: the last mark was not answered in time.
     """
 
@@ -74,6 +75,13 @@ class Credit:
         self._due = now + self._patience
         return self._num_marks
 
+    def refuse(self, now: float) -> None:
+        """A mark was refused: nobody there answers them, for a while."""
+        self.is_on = self.is_late = False
+        self._marks.clear()
+        self._due = now + self._patience
+        self._patience = min(MAX_PATIENCE, 2 * self._patience)
+
     def prove(self, number: int) -> None:
         """A mark was answered; all before it were handled, too."""
         while self._marks and self._marks[0][0] <= number:
@@ -88,13 +96,20 @@ class Credit:
     @property
     def due(self) -> float | None:
         """When `expire` has something to do [s]."""
-        return self._due if self.is_on else None
+        return self._due
 
     def expire(self, now: float) -> bool:
-        """Whether the answer to the last mark is overdue; some more may be sent then."""
-        if self.due is None or now < self.due:
+        """Whether the answer to the last mark is overdue; some more may be sent then.
+
+        Where marks were refused, they are tried again from now on.
+        """
+        if self._due is None or now < self._due:
             return False
         self._due = None
+        if not self.is_on:
+            self.is_on = True
+            self._allowed = self._sent + WINDOW
+            return False
         self._allowed = max(self._allowed, self._sent) + WINDOW // 2
         self._patience = min(MAX_PATIENCE, 2 * self._patience)
         self.is_late = True

@@ -131,6 +131,17 @@ def test_a_mark_follows_half_a_window_and_its_answer_wakes_the_line() -> None:
     assert [frame[:6] for frame in wire.sent()] == [b'{"op":', FAT[:6]]  # the next mark first
 
 
+@pytest.mark.parametrize("number", ["7", "²", "9" * 5_000, "-1", "1.5", ""])
+def test_an_answer_to_a_mark_that_was_never_made_proves_nothing(number: str) -> None:
+    wire = Wire()
+    for _ in range(4):
+        wire.line.offer("/t", FAT)
+    wire.sent()
+    wire.answer(f"mark:{number}")
+    assert wire.line.credit.is_on
+    assert FAT not in wire.sent()
+
+
 def test_silence_lets_more_out_and_wakes_the_line() -> None:
     wire = Wire()
     for _ in range(4):
@@ -144,7 +155,7 @@ def test_silence_lets_more_out_and_wakes_the_line() -> None:
 
 
 @pytest.mark.parametrize("mark", ["mark:1", "mark:x", "mark:"])
-def test_a_refused_or_odd_mark_ends_the_marks(mark: str) -> None:
+def test_a_refused_or_odd_mark_ends_the_marks_for_a_while(mark: str) -> None:
     wire = Wire()
     for _ in range(4):
         wire.line.offer("/t", FAT)
@@ -154,4 +165,7 @@ def test_a_refused_or_odd_mark_ends_the_marks(mark: str) -> None:
     for _ in range(10):
         wire.line.offer("/t", FAT)
         assert wire.sent() == [FAT]
-    assert wire.line.due is None
+    assert wire.line.due is not None
+    wire.line.expire(wire.line.due)  # they are tried again
+    wire.line.offer("/t", FAT)
+    assert len(wire.calls()) == 1

@@ -542,9 +542,26 @@ def test_a_far_side_without_rosapi_gets_everything_at_once(lines: Callable[[], l
     stand = Stand(has_rosapi=False)
     stand.attach()
     assert stand.num_attached == 1
-    assert sum("rosapi does not answer there" in line for line in lines()) == 1
     stand.flood(1_000)
     assert len(stand.far.ops("publish")) == 1_001  # and the plate
+    stand.run(until=sum(SURVEYS))
+    assert sum("rosapi does not answer there" in line for line in lines()) == 1
+
+
+def test_rosapi_that_starts_after_its_bridge_is_asked_all_the_same(lines: Callable[[], list[str]]) -> None:
+    """It is a program of its own: a bridge that was started again is dialled before it is there."""
+    stand = Stand(has_rosapi=False)
+    deaf(stand, "/honk")
+    stand.attach()
+    stand.flood(1_000)
+    Rosapi(stand.far.bus)
+    stand.run(until=sum(SURVEYS) + PATIENCE)
+    said = lines()
+    assert any("does not know the package std_srvs" in line for line in said)
+    assert not any("rosapi" in line for line in said)
+    num_marks = len(stand.far.ops("call_service"))
+    stand.flood(1_000)
+    assert len(stand.far.ops("call_service")) > num_marks  # from now on it is known how far it is
 
 
 def test_a_far_side_that_answers_nothing_is_attached_all_the_same() -> None:
@@ -628,6 +645,16 @@ def test_a_status_about_a_package_is_the_same_line(stand: Stand, lines: Callable
         stand.receive({"op": "status", "level": "error", "msg": text, "id": f"advertise:{name}"})
     (line,) = lines()
     assert "it does not know the package std_msgs, and so not /state, /plate, /pedal: build the package" in line
+
+
+def test_a_package_of_which_we_have_nothing_is_told_in_its_own_words(
+    stand: Stand, lines: Callable[[], list[str]]
+) -> None:
+    """What ours is made of, or something of somebody else's."""
+    lines()
+    text = "Unable to import geometry_msgs.msg from package geometry_msgs. Caused by: no module"
+    stand.receive({"op": "status", "level": "error", "msg": text, "id": "advertise:/state"})
+    assert lines() == [f"ws://far:9090: it says of advertise:/state: [error] {text}"]
 
 
 def test_a_simulator_that_is_there_already_is_one_line(lines: Callable[[], list[str]]) -> None:

@@ -45,14 +45,31 @@ def test_an_answer_proves_what_was_sent_before_its_mark() -> None:
     assert credit.is_spent
 
 
-def test_without_marks_everything_may_be_sent() -> None:
+def test_where_marks_are_refused_everything_may_be_sent_until_they_are_tried_again_ever_more_seldom() -> None:
     credit = Credit()
-    credit.is_on = False
-    spend(credit, 10)
-    assert not credit.is_spent
-    assert not credit.wants_mark
-    assert credit.due is None
-    assert not credit.expire(1e9)
+    now = 0.0
+    waits: list[float] = []
+    for _ in range(8):
+        spend(credit, 1)
+        assert credit.wants_mark
+        number = credit.mark(now)
+        credit.refuse(now)
+        spend(credit, 10)
+        assert not credit.is_spent
+        assert not credit.wants_mark
+        assert credit.due is not None
+        assert not credit.expire(credit.due - 0.1)
+        waits.append(credit.due - now)
+        now = credit.due
+        assert not credit.expire(now)
+        assert not credit.is_late
+    assert waits == sorted(waits)
+    assert (waits[0], waits[-1]) == (PATIENCE, MAX_PATIENCE)
+    spend(credit, 1)
+    credit.prove(credit.mark(now))  # there is somebody after all
+    credit.prove(number)
+    spend(credit, 2)
+    assert credit.is_spent
 
 
 def test_silence_lets_half_a_window_out_and_each_time_later() -> None:
