@@ -35,7 +35,7 @@ def check_url(text: str) -> str:
     parts = urllib.parse.urlsplit(url)
     if parts.scheme not in {"ws", "wss"} or not parts.hostname or parts.port == 0 or parts.fragment:
         raise ValueError
-    if not url.isprintable() or " " in url:
+    if not url.isprintable() or " " in url or (parts.username is None) != (parts.password is None):
         raise ValueError
     return url
 

@@ -25,7 +25,20 @@ def test_url_is_made_full(text: str, url: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "ws://", "ftp://h", "ws://h:0", "ws://h:65536", "ws://h:x", "ws://[::1", "a b", "ws://h#x", "h\x00"]
+    "text",
+    [
+        "",
+        "ws://",
+        "ftp://h",
+        "ws://h:0",
+        "ws://h:65536",
+        "ws://h:x",
+        "ws://[::1",
+        "a b",
+        "ws://h#x",
+        "h\x00",
+        "ws://me@h",
+    ],
 )
 def test_what_is_no_url_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"|.*"):
