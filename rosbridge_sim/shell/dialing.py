@@ -7,6 +7,7 @@ we dial are commands and calls of one client, and not the frames of hundreds.
 
 from __future__ import annotations
 
+import asyncio
 import os
 import socket
 import ssl
@@ -26,6 +27,9 @@ from rosbridge_sim.shell.urls import DEFAULT_PORT, shown_url
 
 __all__ = ["DialedSocket", "why_gone", "why_not"]
 
+MAX_UNREAD = 64 * 2**20
+"""Who reads nothing and goes on sending is left when so much waits for him [bytes]: each ping of his is answered."""
+
 
 class DialedSocket(ClientConnection):
     """A connection that hands each message to a callback, once `listen` was called; `recv` gives nothing.
@@ -40,6 +44,7 @@ class DialedSocket(ClientConnection):
         self._on_message: Callable[[bytes], None] | None = None
         self._early: list[bytes] = []  # what comes before somebody listens: nothing, but for a server that greets
         self._message = bytearray()
+        self._lingering: asyncio.TimerHandle | None = None
 
     def listen(self, on_message: Callable[[bytes], None]) -> None:
         """From now on, call `on_message` for each message; it may not raise."""
@@ -76,6 +81,20 @@ class DialedSocket(ClientConnection):
         """Take note that there is room again."""
         super().resume_writing()
         self.on_room()
+
+    def data_received(self, data: bytes) -> None:
+        """Take bytes. If the connection ends by them, the other side has a while to close it; the library waits on."""
+        super().data_received(data)
+        if self._lingering is None and self.close_timeout is not None and self.protocol.close_expected():
+            self._lingering = self.loop.call_later(self.close_timeout, self.transport.abort)
+        if self.paused and self.transport.get_write_buffer_size() > MAX_UNREAD:
+            self.transport.abort()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Take note that it is over."""
+        if self._lingering is not None:
+            self._lingering.cancel()
+        super().connection_lost(exc)
 
     def process_event(self, event: Event) -> None:
         """Take the messages that the library has read."""

@@ -13,6 +13,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.frames import CloseCode
 
 from rosbridge_sim.protocol.flow import BinaryFrame
+from rosbridge_sim.shell import dialing
 from rosbridge_sim.shell.dialing import DialedSocket, why_gone
 from tests.support import PATIENCE
 
@@ -20,11 +21,18 @@ Handler = Callable[[ServerConnection], Awaitable[None]]
 
 
 @asynccontextmanager
-async def dialled(handler: Handler, max_size: int = 10_000) -> AsyncIterator[DialedSocket]:
+async def dialled(handler: Handler, max_size: int = 10_000, close_timeout: float = 1.0) -> AsyncIterator[DialedSocket]:
     """A socket to a server that does as the handler says."""
     async with serve(handler, "127.0.0.1", 0, compression=None) as server:
         url = f"ws://127.0.0.1:{server.sockets[0].getsockname()[1]}"
-        socket = await connect(url, create_connection=DialedSocket, compression=None, max_size=max_size, proxy=None)
+        socket = await connect(
+            url,
+            create_connection=DialedSocket,
+            compression=None,
+            max_size=max_size,
+            close_timeout=close_timeout,
+            proxy=None,
+        )
         assert isinstance(socket, DialedSocket)
         yield socket
         await socket.close()
@@ -97,6 +105,45 @@ async def test_messages_go_out_in_order_as_text_and_binary() -> None:
         for message in messages:
             assert await asyncio.wait_for(got.get(), PATIENCE) == message
     assert not socket.has_room
+
+
+@pytest.mark.parametrize(
+    ("last", "said"),
+    [
+        (b"\x88\x02\x03\xe8", "the server has closed the connection (1000)"),
+        (b"\x83\x00", "the connection was given up: invalid opcode"),
+        (b"\x01\x01a" + b"\x00\x7e\x0f\xff" + bytes(4_095), "the connection was given up: frame"),
+    ],
+)
+async def test_a_server_that_breaks_off_and_hangs_on_is_left(last: bytes, said: str) -> None:
+    is_left = asyncio.Event()
+
+    async def hang(connection: ServerConnection) -> None:
+        connection.transport.pause_reading()
+        connection.transport.write(last)
+        await is_left.wait()
+        connection.transport.abort()
+
+    async with dialled(hang, max_size=4_000, close_timeout=0.1) as socket:
+        async with asyncio.timeout(PATIENCE):
+            await socket.wait_closed()
+        is_left.set()
+        assert isinstance(socket.protocol.close_exc, ConnectionClosed)
+        assert said in why_gone("ws://h", socket.protocol.close_exc)
+
+
+@pytest.mark.slow
+async def test_pings_from_a_server_that_reads_nothing_do_not_pile_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dialing, "MAX_UNREAD", 2**20)
+
+    async def ping(connection: ServerConnection) -> None:
+        connection.transport.pause_reading()
+        while not connection.transport.is_closing():
+            connection.transport.write((b"\x89\x7d" + bytes(125)) * 1_000)
+            await asyncio.sleep(0)
+
+    async with dialled(ping) as socket, asyncio.timeout(PATIENCE):
+        await socket.wait_closed()
 
 
 async def test_room_is_told_of_once_the_other_side_reads_again() -> None:
