@@ -2,7 +2,8 @@
 
 An `Attachment` is one bridge. What is said there is `graph/mirror.py`'s business; here are the sockets: a task for each
 line that the mirror wants dials, carries frames both ways until the socket ends, waits and dials again. The wait
-doubles from half a second up to a limit, and is short again once everything was announced.
+doubles from half a second up to a limit, and is short again after a connection on which everything was announced and
+that lasted longer than the wait before it.
 
 Nothing is sent faster than the socket takes it, nor than the far side is known to handle it (`protocol/credit.py`).
 """
@@ -187,6 +188,7 @@ class _Carrier:
         wait = FIRST_WAIT
         self._tell(logging.INFO, f"{self._attachment.url}: dialling")
         while not self._is_stopped:
+            began = self._loop.time()
             try:
                 was_ready, why = await self._connect_once()
             except Exception:  # noqa: BLE001 - our own bug: this connection is lost, and there will be another
@@ -195,7 +197,7 @@ class _Carrier:
                 was_ready, why = False, f"{self._attachment.url}: lost"
             if self._is_stopped:
                 return
-            if was_ready:
+            if was_ready and self._loop.time() - began > wait:  # and not lost at once, as it may be each time
                 wait = FIRST_WAIT
             # a line that was good and is lost may be the first of many: not yet told
             self._tell(
@@ -307,6 +309,8 @@ async def is_own_address(url: str, port: int, addresses: Sequence[str]) -> bool:
     is_everywhere = any(address.is_unspecified for address in ours)
     for *_, place in found:
         address = ipaddress.ip_address(str(place[0]).partition("%")[0])
+        if address.version == 6 and address.ipv4_mapped is not None:  # noqa: PLR2004 - IP's version
+            address = address.ipv4_mapped  # that is where the system goes
         # 0.0.0.0 is no place to go to: the system takes loopback for it
         if address in ours or (address.is_unspecified and any(one.is_loopback or one.is_unspecified for one in ours)):
             return True

@@ -254,6 +254,23 @@ async def test_departure_is_told_to_the_bridge() -> None:
         assert not [line for line in far_side.log if "Unknown operation" in line or "exception" in line.lower()]
 
 
+@pytest.mark.slow
+async def test_a_bridge_that_always_leaves_soon_is_dialled_ever_more_seldom(lines: Callable[[], list[str]]) -> None:
+    async def answer_and_leave(connection: ServerConnection) -> None:
+        async for text in connection:
+            op = json.loads(text)
+            if op["op"] == "call_service":
+                answer = {"op": "service_response", "service": "", "id": op["id"], "values": {}, "result": True}
+                await connection.send(json.dumps(answer))
+                if op["service"] == "/rosapi/get_time":  # everything is announced
+                    return
+
+    async with serve(answer_and_leave, "127.0.0.1", 0) as server:
+        url = f"ws://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+        async with attached(url):
+            await until(lambda: any("next try in 2 s" in line for line in lines()))
+
+
 # A far side that is not ours
 
 
@@ -395,6 +412,10 @@ async def test_own_server_is_not_dialled(host: str) -> None:
         ("ws://127.0.0.2:9090", [EVERYWHERE], True),
         ("ws://0.0.0.0:9090", [EVERYWHERE], True),
         ("ws://[::]:9090", ["::1"], True),
+        ("ws://[::ffff:127.0.0.1]:9090", ["127.0.0.1"], True),
+        ("ws://[::ffff:127.0.0.1]:9090", [EVERYWHERE], True),
+        ("ws://[::ffff:127.0.0.2]:9090", ["127.0.0.1"], False),
+        ("ws://[::]:9090", ["127.0.0.1"], True),
         ("ws://192.0.2.1:9090", [EVERYWHERE], False),
         ("ws://no.such.host.invalid:9090", [EVERYWHERE], False),
     ],
