@@ -219,9 +219,10 @@ class _Carrier:
                 ping_interval=limits.ping_interval,
                 ping_timeout=limits.ping_timeout,
                 max_size=limits.max_frame_size,
+                proxy=None,  # the environment's are for the web; a rosbridge is a machine of the laboratory
                 logger=quiet,
             )
-        except (OSError, ValueError, ImportError, WebSocketException) as error:
+        except (OSError, ValueError, WebSocketException) as error:
             return False, why_not(self._url, error, PATIENCE, flag="attach", token="?token=... in its URL")  # noqa: S106
         assert isinstance(dialed, DialedSocket)
         self._tell(logging.INFO, f"{self._attachment.url}: connected")

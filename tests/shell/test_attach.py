@@ -211,6 +211,15 @@ async def test_personality_is_that_of_serve(connect: Connect) -> None:
         assert set((await client.message("/clock"))["clock"]) == {"sec", "nanosec"}
 
 
+@pytest.mark.parametrize("proxy", ["http://127.0.0.1:1", "socks5://127.0.0.1:1"])
+async def test_the_environments_proxies_are_for_the_web(proxy: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("http_proxy", "https_proxy", "all_proxy"):
+        monkeypatch.setenv(name, proxy)
+    monkeypatch.delenv("no_proxy", raising=False)
+    async with gateway() as bridge, attached(bridge.url):
+        pass
+
+
 # A bridge that goes and comes
 
 

@@ -32,6 +32,14 @@ SHORT = "0.05"
 # No rosbridge
 
 
+async def test_the_environments_proxies_are_for_the_web(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("http_proxy", "https_proxy", "all_proxy"):
+        monkeypatch.setenv(name, "http://127.0.0.1:1")
+    monkeypatch.delenv("no_proxy", raising=False)
+    async with other_server(answering(topics=NAMES)) as url:
+        assert (await in_the_background("topic", "list", url=url)).code == 0
+
+
 async def test_nothing_listens() -> None:
     with socket.create_server(("127.0.0.1", 0)) as gone:
         url = f"ws://127.0.0.1:{gone.getsockname()[1]}"

@@ -84,8 +84,9 @@ async def open_bridge(url: str, token: str | None, patience: float) -> AsyncIter
             close_timeout=CLOSE_PATIENCE,
             ping_interval=None,  # a server that is busy with a long call answers no ping, and that is no fault
             max_size=MAX_SIZE,
+            proxy=None,  # the environment's are for the web
         )
-    except (OSError, ValueError, ImportError, WebSocketException) as error:  # ImportError: a SOCKS proxy needs more
+    except (OSError, ValueError, WebSocketException) as error:
         raise BridgeError(why_not(url, error, patience, flag="--url", token="--token")) from None  # noqa: S106 - a flag
     async with connection:
         try:
