@@ -11,6 +11,7 @@ Nothing is sent faster than the socket takes it, nor than the far side is known 
 from __future__ import annotations
 
 import asyncio
+import errno
 import ipaddress
 import logging
 import socket
@@ -26,8 +27,9 @@ from rosbridge_sim.graph.line import MARK, Line, Values
 from rosbridge_sim.graph.mirror import Mirror
 from rosbridge_sim.protocol.flow import OutboxLimits
 from rosbridge_sim.shell.dialing import DialedSocket, why_gone, why_not
+from rosbridge_sim.shell.lookup import Lookup
 from rosbridge_sim.shell.server import quiet
-from rosbridge_sim.shell.urls import shown_url
+from rosbridge_sim.shell.urls import port_of, shown_url
 
 __all__ = ["AttachLimits", "Attachment", "is_own_address"]
 
@@ -76,6 +78,7 @@ class Attachment:
         url: as people may read it.
         mirror: who stands for the far side on our bus.
         attached: done when everything was announced there for the first time.
+        lookup: finds its host, for all lines at once.
         num_bugs: frames whose handling failed by a fault of ours; each is in the log with its traceback.
     """
 
@@ -100,6 +103,7 @@ class Attachment:
             limits=limits.outbox,
             max_frame_size=limits.max_frame_size,
         )
+        self.lookup = Lookup(urlsplit(url).hostname or "")
         self._full_url = url
         self._limits = limits
         self._on_change = on_change
@@ -208,23 +212,10 @@ class _Carrier:
 
     async def _connect_once(self) -> tuple[bool, str]:
         """One connection from its beginning to its end: whether all was announced on it, and why it ended."""
-        limits = self._limits
         try:
-            dialed = await connect(
-                self._url,
-                create_connection=DialedSocket,
-                compression=None,
-                open_timeout=PATIENCE,
-                close_timeout=CLOSE_TIMEOUT,
-                ping_interval=limits.ping_interval,
-                ping_timeout=limits.ping_timeout,
-                max_size=limits.max_frame_size,
-                proxy=None,  # the environment's are for the web; a rosbridge is a machine of the laboratory
-                logger=quiet,
-            )
+            dialed = await self._dial()
         except (OSError, ValueError, WebSocketException) as error:
             return False, why_not(self._url, error, PATIENCE, flag="attach", token="?token=... in its URL")  # noqa: S106
-        assert isinstance(dialed, DialedSocket)
         self._tell(logging.INFO, f"{self._attachment.url}: connected")
         self._socket = dialed
         dialed.on_room = self._carry
@@ -242,6 +233,40 @@ class _Carrier:
         closed = dialed.protocol.close_exc
         assert isinstance(closed, ConnectionClosed)
         return was_ready, why_gone(self._url, closed)
+
+    async def _dial(self) -> DialedSocket:
+        """A connection to the first of the host's addresses that has one for us.
+
+        Raises:
+            OSError: the last of them has none.
+            ValueError: the URL is none.
+            WebSocketException: somebody else is there.
+        """
+        limits = self._limits
+        addresses = await self._attachment.lookup.addresses(PATIENCE)
+        for address in addresses:
+            try:
+                dialed = await connect(
+                    self._url,
+                    host=address,
+                    port=port_of(self._url),
+                    create_connection=DialedSocket,
+                    compression=None,
+                    open_timeout=PATIENCE,
+                    close_timeout=CLOSE_TIMEOUT,
+                    ping_interval=limits.ping_interval,
+                    ping_timeout=limits.ping_timeout,
+                    max_size=limits.max_frame_size,
+                    proxy=None,  # the environment's are for the web; a rosbridge is a machine of the laboratory
+                    logger=quiet,
+                )
+            except OSError:
+                if address == addresses[-1]:
+                    raise
+            else:
+                assert isinstance(dialed, DialedSocket)
+                return dialed
+        raise OSError(errno.EADDRNOTAVAIL, "the host has no address")
 
     def _tell(self, level: int, text: str) -> None:
         """Log what happens to the first line. The others mostly share its fate: theirs is told if it stands alone."""
@@ -297,19 +322,16 @@ async def is_own_address(url: str, port: int, addresses: Sequence[str]) -> bool:
         port: where we listen.
         addresses: on which addresses we do.
     """
-    parts = urlsplit(url)
-    if (parts.port or {"ws": 80, "wss": 443}[parts.scheme]) != port:
+    if port_of(url) != port:
         return False
-    loop = asyncio.get_running_loop()
     try:
-        async with asyncio.timeout(PATIENCE):
-            found = await loop.getaddrinfo(parts.hostname, port, type=socket.SOCK_STREAM)
-    except (OSError, UnicodeError, TimeoutError):
+        found = await Lookup(urlsplit(url).hostname or "").addresses(PATIENCE)
+    except (OSError, UnicodeError):
         return False
     ours = {ipaddress.ip_address(address) for address in addresses}
     is_everywhere = any(address.is_unspecified for address in ours)
-    for *_, place in found:
-        address = ipaddress.ip_address(str(place[0]).partition("%")[0])
+    for text in found:
+        address = ipaddress.ip_address(text.partition("%")[0])
         if address.version == 6 and address.ipv4_mapped is not None:  # noqa: PLR2004 - IP's version
             address = address.ipv4_mapped  # that is where the system goes
         # 0.0.0.0 is no place to go to: the system takes loopback for it

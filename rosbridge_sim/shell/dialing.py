@@ -135,6 +135,8 @@ def why_not(url: str, error: Exception, patience: float, *, flag: str, token: st
         why = "no TLS there, it seems; ws:// is without"
     elif isinstance(error, ConnectionRefusedError) or "Connect call failed" in str(error):
         why = "nothing listens there; is the server running?"
+    elif isinstance(error, socket.gaierror) and error.errno == socket.EAI_AGAIN:
+        why = "no name server answers, to say where that host is"
     elif isinstance(error, (socket.gaierror, UnicodeError)):
         why = "there is no such host"
     elif isinstance(error, OSError) and not isinstance(error, ConnectionError):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import urllib.parse
 
-__all__ = ["DEFAULT_PORT", "check_url", "full_url", "shown_url"]
+__all__ = ["DEFAULT_PORT", "check_url", "full_url", "port_of", "shown_url"]
 
 DEFAULT_PORT = 9090
 
@@ -38,6 +38,12 @@ def check_url(text: str) -> str:
     if not url.isprintable() or " " in url or (parts.username is None) != (parts.password is None):
         raise ValueError
     return url
+
+
+def port_of(url: str) -> int:
+    """The port that a full URL leads to."""
+    parts = urllib.parse.urlsplit(url)
+    return parts.port or {"ws": 80, "wss": 443}[parts.scheme]
 
 
 def shown_url(url: str) -> str:

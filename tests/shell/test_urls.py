@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rosbridge_sim.shell.urls import check_url, shown_url
+from rosbridge_sim.shell.urls import check_url, port_of, shown_url
 
 
 @pytest.mark.parametrize(
@@ -59,3 +59,8 @@ def test_what_is_no_url_is_refused(text: str) -> None:
 )
 def test_secrets_are_not_shown(url: str, shown: str) -> None:
     assert shown_url(url) == shown
+
+
+@pytest.mark.parametrize(("url", "port"), [("ws://h:1/x", 1), ("ws://h", 80), ("wss://[::1]?token=:2", 443)])
+def test_port_of_a_url(url: str, port: int) -> None:
+    assert port_of(url) == port
