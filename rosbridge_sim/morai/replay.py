@@ -163,6 +163,7 @@ class Replay(Part):
         """The world is to be its own again."""
         if self.state is not State.SIMULATING:
             _log.info("the replay has ended: the stage is needed")
+        self._was_paused &= self._node.sync.is_paused  # whoever pressed play since then wants the new scene to run
         self._happen(Event.EVICT, now)
 
     def see_off(self, owner: Owner, now: float) -> None:

@@ -214,6 +214,13 @@ def test_end_pauses_until_play_begins_again_or_stop_goes_back(client: Client, st
     assert client.tick()["vehicle_status"]["position"] == before
 
 
+def test_play_holds_when_a_scenario_ends_a_replay_that_began_paused(client: Client) -> None:
+    client.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
+    assert replay(client, PLAY, FILE, "drive")
+    assert client.ask("/Service_MoraiSL", file_name="parked", **ALL)["result"]
+    assert client.tick()["tick_status"]
+
+
 def test_paused_load_stands_at_its_first_frame(client: Client, tape: Tape) -> None:
     first = ego_values(tape)[0]
     assert replay(client, PAUSE, FILE, "drive")
