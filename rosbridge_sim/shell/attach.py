@@ -3,7 +3,7 @@
 An `Attachment` is one bridge. What is said there is `graph/mirror.py`'s business; here are the sockets: a task for each
 line that the mirror wants dials, carries frames both ways until the socket ends, waits and dials again. The wait
 doubles from half a second up to a limit, and is short again after a connection on which everything was announced and
-that lasted longer than the wait before it.
+that held for a while.
 
 Nothing is sent faster than the socket takes it, nor than the far side is known to handle it (`protocol/credit.py`).
 """
@@ -35,6 +35,9 @@ __all__ = ["AttachLimits", "Attachment", "is_own_address"]
 
 FIRST_WAIT = 0.5
 """After the first attempt that failed, or a connection that was good [s]."""
+
+HELD = 2.0
+"""A connection that is lost sooner may be so each time [s]."""
 
 PATIENCE = 5.0
 """How long the far side may take to answer the handshake [s]."""
@@ -201,7 +204,7 @@ class _Carrier:
                 was_ready, why = False, f"{self._attachment.url}: lost"
             if self._is_stopped:
                 return
-            if was_ready and self._loop.time() - began > wait:  # and not lost at once, as it may be each time
+            if was_ready and self._loop.time() - began > HELD:
                 wait = FIRST_WAIT
             # a line that was good and is lost may be the first of many: not yet told
             self._tell(
