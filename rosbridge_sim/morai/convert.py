@@ -17,7 +17,7 @@ from typing import Any, Final
 import numpy as np
 
 from rosbridge_sim.errors import FieldError
-from rosbridge_sim.morai.mgeo import RoadMap
+from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.releases import MANUAL, Profile
 from rosbridge_sim.schema.check import round32
 from rosbridge_sim.schema.store import Store

@@ -20,7 +20,7 @@ from rosbridge_sim.graph.bus import Call, Owner
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.convert import maker
 from rosbridge_sim.morai.ego import Ego
-from rosbridge_sim.morai.lights import light_type
+from rosbridge_sim.morai.maps.lights import light_type
 from rosbridge_sim.morai.outputs import Outputs
 from rosbridge_sim.morai.part import Part
 from rosbridge_sim.schema.check import round32

@@ -32,7 +32,7 @@ from rosbridge_sim.morai.outputs import Outputs
 from rosbridge_sim.morai.pace import Pace
 from rosbridge_sim.morai.part import Part
 from rosbridge_sim.morai.releases import MANUAL, Profile, SpeedLimits
-from rosbridge_sim.morai.scenario import Scenario
+from rosbridge_sim.morai.scenarios.scenario import Scenario
 from rosbridge_sim.morai.stage import FIRST_EGO, MAX_ENTITIES, Library, Load, Stage
 from rosbridge_sim.morai.sync import Effect, Outcome, Sync
 from rosbridge_sim.world.state import STEP_NS, Gear, World

@@ -31,7 +31,7 @@ from rosbridge_sim.morai.captures import Archive, boxes_text, gps_text, imu_text
 from rosbridge_sim.morai.convert import maker
 from rosbridge_sim.morai.ego import GPS, IMU, SENSORS, Ego
 from rosbridge_sim.morai.frames import frame_prefix
-from rosbridge_sim.morai.globe import Globe
+from rosbridge_sim.morai.maps.globe import Globe
 from rosbridge_sim.morai.outputs import Outputs
 from rosbridge_sim.morai.part import Part
 from rosbridge_sim.world.sensors import Mounting, feel, find_boxes, locate

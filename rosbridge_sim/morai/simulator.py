@@ -9,9 +9,9 @@ from rosbridge_sim.morai.inputs import Inputs
 from rosbridge_sim.morai.network_settings import Networks
 from rosbridge_sim.morai.node import Node, NodeSettings
 from rosbridge_sim.morai.part import Part
-from rosbridge_sim.morai.recorded import Recordings
-from rosbridge_sim.morai.replay import Replay
-from rosbridge_sim.morai.scenario import Scenario
+from rosbridge_sim.morai.replays.recorded import Recordings
+from rosbridge_sim.morai.replays.replay import Replay
+from rosbridge_sim.morai.scenarios.scenario import Scenario
 from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.services import Services
 from rosbridge_sim.morai.stage import Library

@@ -18,9 +18,9 @@ from typing import Final, Protocol
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.morai.catalogue import DEFAULT_EGO, Model
 from rosbridge_sim.morai.commands import Pose
-from rosbridge_sim.morai.mgeo import RoadMap
+from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.releases import SpeedLimits
-from rosbridge_sim.morai.scenario import PhaseStart, Scenario, Spawn, place_on_roads, sort_phases
+from rosbridge_sim.morai.scenarios.scenario import PhaseStart, Scenario, Spawn, place_on_roads, sort_phases
 from rosbridge_sim.world.state import DT, Body, Gear, Kind, World
 from rosbridge_sim.world.traffic import keep_lane
 

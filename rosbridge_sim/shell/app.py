@@ -27,8 +27,8 @@ from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.morai.items import ListedItem
 from rosbridge_sim.morai.network_settings import NetworkSettings
 from rosbridge_sim.morai.node import Node, NodeSettings
-from rosbridge_sim.morai.recorded import Recordings
 from rosbridge_sim.morai.releases import LENIENCY, SPEED_LIMITS, choose_profile
+from rosbridge_sim.morai.replays.recorded import Recordings
 from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.protocol.flow import OutboxLimits
 from rosbridge_sim.schema.store import Store

@@ -24,8 +24,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from rosbridge_sim.errors import DocumentError, PeerError
-from rosbridge_sim.morai.recorded import Reading, Then
-from rosbridge_sim.morai.recording import Recording
+from rosbridge_sim.morai.replays.recorded import Reading, Then
+from rosbridge_sim.morai.replays.recording import Recording
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.archive import OWN_NAME
 from rosbridge_sim.shell.skim import LAYOUT, skim

@@ -14,8 +14,8 @@ from glob import escape
 from pathlib import Path
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.mgeo import MAP_FILES, RoadMap, read_map
-from rosbridge_sim.morai.scenario import Scenario, read_scenario
+from rosbridge_sim.morai.maps.mgeo import MAP_FILES, RoadMap, read_map
+from rosbridge_sim.morai.scenarios.scenario import Scenario, read_scenario
 from rosbridge_sim.schema.parse import parse_action, parse_message, parse_service
 from rosbridge_sim.shell.sources import looks_like_path
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from rosbridge_sim.morai.mgeo import RoadMap, read_map
+from rosbridge_sim.morai.maps.mgeo import RoadMap, read_map
 
 __all__ = ["KOREAN", "ROADRUNNER", "Files", "read"]
 

@@ -9,12 +9,12 @@ from typing import Any
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Answer, Bus, Owner, Topic
-from rosbridge_sim.morai.mgeo import Projection, RoadMap
+from rosbridge_sim.morai.maps.mgeo import Projection, RoadMap
 from rosbridge_sim.morai.network_settings import ItemKind, NetworkSettings, read_choices
 from rosbridge_sim.morai.node import NodeSettings
-from rosbridge_sim.morai.recorded import Recordings
 from rosbridge_sim.morai.releases import LENIENCY
-from rosbridge_sim.morai.scenario import Scenario, read_scenario
+from rosbridge_sim.morai.replays.recorded import Recordings
+from rosbridge_sim.morai.scenarios.scenario import Scenario, read_scenario
 from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.schema.store import Message, Store
 from rosbridge_sim.shell.storage import read_definitions

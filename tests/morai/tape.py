@@ -6,8 +6,8 @@ from typing import Any
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus, Owner, Topic
-from rosbridge_sim.morai.recorded import Reading, Then
-from rosbridge_sim.morai.recording import Recording
+from rosbridge_sim.morai.replays.recorded import Reading, Then
+from rosbridge_sim.morai.replays.recording import Recording
 from rosbridge_sim.schema.store import Message
 
 __all__ = ["Tape"]

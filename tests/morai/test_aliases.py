@@ -16,9 +16,9 @@ import pytest
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer
-from rosbridge_sim.morai.mgeo import RoadMap
+from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.node import NodeSettings
-from rosbridge_sim.morai.scenario import Scenario, read_scenario
+from rosbridge_sim.morai.scenarios.scenario import Scenario, read_scenario
 from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session

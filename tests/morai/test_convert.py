@@ -10,7 +10,7 @@ import pytest
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.morai.convert import Converter, gear_of, maker, time_text
-from rosbridge_sim.morai.mgeo import Projection, RoadMap
+from rosbridge_sim.morai.maps.mgeo import Projection, RoadMap
 from rosbridge_sim.morai.releases import FIELD, LENIENCY, MANUAL, RELEASES, Profile, choose_profile
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.storage import read_definitions

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from rosbridge_sim.errors import FieldError
-from rosbridge_sim.morai.scenario import read_scenario
+from rosbridge_sim.morai.scenarios.scenario import read_scenario
 from tests.morai.town import Crossroads
 
 STATUS, INSIDE, ALL = "/GetTrafficLightStatus", "/InsnStatus", "/IntscnTL_topic"

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.mgeo import RoadMap
-from rosbridge_sim.morai.scenario import Scenario, place_on_roads, read_scenario
+from rosbridge_sim.morai.maps.mgeo import RoadMap
+from rosbridge_sim.morai.scenarios.scenario import Scenario, place_on_roads, read_scenario
 from rosbridge_sim.morai.stage import WHOLE, LoadOptions, Stage
 from rosbridge_sim.shell.storage import DiskLibrary
 from rosbridge_sim.world.state import Gear, Kind, World

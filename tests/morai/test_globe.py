@@ -5,8 +5,8 @@ import logging
 import pytest
 from pyproj import Proj
 
-from rosbridge_sim.morai.globe import Globe, proj_text
-from rosbridge_sim.morai.mgeo import Projection, RoadMap, read_projection
+from rosbridge_sim.morai.maps.globe import Globe, proj_text
+from rosbridge_sim.morai.maps.mgeo import Projection, RoadMap, read_projection
 from rosbridge_sim.world.roads import Roads
 
 K_CITY = (302_459.942, 4_122_635.537, 28.991)

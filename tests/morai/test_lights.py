@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.lights import colour_of, light_type
+from rosbridge_sim.morai.maps.lights import colour_of, light_type
 from rosbridge_sim.world.plan import UNSET, Lamp, Plan
 from rosbridge_sim.world.signals import Signals
 from tests.morai.maps import KOREAN, ROADRUNNER, Files, light, read

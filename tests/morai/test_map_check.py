@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from rosbridge_sim.morai.map_check import describe_map, list_files
-from rosbridge_sim.morai.mgeo import find_map_mistakes, read_map
+from rosbridge_sim.morai.maps.map_check import describe_map, list_files
+from rosbridge_sim.morai.maps.mgeo import find_map_mistakes, read_map
 from tests.morai.maps import KOREAN, ROADRUNNER, Files, light, node
 
 

@@ -8,8 +8,8 @@ import runpy
 import numpy as np
 import pytest
 
-from rosbridge_sim.morai.lights import light_type
-from rosbridge_sim.morai.mgeo import RoadMap
+from rosbridge_sim.morai.maps.lights import light_type
+from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.world.network import Network
 from rosbridge_sim.world.plan import Lamp
 from rosbridge_sim.world.signals import Signals

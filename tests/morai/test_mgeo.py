@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.mgeo import FILES, RoadMap, read_map, read_projection
+from rosbridge_sim.morai.maps.mgeo import FILES, RoadMap, read_map, read_projection
 
 ROOT = Path(__file__).resolve().parents[2]
 TRACK = {name: (ROOT / "rosbridge_sim" / "data" / "maps" / "track" / name).read_bytes() for name in FILES}

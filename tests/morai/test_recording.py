@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai import recorded
 from rosbridge_sim.morai.convert import DEGREES, KMH, Converter, exact_quotient
-from rosbridge_sim.morai.recorded import Reading
-from rosbridge_sim.morai.recording import EGO_COLUMNS, OBJECT_COLUMNS, Recording
 from rosbridge_sim.morai.releases import FIELD, MANUAL, Profile
+from rosbridge_sim.morai.replays import recorded
+from rosbridge_sim.morai.replays.recorded import Reading
+from rosbridge_sim.morai.replays.recording import EGO_COLUMNS, OBJECT_COLUMNS, Recording
 from rosbridge_sim.world.state import Kind
 from tests.morai.stand import make_store
 

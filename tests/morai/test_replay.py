@@ -11,7 +11,7 @@ import pytest
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.morai.catalogue import find_model
 from rosbridge_sim.morai.releases import FIELD
-from rosbridge_sim.morai.replay_table import OF_A_BAG, OF_A_SOURCE, TABLE, Effect, Event, State
+from rosbridge_sim.morai.replays.replay_table import OF_A_BAG, OF_A_SOURCE, TABLE, Effect, Event, State
 from tests.morai.stand import ALL, Client, Stand, put_egos
 from tests.morai.tape import Tape
 

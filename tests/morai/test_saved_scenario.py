@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from rosbridge_sim.morai.mgeo import RoadMap
-from rosbridge_sim.morai.scenario import Scenario, Spawn, place_on_roads, read_scenario
-from rosbridge_sim.morai.scenario_check import find_oddities, place_draft, read_draft
+from rosbridge_sim.morai.maps.mgeo import RoadMap
+from rosbridge_sim.morai.scenarios.scenario import Scenario, Spawn, place_on_roads, read_scenario
+from rosbridge_sim.morai.scenarios.scenario_check import find_oddities, place_draft, read_draft
 from rosbridge_sim.morai.stage import Stage
 from rosbridge_sim.world.state import Gear, Kind, World
 from tests.morai.maps import ROADRUNNER, read

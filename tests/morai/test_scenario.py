@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.mgeo import FILES, read_map
-from rosbridge_sim.morai.scenario import Scenario, Spawn, place_on_roads, read_scenario
+from rosbridge_sim.morai.maps.mgeo import FILES, read_map
+from rosbridge_sim.morai.scenarios.scenario import Scenario, Spawn, place_on_roads, read_scenario
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import Gear, Kind, World
 from rosbridge_sim.world.step import step

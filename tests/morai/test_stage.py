@@ -8,7 +8,7 @@ import pytest
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.morai import stage as stage_module
 from rosbridge_sim.morai.catalogue import Model, find_model
-from rosbridge_sim.morai.scenario import Scenario, Spawn
+from rosbridge_sim.morai.scenarios.scenario import Scenario, Spawn
 from rosbridge_sim.morai.stage import WHOLE, LoadOptions, Stage
 from rosbridge_sim.world.state import Gear, Kind, World
 from tests.morai.stand import Shelf

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.morai.mgeo import RoadMap
+from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.node import NodeSettings
-from rosbridge_sim.morai.scenario import Scenario, read_scenario
+from rosbridge_sim.morai.scenarios.scenario import Scenario, read_scenario
 from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.shell.storage import DiskLibrary
 from rosbridge_sim.world.geometry import arc_lengths, nearest_on_polyline, point_at

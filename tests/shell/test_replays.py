@@ -18,9 +18,9 @@ from rosbags.typesys.store import Typestore
 
 from rosbridge_sim import DocumentError, Simulator
 from rosbridge_sim.morai.convert import Converter
-from rosbridge_sim.morai.recorded import Reading
-from rosbridge_sim.morai.recording import EGO_COLUMNS, Recording
 from rosbridge_sim.morai.releases import LENIENCY
+from rosbridge_sim.morai.replays.recorded import Reading
+from rosbridge_sim.morai.replays.recording import EGO_COLUMNS, Recording
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.bags import open_bag
 from rosbridge_sim.shell.recording import Scribe

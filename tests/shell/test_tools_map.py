@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from rosbridge_sim.morai.mgeo import read_map
+from rosbridge_sim.morai.maps.mgeo import read_map
 from rosbridge_sim.shell.tools.map_picture import draw_map
 from tests.morai.maps import KOREAN, ROADRUNNER
 from tests.shell.tooling import run

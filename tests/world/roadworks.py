@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rosbridge_sim.morai.mgeo import MAP_FILES, RoadMap, read_map
+from rosbridge_sim.morai.maps.mgeo import MAP_FILES, RoadMap, read_map
 from rosbridge_sim.world.geometry import FloatArray
 from rosbridge_sim.world.plan import Controller, Lamp, Light, Phase, Plan
 from rosbridge_sim.world.roads import Roads

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.map_check import describe_map, list_files
-from rosbridge_sim.morai.mgeo import find_map_mistakes, read_map
+from rosbridge_sim.morai.maps.map_check import describe_map, list_files
+from rosbridge_sim.morai.maps.mgeo import find_map_mistakes, read_map
 from rosbridge_sim.shell.storage import DiskLibrary, map_names, read_folder
 from rosbridge_sim.shell.tools.text import put, put_json, put_table, safe
 

@@ -15,8 +15,8 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.mgeo import RoadMap
-from rosbridge_sim.morai.scenario import Spawn
+from rosbridge_sim.morai.maps.mgeo import RoadMap
+from rosbridge_sim.morai.scenarios.scenario import Spawn
 from rosbridge_sim.world.geometry import FloatArray
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import Kind

@@ -12,9 +12,9 @@ from typing import Any, Final
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.catalogue import model_of_data_id
 from rosbridge_sim.morai.convert import KMH
-from rosbridge_sim.morai.mgeo import Projection, RoadMap
-from rosbridge_sim.morai.scenario import Scenario, Spawn
-from rosbridge_sim.morai.scenario_check import find_oddities, keys_near, place_draft, read_draft
+from rosbridge_sim.morai.maps.mgeo import Projection, RoadMap
+from rosbridge_sim.morai.scenarios.scenario import Scenario, Spawn
+from rosbridge_sim.morai.scenarios.scenario_check import find_oddities, keys_near, place_draft, read_draft
 from rosbridge_sim.morai.stage import DEFAULT_MAP
 from rosbridge_sim.shell.sources import PREFIX, hint, read_settings
 from rosbridge_sim.shell.storage import DiskLibrary

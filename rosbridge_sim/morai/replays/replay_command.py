@@ -7,8 +7,8 @@ from enum import IntEnum
 from typing import Any, Final
 
 from rosbridge_sim.errors import FieldError
-from rosbridge_sim.morai.puppets import EVERYBODY
-from rosbridge_sim.morai.replay_table import Event
+from rosbridge_sim.morai.replays.puppets import EVERYBODY
+from rosbridge_sim.morai.replays.replay_table import Event
 
 __all__ = ["Command", "Result", "read_command"]
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.catalogue import Model, default_model, find_model, model_of_data_id
-from rosbridge_sim.morai.scenario_document import (
+from rosbridge_sim.morai.scenarios.scenario_document import (
     EgoVehicle,
     EnuPosition,
     Follower,

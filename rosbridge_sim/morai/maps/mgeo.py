@@ -16,7 +16,7 @@ from pydantic import Field, TypeAdapter
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.documents import Coordinate, Document, find_mistakes, read_document
-from rosbridge_sim.morai.lights import (
+from rosbridge_sim.morai.maps.lights import (
     CROSSWALK_FILES,
     LIGHT_FILES,
     Crosswalk,
@@ -24,7 +24,7 @@ from rosbridge_sim.morai.lights import (
     read_crosswalks,
     read_lights,
 )
-from rosbridge_sim.morai.links import MAX_BYTES, find_lane_mistakes, read_lanes
+from rosbridge_sim.morai.maps.links import MAX_BYTES, find_lane_mistakes, read_lanes
 from rosbridge_sim.world.plan import Plan
 from rosbridge_sim.world.roads import Roads
 

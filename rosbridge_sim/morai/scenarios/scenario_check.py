@@ -18,9 +18,9 @@ import numpy as np
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.documents import Mistake, keys_beside, sort_keys
-from rosbridge_sim.morai.mgeo import RoadMap
-from rosbridge_sim.morai.scenario import Scenario, Spawn, place_on_roads, read_scenario, sort_phases
-from rosbridge_sim.morai.scenario_document import ScenarioDocument, find_scenario_mistakes
+from rosbridge_sim.morai.maps.mgeo import RoadMap
+from rosbridge_sim.morai.scenarios.scenario import Scenario, Spawn, place_on_roads, read_scenario, sort_phases
+from rosbridge_sim.morai.scenarios.scenario_document import ScenarioDocument, find_scenario_mistakes
 from rosbridge_sim.world.geometry import do_boxes_meet, nearest_on_polyline
 from rosbridge_sim.world.roads import Roads, ranges
 

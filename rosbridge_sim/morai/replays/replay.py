@@ -17,11 +17,11 @@ from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.convert import DEGREES, maker
 from rosbridge_sim.morai.outputs import Outputs
 from rosbridge_sim.morai.part import Part
-from rosbridge_sim.morai.puppets import EGO, EVERYBODY, Puppets
-from rosbridge_sim.morai.recorded import Reading, Recordings
-from rosbridge_sim.morai.recording import Recording
-from rosbridge_sim.morai.replay_command import Command, Result, read_command
-from rosbridge_sim.morai.replay_table import TABLE, Effect, Event, Outcome, State
+from rosbridge_sim.morai.replays.puppets import EGO, EVERYBODY, Puppets
+from rosbridge_sim.morai.replays.recorded import Reading, Recordings
+from rosbridge_sim.morai.replays.recording import Recording
+from rosbridge_sim.morai.replays.replay_command import Command, Result, read_command
+from rosbridge_sim.morai.replays.replay_table import TABLE, Effect, Event, Outcome, State
 from rosbridge_sim.world.geometry import quaternion
 from rosbridge_sim.world.state import STEP_NS
 

@@ -15,8 +15,8 @@ import numpy as np
 from pydantic_core import from_json
 
 from rosbridge_sim.morai.convert import KMH
-from rosbridge_sim.morai.lights import CROSSWALK_FILES, light_type, sort_files
-from rosbridge_sim.morai.mgeo import BORDER_FILES, FILES, MAP_FILES, RoadMap
+from rosbridge_sim.morai.maps.lights import CROSSWALK_FILES, light_type, sort_files
+from rosbridge_sim.morai.maps.mgeo import BORDER_FILES, FILES, MAP_FILES, RoadMap
 from rosbridge_sim.world.plan import Plan
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import DT

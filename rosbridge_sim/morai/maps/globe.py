@@ -11,7 +11,7 @@ import math
 from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
-from rosbridge_sim.morai.mgeo import Projection, RoadMap
+from rosbridge_sim.morai.maps.mgeo import Projection, RoadMap
 
 if TYPE_CHECKING:
     from pyproj import Transformer

@@ -27,7 +27,7 @@ from rosbridge_sim.morai.documents import (
     find_mistakes,
     read_document,
 )
-from rosbridge_sim.morai.links import MAX_BYTES, MAX_ENTRIES, Identifier, Lanes, read_line
+from rosbridge_sim.morai.maps.links import MAX_BYTES, MAX_ENTRIES, Identifier, Lanes, read_line
 from rosbridge_sim.world.geometry import FloatArray
 from rosbridge_sim.world.plan import Controller, Lamp, Light, Phase, Plan, Walk
 from rosbridge_sim.world.state import DT

@@ -15,7 +15,7 @@ import numpy as np
 
 from rosbridge_sim.morai.catalogue import default_model, find_model
 from rosbridge_sim.morai.ego import Ego
-from rosbridge_sim.morai.recording import EGO_COLUMNS, OBJECT_COLUMNS, Actor, Scene
+from rosbridge_sim.morai.replays.recording import EGO_COLUMNS, OBJECT_COLUMNS, Actor, Scene
 from rosbridge_sim.morai.stage import MAX_ENTITIES, Stage
 from rosbridge_sim.world.dynamics import place_ghost, show_ghosts
 from rosbridge_sim.world.state import Body, Kind, Snapshot, World

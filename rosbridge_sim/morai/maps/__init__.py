@@ -1,0 +1,1 @@
+"""MGeo maps: the files of a folder -> roads, lights and what is wrong with them."""
