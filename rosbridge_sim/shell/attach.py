@@ -14,6 +14,7 @@ import asyncio
 import errno
 import ipaddress
 import logging
+import math
 import socket
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -81,6 +82,7 @@ class Attachment:
         url: as people may read it.
         mirror: who stands for the far side on our bus.
         attached: done when everything was announced there for the first time.
+        connected_at: when the first line got the socket that it has [s], or had last.
         lookup: finds its host, for all lines at once.
         num_bugs: frames whose handling failed by a fault of ours; each is in the log with its traceback.
     """
@@ -107,6 +109,7 @@ class Attachment:
             max_frame_size=limits.max_frame_size,
         )
         self.lookup = Lookup(urlsplit(url).hostname or "")
+        self.connected_at = math.inf
         self._full_url = url
         self._limits = limits
         self._on_change = on_change
@@ -158,6 +161,7 @@ class _Carrier:
         self._socket: DialedSocket | None = None
         self._is_woken = False
         self._is_stopped = False
+        self._lost_at: float | None = None
         self._task = self._loop.create_task(self._keep())
 
     async def stop(self) -> None:
@@ -204,6 +208,8 @@ class _Carrier:
                 was_ready, why = False, f"{self._attachment.url}: lost"
             if self._is_stopped:
                 return
+            if was_ready:
+                self._lost_at = self._loop.time()
             if was_ready and self._loop.time() - began > HELD:
                 wait = FIRST_WAIT
             # a line that was good and is lost may be the first of many: not yet told
@@ -219,7 +225,7 @@ class _Carrier:
             dialed = await self._dial()
         except (OSError, ValueError, WebSocketException) as error:
             return False, why_not(self._url, error, PATIENCE, flag="attach", token="?token=... in its URL")  # noqa: S106
-        self._tell(logging.INFO, f"{self._attachment.url}: connected")
+        self._tell_connected()
         self._socket = dialed
         dialed.on_room = self._carry
         try:
@@ -278,6 +284,16 @@ class _Carrier:
         elif level >= logging.WARNING and self._mirror.lines[""].is_ready:
             text = text.removeprefix(f"{self._attachment.url}: ")
             self._mirror.note(level, f"the socket of {self._line.name}: {text}", self._loop.time())
+
+    def _tell_connected(self) -> None:
+        """Log that there is a socket; for others than the first, if theirs alone was lost meanwhile."""
+        lost_at, self._lost_at = self._lost_at, None
+        if not self._line.name:
+            self._attachment.connected_at = self._loop.time()
+            self._tell(logging.INFO, f"{self._attachment.url}: connected")
+        elif lost_at is not None and self._attachment.connected_at < lost_at and self._mirror.lines[""].is_open:
+            text = f"the socket of {self._line.name} was lost and made again"
+            self._mirror.note(logging.INFO, text, self._loop.time())
 
     def _receive(self, message: bytes) -> None:
         try:

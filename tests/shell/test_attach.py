@@ -193,6 +193,16 @@ async def test_the_loss_of_many_sockets_is_one_line(lines: Callable[[], list[str
 
 
 @pytest.mark.slow
+async def test_the_loss_of_one_socket_of_many_is_one_line(lines: Callable[[], list[str]]) -> None:
+    async with gateway() as bridge, attached(bridge.url, attach_sockets="per-topic") as sim:
+        (attachment,) = sim.attachments
+        (carrier,) = [one for line, one in attachment._carriers.items() if line.name == "topic /Ego_topic"]
+        assert carrier._socket is not None
+        carrier._socket.transport.abort()
+        await until(lambda: any("the socket of topic /Ego_topic was lost and made again" in line for line in lines()))
+
+
+@pytest.mark.slow
 async def test_a_bridge_that_takes_a_few_sockets_only_is_told_of_in_a_few_lines(lines: Callable[[], list[str]]) -> None:
     async with (
         gateway(max_clients=5) as bridge,
