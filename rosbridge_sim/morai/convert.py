@@ -26,6 +26,7 @@ from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import STEP_NS, Body, Gear, Kind, Mode, World
 
 __all__ = [
+    "EGO_TYPE",
     "KMH",
     "Control",
     "Converter",
@@ -63,7 +64,10 @@ def exact_quotient(product: FloatArray, factor: float) -> FloatArray:
 _MODES: Final = {0: Mode.PEDALS, 1: Mode.PEDALS, 2: Mode.SPEED, 3: Mode.ACCEL}
 """`longlCmdType`. 0 is what clients send who never set the field, and they drive by pedals."""
 
-_OBJECT_TYPES: Final = {Kind.EGO: -1, Kind.PEDESTRIAN: 0, Kind.VEHICLE: 1, Kind.OBSTACLE: 2}
+EGO_TYPE: Final = -1
+"""`type` of an ObjectStatus that is an ego."""
+
+_OBJECT_TYPES: Final = {Kind.EGO: EGO_TYPE, Kind.PEDESTRIAN: 0, Kind.VEHICLE: 1, Kind.OBSTACLE: 2}
 _LISTED: Final = (Kind.VEHICLE, Kind.PEDESTRIAN, Kind.OBSTACLE)
 """In the order of ObjectStatusList."""
 
@@ -162,14 +166,29 @@ class _Layout:
         rows: all of them, in the order of the lists.
         ends: where the lists end in `rows`.
         fixed: (unique_id, type, name, size) of each.
+        num_egos: in the world.
     """
 
-    def __init__(self, world: World, sized: Callable[[Body], Any]) -> None:
+    def __init__(
+        self, world: World, sized: Callable[[Body], Any], seen_from: tuple[int, UniqueId] | None = None
+    ) -> None:
+        """Lay out the objects.
+
+        Args:
+            world: read only.
+            sized: makes a size.
+            seen_from: the row of an ego who sees the other egos as well, and what gives their ids.
+        """
+        egos = world.rows(Kind.EGO)
+        self.num_egos = len(egos)
         by_kind = [world.rows(kind) for kind in _LISTED]
+        if seen_from is not None:
+            by_kind[0] = np.concatenate([by_kind[0], egos[egos != seen_from[0]]])
         self.rows: IntArray = np.concatenate(by_kind)
         self.ends = np.cumsum([len(rows) for rows in by_kind]).tolist()
+        id_of = seen_from[1] if seen_from else lambda row: int(world.uid[row])
         self.fixed = [
-            (int(world.uid[row]), _OBJECT_TYPES[Kind(world.kind[row])], world.names[row], sized(world.bodies[row]))
+            (id_of(row), _OBJECT_TYPES[Kind(world.kind[row])], world.names[row], sized(world.bodies[row]))
             for row in self.rows.tolist()
         ]
 
@@ -275,14 +294,17 @@ class Converter:
             *[round32(figure(world, row, lane)) for figure in self._ego_figures],
         )
 
-    def object_status_list(self, world: World, ego_row: int | None) -> Any:  # noqa: ANN401 - a generated struct
-        """Everybody but the egos, in order of spawning.
+    def object_status_list(self, world: World, ego_row: int | None, unique_id: UniqueId) -> Any:  # noqa: ANN401 - a generated struct
+        """Everybody but the ego itself, in order of spawning; the other egos come last among the vehicles.
 
         Args:
             world: read only.
-            ego_row: whom the nearest objects are near to, where their number is limited.
+            ego_row: whose list it is: whom the nearest objects are near to, where their number is limited.
+            unique_id: an ego's id on the wire, by its row.
         """
         layout = world.derived(self._lay_out)
+        if ego_row is not None and layout.num_egos > 1:
+            layout = _Layout(world, self._size, (ego_row, unique_id))
         rows, ends = layout.rows, layout.ends
         chosen = None
         limit = self.profile.object_limit

@@ -37,7 +37,7 @@ class States(Part):
 
     def _objects(self, ego: Ego) -> Any:  # noqa: ANN401 - a generated struct
         node = self._node
-        return node.convert.object_status_list(node.world, ego.row)
+        return node.convert.object_status_list(node.world, ego.row, node.unique_id)
 
     def _collisions(self, ego: Ego) -> Any:  # noqa: ANN401 - a generated struct
         node = self._node

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Final
 
+from rosbridge_sim.morai.convert import EGO_TYPE
 from rosbridge_sim.world.state import Kind
 
 __all__ = ["LAYOUT", "Skimmed", "skim"]
@@ -42,7 +43,7 @@ class Skimmed:
     Attributes:
         stamp_ns: of its header.
         pedals: the ego's part of a ReplayInfo, under the message's own names; None of an ObjectStatusList.
-        who: (unique_id, kind, name) of each object.
+        who: (unique_id, kind, name) of each object; an ego among them is left out, it has a topic of its own.
         figures: 13 float64 of each, as bytes.
     """
 
@@ -88,7 +89,7 @@ def _skim(raw: bytes, *, is_cdr: bool, has_pedals: bool) -> Skimmed:
         for _ in range(num):
             if is_cdr:
                 at = _align(at, origin, 4)
-            uid, _, size = _ENTRY.unpack_from(raw, at)
+            uid, type_number, size = _ENTRY.unpack_from(raw, at)
             at += 12
             name = raw[at : at + size - 1 if is_cdr and size else at + size].decode()
             at += size
@@ -98,8 +99,9 @@ def _skim(raw: bytes, *, is_cdr: bool, has_pedals: bool) -> Skimmed:
             at += _FIGURES
             if at > len(raw):
                 raise ValueError("too short")
-            who.append((uid, kind, name))
-            figures.append(entry)
+            if type_number != EGO_TYPE:
+                who.append((uid, kind, name))
+                figures.append(entry)
     return Skimmed(seconds * 1_000_000_000 + nanoseconds, pedals, who, b"".join(figures))
 
 

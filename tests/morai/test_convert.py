@@ -43,7 +43,7 @@ def ego(world: World, profile: Profile = MANUAL) -> dict[str, Any]:
 
 
 def objects(world: World, profile: Profile = MANUAL) -> dict[str, Any]:
-    return shown("ObjectStatusList", Converter(make_store(), profile).object_status_list(world, world.row(0)))
+    return shown("ObjectStatusList", Converter(make_store(), profile).object_status_list(world, world.row(0), int))
 
 
 def test_the_ego_is_in_metres_degrees_and_its_own_frame() -> None:
@@ -115,7 +115,7 @@ def test_who_comes_and_goes_is_listed_at_once() -> None:
     converter = Converter(make_store())
 
     def names() -> list[str]:
-        listed = shown("ObjectStatusList", converter.object_status_list(world, 0))
+        listed = shown("ObjectStatusList", converter.object_status_list(world, 0, int))
         return [one["name"] for one in listed["npc_list"] + listed["obstacle_list"]]
 
     assert names() == ["other", "near", "box"]

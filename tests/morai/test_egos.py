@@ -9,6 +9,7 @@ import pytest
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError
 from rosbridge_sim.morai.node import MAX_EGOS
+from rosbridge_sim.morai.releases import Profile
 from rosbridge_sim.morai.stage import FIRST_EGO
 from rosbridge_sim.world.state import Kind
 from tests.morai.stand import ALL, Client, Stand, rates
@@ -42,6 +43,39 @@ def two_egos(**settings: Any) -> tuple[Stand, Client]:  # noqa: ANN401 - NodeSet
     client = stand.client()
     put(client, 2, global_position_y=[10.0])
     return stand, client
+
+
+# Who sees whom
+
+
+def test_each_ego_sees_the_others_as_vehicles_of_their_own_type() -> None:
+    stand, client = two_egos(start="sync")
+    put(client, 3, global_position_x=[-20.0])
+    client.listen("/Object_topic", "/Ego-2/Object_topic")
+    client.start()
+    client.tick()
+    for topic, expected in (
+        ("/Object_topic", [(2, 0.0, 10.0), (3, -20.0, 0.0)]),
+        ("/Ego-2/Object_topic", [(0, -5.0, 0.0), (3, -20.0, 0.0)]),
+    ):
+        (listed,) = client.messages(topic)
+        egos = [one for one in listed["npc_list"] if one["type"] == -1]
+        assert [(one["unique_id"], one["position"]["x"], one["position"]["y"]) for one in egos] == expected
+        assert listed["num_of_npcs"] == len(listed["npc_list"])
+    client.ask("/Service_MoraiSL", file_name="parked", **ALL)
+    client.tick()
+    assert client.messages("/Object_topic")[-1]["npc_list"] == []
+    assert len(stand.node.egos) == 1
+
+
+def test_the_nearest_may_be_an_ego() -> None:
+    _, client = two_egos(start="sync", profile=Profile(object_limit=1))
+    assert client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)["result"]
+    client.send("/SyncModeAddObj", "morai_msgs/SyncModeAddObj", name="Box", position={"x": 500.0})
+    client.listen("/Object_topic")
+    client.tick()
+    (listed,) = client.messages("/Object_topic")
+    assert [one["type"] for name in ("npc_list", "obstacle_list") for one in listed[name]] == [-1]
 
 
 # The first ego

@@ -21,6 +21,7 @@ VECTORS = st.fixed_dictionaries(dict.fromkeys("xyz", st.floats(allow_nan=False))
 STATUSES = st.fixed_dictionaries(
     {
         "unique_id": st.integers(-(2**31), 2**31 - 1),
+        "type": st.integers(-1, 2),
         "name": st.text(st.characters(blacklist_characters="\0", blacklist_categories=["Cs"]), max_size=9),
         "heading": st.floats(allow_nan=False),
         "velocity": VECTORS,
@@ -61,7 +62,7 @@ def test_it_finds_what_the_library_finds(fields: dict[str, Any], ros: Literal[1,
     raw, message = encode(ros, name, fields)
     found = skim(raw, is_cdr=ros == 2, has_pedals=name == "ReplayInfo")
     lists = ((Kind.VEHICLE, "npc_list"), (Kind.PEDESTRIAN, "pedestrian_list"), (Kind.OBSTACLE, "obstacle_list"))
-    everybody = [(kind, one) for kind, key in lists for one in getattr(message, key)]
+    everybody = [(kind, one) for kind, key in lists for one in getattr(message, key) if one.type != -1]
     assert found.who == [(one.unique_id, kind, one.name) for kind, one in everybody]
     figures = [(one.heading, *[getattr(part, axis) for part in _parts(one) for axis in "xyz"]) for _, one in everybody]
     assert list(struct.iter_unpack("<13d", found.figures)) == figures

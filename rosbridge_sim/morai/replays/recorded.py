@@ -19,7 +19,7 @@ from typing import Any, Final, Protocol
 import numpy as np
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.convert import DEGREES, KMH, Converter, exact_quotient
+from rosbridge_sim.morai.convert import DEGREES, EGO_TYPE, KMH, Converter, exact_quotient
 from rosbridge_sim.morai.replays.recording import EGO_COLUMNS, OBJECT_COLUMNS, Actor, EgoTrack, ObjectTrack, Recording
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.state import MAX_COORDINATE, MAX_SPEED, Kind
@@ -124,7 +124,7 @@ class Reading:
         )
 
     def take_objects(self, message: Any, stamps: Stamps) -> None:  # noqa: ANN401 - whatever has the fields
-        """The lists of an ObjectStatusList or ReplayInfo.
+        """The lists of an ObjectStatusList or ReplayInfo; an ego among them is left out, it has a topic of its own.
 
         Raises:
             DocumentError: it has become too much.
@@ -133,6 +133,8 @@ class Reading:
         figures = array("d")
         for name, kind in _LISTS:
             for one in getattr(message, name, ()):
+                if getattr(one, "type", None) == EGO_TYPE:  # a stranger's definition may lack it
+                    continue
                 velocity, accel, size, place = one.velocity, one.acceleration, one.size, one.position
                 who.append((one.unique_id, kind, one.name))
                 figures.extend(
