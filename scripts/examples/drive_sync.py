@@ -18,8 +18,9 @@ A path file holds a point a line, `x y z` in metres, blanks or tabs between; wha
 Points are in the map's frame; with `--from-car` they are relative to where the car stands, x ahead of it and y to
 its left.
 
-Needs nothing but roslibpy. Exit codes: 0 driven, 1 refused or the server is gone, 2 a mistake in an argument,
-130 interrupted. However it ends, the car brakes and synchronous mode is off, as far as the server still listens.
+Needs nothing but roslibpy. Exit codes: 0 driven, 1 refused, the server is gone or roslibpy is not there, 2 a mistake
+in an argument, 130 interrupted. However it ends, the car brakes and synchronous mode is off, as far as the server
+still listens.
 """
 
 from __future__ import annotations
@@ -34,7 +35,10 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Self
 
-import roslibpy
+try:
+    import roslibpy
+except ModuleNotFoundError:
+    sys.exit("drive_sync: needs roslibpy, which is not here: python -m pip install roslibpy")
 
 DRIVE = 4  # a gear, as SyncModeSetGear counts them: 1 P, 2 R, 3 N, 4 D
 PEDALS, SPEED = 1, 2  # longlCmdType: what of a CtrlCmd counts

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 import signal
 import subprocess
@@ -151,3 +152,17 @@ def test_a_path_far_away_is_refused(simulator: Place, tmp_path: Path) -> None:
     code, _, err = run(simulator, "--path", str(write([(5e5, 5e5), (6e5, 6e5)], tmp_path / "path.txt")))
     assert code == 1
     assert re.fullmatch(r"drive_sync: the path starts \d+ m away from the car; --from-car would lay it there\n", err)
+
+
+def test_without_its_library_it_says_what_to_install(tmp_path: Path) -> None:
+    (tmp_path / "roslibpy.py").write_text("raise ModuleNotFoundError\n")
+    done = subprocess.run(
+        [sys.executable, str(EXAMPLE), "--path", "none"],
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert done.stderr == "drive_sync: needs roslibpy, which is not here: python -m pip install roslibpy\n"
