@@ -161,23 +161,14 @@ class Ego:
         Raises:
             ValueError: beyond all bounds. Nothing has moved.
         """
-        dynamics.place_ghost(
-            self._world,
-            self.row,
-            x=pose.x,
-            y=pose.y,
-            z=pose.z,
-            yaw=pose.yaw,
-            speed=pose.speed,
-            roll=pose.roll,
-            pitch=pose.pitch,
-        )
+        self._place(pose, pose.speed, is_ghost=True)
         if pose.steer is not None:
             dynamics.turn_wheels(self._world, self.row, pose.steer)
         self.forget_status()
 
-    def _place(self, pose: Pose, speed: float) -> None:
-        dynamics.teleport(
+    def _place(self, pose: Pose, speed: float, *, is_ghost: bool = False) -> None:
+        place = dynamics.place_ghost if is_ghost else dynamics.teleport
+        place(
             self._world,
             self.row,
             x=pose.x,

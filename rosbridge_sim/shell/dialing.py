@@ -12,7 +12,6 @@ import os
 import socket
 import ssl
 from collections.abc import Callable, Sequence
-from struct import pack
 from typing import Any
 
 from websockets.asyncio.client import ClientConnection
@@ -21,7 +20,7 @@ from websockets.frames import DATA_OPCODES, Frame
 from websockets.protocol import Event, State
 from websockets.speedups import apply_mask
 
-from rosbridge_sim.protocol.flow import BinaryFrame
+from rosbridge_sim.shell.direct import head_of
 from rosbridge_sim.shell.tools.text import safe
 from rosbridge_sim.shell.urls import DEFAULT_PORT, shown_url
 
@@ -66,15 +65,8 @@ class DialedSocket(ClientConnection):
         keys = os.urandom(4 * len(messages))
         parts: list[bytes] = []
         for i, message in enumerate(messages):
-            size, key = len(message), keys[4 * i : 4 * i + 4]
-            first = 0x82 if type(message) is BinaryFrame else 0x81
-            if size < 126:  # noqa: PLR2004 - RFC 6455 section 5.2, three forms of the length, with the mask's bit
-                parts.append(pack("!BB", first, 0x80 | size))
-            elif size < 2**16:
-                parts.append(pack("!BBH", first, 0xFE, size))
-            else:
-                parts.append(pack("!BBQ", first, 0xFF, size))
-            parts += (key, apply_mask(message, key))
+            key = keys[4 * i : 4 * i + 4]
+            parts += (head_of(message, mask_bit=0x80), key, apply_mask(message, key))
         self.transport.write(b"".join(parts))
 
     def resume_writing(self) -> None:

@@ -25,7 +25,7 @@ from websockets.speedups import apply_mask
 
 from rosbridge_sim.protocol.flow import BinaryFrame
 
-__all__ = ["DirectSocket"]
+__all__ = ["DirectSocket", "head_of"]
 
 MESSAGES_PER_TURN = 64
 """Messages of one client that are handled before others have their turn; some 1 ms of work."""
@@ -44,6 +44,22 @@ _WHOLE = _TEXT, _BINARY = 0x81, 0x82
 
 def _ignore() -> None:
     """Nobody listens yet."""
+
+
+def head_of(message: bytes, mask_bit: int = 0) -> bytes:
+    """What stands before a whole message in its frame: `BinaryFrame` is binary, all else is text.
+
+    Args:
+        message: as it is before it is masked.
+        mask_bit: 0x80 where the mask's key follows, which is what clients send.
+    """
+    size = len(message)
+    first = _BINARY if type(message) is BinaryFrame else _TEXT
+    if size < 126:  # noqa: PLR2004 - RFC 6455 section 5.2, three forms of the length
+        return pack("!BB", first, mask_bit | size)
+    if size < 2**16:
+        return pack("!BBH", first, mask_bit | 126, size)
+    return pack("!BBQ", first, mask_bit | 127, size)
 
 
 class DirectSocket(ServerConnection):
@@ -88,15 +104,7 @@ class DirectSocket(ServerConnection):
             parts = protocol.data_to_send()
             messages = ()
         for message in messages:
-            size = len(message)
-            first = _BINARY if type(message) is BinaryFrame else _TEXT
-            if size < 126:  # noqa: PLR2004 - RFC 6455 section 5.2, three forms of the length
-                parts.append(pack("!BB", first, size))
-            elif size < 2**16:
-                parts.append(pack("!BBH", first, 126, size))
-            else:
-                parts.append(pack("!BBQ", first, 127, size))
-            parts.append(message)
+            parts += (head_of(message), message)
         if len(parts) == 2 and len(parts[1]) >= LARGE:  # noqa: PLR2004 - one message
             transport.writelines(parts)
             return len(parts[0]) + len(parts[1])

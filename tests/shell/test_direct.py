@@ -136,7 +136,8 @@ async def test_frames_right_behind_the_handshake_are_heard(cut: int) -> None:
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
         for piece in (data[:cut], data[cut:]):
             writer.write(piece)
-            await asyncio.sleep(0.001)
+            await writer.drain()
+            await asyncio.sleep(0)
         writer.write(frame(Opcode.CLOSE, b"\x03\xe8"))
         await reader.read()
         writer.close()
