@@ -17,8 +17,8 @@ from pathlib import Path
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # works from a fresh clone, too
 
-from rosbridge_sim.__main__ import main  # noqa: E402
-from rosbridge_sim.shell import app  # noqa: E402
+from rosbridge_sim.__main__ import main
+from rosbridge_sim.shell import app
 
 
 class _Counting(app.Simulator):

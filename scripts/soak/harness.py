@@ -49,7 +49,7 @@ __all__ = [
 ROOT = Path(__file__).resolve().parents[2]
 
 PATIENCE = 30.0
-"""How long an answer or an end is waited for [s]: a server that works never takes so long, on however busy a machine."""
+"""How long an answer or an end is waited for [s]: never reached by a server that works, on however busy a machine."""
 
 Frame = dict[str, Any]
 """A frame as the JSON object that it holds: its values are whatever the server says."""
@@ -175,11 +175,19 @@ class WatchedServer:
         times = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
         return Figures(
             memory=int(fields["VmRSS"].split()[0]) / 1024,
-            descriptors=len(os.listdir(f"/proc/{self.pid}/fd")),
+            descriptors=len(list(Path(f"/proc/{self.pid}/fd").iterdir())),
             threads=int(fields["Threads"]),
             tasks=self._count_tasks(),
             cpu=(int(times[11]) + int(times[12])) / os.sysconf("SC_CLK_TCK"),  # proc(5): utime and stime
         )
+
+    def open_files(self) -> Counter[str]:
+        """What its descriptors lead to, sockets and pipes without their numbers."""
+        found = Counter[str]()
+        for path in Path(f"/proc/{self.pid}/fd").iterdir():
+            with suppress(OSError):
+                found[str(path.readlink()).partition(":[")[0]] += 1
+        return found
 
     def limit(self, kind: int, value: int) -> None:
         """Set a resource limit (`resource.RLIMIT_...`) of the running process."""
@@ -371,7 +379,8 @@ class Client:
         """
         self.num_calls += 1
         mark = f"call-{self.num_calls}"
-        future = self._waiting[mark] = asyncio.get_running_loop().create_future()
+        future: asyncio.Future[Frame] = asyncio.get_running_loop().create_future()
+        self._waiting[mark] = future
         try:
             await self.send(op, id=mark, **fields)
             async with asyncio.timeout(PATIENCE):
@@ -455,7 +464,8 @@ class Client:
     def _take(self, data: str | bytes) -> None:
         if isinstance(data, bytes):
             self.num_heard["binary"] += 1
-            self.on_op.get("binary", lambda _: None)({"data": data})
+            if "binary" in self.on_op:
+                self.on_op["binary"]({"data": data})
             return
         frame: Frame = orjson.loads(data)
         op = frame["op"]
@@ -466,8 +476,9 @@ class Client:
                 wanted.set_result(frame["msg"])
         elif op == "status":
             self.told.append(frame["msg"])
-        elif (waiting := self._waiting.get(frame.get("id", ""))) is not None and not waiting.done():
-            if op in {"service_response", "action_result"}:
+        elif op in {"service_response", "action_result"}:
+            waiting = self._waiting.get(frame.get("id", ""))
+            if waiting is not None and not waiting.done():
                 waiting.set_result(frame)
         if op in self.on_op:
             self.on_op[op](frame)
