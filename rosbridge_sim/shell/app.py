@@ -112,7 +112,8 @@ class Simulator:
         if self._server is None or self._clockwork is None:
             return 0
         num_frames = self._server.num_bugs + sum(attachment.num_bugs for attachment in self.attachments)
-        return num_frames + self._clockwork.is_failed
+        is_standing = self.node is not None and self.node.failure is not None
+        return num_frames + (self._clockwork.is_failed or is_standing)
 
     async def __aenter__(self) -> Self:
         await self.start()
@@ -154,6 +155,8 @@ class Simulator:
         clockwork = Clockwork(loop, bus, clocks, self._give_up)
         recordings.on_done = clockwork.look
         server = Server(bus, limits, clockwork.look)
+        if node is not None:
+            server.why_unhealthy = lambda: node.failure
         if settings.listen:
             try:
                 await server.start(settings.host, settings.port, certificate)
@@ -210,7 +213,7 @@ class Simulator:
             self._recorder.stop()
 
     async def wait(self) -> None:
-        """Wait until the world fails, which it never should.
+        """Wait until the world fails, which it never should; with `on_world_failure="serve"`, for ever.
 
         Raises:
             WorldFailedError: it has.
@@ -256,6 +259,7 @@ def _make_node(bus: Bus, settings: Settings, recordings: Recordings | None) -> N
         sync_lease=settings.sync_lease,
         sync_on_loss=settings.sync_on_loss,
         anyone_may_stop=settings.anyone_may_stop,
+        on_world_failure=settings.on_world_failure,
     )
     scenario = library.opening_scenario(settings.scenario)
     return make_node(

@@ -204,6 +204,7 @@ class Server:
     Attributes:
         clients: who is connected now, in order of arrival.
         on_clients: called when somebody has come or gone.
+        why_unhealthy: asked for `/healthz`: why the server does not do all that it should; None where it does.
         num_bugs: frames whose handling failed by a fault of ours; each is in the log with its traceback.
         port: the real port, once started.
         addresses: on which it listens, without the port.
@@ -220,6 +221,7 @@ class Server:
         """
         self.clients: dict[Client, None] = {}
         self.on_clients: Callable[[], None] = lambda: None
+        self.why_unhealthy: Callable[[], str | None] = lambda: None
         self.num_bugs = 0
         self.port = 0
         self.addresses: tuple[str, ...] = ()
@@ -300,6 +302,9 @@ class Server:
         """Plain HTTP: None lets the WebSocket handshake go on."""
         path = request.path.partition("?")[0]
         if path == "/healthz":
+            why = self.why_unhealthy()
+            if why is not None:
+                return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, f"{why}\n")
             return connection.respond(HTTPStatus.OK, "ok\n")
         if path not in {"", "/"}:
             return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; rosbridge is at /\n")

@@ -172,6 +172,12 @@ class Settings:
         "run", _WORLD, choice_of("run", "sync"), "run in real time, or stand at frame 0 until a first master comes"
     )
     seed: int = _flag(0, _WORLD, whole_number(0, 2**32 - 1), "of all chance in the world")
+    on_world_failure: Literal["exit", "serve"] = _flag(
+        "exit",
+        _WORLD,
+        choice_of("exit", "serve"),
+        "after a bug of ours in a step of the world: end with code 1, or go on serving clients without the world",
+    )
 
     publishers: Mapping[str, Choice] = _flag(
         cast("Mapping[str, Choice]", {}),
