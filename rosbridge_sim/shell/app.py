@@ -37,6 +37,7 @@ from rosbridge_sim.shell.archive import DiskArchive
 from rosbridge_sim.shell.clockwork import Clock, Clockwork
 from rosbridge_sim.shell.kinds import URLS
 from rosbridge_sim.shell.networks import DiskNetworks
+from rosbridge_sim.shell.quota import DataQuota, in_thread
 from rosbridge_sim.shell.replays import DiskRecordings
 from rosbridge_sim.shell.reports import TOPICS, Reports
 from rosbridge_sim.shell.server import Server, ServerLimits
@@ -92,6 +93,7 @@ class Simulator:
         self._reports: Reports | None = None
         self._recorder: Recorder | None = None
         self._recordings: DiskRecordings | None = None
+        self._quota: DataQuota | None = None
         self._stopping: asyncio.Task[None] | None = None
 
     @property
@@ -150,7 +152,12 @@ class Simulator:
         loop = asyncio.get_running_loop()
         recordings = DiskRecordings(settings.data_dir, texts, loop)
         republisher = Republisher(bus)
-        node = _make_node(bus, settings, recordings) if settings.world else None
+        node: Node | None = None
+        if settings.world:
+            self._quota = DataQuota(
+                settings.data_dir, settings.data_quota, settings.data_quota_files, aside=in_thread(loop)
+            )
+            node = _make_node(bus, settings, recordings, self._quota)
         clocks: list[Clock] = [republisher] if node is None else [node, republisher]
         clockwork = Clockwork(loop, bus, clocks, self._give_up)
         recordings.on_done = clockwork.look
@@ -205,6 +212,8 @@ class Simulator:
             self._clockwork.stop()
         if self._recordings is not None:
             self._recordings.stop()
+        if self._quota is not None:
+            self._quota.stop()
         if self._reports is not None:
             self._reports.stop()
         if self._server is not None:
@@ -239,7 +248,7 @@ def list_items(settings: Settings) -> list[ListedItem]:
     return list(_make_node(bus, built_in, None).items.listing())
 
 
-def _make_node(bus: Bus, settings: Settings, recordings: Recordings | None) -> Node:
+def _make_node(bus: Bus, settings: Settings, recordings: Recordings | None, quota: DataQuota | None = None) -> Node:
     library = DiskLibrary(settings.scenario_path, settings.map)
     profile = choose_profile(
         settings.profile,
@@ -268,7 +277,7 @@ def _make_node(bus: Bus, settings: Settings, recordings: Recordings | None) -> N
         library,
         scenario,
         choices,
-        archive=DiskArchive(settings.data_dir),
+        archive=DiskArchive(settings.data_dir, quota),
         recordings=recordings,
         networks=DiskNetworks(settings.data_dir),
     )
