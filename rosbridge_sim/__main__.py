@@ -179,8 +179,12 @@ class _OneLine(logging.Formatter):
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's own name
         record.name = record.name.removeprefix("rosbridge_sim.")
-        record.message = "".join(c if c.isprintable() else repr(c)[1:-1] for c in record.message)
+        record.message = "".join(c if c.isprintable() else repr(c)[1:-1] for c in record.message)[:_MAX_SHOWN]
         return super().formatMessage(record)
+
+
+_MAX_SHOWN = 1_000
+"""Characters of a line on stderr: one that was cut already (`log_limits.py`) may grow tenfold by what is escaped."""
 
 
 def _start_log(level: str) -> None:

@@ -278,7 +278,7 @@ class Node:
     def _fail(self, error: Exception) -> None:
         """Stand still for good: half a step cannot be taken back. Refuse what waits for an answer and what comes."""
         self._failed_by = error
-        self.failure = self.items.why_closed = f"the world has failed: {error!r}"
+        self.failure = self.items.why_closed = f"the world has failed: {error!r:.200}"
         if self._is_serving_on:
             _log.critical(
                 "the world has failed and stands still; this is a bug of ours. Everything else goes on, as"

@@ -36,6 +36,7 @@ from rosbridge_sim.shell.access import Access, load_certificate
 from rosbridge_sim.shell.archive import DiskArchive
 from rosbridge_sim.shell.clockwork import Clock, Clockwork
 from rosbridge_sim.shell.kinds import URLS
+from rosbridge_sim.shell.log_limits import LineLimiter
 from rosbridge_sim.shell.networks import DiskNetworks
 from rosbridge_sim.shell.quota import DataQuota, in_thread
 from rosbridge_sim.shell.replays import DiskRecordings
@@ -90,6 +91,7 @@ class Simulator:
         self.attachments: tuple[Attachment, ...] = ()
         self._server: Server | None = None
         self._clockwork: Clockwork | None = None
+        self._limiter: LineLimiter | None = None
         self._reports: Reports | None = None
         self._recorder: Recorder | None = None
         self._recordings: DiskRecordings | None = None
@@ -175,6 +177,8 @@ class Simulator:
         except DocumentError:
             await server.stop()
             raise
+        self._limiter = LineLimiter(loop)
+        self._limiter.start()
         self._reports = Reports(bus, server, loop)
         self._recordings = recordings
         self.bus, self.node, self._server, self._clockwork = bus, node, server, clockwork
@@ -220,6 +224,8 @@ class Simulator:
             await asyncio.gather(self._server.stop(), *(attachment.stop() for attachment in self.attachments))
         if self._recorder is not None:
             self._recorder.stop()
+        if self._limiter is not None:
+            self._limiter.stop()
 
     async def wait(self) -> None:
         """Wait until the world fails, which it never should; with `on_world_failure="serve"`, for ever.
