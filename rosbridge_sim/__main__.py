@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 from rosbridge_sim import __version__
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.shell.signals import on_stop_signals, stop_signals
 from rosbridge_sim.shell.sources import SettingError, format_config, hint, read_settings, strange_variables
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ def _serve(argv: Sequence[str], *, is_attaching: bool = False) -> int:
     _start_log(settings.log_level)
     for line in strange_variables(os.environ):
         _log.warning("%s", line)
-    for number in _STOP_SIGNALS:
+    for number in stop_signals():
         signal.signal(number, lambda *_: sys.exit(0))  # until there is something to stop
     _keep_memory()
     gc.disable()  # what is imported and built now stays; looking for garbage in it costs a tenth of the start
@@ -96,7 +97,25 @@ _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 async def _run(simulator: Simulator) -> int:
     """Run a simulator until a signal ends it, or its own failure; the exit code."""
     await simulator.start()
-    stopped = _on_signals()
+    stopped: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+    def stop(number: signal.Signals) -> None:
+        _log.info("%s: stopping", number.name)
+        stopped.set_result(None)
+
+    with on_stop_signals(stop, simulator.close_recording):
+        try:
+            failed = await _serve_until(stopped, simulator)
+        finally:
+            await simulator.stop()
+        if failed is not None:
+            _log.critical("stopped: %s", failed)
+            return 1
+    return 0
+
+
+async def _serve_until(stopped: asyncio.Future[None], simulator: Simulator) -> BaseException | None:
+    """Serve until `stopped` is done, or until the world fails; why it failed."""
     if simulator.settings.listen:
         print(f"rosbridge-sim listening on {simulator.url}", flush=True)  # noqa: T201 - the one line on stdout
     else:
@@ -106,36 +125,15 @@ async def _run(simulator: Simulator) -> int:
     gc.enable()
     failed = asyncio.ensure_future(simulator.wait())
     await asyncio.wait({stopped, failed}, return_when=asyncio.FIRST_COMPLETED)
-    await simulator.stop()
     if failed.done():
-        _log.critical("stopped: %s", failed.exception())
-        return 1
+        return failed.exception()
     failed.cancel()
-    return 0
+    return None
 
 
 def _tell_attached(url: str, attached: asyncio.Future[None]) -> None:
     if not attached.cancelled():
         print(f"rosbridge-sim attached to {url}", flush=True)  # noqa: T201 - a line on stdout for each bridge
-
-
-_STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-
-
-def _on_signals() -> asyncio.Future[None]:
-    """Done at the first signal to stop; a second one ends the process at once."""
-    loop = asyncio.get_running_loop()
-    stopped: asyncio.Future[None] = loop.create_future()
-
-    def stop(number: int) -> None:
-        if stopped.done():
-            os._exit(128 + number)
-        _log.info("%s: stopping", signal.Signals(number).name)
-        stopped.set_result(None)
-
-    for number in _STOP_SIGNALS:
-        loop.add_signal_handler(number, stop, number)
-    return stopped
 
 
 def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:

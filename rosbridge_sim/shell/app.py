@@ -222,10 +222,14 @@ class Simulator:
             self._reports.stop()
         if self._server is not None:
             await asyncio.gather(self._server.stop(), *(attachment.stop() for attachment in self.attachments))
-        if self._recorder is not None:
-            self._recorder.stop()
+        self.close_recording()
         if self._limiter is not None:
             self._limiter.stop()
+
+    def close_recording(self) -> None:
+        """Finish the recording now, whatever else goes on; `stop` does it last. Twice is no error."""
+        if self._recorder is not None:
+            self._recorder.stop()
 
     async def wait(self) -> None:
         """Wait until the world fails, which it never should; with `on_world_failure="serve"`, for ever.

@@ -136,7 +136,7 @@ def test_environment_and_file_reach_the_server(serve: Serve, tmp_path: Path) -> 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 async def test_signal_ends_it_with_code_0_and_tells_the_clients(
     serve: Serve, connect: Connect, number: signal.Signals
 ) -> None:

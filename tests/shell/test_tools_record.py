@@ -93,9 +93,10 @@ async def test_server_that_goes_leaves_a_finished_bag(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signal_ends_it_well(tmp_path: Path, server: ServerProcess, number: signal.Signals) -> None:
-    path = tmp_path / "a.bag"
+@pytest.mark.parametrize("name", ["a.bag", "a.mcap", "a"])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signal_ends_it_well(tmp_path: Path, server: ServerProcess, number: signal.Signals, name: str) -> None:
+    path = tmp_path / name
     process = start("record", str(path), url=server.url)
     assert process.stderr is not None
     assert process.stderr.readline() == f"rosbridge-sim: recording into {path}; Ctrl-C ends it\n"
