@@ -97,6 +97,8 @@ _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 async def _run(simulator: Simulator) -> int:
     """Run a simulator until a signal ends it, or its own failure; the exit code."""
     await simulator.start()
+    assert simulator.descriptors is not None
+    asyncio.get_running_loop().set_exception_handler(simulator.descriptors.take)
     stopped: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
     def stop(number: signal.Signals) -> None:

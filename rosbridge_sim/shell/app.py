@@ -35,6 +35,7 @@ from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.access import Access, load_certificate
 from rosbridge_sim.shell.archive import DiskArchive
 from rosbridge_sim.shell.clockwork import Clock, Clockwork
+from rosbridge_sim.shell.descriptors import DescriptorWatch
 from rosbridge_sim.shell.kinds import URLS
 from rosbridge_sim.shell.log_limits import LineLimiter
 from rosbridge_sim.shell.networks import DiskNetworks
@@ -72,6 +73,7 @@ class Simulator:
         bus: where everybody meets; None before the start.
         node: the simulator itself; None before the start, and without a world.
         attachments: the bridges that it dials, once started.
+        descriptors: tells the log when no file descriptor is left; None before the start.
     """
 
     def __init__(self, settings: Settings | None = None, /, **options: object) -> None:
@@ -91,6 +93,7 @@ class Simulator:
         self.attachments: tuple[Attachment, ...] = ()
         self._server: Server | None = None
         self._clockwork: Clockwork | None = None
+        self.descriptors: DescriptorWatch | None = None
         self._limiter: LineLimiter | None = None
         self._reports: Reports | None = None
         self._recorder: Recorder | None = None
@@ -179,6 +182,7 @@ class Simulator:
             raise
         self._limiter = LineLimiter(loop)
         self._limiter.start()
+        self.descriptors = DescriptorWatch(loop)
         self._reports = Reports(bus, server, loop)
         self._recordings = recordings
         self.bus, self.node, self._server, self._clockwork = bus, node, server, clockwork
@@ -218,6 +222,8 @@ class Simulator:
             self._recordings.stop()
         if self._quota is not None:
             self._quota.stop()
+        if self.descriptors is not None:
+            self.descriptors.stop()
         if self._reports is not None:
             self._reports.stop()
         if self._server is not None:
