@@ -47,6 +47,12 @@ WRITE_SIZE = 64 * 1024
 CLOSE_TIMEOUT = 1.0
 """How long a client may take to hear that it is closed [s]; who does not read is cut off then."""
 
+TLS_TIMEOUT = 5.0
+"""How long a TLS handshake may take [s]: two round trips, with a slow phone far away half a second."""
+
+OPEN_TIMEOUT = 5.0
+"""How long a client may take from there to its whole request [s]: one packet of a real client."""
+
 
 @dataclass(frozen=True, slots=True)
 class ServerLimits:
@@ -60,6 +66,7 @@ class ServerLimits:
         outbox: what a client may leave unread.
         access: who may connect, and how fast a client may talk.
         policy: what a client may do.
+        tls_timeout, open_timeout: for the TLS handshake, and for the request after it [s].
     """
 
     max_frame_size: int = 16 * 2**20
@@ -70,6 +77,8 @@ class ServerLimits:
     outbox: OutboxLimits = field(default_factory=OutboxLimits)
     access: Access = field(default_factory=Access)
     policy: Policy = OPEN
+    tls_timeout: float = TLS_TIMEOUT
+    open_timeout: float = OPEN_TIMEOUT
 
 
 class _Socket(DirectSocket):
@@ -244,6 +253,9 @@ class Server:
             host,
             port,
             ssl=tls,
+            ssl_handshake_timeout=None if tls is None else limits.tls_timeout,
+            ssl_shutdown_timeout=None if tls is None else CLOSE_TIMEOUT,
+            open_timeout=limits.open_timeout,
             create_connection=partial(_Socket, self._sockets),  # type: ignore[arg-type] # it is only ever called
             process_request=self._process_request,
             compression="deflate" if limits.is_compressing else None,
