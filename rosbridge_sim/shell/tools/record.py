@@ -18,7 +18,7 @@ import orjson
 
 from rosbridge_sim.errors import PeerError
 from rosbridge_sim.graph.policy import Rule
-from rosbridge_sim.shell.bags import generation_of, open_bag
+from rosbridge_sim.shell.bags import BagGoneError, generation_of, open_bag
 from rosbridge_sim.shell.recording import PERIOD, Scribe
 from rosbridge_sim.shell.signals import on_stop_signals
 from rosbridge_sim.shell.tools.client import Bridge, Frame, absolute, words
@@ -50,7 +50,7 @@ async def record(
         is_json: tell a program on stdout how it ended, and not a person.
 
     Raises:
-        DocumentError: the bag cannot be written.
+        DocumentError: the bag cannot be written, or is not there any more.
         RefusedError: the server is gone; the bag is finished all the same.
     """
     ros = generation_of(Path(path))
@@ -97,12 +97,19 @@ class _Tape:
         while count is None or self._scribe.num_messages + len(self._waiting) < count:
             if self._bridge.now() >= look_at:
                 await self._look()
-                self._scribe.flush()
+                self._flush()
                 self._show()
                 look_at = self._bridge.now() + PERIOD
             frame = await self._bridge.receive(look_at)
             if frame is not None:
                 self._hear(frame)
+
+    def _flush(self) -> None:
+        try:
+            self._scribe.flush()
+        except BagGoneError:
+            self._waiting.clear()  # there is nowhere to write it to
+            raise
 
     def finish(self) -> None:
         """Write what waits, and the bag's end."""
