@@ -123,7 +123,8 @@ class LineLimiter(logging.Filter):
                 self._sources[name].num_left_out = 0
         if num_lines:
             most = max(left_out, key=left_out.__getitem__, default="clients that are gone")
-            others = f" and {len(left_out) - 1} others" if len(left_out) > 1 else ""
+            num_others = len(left_out) - 1
+            others = "" if num_others < 1 else " and 1 other" if num_others == 1 else f" and {num_others} others"
             _log.log(level, "... %s more lines of %s%s were left out", f"{num_lines:,}", most, others)
 
     def _tick(self) -> None:

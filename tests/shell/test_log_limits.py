@@ -86,7 +86,7 @@ def test_client_does_not_use_up_the_lines_of_another(limiter: LineLimiter, caplo
     say("b:2", 1_000)
     caplog.clear()
     limiter.flush()
-    assert caplog.messages == ["... 1,903 more lines of b:2 and 1 others were left out"]
+    assert caplog.messages == ["... 1,903 more lines of b:2 and 1 other were left out"]
 
 
 def test_client_that_comes_again_and_again_does_not_get_ever_more_lines(
