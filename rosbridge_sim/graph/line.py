@@ -3,8 +3,8 @@
 A `Line` outlives its sockets: `open` begins anew on each, `shut` forgets what was on its way over the last one. It
 knows the wire and nothing of what goes over it; that is `graph/mirror.py`.
 
-An op from there may take longer than its turn: a scenario is read from a disk. Then the line is *held*, and the ops that
-come meanwhile wait in it. Answers to our own questions do not wait: they say how far the far side has got.
+An op from there may take longer than its turn: a scenario is read from a disk. Then the line is *held*, and the ops
+that come meanwhile wait in it. Answers to our own questions do not wait: they say how far the far side has got.
 
 The far side may be any rosbridge. So no remark is ever sent (rosbridge_suite has no such op), no answer is taken for
 granted, and what waits to be sent has a bound (`Outbox`) and a brake (`Credit`).
@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import msgspec
@@ -167,16 +167,21 @@ class Line:
 
     # In
 
-    def receive(self, frame: bytes, now: float) -> list[ops.Op]:
-        """The ops in a frame, but for the answers to our own questions, which are heard here. Never raises."""
-        return [op for op in self.session.receive(frame, now) if not self._hears(op, now)]
+    def receive(self, frame: bytes, now: float) -> Iterator[ops.Op | None]:
+        """The ops in a frame, but for the answers to our own questions, which are heard here. Never raises.
+
+        Yields:
+            An op, or None after a slice of work without one.
+        """
+        for op in self.session.receive(frame, now):
+            yield None if op is None or self._hears(op, now) else op
 
     def keep(self, frame: bytes, now: float) -> None:
         """Have the ops in a frame wait for their turn, behind those that came before; otherwise as `receive`."""
         if not self.waiting:
             self._num_waiting_bytes = 0
         self._num_waiting_bytes += len(frame)
-        self.waiting += self.receive(frame, now)
+        self.waiting += [op for op in self.receive(frame, now) if op is not None]
 
     def hold(self) -> Callable[[], None]:
         """Have the ops wait until the returned function is called, or the socket is lost. Several holds count."""
@@ -240,6 +245,8 @@ class Line:
 def _values_of(op: ops.ServiceResponse) -> Values | None:
     if not op.result:
         return None
+    if not isinstance(op.values, (bytes, msgspec.Raw)):
+        return op.values if isinstance(op.values, dict) else None
     try:
         values = msgspec.json.decode(op.values)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):

@@ -311,6 +311,7 @@ class Mirror:
         Returns:
             As `go_on`.
         """
+        self._now = now  # for what cannot be read
         line.keep(frame, now)
         return self.go_on(line, now)
 
