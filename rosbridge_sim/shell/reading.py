@@ -1,17 +1,24 @@
 """Reading beside the event loop: scenarios and maps, in daemon threads.
 
 A thread does one piece of work that shares nothing with the loop but what is never changed, and hands the outcome over.
-What follows from it happens on the loop, between two frames. The threads never end the process late: nobody waits for
-them, and after `stop` nothing is handed over any more.
+What follows from it happens on the loop, between two frames. `stop` waits for no thread, and after it nothing is handed
+over.
+
+A process must not end while such a thread is inside a library that is not written in Python (pydantic, numpy): the
+interpreter kills it there, and the process dies of SIGABRT or SIGSEGV. So `stop` interrupts the threads, and the end of
+the process waits a moment for those that are left.
 """
 
 from __future__ import annotations
 
 import asyncio
+import atexit
+import ctypes
 import logging
 import threading
+import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import Any, Final, Generic, TypeVar
 
@@ -26,6 +33,10 @@ interpreter, which runs one thread at a time, and make the event loop wait longe
 PATIENCE: Final = 120.0
 """After so long a client is told that its document cannot be read [s]. The largest city map that is known takes some
 ten seconds; a disk that answers later than this has gone."""
+
+LAST_MOMENT: Final = 0.5
+"""How long the end of the process waits for threads that were interrupted [s]. One that takes longer waits for a disk:
+there it does no harm."""
 
 _log = logging.getLogger("rosbridge_sim.storage")
 
@@ -69,7 +80,7 @@ class ThreadReader:
         self._loop = loop
         self._patience = patience
         self._jobs: deque[_Job[Any]] = deque()  # of any kind of outcome; those that wait for their turn
-        self._num_threads = 0
+        self._threads: set[threading.Thread] = set()
         self._deadlines: set[asyncio.TimerHandle] = set()
         self._is_stopped = False
 
@@ -85,22 +96,33 @@ class ThreadReader:
         self._start_next()
 
     def stop(self) -> None:
-        """Hand nothing over any more, and begin nothing. Threads that are reading are left alone."""
+        """Hand nothing over any more, begin nothing, and interrupt what is being read. Twice is no error."""
+        if self._is_stopped:
+            return
         self._is_stopped = True
         self._jobs.clear()
+        if self._threads:
+            for thread in self._threads:
+                _interrupt(thread)
+            atexit.register(_await_end, tuple(self._threads))
         for deadline in self._deadlines:
             deadline.cancel()
         self._deadlines.clear()
 
     def _start_next(self) -> None:
-        while self._jobs and self._num_threads < MAX_THREADS:
+        while self._jobs and len(self._threads) < MAX_THREADS:
             job = self._jobs.popleft()
             if not job.is_done:
-                self._num_threads += 1
-                threading.Thread(target=self._run, args=(job,), name="reading", daemon=True).start()
+                thread = threading.Thread(target=self._run, args=(job,), name="reading", daemon=True)
+                self._threads.add(thread)
+                thread.start()
 
     def _run(self, job: _Job[T]) -> None:
-        """In a thread of its own."""
+        """In a thread of its own, until the work is done or `stop` interrupts it."""
+        with suppress(SystemExit):
+            self._do(job)
+
+    def _do(self, job: _Job[T]) -> None:
         outcome: T | DocumentError
         is_bug = False
         try:
@@ -111,11 +133,17 @@ class ThreadReader:
             _log.exception("a document could not be read; this is a bug of ours")
             outcome, is_bug = DocumentError("it cannot be read: the server failed, and its log says why"), True
         with suppress(RuntimeError):  # the loop is closed
-            self._loop.call_soon_threadsafe(self._hand_over, job, outcome, is_bug)
+            self._loop.call_soon_threadsafe(self._hand_over, threading.current_thread(), job, outcome, is_bug)
 
-    def _hand_over(self, job: _Job[T], outcome: T | DocumentError, is_bug: bool) -> None:  # noqa: FBT001 - asyncio passes by position
+    def _hand_over(
+        self,
+        thread: threading.Thread,
+        job: _Job[T],
+        outcome: T | DocumentError,
+        is_bug: bool,  # noqa: FBT001 - asyncio passes by position
+    ) -> None:
         """On the loop: a thread has done its work."""
-        self._num_threads -= 1
+        self._threads.discard(thread)
         self.num_bugs += is_bug
         self._start_next()
         self._end(job, outcome)
@@ -136,5 +164,18 @@ class ThreadReader:
         self.on_done()
 
 
+def _interrupt(thread: threading.Thread) -> None:
+    """Have a thread end at its next step in Python; one that has ended is no error."""
+    if thread.ident is not None:
+        ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident), ctypes.py_object(SystemExit))
+
+
+def _await_end(threads: Iterable[threading.Thread]) -> None:
+    """Wait for threads, LAST_MOMENT at most."""
+    until = time.monotonic() + LAST_MOMENT
+    for thread in threads:
+        thread.join(max(0.0, until - time.monotonic()))
+
+
 def _nothing() -> None:
-    """Nobody wants to know."""
+    """Do nothing: no outcome moves the world yet."""

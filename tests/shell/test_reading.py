@@ -156,3 +156,21 @@ async def test_nothing_is_handed_over_or_begun_after_the_end() -> None:
     await asyncio.sleep(0)
     assert desk.got == []
     assert not gates[-1].has_begun.is_set()
+
+
+async def test_stop_interrupts_what_is_being_read_and_waits_for_nothing() -> None:
+    desk = Desk()
+    has_begun = threading.Event()
+
+    def work() -> str:
+        while True:  # a document without end
+            has_begun.set()
+
+    desk.read(work)
+    assert await asyncio.to_thread(has_begun.wait, PATIENCE)
+    (thread,) = [thread for thread in threading.enumerate() if thread.name == "reading"]
+    desk.reader.stop()
+    desk.reader.stop()
+    await asyncio.to_thread(thread.join, PATIENCE)
+    assert not thread.is_alive()
+    assert desk.got == []
