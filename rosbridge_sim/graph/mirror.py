@@ -13,6 +13,9 @@ rosbridge_suite answers no mistake: a type whose package is not built there give
 else. So a while later we ask it which topics and services it has, and say what is missing.
 
 What it sends and what cannot be used is a line in our log, and has no other consequence.
+
+Many callers share a line and cannot be told apart. Where one of them has to wait for something (`hold`), so does all
+that comes behind it on the same line, and nothing else.
 """
 
 from __future__ import annotations
@@ -35,6 +38,9 @@ __all__ = ["NODE_NAME", "Mirror"]
 
 NODE_NAME: Final = "/rosbridge_far_side"
 """All programs on the far side are one node here: from here they cannot be told apart."""
+
+OPS_PER_TURN: Final = 64
+"""Ops of one line that are done before others have their turn; some 2 ms of work."""
 
 SURVEYS: Final = (0.0, 1.0, 3.0)
 """When the far side is asked what it has [s]: each after the one before. In ROS 2 topics are found by and by."""
@@ -105,6 +111,7 @@ class Mirror:
         self._items: dict[Key, _Item] = {}
         self._inputs: dict[str, Topic] = {}
         self._in_flight: dict[str, int] = {}
+        self._line_in_hand: Line | None = None
         self._now = 0.0
         self._is_attached = self._is_gone = False
         self._findings = Findings(address, bus.store.ros)
@@ -298,18 +305,39 @@ class Mirror:
 
     # What the far side says
 
-    def receive(self, line: Line, frame: bytes, now: float) -> None:
-        """Do all that a frame asks; what is wrong with it is for the log."""
+    def receive(self, line: Line, frame: bytes, now: float) -> bool:
+        """Do what a frame asks, or have it wait for its turn; what is wrong with it is for the log.
+
+        Returns:
+            As `go_on`.
+        """
+        self._now = now  # for what cannot be read
+        line.keep(frame, now)
+        return self.go_on(line, now)
+
+    def go_on(self, line: Line, now: float) -> bool:
+        """Do what has come on a line and waits, one turn's worth; after a release, or when more was left to do.
+
+        Returns:
+            Whether more is left that could be done at once: call it again in the next turn.
+        """
         self._now = now
-        for op in line.receive(frame, now):
-            if self._is_gone:
-                return
-            if op is None:
-                continue
+        for _ in range(OPS_PER_TURN):
+            if self._is_gone or line.is_held or not line.waiting:
+                return False
+            op = line.waiting.popleft()
+            self._line_in_hand = line
             try:
                 self._do(line, op, now)
             except PeerError as error:
                 self._note(logging.WARNING, f"it sent what cannot be used: {error}")
+            finally:
+                self._line_in_hand = None
+        return bool(line.waiting) and not line.is_held
+
+    def hold(self) -> Callable[[], None]:
+        """See `Holdable`: hold the line whose op is in hand."""
+        return (self._line_in_hand or self.lines[""]).hold()
 
     def _do(self, line: Line, op: ops.Op, now: float) -> None:
         if isinstance(op, ops.Publish):

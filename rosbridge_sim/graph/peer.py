@@ -8,6 +8,10 @@ everything as it was.
 Where rosbridge_suite and the protocol's text differ, we take: one message for each spelling of a topic,
 whatever the number of subscription ids; latched messages once for each new id; `result: false` of a provider
 is passed on (rosbridge_suite turns it into success); a lost provider fails its calls at once.
+
+An op may take longer than its turn: a scenario is read from a disk. Then the client is *held*: whoever reads its
+frames asks `is_held` after each op, stops there, and goes on when `on_released` is called. So a client's ops take
+effect in the order in which they were sent, and nobody else waits.
 """
 
 from __future__ import annotations
@@ -23,6 +27,7 @@ import orjson
 from rosbridge_sim.errors import GraphError, PeerError
 from rosbridge_sim.graph.actions import Goal, GoalStatus, Outcome
 from rosbridge_sim.graph.bus import Answer, Bus, Call, Owner, Subscription, Topic, decode_body, resolve
+from rosbridge_sim.graph.owner import Tell
 from rosbridge_sim.graph.policy import OPEN, Policy
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.codec import is_absent
@@ -107,6 +112,7 @@ class Peer:
         session: its wire.
         address: where it comes from, for people to read.
         num_errors: mistakes it was told of.
+        on_released: called when the last hold has ended; not after `leave`.
     """
 
     name = NODE_NAME
@@ -123,6 +129,9 @@ class Peer:
         self.session = session
         self.address = address
         self.num_errors = 0
+        self.on_released: Callable[[], None] = _nothing
+        self._num_holds = 0
+        self._op_id: ops.Id = None  # of the op in hand
         self._bus = bus
         self._policy = policy
         self._num_ids = 0
@@ -182,6 +191,7 @@ class Peer:
 
     def do(self, op: ops.Op, now: float) -> None:
         """Do one op; a mistake in it is told to the client."""
+        self._op_id = op.id
         try:
             self._act[type(op)](op, now)
         except PeerError as error:
@@ -204,8 +214,39 @@ class Peer:
         """Remark something that answers no request."""
         self.session.remark(level, text)
 
+    def teller(self) -> Tell:
+        """See `Correlating`."""
+        op_id = self._op_id
+
+        def tell(level: str, text: str) -> None:
+            self.num_errors += level == "error"
+            self.session.remark(level, text, op_id)
+
+        return tell
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the next op has to wait until `on_released` is called."""
+        return self._num_holds > 0
+
+    def hold(self) -> Callable[[], None]:
+        """See `Holdable`."""
+        self._num_holds += 1
+        is_holding = True
+
+        def release() -> None:
+            nonlocal is_holding
+            if is_holding:
+                is_holding = False
+                self._num_holds -= 1
+                if not self._num_holds:
+                    self.on_released()
+
+        return release
+
     def leave(self, now: float) -> None:
         """Take everything of this client's off the bus; twice is no error."""
+        self.on_released = _nothing
         self._publications.clear()
         for listening in self._listenings.values():
             self.session.drop_feed(listening.feed)
@@ -483,6 +524,10 @@ class Peer:
         limit = self._policy.max_held
         if self._num_ids + len(self._provisions) + len(self._performances) >= limit:
             raise GraphError(f"At most {limit} topics, services and actions can be held by one client")
+
+
+def _nothing() -> None:
+    """Do nothing: no op of this client waits for its release."""
 
 
 def _split_id(op: ops.CallService) -> tuple[str, ops.Id]:

@@ -6,6 +6,7 @@ import json
 from typing import Any
 
 from rosbridge_sim.graph.bus import MAX_CALLS, TYPE_MEMORY
+from rosbridge_sim.graph.owner import hold, teller
 from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.graph.policy import Policy
 from rosbridge_sim.protocol.flow import Outbox
@@ -105,3 +106,62 @@ def test_a_publisher_that_was_dropped_by_unadvertise_publishes_anew() -> None:
     do(peer, op="publish", topic="/t", msg={"data": "x"})
     assert list(bus.topics["/t"].publishers) == [peer]
     assert len(got(outbox)) == 1
+
+
+def test_held_client_is_released_once_all_holds_have_ended() -> None:
+    peer, _ = make_peer(make_bus())
+    released: list[bool] = []
+    peer.on_released = lambda: released.append(peer.is_held)
+    first, second = hold(peer), hold(peer)
+    assert peer.is_held
+    first()
+    first()
+    assert peer.is_held
+    assert released == []
+    second()
+    second()
+    assert not peer.is_held
+    assert released == [False]
+
+
+def test_release_of_a_client_that_has_left_tells_nobody() -> None:
+    peer, _ = make_peer(make_bus())
+    released: list[bool] = []
+    peer.on_released = lambda: released.append(True)
+    release = hold(peer)
+    peer.leave(0.0)
+    release()
+    assert (peer.is_held, released) == (False, [])
+
+
+def test_owner_that_cannot_be_held_goes_on() -> None:
+    class Plain:
+        name = "/plain"
+
+        def __init__(self) -> None:
+            self.told: list[tuple[str, str]] = []
+
+        def tell(self, level: str, text: str) -> None:
+            self.told.append((level, text))
+
+    plain = Plain()
+    release = hold(plain)
+    release()
+    release()
+    teller(plain)("error", "late")
+    assert plain.told == [("error", "late")]
+
+
+def test_what_is_told_late_has_the_id_of_the_op_that_it_is_about() -> None:
+    bus = make_bus()
+    (peer, told), late = make_peer(bus), []
+    other = make_peer(bus)[0]
+    bus.subscribe(
+        other, "/news", lambda _topic, _message, sender, _now: late.append(teller(sender)), type_name="std_msgs/Bool"
+    )
+    do(peer, op="publish", topic="/news", id="first", msg={"data": True})
+    do(peer, op="publish", topic="/news", id="second", msg={"data": True})
+    for tell in late:
+        tell("error", "no")
+    assert [status["id"] for status in got(told)] == ["first", "second"]
+    assert peer.num_errors == 2
