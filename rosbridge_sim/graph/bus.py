@@ -27,6 +27,7 @@ from rosbridge_sim.errors import GraphError, PeerError, UnknownPackageError
 from rosbridge_sim.graph.actions import Actions
 from rosbridge_sim.graph.channels import Answer, Call, Deliver, Handle, OnAnswer, Service, Subscription, Topic
 from rosbridge_sim.graph.owner import Body, Owner, decode_body, resolve
+from rosbridge_sim.graph.parameters import Parameters
 from rosbridge_sim.schema.compile import MessageType, OpaqueType
 from rosbridge_sim.schema.store import Message, Store
 
@@ -78,7 +79,7 @@ class Bus:
         store: the types.
         stamp_ns: the time for stamps that a message leaves open [ns]; simulation time where there is a world.
         actions: the third way of talking.
-        parameters: the parameter server, by absolute name; JSON values.
+        parameters: the parameter server.
         watchers: called with `(owner, now)` after an owner has left.
         on_topic: called with a topic after somebody has begun to publish or to listen there.
         on_holdings: called with an owner after it has begun or ceased to publish, to listen or to serve somewhere.
@@ -98,7 +99,7 @@ class Bus:
         self.store = store
         self.stamp_ns = 0
         self.actions = Actions(self, max_calls)
-        self.parameters: dict[str, object] = {}
+        self.parameters = Parameters()
         self.watchers: list[Callable[[Owner, float], None]] = []
         self.on_topic: list[Callable[[Topic], None]] = []
         self.on_holdings: list[Callable[[Owner], None]] = []
