@@ -40,6 +40,9 @@ _IMPLICIT = object()
 MAX_ID = 1_024
 """Longest id of what is held [characters]; any other id is only echoed."""
 
+_TIDY = 16
+"""Ended calls or goals that a provider's list may hold before it is tidied: a short one is not worth it."""
+
 _log = logging.getLogger("rosbridge_sim.graph")
 
 
@@ -59,6 +62,13 @@ class _Provision:
     spelling: str
     num_calls: int = 0
     calls: dict[str, Call] = field(default_factory=dict)
+    tidy_at: int = 0
+
+    def tidy(self) -> None:
+        """Forget calls that timed out or were abandoned; often enough, and seldom enough to cost each call little."""
+        if len(self.calls) >= self.tidy_at:
+            self.calls = {call_id: call for call_id, call in self.calls.items() if not call.is_done}
+            self.tidy_at = max(_TIDY, 2 * len(self.calls))
 
 
 @dataclass(slots=True)
@@ -69,9 +79,15 @@ class _Performance:
     type_name: str
     num_goals: int = 0
     goals: dict[str, Goal] = field(default_factory=dict)
+    ids: dict[Goal, str] = field(default_factory=dict)
+    tidy_at: int = 0
 
-    def id_of(self, goal: Goal) -> str | None:
-        return next((goal_id for goal_id, known in self.goals.items() if known is goal), None)
+    def tidy(self) -> None:
+        """Forget goals that have ended, as `_Provision.tidy` does calls."""
+        if len(self.goals) >= self.tidy_at:
+            self.goals = {goal_id: goal for goal_id, goal in self.goals.items() if not goal.is_done}
+            self.ids = {goal: goal_id for goal_id, goal in self.goals.items()}
+            self.tidy_at = max(_TIDY, 2 * len(self.goals))
 
 
 class Peer:
@@ -197,7 +213,11 @@ class Peer:
         num_keys = self._num_keys(op.topic)
         self._bus.unadvertise(self, op.topic, now, key=op.id)
         self._num_ids += self._num_keys(op.topic) - num_keys
-        self._publications = {s: t for s, t in self._publications.items() if self in t.publishers}
+        name = resolve(op.topic)
+        for spelling in (name, name[1:]):
+            topic = self._publications.get(spelling)
+            if topic is not None and self not in topic.publishers:
+                del self._publications[spelling]
 
     def _publish(self, op: ops.Publish, now: float) -> None:
         topic = self._publications.get(op.topic)
@@ -248,7 +268,7 @@ class Peer:
         if listening is None:
             return
         ids = listening.feed.ids
-        if op.id is None or set(ids) == {op.id}:
+        if op.id is None or (op.id in ids and len(ids) == 1):
             del self._listenings[op.topic]
             self._num_ids -= len(ids)
             self.session.drop_feed(listening.feed)
@@ -279,10 +299,9 @@ class Peer:
 
         def handle(call: Call, _now: float) -> None:
             limit = self._bus.max_calls
-            if len(provision.calls) >= limit:  # what timed out or was abandoned is kept for its late answer
-                provision.calls = {i: c for i, c in provision.calls.items() if not c.is_done}
-                if len(provision.calls) >= limit:
-                    raise GraphError(f"Service {provision.name} has {limit} calls waiting already")
+            provision.tidy()
+            if len(call.service.calls) > limit:  # this one is among them
+                raise GraphError(f"Service {provision.name} has {limit} calls waiting already")
             provision.num_calls += 1
             call_id = f"service_request:{provision.spelling}:{provision.num_calls}"
             provision.calls[call_id] = call
@@ -325,12 +344,13 @@ class Peer:
         performance = _Performance(op.action, op.type)
 
         def take(goal: Goal) -> None:
-            performance.goals = {i: g for i, g in performance.goals.items() if not g.is_done}
-            if len(performance.goals) >= self._actions.max_goals:
+            performance.tidy()
+            if len(goal.action.goals) > self._actions.max_goals:  # this one is among them
                 raise GraphError(f"Action {op.action} has {self._actions.max_goals} goals under way already")
             performance.num_goals += 1
             goal_id = f"action_goal:{op.action}:{performance.num_goals}"
             performance.goals[goal_id] = goal
+            performance.ids[goal] = goal_id
             args = Message(goal.action.type.goal, goal.request)
             self.session.say(
                 "send_action_goal",
@@ -342,7 +362,7 @@ class Peer:
             )
 
         def cancel(goal: Goal) -> None:
-            goal_id = performance.id_of(goal)
+            goal_id = performance.ids.get(goal)
             if goal_id is not None:
                 self.session.say("cancel_action_goal", {}, id=goal_id, action=op.action)
 

@@ -25,7 +25,7 @@ from rosbridge_sim.protocol.codec import (
     status_frame,
 )
 from rosbridge_sim.protocol.encodings import cbor_head, cbor_raw_frame, decode_cbor, decode_png, is_cbor, png_frame
-from rosbridge_sim.protocol.feed import Pace, Terms, merge_terms
+from rosbridge_sim.protocol.feed import MergedTerms, Pace, Terms
 from rosbridge_sim.protocol.flow import BinaryFrame, Outbox
 from rosbridge_sim.protocol.fragments import Defragmenter, fragment_frames
 from rosbridge_sim.protocol.ops import Fragment, Id, Op, Png
@@ -203,12 +203,13 @@ class Feed:
         ids: the terms of each subscription.
     """
 
-    __slots__ = ("_head", "_is_plain", "_is_warned", "_session", "_terms", "ids", "pace", "spelling")
+    __slots__ = ("_head", "_is_plain", "_is_warned", "_merged", "_session", "_terms", "ids", "pace", "spelling")
 
     def __init__(self, session: Session, spelling: str) -> None:
         self.spelling = spelling
         self.pace: Pace[Encoded] = Pace()
-        self.ids: dict[Id, Terms] = {}
+        self._merged = MergedTerms()
+        self.ids = self._merged.by_id
         self._session = session
         self._terms = Terms()
         self._is_plain = True
@@ -217,14 +218,14 @@ class Feed:
 
     def set_terms(self, sub_id: Id, terms: Terms | None) -> None:
         """Put one subscription on other terms, or end it with None; one stays at least."""
-        if terms is None:
-            self.ids.pop(sub_id, None)
-        else:
-            self.ids[sub_id] = terms
-        merged = self._terms = merge_terms(self.ids.values())
+        self._is_warned = False
+        self._merged.put(sub_id, terms)
+        merged = self._merged.merged()
+        if merged == self._terms:  # what waits is not to be copied for each of many subscriptions
+            return
+        self._terms = merged
         self.pace.set_terms(merged)
         self._is_plain = merged.compression == "none" and merged.fragment_size is None
-        self._is_warned = False
         is_binary = merged.compression.startswith("cbor")
         self._head = cbor_head(self.spelling) if is_binary else publish_head(self.spelling)
         if merged.queue_length and merged.interval == 0.0:
