@@ -81,7 +81,7 @@ class Goal:
     """One goal, from its request to its one end.
 
     Attributes:
-        request: a struct of the action's goal type.
+        request: a struct of the action's goal type; None after the end, as of a `Call`.
         is_done: ended or given up; whatever comes after that is ignored.
     """
 
@@ -121,6 +121,7 @@ class Goal:
         if self.is_done:
             return
         self.is_done = True
+        self.request = None
         self.action.goals.pop(self, None)
         self.actions.forget(self)
         if outcome is not None:

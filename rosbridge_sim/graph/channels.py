@@ -176,7 +176,8 @@ class Call:
     """One call, from its request to its one answer.
 
     Attributes:
-        request: a struct of the service's request type.
+        request: a struct of the service's request type; None after the end, for it may be large, and ended calls are
+            kept for late answers.
         deadline: when it is given up [s], or None.
         is_done: answered, refused or given up; whatever comes after that is ignored.
     """
@@ -205,6 +206,7 @@ class Call:
         if self.is_done:
             return
         self.is_done = True
+        self.request = None
         self.service.calls.pop(self, None)
         self.bus.forget_call(self)
         if answer is not None:

@@ -40,8 +40,8 @@ _IMPLICIT = object()
 MAX_ID = 1_024
 """Longest id of what is held [characters]; any other id is only echoed."""
 
-_TIDY = 16
-"""Ended calls or goals that a provider's list may hold before it is tidied: a short one is not worth it."""
+_TIDY = 1_000
+"""Ended calls or goals that a provider's list may hold before it is tidied: late answers to them are no mistake."""
 
 _log = logging.getLogger("rosbridge_sim.graph")
 
@@ -65,7 +65,7 @@ class _Provision:
     tidy_at: int = 0
 
     def tidy(self) -> None:
-        """Forget calls that timed out or were abandoned; often enough, and seldom enough to cost each call little."""
+        """Forget calls that timed out or were abandoned: when they are many, so that each call costs little."""
         if len(self.calls) >= self.tidy_at:
             self.calls = {call_id: call for call_id, call in self.calls.items() if not call.is_done}
             self.tidy_at = max(_TIDY, 2 * len(self.calls))

@@ -33,6 +33,13 @@ _BAD_VALUE = (
     " JSON-formatted string."
 )
 
+MAX_RAW_CHARS = 16 * 2**20
+"""Definitions in one answer: as much as a frame may hold. It is enough for thousands of topics of the largest types."""
+
+_OMITTED = (
+    f"# omitted: the definitions of all topics have more than {MAX_RAW_CHARS} characters; see rosapi/MessageDetails"
+)
+
 _ACTIONLIB = ("cancel", "feedback", "result", "status")
 """What an action server of ROS 1 has beside `goal`."""
 
@@ -190,10 +197,16 @@ class Rosapi:
     def _topics_and_raw_types(self, _request: _Request) -> _Fields:
         """What Lichtblick builds its readers from; a type that nobody knows has a comment for a definition."""
         topics = self._sorted_topics()
+        texts: list[str] = []
+        num_chars = 0
+        for topic in topics:
+            text = self._full_text(topic.type.name)
+            num_chars += len(text)
+            texts.append(text if num_chars <= MAX_RAW_CHARS else _OMITTED)
         return {
             "topics": [t.name for t in topics],
             "types": [self._spelled(t.type.name, "msg") for t in topics],
-            "typedefs_full_text": [self._full_text(t.type.name) for t in topics],
+            "typedefs_full_text": texts,
         }
 
     def _full_text(self, name: str) -> str:

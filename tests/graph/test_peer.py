@@ -65,6 +65,46 @@ def test_a_provider_that_never_answers_holds_a_bounded_number_of_calls() -> None
     assert "calls waiting already" in got(refused)[0]["values"]
 
 
+def test_a_provider_that_never_ends_its_goals_holds_a_bounded_number_of_them() -> None:
+    bus = make_bus()
+    provider, goals = make_peer(bus)
+    do(provider, op="advertise_action", action="/count", type="action_tutorials_interfaces/Fibonacci")
+    goal: dict[str, Any] = {
+        "op": "send_action_goal",
+        "action": "/count",
+        "action_type": "action_tutorials_interfaces/Fibonacci",
+    }
+    for _ in range(3):  # callers come, ask, and go
+        caller, answers = make_peer(bus)
+        for i in range(MAX_CALLS):
+            do(caller, **goal, id=str(i))
+        assert len(got(goals)) == MAX_CALLS
+        assert got(answers) == []
+        do(caller, op="cancel_action_goal", action="/count", id="3")
+        assert [frame["op"] for frame in got(goals)] == ["cancel_action_goal"]
+        caller.leave(0.0)
+        assert [frame["op"] for frame in got(goals)] == ["cancel_action_goal"] * MAX_CALLS
+    (first, waits), (second, refused) = make_peer(bus), make_peer(bus)
+    for i in range(MAX_CALLS):
+        do(first, **goal, id=str(i))
+    do(second, **goal)
+    assert got(waits) == []
+    assert "goals under way already" in got(refused)[0]["values"]
+
+
+def test_an_unadvertised_topic_is_found_under_both_of_its_spellings() -> None:
+    bus = make_bus()
+    peer, outbox = make_peer(bus)
+    for spelling in ("/t", "t", "/other"):
+        do(peer, op="advertise", topic=spelling, type="std_msgs/String", id="a")
+    do(peer, op="unadvertise", topic="t", id="a")
+    assert peer not in bus.topics["/t"].publishers
+    for spelling in ("/t", "t", "/other"):
+        do(peer, op="publish", topic=spelling, msg={"data": "x"})
+    assert got(outbox) == []
+    assert [peer in bus.topics[name].publishers for name in ("/t", "/other")] == [True, True]
+
+
 def test_one_client_cannot_hold_the_whole_graph() -> None:
     bus = make_bus()
     peer, outbox = make_peer(bus)

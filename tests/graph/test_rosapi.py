@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from rosbridge_sim.graph import rosapi
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi import Rosapi
 from tests.graph.room import make_bus, make_peer
@@ -84,6 +85,16 @@ def test_nodes(busy: Bus) -> None:
 def test_time_is_the_buss(bus: Bus) -> None:
     bus.stamp_ns = 12_000_000_034
     assert ask(bus, "get_time") == {"time": {"secs": 12, "nsecs": 34}}
+
+
+def test_definitions_beyond_a_bound_are_left_out(busy: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = ask(busy, "topics_and_raw_types")
+    monkeypatch.setattr(rosapi, "MAX_RAW_CHARS", len(whole["typedefs_full_text"][0]))
+    short = ask(busy, "topics_and_raw_types")
+    assert (short["topics"], short["types"]) == (whole["topics"], whole["types"])
+    first, second = short["typedefs_full_text"]
+    assert first == whole["typedefs_full_text"][0]
+    assert second.startswith("# omitted")
 
 
 def test_parameters(bus: Bus) -> None:
