@@ -15,11 +15,11 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import orjson
 
-from rosbridge_sim.errors import GraphError, PeerError
+from rosbridge_sim.errors import FrameError, GraphError, PeerError
 from rosbridge_sim.graph.actions import Goal, GoalStatus, Outcome
 from rosbridge_sim.graph.bus import Answer, Bus, Call, Owner, Subscription, Topic, decode_body, resolve
 from rosbridge_sim.graph.policy import OPEN, Policy
@@ -90,6 +90,10 @@ class _Performance:
             self.tidy_at = max(_TIDY, 2 * len(self.goals))
 
 
+_Offer = TypeVar("_Offer", _Provision, _Performance)
+_Work = TypeVar("_Work", Call, Goal)
+
+
 class Peer:
     """One client on the bus.
 
@@ -111,6 +115,7 @@ class Peer:
             policy: what it may do.
         """
         self.session = session
+        session.on_lost_answer = self._lose_answer
         self.address = address
         self.num_errors = 0
         self._bus = bus
@@ -336,6 +341,21 @@ class Peer:
             raise
         call.answer(values)
 
+    def _lose_answer(self, error: FrameError) -> None:
+        """Fail the call or the goal whose answer cannot be read: its caller would wait for ever.
+
+        Where the frame has no id of ours left in it, it is clear whose answer it is only if one alone is awaited.
+        """
+        why = f"The provider's answer cannot be read: {error}"
+        if error.op == "service_response":
+            call = self._find_awaited(self._provisions, error.op_id, lambda provision: provision.calls)
+            if call is not None:
+                call.refuse(why)
+        else:
+            goal = self._find_awaited(self._performances, error.op_id, lambda performance: performance.goals)
+            if goal is not None:
+                goal.fail(why)
+
     # Actions
 
     def _advertise_action(self, op: ops.AdvertiseAction, _now: float) -> None:
@@ -440,6 +460,19 @@ class Peer:
         if goal is None:
             self.session.remark("warning", f"Nobody waits for a goal of {op.action} with this id", op.id)
         return None if goal is None or goal.is_done else goal
+
+    @staticmethod
+    def _find_awaited(
+        offers: dict[str, _Offer], op_id: object, get: Callable[[_Offer], dict[str, _Work]]
+    ) -> _Work | None:
+        """The call or goal under that id or, without an id, the only one that is not done."""
+        if isinstance(op_id, str):
+            name = op_id.partition(":")[2].rpartition(":")[0]
+            offer = offers.get(name) or offers.get("/" + name)
+            return None if offer is None else get(offer).get(op_id)
+        undone = (work for offer in offers.values() for work in get(offer).values() if not work.is_done)
+        first, second = next(undone, None), next(undone, None)
+        return first if second is None else None
 
     # The rest
 

@@ -13,7 +13,9 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterator, Mapping
+from itertools import islice
 from typing import Any, Protocol
 
 import msgspec
@@ -35,6 +37,10 @@ __all__ = [
 
 _SHOWN = 200
 """Characters of a stranger's text that an answer quotes: enough to recognise it, too few to be an amplifier."""
+
+_ANSWER_OP = re.compile(r'"op"\s{0,8}:\s{0,8}"(service_response|action_result)"')
+_ANSWER_ID = re.compile(r'"id"\s{0,8}:\s{0,8}"((?:service_request|action_goal):[^"\\]{1,300})"')
+_MAX_ANSWER_IDS = 100
 
 _decode = msgspec.json.Decoder(Op).decode
 _scanner = json.JSONDecoder()
@@ -116,7 +122,9 @@ def _decode_slowly(frame: bytes) -> Iterator[Op | FrameError]:
     try:
         text = frame.decode()
     except UnicodeDecodeError as error:
-        yield FrameError(f"Received a frame that is neither JSON text nor UTF-8: {error}")
+        yield _name(
+            FrameError(f"Received a frame that is neither JSON text nor UTF-8: {error}"), frame.decode("latin-1")
+        )
         return
     position = _skip_space(text, 0)
     if position == len(text):
@@ -125,16 +133,31 @@ def _decode_slowly(frame: bytes) -> Iterator[Op | FrameError]:
         try:
             value, position = _scanner.raw_decode(text, position)
         except RecursionError:
-            yield FrameError("Received a message that is nested too deeply")
+            yield _name(FrameError("Received a message that is nested too deeply"), text[position:])
             return
         except ValueError as error:  # JSONDecodeError, and integers of thousands of digits
-            yield FrameError(f"Received a frame that is not valid JSON: {error}. The frame: {_shorten(text)}")
+            problem = FrameError(f"Received a frame that is not valid JSON: {error}. The frame: {_shorten(text)}")
+            yield _name(problem, text[position:])
             return
         try:
             yield _to_op(value)
         except FrameError as error:
+            error.op = value.get("op") if isinstance(value, dict) else None
             yield error
         position = _skip_space(text, position)
+
+
+def _name(error: FrameError, text: str) -> FrameError:
+    """The error, with the op and the id that an unreadable answer of a provider names: somebody waits for it.
+
+    The ids of calls and goals are ours, so they are known wherever they stand; two different ones are none.
+    """
+    op = _ANSWER_OP.search(text)
+    ids = {found[1] for found in islice(_ANSWER_ID.finditer(text), _MAX_ANSWER_IDS)}
+    if op is not None:
+        error.op = op[1]
+        error.op_id = ids.pop() if len(ids) == 1 else None
+    return error
 
 
 def _skip_space(text: str, position: int) -> int:

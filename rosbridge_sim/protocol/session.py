@@ -44,6 +44,7 @@ class Session:
         level: remarks up to this one are sent; `error` until the peer asks otherwise.
         num_received, num_refused: frames in, and those among them that held something that is no op.
         num_sent: messages of topics that went into the outbox.
+        on_lost_answer: hears of what is no op but should have been the answer to a call or the end of a goal.
     """
 
     def __init__(
@@ -70,6 +71,7 @@ class Session:
         self.num_received = 0
         self.num_refused = 0
         self.num_sent = 0
+        self.on_lost_answer: Callable[[FrameError], None] = lambda _error: None
         self._alarm = alarm
         self._is_talkative = is_talkative
         self._on_refused = on_refused
@@ -127,6 +129,8 @@ class Session:
 
     def _refuse(self, error: FrameError) -> None:
         self.num_refused += 1
+        if error.op in {"service_response", "action_result"}:
+            self.on_lost_answer(error)
         if self._on_refused is None:
             self.remark("error", str(error), error.op_id)
         else:
