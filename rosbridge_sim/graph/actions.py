@@ -18,8 +18,9 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, Final, Protocol
 
-from rosbridge_sim.errors import GraphError, PeerError
+from rosbridge_sim.errors import EncodingError, GraphError, PeerError
 from rosbridge_sim.graph.channels import Call, Handle, Service
+from rosbridge_sim.graph.guard import Guard
 from rosbridge_sim.graph.owner import Body, Owner, decode_body, resolve
 from rosbridge_sim.schema.compile import ActionType
 from rosbridge_sim.schema.store import Message, Store
@@ -96,7 +97,7 @@ class Goal:
     def report(self, values: object) -> None:
         """Pass feedback on; a struct of the action's feedback type."""
         if not self.is_done and self.on_feedback is not None:
-            self.on_feedback(Message(self.action.type.feedback, values))
+            self.actions.hand_feedback(self, Message(self.action.type.feedback, values))
 
     def end(self, status: int, values: object) -> None:
         """End the goal with a struct of the action's result type."""
@@ -109,13 +110,13 @@ class Goal:
     def cancel(self) -> None:
         """Ask the provider to end the goal soon."""
         if not self.is_done:
-            self.action.cancel(self)
+            self.actions.ask_to_cancel(self)
 
     def abandon(self) -> None:
         """Have the provider end a goal whose caller is gone; nobody hears of its end."""
         if not self.is_done:
             self._end(None)
-            self.action.cancel(self)
+            self.actions.ask_to_cancel(self)
 
     def _end(self, outcome: Outcome | None) -> None:
         if self.is_done:
@@ -125,7 +126,7 @@ class Goal:
         self.action.goals.pop(self, None)
         self.actions.forget(self)
         if outcome is not None:
-            self.on_outcome(outcome)
+            self.actions.hand_over(self, outcome)
 
 
 class _Bus(Protocol):
@@ -133,6 +134,7 @@ class _Bus(Protocol):
 
     store: Store
     stamp_ns: int
+    guard: Guard
 
     def provide(self, owner: Owner, name: str, type_name: str, handle: Handle, *, is_exclusive: bool) -> Service:
         """Offer a service."""
@@ -231,7 +233,12 @@ class Actions:
         try:
             action.take(goal)
         except PeerError as error:
+            if isinstance(error, EncodingError):
+                self._bus.guard.note_encoding(action.name, error)
             goal.fail(str(error))
+        except Exception as error:  # noqa: BLE001 - a bug of ours in the provider's own state
+            goal.fail("The provider failed; the server's log says why")
+            self._bus.guard.blame(action.owner, error)
         return None if goal.is_done else goal
 
     def forget(self, goal: Goal) -> None:
@@ -241,6 +248,35 @@ class Actions:
             held.pop(goal, None)
             if not held:
                 del self._goals[goal.caller]
+
+    def hand_feedback(self, goal: Goal, values: Message) -> None:
+        """Give a goal's caller some feedback (for `Goal` alone)."""
+        assert goal.on_feedback is not None, "the goal has looked"
+        try:
+            goal.on_feedback(values)
+        except EncodingError as error:
+            self._bus.guard.note_encoding(goal.action.name, error)
+            goal.action.owner.tell("error", f"{goal.action.name}: {error}")
+        except Exception as error:  # noqa: BLE001 - a bug of ours in the caller's own state
+            self._bus.guard.blame(goal.caller, error)
+
+    def hand_over(self, goal: Goal, outcome: Outcome) -> None:
+        """Give a goal's caller its end (for `Goal` alone). One that cannot be encoded is a failure of the goal."""
+        try:
+            goal.on_outcome(outcome)
+        except EncodingError as error:
+            self._bus.guard.note_encoding(goal.action.name, error)
+            goal.action.owner.tell("error", f"{goal.action.name}: {error}")
+            self.hand_over(goal, Outcome(is_ok=False, status=GoalStatus.UNKNOWN, values=str(error)))
+        except Exception as error:  # noqa: BLE001 - as above
+            self._bus.guard.blame(goal.caller, error)
+
+    def ask_to_cancel(self, goal: Goal) -> None:
+        """Ask a goal's provider to end it (for `Goal` alone)."""
+        try:
+            goal.action.cancel(goal)
+        except Exception as error:  # noqa: BLE001 - a bug of ours in the provider's own state
+            self._bus.guard.blame(goal.action.owner, error)
 
     def leave(self, owner: Owner) -> None:
         """Cancel the owner's goals, fail those that were sent to it."""

@@ -21,10 +21,12 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import count, takewhile
+from typing import ParamSpec
 
-from rosbridge_sim.errors import GraphError, PeerError, UnknownPackageError
+from rosbridge_sim.errors import EncodingError, GraphError, PeerError, UnknownPackageError
 from rosbridge_sim.graph.actions import Actions
 from rosbridge_sim.graph.channels import Answer, Call, Deliver, Handle, OnAnswer, Service, Subscription, Topic
+from rosbridge_sim.graph.guard import Guard
 from rosbridge_sim.graph.owner import Body, Owner, decode_body, resolve
 from rosbridge_sim.graph.parameters import Parameters
 from rosbridge_sim.schema.compile import MessageType, OpaqueType
@@ -62,6 +64,8 @@ MAX_STALE = 100
 """Ended calls that may stay among the deadlines; more are taken out once they are half of the list. A deadline may be
 years away, and a call holds its request."""
 
+P = ParamSpec("P")
+
 _log = logging.getLogger("rosbridge_sim.graph")
 
 
@@ -88,6 +92,7 @@ class Bus:
         on_holdings: called with an owner after it has begun or ceased to publish, to listen or to serve somewhere.
         is_strict: refuse types of packages that nobody knows, in place of relaying them unchecked.
         max_calls: calls that one caller may have in flight, and as many goals.
+        guard: sees to it that a failure of ours hurts as few as possible.
         num_published, num_calls: counters since the start.
     """
 
@@ -109,6 +114,7 @@ class Bus:
         self.is_strict = is_strict
         self.service_timeout = service_timeout
         self.max_calls = max_calls
+        self.guard = Guard()
         self.num_published = 0
         self.num_calls = 0
         self.topics: dict[str, Topic] = {}
@@ -177,19 +183,34 @@ class Bus:
         """Hand a message to every listener of a topic that `sender` advertised.
 
         Raises:
-            PeerError: what a listener found wrong with the message; all others have it all the same.
+            PeerError: what a listener found wrong with the message, or why it could not be encoded for it; all others
+                have it all the same.
+            Exception: a listener that cannot end alone has failed; the same.
         """
         self.num_published += 1
         if topic.depth:
             topic.keep(sender, message)
-        problem: PeerError | None = None
+        problem: Exception | None = None
         for subscription in topic.subscriptions:
             try:
                 subscription.deliver(topic, message, sender, now)
+            except EncodingError as error:
+                self.guard.note_encoding(topic.name, error)
+                problem = problem or error
             except PeerError as error:
                 problem = problem or error
+            except Exception as error:  # noqa: BLE001 - a bug of ours in one listener's own state
+                problem = self._end_alone(subscription.owner, error) or problem
         if problem is not None:
             raise problem
+
+    def _end_alone(self, owner: Owner, error: Exception) -> Exception | None:
+        """End an owner for which something has failed; the error, if it cannot end alone."""
+        try:
+            self.guard.blame(owner, error)
+        except Exception as raised:  # noqa: BLE001 - the same error
+            return raised
+        return None
 
     def announce(self, sender: Owner, topic: Topic, message: Message, now: float) -> None:
         """Publish something of our own: what a listener finds wrong with it is for the log."""
@@ -341,10 +362,12 @@ class Bus:
         try:
             service.handle(call, now)
         except PeerError as error:
+            if isinstance(error, EncodingError):
+                self.guard.note_encoding(service.name, error)
             call.refuse(str(error))
-        except Exception:
-            call.refuse("The provider failed; its log says why")
-            raise
+        except Exception as error:  # noqa: BLE001 - a bug of ours in the provider's own state
+            call.refuse("The provider failed; the server's log says why")
+            self.guard.blame(service.owner, error)
         if timeout is not None and timeout > 0 and not call.is_done:
             call.deadline = now + timeout
             heapq.heappush(self._deadlines, (call.deadline, next(self._ticket), call))
@@ -360,6 +383,17 @@ class Bus:
                 self._deadlines = [each for each in self._deadlines if not each[2].is_done]
                 heapq.heapify(self._deadlines)
                 self._num_stale = 0
+
+    def hand_over(self, call: Call, answer: Answer) -> None:
+        """Give a call's caller the answer (for `Call` alone). One that cannot be encoded is a refusal."""
+        try:
+            call.on_answer(answer)
+        except EncodingError as error:
+            self.guard.note_encoding(call.service.name, error)
+            call.service.owner.tell("error", f"{call.service.name}: {error}")
+            self.hand_over(call, Answer(is_ok=False, values=str(error)))
+        except Exception as error:  # noqa: BLE001 - a bug of ours in the caller's own state
+            self.guard.blame(call.caller, error)
 
     # Time and departure
 
@@ -383,21 +417,29 @@ class Bus:
 
     def leave(self, owner: Owner, now: float) -> None:
         """Take away all that `owner` holds, answer those who wait for it, tell the watchers. Twice is no error."""
-        self.actions.leave(owner)
+        self._try("the end of an owner's goals", self.actions.leave, owner)
         held = self._holdings.get(owner)
         if held is not None:
             for call in list(held.calls):
-                call.abandon()
+                self._try("the end of a call", call.abandon)
             for subscription in list(held.subscriptions):
-                self.unsubscribe(subscription, now)
+                self._try("the end of a subscription", self.unsubscribe, subscription, now)
             for topic in list(held.published):
                 topic.unadvertise(owner, None)
-                self._drop_publisher(owner, topic, now)
+                self._try("the end of a publisher", self._drop_publisher, owner, topic, now)
             for service in list(held.services):
-                self._drop_service(service, f"Service {service.name} was unadvertised: its provider disconnected")
+                why = f"Service {service.name} was unadvertised: its provider disconnected"
+                self._try("the end of a service", self._drop_service, service, why)
             self._holdings.pop(owner, None)
-        for watch in self.watchers:
-            watch(owner, now)
+        for watch in tuple(self.watchers):
+            self._try("what follows an owner's end", watch, owner, now)
+
+    def _try(self, what: str, act: Callable[P, object], *args: P.args, **kwargs: P.kwargs) -> None:
+        """Do something whose failure must not keep the rest from being done."""
+        try:
+            act(*args, **kwargs)
+        except Exception as error:  # noqa: BLE001 - a bug of ours, whatever it is
+            self.guard.note(what, error)
 
     def owners(self) -> list[Owner]:
         """Everybody who holds anything, in order of arrival."""
@@ -453,11 +495,11 @@ class Bus:
 
     def _tell_of(self, topic: Topic) -> None:
         for tell in tuple(self.on_topic):
-            tell(topic)
+            self._try(f"a look at {topic.name}", tell, topic)
 
     def _tell_holdings(self, owner: Owner) -> None:
         for tell in tuple(self.on_holdings):
-            tell(owner)
+            self._try(f"a look at what {owner.name} holds", tell, owner)
 
     def _drop_publisher(self, owner: Owner, topic: Topic, now: float) -> None:
         """Tidy up after an owner that publishes there no longer."""

@@ -170,6 +170,9 @@ class _Bookkeeper(Protocol):
     def forget_call(self, call: Call) -> None:
         """Strike a finished call from its caller's list."""
 
+    def hand_over(self, call: Call, answer: Answer) -> None:
+        """Give a call's caller the answer. Must not raise for what is wrong with either of the two."""
+
 
 @dataclass(eq=False, slots=True)
 class Call:
@@ -210,4 +213,4 @@ class Call:
         self.service.calls.pop(self, None)
         self.bus.forget_call(self)
         if answer is not None:
-            self.on_answer(answer)
+            self.bus.hand_over(self, answer)

@@ -23,7 +23,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NoReturn
 
 from rosbridge_sim.errors import FrameError, PeerError
 from rosbridge_sim.graph.bus import Answer, Bus, Owner, Subscription, Topic, decode_body, resolve
@@ -75,6 +75,7 @@ class Mirror:
         lines: the connections that it wants, by their names; the first one's is empty.
         on_lines: called when one has come or gone.
         on_attached: called each time when everything is announced.
+        on_failure: called when something done for the far side has failed by a bug of ours; raises it by itself.
     """
 
     name = NODE_NAME
@@ -103,6 +104,7 @@ class Mirror:
         self.address = address
         self.on_lines: Callable[[], None] = lambda: None
         self.on_attached: Callable[[], None] = lambda: None
+        self.on_failure: Callable[[Exception], None] = _raise
         self._bus = bus
         self._source = source
         self._has_line_each = has_line_each
@@ -133,6 +135,10 @@ class Mirror:
     def tell(self, level: str, text: str) -> None:
         """What would be told to a client, nobody there could hear: it goes to the log."""
         self._note(logging.INFO, f"a program there is told: [{level}] {text}")
+
+    def fail(self, error: Exception) -> None:
+        """See `Guarded`: the bridge's connections are made anew."""
+        self.on_failure(error)
 
     def note(self, level: int, text: str, now: float) -> None:
         """Have a line in the log, unless there were too many of late."""
@@ -455,3 +461,8 @@ class Mirror:
             self._findings.say(logging.WARNING, text)
         if self._survey_at is not None and now >= self._survey_at:
             self._survey(now)
+
+
+def _raise(error: Exception) -> NoReturn:
+    """Raise a failure in the caller's hands: this far side has no connection that could be cut."""
+    raise error

@@ -19,12 +19,12 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any, Protocol, TypeVar
+from typing import Any, NoReturn, Protocol, TypeVar
 
 import msgspec
 import orjson
 
-from rosbridge_sim.errors import FrameError, GraphError, PeerError
+from rosbridge_sim.errors import EncodingError, FrameError, GraphError, PeerError
 from rosbridge_sim.graph.actions import Goal, GoalStatus, Outcome
 from rosbridge_sim.graph.bus import Answer, Bus, Call, Owner, Subscription, Topic, decode_body, resolve
 from rosbridge_sim.graph.owner import Tell
@@ -132,6 +132,7 @@ class Peer:
         session: its wire.
         address: where it comes from, for people to read.
         num_errors: mistakes it was told of.
+        on_failure: called when something that is done for this client has failed by a bug of ours; raises it by itself.
         on_released: called when the last hold has ended; not after `leave`.
     """
 
@@ -148,6 +149,8 @@ class Peer:
         """
         self.session = session
         session.on_lost_answer = self._lose_answer
+        session.on_unsent = bus.guard.note_encoding
+        self.on_failure: Callable[[Exception], None] = _raise
         self.address = address
         self.num_errors = 0
         self.on_released: Callable[[], None] = _nothing
@@ -205,6 +208,10 @@ class Peer:
             return FrameWork(self.session.receive(frame, now), self.do)
         self.do(op, now)
         return None
+
+    def fail(self, error: Exception) -> None:
+        """See `Guarded`: the owner of the socket closes it."""
+        self.on_failure(error)
 
     def flush(self, now: float) -> None:
         """Send the messages whose turn has come; the session's alarm says when."""
@@ -351,7 +358,10 @@ class Peer:
         self._num_ids += is_new
         if is_new and qos.is_latching is not False:
             for message in listening.subscription.topic.latched:
-                feed.send(message, bus.stamp_ns)
+                try:
+                    feed.send(message, bus.stamp_ns)
+                except EncodingError as error:
+                    bus.guard.note_encoding(op.topic, error)
 
     def _unsubscribe(self, op: ops.Unsubscribe, now: float) -> None:
         listening = self._listenings.get(op.topic)
@@ -581,6 +591,11 @@ class Peer:
 
 def _nothing() -> None:
     """Do nothing: no op of this client waits for its release."""
+
+
+def _raise(error: Exception) -> NoReturn:
+    """Raise a failure in the caller's hands: this client has no socket that could be closed."""
+    raise error
 
 
 def _split_id(op: ops.CallService) -> tuple[str, ops.Id]:

@@ -127,6 +127,7 @@ class Republisher:
         self._alarm: float | None = None
         self._alarm_set_ns = 0
         self._sweep_due = 0.0
+        self._is_off = False
         store = bus.store
         self._array_struct = store.message("tf2_web_republisher/TFArray").struct
         self._answer_struct = store.service("tf2_web_republisher/RepublishTFs").response.struct
@@ -143,10 +144,18 @@ class Republisher:
         """What the bus has to say to the republisher goes into the log."""
         _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)
 
+    def fail(self, error: Exception) -> None:
+        """See `Guarded`: it is gone until a restart; whoever waits for it is told."""
+        _log.error("the republisher of transforms has failed; it is off until a restart", exc_info=error)
+        self._is_off = True
+        self._bus.leave(self, 0.0)
+
     # Time
 
     def next_due(self, _now: float) -> float | None:
         """When `advance` has something to do next [s]; None while nobody asks for anything."""
+        if self._is_off:
+            return None
         dues = (self._alarm, self._actionlib.next_due(), self._sweep_due if self._offers else None)
         return min((due for due in dues if due is not None), default=None)
 
@@ -158,6 +167,8 @@ class Republisher:
 
         Call it again at `next_due`.
         """
+        if self._is_off:
+            return
         if self._alarm is not None and now >= self._alarm:
             self._alarm = None
             if self._bus.stamp_ns != self._alarm_set_ns:  # a clock that stands brings no new slot

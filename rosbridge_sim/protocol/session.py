@@ -14,7 +14,7 @@ from collections.abc import Callable, Generator, Iterator
 
 import orjson
 
-from rosbridge_sim.errors import FrameError, PeerError
+from rosbridge_sim.errors import EncodingError, FrameError, PeerError
 from rosbridge_sim.protocol.codec import (
     LONG,
     Encoded,
@@ -47,6 +47,7 @@ class Session:
         level: remarks up to this one are sent; `error` until the peer asks otherwise.
         num_received, num_refused: frames in, and those among them that held something that is no op.
         num_sent: messages of topics that went into the outbox.
+        on_unsent: hears of a spelling of a topic whose message waited and then could not be encoded.
         on_lost_answer: hears of what is no op but should have been the answer to a call or the end of a goal.
     """
 
@@ -75,6 +76,7 @@ class Session:
         self.num_refused = 0
         self.num_sent = 0
         self.on_lost_answer: Callable[[FrameError], None] = lambda _error: None
+        self.on_unsent: Callable[[str, EncodingError], None] = lambda _spelling, _error: None
         self._alarm = alarm
         self._is_talkative = is_talkative
         self._on_refused = on_refused
@@ -212,7 +214,10 @@ class Session:
         """
         due = float("inf")
         for feed in list(self._waiting):
-            feed.flush(now, stamp_ns)
+            try:
+                feed.flush(now, stamp_ns)
+            except EncodingError as error:
+                self.on_unsent(feed.spelling, error)
             turn = feed.pace.due()
             if turn is None:
                 self._waiting.pop(feed, None)
@@ -281,7 +286,11 @@ class Feed:
             self.send(message, stamp_ns)
 
     def send(self, message: Encoded, stamp_ns: int) -> None:
-        """Send a message, in the encoding that was asked for; where it has none in it, the listener is told once."""
+        """Send a message, in the encoding that was asked for; where it has none in it, the listener is told once.
+
+        Raises:
+            EncodingError: it cannot be written, by a bug of ours.
+        """
         session = self._session
         if self._is_plain:
             session.num_sent += 1
@@ -289,6 +298,8 @@ class Feed:
             return
         try:
             frame = self._encode(message, stamp_ns)
+        except EncodingError:
+            raise
         except PeerError as error:
             if not self._is_warned:
                 self._is_warned = True

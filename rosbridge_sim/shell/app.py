@@ -124,7 +124,8 @@ class Simulator:
         num_frames = self._server.num_bugs + sum(attachment.num_bugs for attachment in self.attachments)
         num_loads = self._reader.num_bugs if self._reader is not None else 0
         is_standing = self.node is not None and self.node.failure is not None
-        return num_frames + num_loads + (self._clockwork.is_failed or is_standing)
+        num_guarded = self.bus.guard.num_faults if self.bus is not None else 0
+        return num_frames + num_loads + num_guarded + (self._clockwork.is_failed or is_standing)
 
     async def __aenter__(self) -> Self:
         await self.start()

@@ -119,6 +119,7 @@ class Attachment:
         """Dial, from now on and for ever."""
         self.mirror.on_attached = self._note_attached
         self.mirror.on_lines = self._look
+        self.mirror.on_failure = self._fail
         self._look()
 
     async def stop(self) -> None:
@@ -130,6 +131,13 @@ class Attachment:
             await asyncio.gather(*(carrier.stop() for carrier in carriers))
         if not self.attached.done():
             self.attached.cancel()
+
+    def _fail(self, error: Exception) -> None:
+        """Something that was done for the bridge has failed by a bug of ours: connect anew, and go on."""
+        self.num_bugs += 1
+        _log.error("%s: a failure of ours; its connections are made anew", self.url, exc_info=error)
+        for carrier in self._carriers.values():
+            carrier.cut()
 
     def _note_attached(self) -> None:
         if not self.attached.done():
@@ -193,6 +201,11 @@ class _Carrier:
         self._carry()
         await asyncio.wait([heard, self._task], timeout=LAST_WORD, return_when=asyncio.FIRST_COMPLETED)
         heard.cancel()
+
+    def cut(self) -> None:
+        """End the connection at once; another one will be made."""
+        if self._socket is not None:
+            self._socket.transport.abort()
 
     def let_go(self) -> None:
         """The line is not wanted any more: `stop`, beside what else happens."""
