@@ -117,6 +117,9 @@ class Services(Part):
         def answer(result: TickResult) -> None:
             if call.is_done:  # given up, or the caller has left: perhaps the ego is gone, too
                 return
+            if node.failure is not None:
+                call.refuse(node.failure)
+                return
             if not result.is_accepted:
                 call.caller.tell("warning", f"{call.service.name}: {result.why}")
             frame = node.world.frame
@@ -127,6 +130,7 @@ class Services(Part):
 
     def _sync_ctrl_cmd(self, ego: Ego, call: Call, now: float) -> None:
         request = request_of(call)
+        name = call.service.name
 
         def read() -> Command:
             control = self._node.convert.control(request.command)
@@ -134,7 +138,7 @@ class Services(Part):
             def carry_out(_now: float) -> None:
                 ego.control(control)
                 if request.sensor_capture:
-                    self._node.afterwards.append(lambda _now: self._sensors.capture(ego, call.caller))
+                    self._node.afterwards.append(lambda _now: self._sensors.capture(ego, call.caller, name))
 
             return carry_out
 
