@@ -296,8 +296,10 @@ class Node:
                 self._ticks.appendleft((on_end, release))
                 self._refuse_ticks(str(error), now)
                 return
-            on_end(TickResult(is_accepted=True, is_paused=False))
-            release(now)
+            try:
+                on_end(TickResult(is_accepted=True, is_paused=False))
+            finally:
+                release(now)
 
     def _refuse_ticks(self, why: str, now: float) -> None:
         """Answer the ticks that wait: they will not be carried out."""
@@ -322,11 +324,13 @@ class Node:
         return let_go
 
     def _tick(self, num_frames: int, now: float) -> None:
-        """Compute the frames of one tick.
+        """Compute the frames of a tick.
 
         Raises:
-            GraphError: a step has failed: the world stands still for good.
+            GraphError: a step has failed, now or before: the world stands still for good.
         """
+        if self.failure is not None:
+            raise GraphError(self.failure)
         self.is_moving = True
         try:
             for left in range(num_frames - 1, -1, -1):

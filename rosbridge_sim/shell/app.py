@@ -100,8 +100,8 @@ class Simulator:
         self._reports: Reports | None = None
         self._recorder: Recorder | None = None
         self._recordings: DiskRecordings | None = None
-        self._reader: ThreadReader | None = None
         self._quota: DataQuota | None = None
+        self._reader: ThreadReader | None = None
         self._stopping: asyncio.Task[None] | None = None
 
     @property
@@ -225,12 +225,12 @@ class Simulator:
             self._clockwork.stop()
         if self._recordings is not None:
             self._recordings.stop()
-        if self._reader is not None:
-            self._reader.stop()
         if self._quota is not None:
             self._quota.stop()
         if self.descriptors is not None:
             self.descriptors.stop()
+        if self._reader is not None:
+            self._reader.stop()
         if self._reports is not None:
             self._reports.stop()
         if self._server is not None:

@@ -170,6 +170,7 @@ class Client:
         self._has_output = False
         self._is_in_line = False
         socket.on_room = self.carry
+        self.peer.on_released = lambda: self._get_in_line(had_turn=False)
         if not socket.is_proven or limits.access.max_rate is not None:
             self._post_warden(limits.access)
 
@@ -208,7 +209,7 @@ class Client:
             self._regret_frame()
             return True
         if work is None:
-            return True
+            return not self.peer.is_held
         if len(message) >= LARGE_FRAME:
             self._watch.note_large_frame()
         self._work = work
@@ -229,9 +230,9 @@ class Client:
                 self._regret_frame()
                 self._work = None
                 break
-            if perf_counter() >= self._until:
+            if self.peer.is_held or perf_counter() >= self._until:
                 return False
-        return True
+        return not self.peer.is_held
 
     def _regret_frame(self) -> None:
         self._watch.count_bug()
@@ -260,7 +261,8 @@ class Client:
         self._get_in_line(had_turn=had_turn)
 
     def _get_in_line(self, *, had_turn: bool) -> None:
-        if not self._is_in_line:
+        is_waiting = self._has_output or (self._has_input and not self.peer.is_held)
+        if is_waiting and not self._is_in_line:
             self._is_in_line = True
             self._turns.wait(self, had_turn=had_turn)
 
@@ -270,9 +272,9 @@ class Client:
         if self._has_output:
             self._has_output = False
             self.carry()
-        if self._has_input and self._do_steps():
+        if self._has_input and not self.peer.is_held and self._do_steps():
             self._has_input = self.socket.go_on(until)
-        self._is_in_line = self._has_input or self._has_output
+        self._is_in_line = self._has_output or (self._has_input and not self.peer.is_held)
         return self._is_in_line
 
     # Out
