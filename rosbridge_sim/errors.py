@@ -46,11 +46,13 @@ class FrameError(PeerError):
 
     Attributes:
         op_id: the `id` that the sender gave, as it came, or None.
+        op: the `op` that it named, as far as it could be read, or None.
     """
 
-    def __init__(self, text: str, op_id: object = None) -> None:
+    def __init__(self, text: str, op_id: object = None, op: object = None) -> None:
         super().__init__(text)
         self.op_id = op_id
+        self.op = op
 
 
 class TypeNameError(PeerError):

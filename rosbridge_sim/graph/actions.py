@@ -81,7 +81,7 @@ class Goal:
     """One goal, from its request to its one end.
 
     Attributes:
-        request: a struct of the action's goal type.
+        request: a struct of the action's goal type; None after the end, as of a `Call`.
         is_done: ended or given up; whatever comes after that is ignored.
     """
 
@@ -121,6 +121,7 @@ class Goal:
         if self.is_done:
             return
         self.is_done = True
+        self.request = None
         self.action.goals.pop(self, None)
         self.actions.forget(self)
         if outcome is not None:
@@ -149,6 +150,7 @@ class Actions:
         self.max_goals = max_goals
         self.by_name: dict[str, Action] = {}
         self._goals: dict[Owner, dict[Goal, None]] = {}
+        self._provided: dict[Owner, dict[Action, None]] = {}
 
     def provide(
         self,
@@ -183,6 +185,7 @@ class Actions:
             is_exclusive=True,
         )
         self.by_name[name] = action
+        self._provided.setdefault(owner, {})[action] = None
         return action
 
     def withdraw(self, owner: Owner, name: str) -> None:
@@ -243,9 +246,8 @@ class Actions:
         """Cancel the owner's goals, fail those that were sent to it."""
         for goal in list(self._goals.pop(owner, ())):
             goal.abandon()
-        for action in list(self.by_name.values()):
-            if action.owner is owner:
-                self._drop(action, f"Action {action.name} was unadvertised: its provider disconnected")
+        for action in list(self._provided.get(owner, ())):
+            self._drop(action, f"Action {action.name} was unadvertised: its provider disconnected")
 
     def _cancel(self, action: Action, call: Call) -> None:
         """Cancel the caller's goals, since ROS 2 asks for it by a call."""
@@ -261,6 +263,10 @@ class Actions:
             goal.cancel()
 
     def _drop(self, action: Action, why: str) -> None:
+        provided = self._provided.get(action.owner, {})
+        provided.pop(action, None)
+        if not provided:
+            self._provided.pop(action.owner, None)
         if self.by_name.get(action.name) is action:
             del self.by_name[action.name]
             with suppress(GraphError):  # the provider may have taken it back itself

@@ -18,15 +18,15 @@ from __future__ import annotations
 
 import heapq
 import logging
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from itertools import count
+from itertools import count, takewhile
 
 from rosbridge_sim.errors import GraphError, PeerError, UnknownPackageError
 from rosbridge_sim.graph.actions import Actions
 from rosbridge_sim.graph.channels import Answer, Call, Deliver, Handle, OnAnswer, Service, Subscription, Topic
 from rosbridge_sim.graph.owner import Body, Owner, decode_body, resolve
+from rosbridge_sim.graph.parameters import Parameters
 from rosbridge_sim.schema.compile import MessageType, OpaqueType
 from rosbridge_sim.schema.store import Message, Store
 
@@ -58,6 +58,10 @@ MAX_CALLS = 1_000
 MAX_REMEMBERED = 10_000
 """Topics without publishers, and types that nobody knows, that are kept for their next user: the newest."""
 
+MAX_STALE = 100
+"""Ended calls that may stay among the deadlines; more are taken out once they are half of the list. A deadline may be
+years away, and a call holds its request."""
+
 _log = logging.getLogger("rosbridge_sim.graph")
 
 
@@ -78,7 +82,7 @@ class Bus:
         store: the types.
         stamp_ns: the time for stamps that a message leaves open [ns]; simulation time where there is a world.
         actions: the third way of talking.
-        parameters: the parameter server, by absolute name; JSON values.
+        parameters: the parameter server.
         watchers: called with `(owner, now)` after an owner has left.
         on_topic: called with a topic after somebody has begun to publish or to listen there.
         on_holdings: called with an owner after it has begun or ceased to publish, to listen or to serve somewhere.
@@ -98,7 +102,7 @@ class Bus:
         self.store = store
         self.stamp_ns = 0
         self.actions = Actions(self, max_calls)
-        self.parameters: dict[str, object] = {}
+        self.parameters = Parameters()
         self.watchers: list[Callable[[Owner, float], None]] = []
         self.on_topic: list[Callable[[Topic], None]] = []
         self.on_holdings: list[Callable[[Owner], None]] = []
@@ -111,6 +115,7 @@ class Bus:
         self.services: dict[str, Service] = {}
         self._holdings: dict[Owner, Holdings] = {}
         self._deadlines: list[tuple[float, int, Call]] = []
+        self._num_stale = 0  # calls among the deadlines that have ended
         self._ticket = count()
         self._orphans: dict[Topic, None] = {}
         self._opaque_types: dict[str, OpaqueType] = {}
@@ -151,10 +156,9 @@ class Bus:
             raise GraphError(f"Topic {topic.name} is published by {topic.owner.name} alone; others may only subscribe")
         if is_on_demand:
             topic.on_demand[owner] = None
-        topic.publishers.setdefault(owner, {})[key] = depth
+        topic.advertise(owner, key, depth)
         topic.orphaned_at = None
         self._orphans.pop(topic, None)
-        self._settle_latching(topic)
         self._held(owner).published[topic] = None
         self._tell_of(topic)
         self._tell_holdings(owner)
@@ -165,14 +169,9 @@ class Bus:
         topic = self.topics.get(resolve(name))
         if topic is None or owner not in topic.publishers:
             return
-        keys = topic.publishers[owner]
-        if key is None:
-            keys.clear()
-        else:
-            keys.pop(key, None)
-        if not keys:
+        topic.unadvertise(owner, key)
+        if owner not in topic.publishers:
             self._drop_publisher(owner, topic, now)
-        self._settle_latching(topic)
 
     def publish(self, sender: Owner, topic: Topic, message: Message, now: float) -> None:
         """Hand a message to every listener of a topic that `sender` advertised.
@@ -355,13 +354,19 @@ class Bus:
         held = self._holdings.get(call.caller)
         if held is not None:
             held.calls.pop(call, None)
+        if call.deadline is not None:
+            self._num_stale += 1
+            if self._num_stale > MAX_STALE and 2 * self._num_stale > len(self._deadlines):
+                self._deadlines = [each for each in self._deadlines if not each[2].is_done]
+                heapq.heapify(self._deadlines)
+                self._num_stale = 0
 
     # Time and departure
 
     def next_deadline(self) -> float | None:
         """When `expire` has something to do next [s]; None if never."""
         while self._deadlines and self._deadlines[0][2].is_done:
-            heapq.heappop(self._deadlines)
+            self._pop_deadline()
         first = self._deadlines[0][0] if self._deadlines else None
         for topic in self._orphans:  # in order of orphaning, so the first is the earliest
             if topic.orphaned_at is not None:
@@ -372,10 +377,8 @@ class Bus:
     def expire(self, now: float) -> None:
         """Give up the calls whose time is over and forget the topics that nobody has held for a while."""
         while self._deadlines and (self._deadlines[0][0] <= now or self._deadlines[0][2].is_done):
-            heapq.heappop(self._deadlines)[2].refuse("Timeout exceeded while waiting for service response")
-        for topic in list(self._orphans):
-            if topic.orphaned_at is None or topic.orphaned_at + TYPE_MEMORY > now:
-                break
+            self._pop_deadline().refuse("Timeout exceeded while waiting for service response")
+        for topic in list(takewhile(lambda topic: _is_over(topic, now), self._orphans)):
             self._forget(topic)
 
     def leave(self, owner: Owner, now: float) -> None:
@@ -388,8 +391,8 @@ class Bus:
             for subscription in list(held.subscriptions):
                 self.unsubscribe(subscription, now)
             for topic in list(held.published):
+                topic.unadvertise(owner, None)
                 self._drop_publisher(owner, topic, now)
-                self._settle_latching(topic)
             for service in list(held.services):
                 self._drop_service(service, f"Service {service.name} was unadvertised: its provider disconnected")
             self._holdings.pop(owner, None)
@@ -405,6 +408,13 @@ class Bus:
         return self._holdings.get(owner) or Holdings()
 
     # How it is kept
+
+    def _pop_deadline(self) -> Call:
+        """Take the earliest deadline out, and the call off those that are watched."""
+        call = heapq.heappop(self._deadlines)[2]
+        self._num_stale -= call.is_done
+        call.deadline = None
+        return call
 
     def _held(self, owner: Owner) -> Holdings:
         held = self._holdings.get(owner)
@@ -449,15 +459,8 @@ class Bus:
         for tell in tuple(self.on_holdings):
             tell(owner)
 
-    def _settle_latching(self, topic: Topic) -> None:
-        if topic.publishers:  # what is latched outlives its publishers for as long as the type does
-            depth = max(depth for keys in topic.publishers.values() for depth in keys.values())
-            if depth != topic.depth:
-                topic.depth = depth
-                topic.kept = {owner: deque(kept, maxlen=depth) for owner, kept in topic.kept.items() if depth}
-
     def _drop_publisher(self, owner: Owner, topic: Topic, now: float) -> None:
-        topic.publishers.pop(owner, None)
+        """Tidy up after an owner that publishes there no longer."""
         topic.on_demand.pop(owner, None)
         if topic.publishers:
             topic.kept.pop(owner, None)
@@ -479,8 +482,7 @@ class Bus:
     def _forget(self, topic: Topic) -> None:
         """Forget a topic without publishers, its type too if nobody waits there."""
         del self._orphans[topic]
-        topic.depth = 0
-        topic.kept = {}
+        topic.forget_messages()
         if not topic.subscriptions and self.topics.get(topic.name) is topic:
             del self.topics[topic.name]
 
@@ -493,3 +495,8 @@ class Bus:
             for call in list(service.calls):
                 call.refuse(why)
         self._tell_holdings(service.owner)
+
+
+def _is_over(topic: Topic, now: float) -> bool:
+    """Whether the type of a topic without publishers has been remembered for long enough."""
+    return topic.orphaned_at is not None and topic.orphaned_at + TYPE_MEMORY <= now

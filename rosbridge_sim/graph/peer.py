@@ -19,12 +19,12 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import msgspec
 import orjson
 
-from rosbridge_sim.errors import GraphError, PeerError
+from rosbridge_sim.errors import FrameError, GraphError, PeerError
 from rosbridge_sim.graph.actions import Goal, GoalStatus, Outcome
 from rosbridge_sim.graph.bus import Answer, Bus, Call, Owner, Subscription, Topic, decode_body, resolve
 from rosbridge_sim.graph.owner import Tell
@@ -46,6 +46,9 @@ _IMPLICIT = object()
 MAX_ID = 1_024
 """Longest id of what is held [characters]; any other id is only echoed."""
 
+_TIDY = 1_000
+"""Ended calls or goals that a provider's list may hold before it is tidied: late answers to them are no mistake."""
+
 _log = logging.getLogger("rosbridge_sim.graph")
 
 
@@ -65,6 +68,13 @@ class _Provision:
     spelling: str
     num_calls: int = 0
     calls: dict[str, Call] = field(default_factory=dict)
+    tidy_at: int = 0
+
+    def tidy(self) -> None:
+        """Forget calls that timed out or were abandoned: when they are many, so that each call costs little."""
+        if len(self.calls) >= self.tidy_at:
+            self.calls = {call_id: call for call_id, call in self.calls.items() if not call.is_done}
+            self.tidy_at = max(_TIDY, 2 * len(self.calls))
 
 
 @dataclass(slots=True)
@@ -75,9 +85,19 @@ class _Performance:
     type_name: str
     num_goals: int = 0
     goals: dict[str, Goal] = field(default_factory=dict)
+    ids: dict[Goal, str] = field(default_factory=dict)
+    tidy_at: int = 0
 
-    def id_of(self, goal: Goal) -> str | None:
-        return next((goal_id for goal_id, known in self.goals.items() if known is goal), None)
+    def tidy(self) -> None:
+        """Forget goals that have ended, as `_Provision.tidy` does calls."""
+        if len(self.goals) >= self.tidy_at:
+            self.goals = {goal_id: goal for goal_id, goal in self.goals.items() if not goal.is_done}
+            self.ids = {goal: goal_id for goal_id, goal in self.goals.items()}
+            self.tidy_at = max(_TIDY, 2 * len(self.goals))
+
+
+_Offer = TypeVar("_Offer", _Provision, _Performance)
+_Work = TypeVar("_Work", Call, Goal)
 
 
 class Work(Protocol):
@@ -127,6 +147,7 @@ class Peer:
             policy: what it may do.
         """
         self.session = session
+        session.on_lost_answer = self._lose_answer
         self.address = address
         self.num_errors = 0
         self.on_released: Callable[[], None] = _nothing
@@ -282,7 +303,11 @@ class Peer:
         num_keys = self._num_keys(op.topic)
         self._bus.unadvertise(self, op.topic, now, key=op.id)
         self._num_ids += self._num_keys(op.topic) - num_keys
-        self._publications = {s: t for s, t in self._publications.items() if self in t.publishers}
+        name = resolve(op.topic)
+        for spelling in (name, name[1:]):
+            topic = self._publications.get(spelling)
+            if topic is not None and self not in topic.publishers:
+                del self._publications[spelling]
 
     def _publish(self, op: ops.Publish, now: float) -> None:
         topic = self._publications.get(op.topic)
@@ -333,7 +358,7 @@ class Peer:
         if listening is None:
             return
         ids = listening.feed.ids
-        if op.id is None or set(ids) == {op.id}:
+        if op.id is None or (op.id in ids and len(ids) == 1):
             del self._listenings[op.topic]
             self._num_ids -= len(ids)
             self.session.drop_feed(listening.feed)
@@ -364,10 +389,9 @@ class Peer:
 
         def handle(call: Call, _now: float) -> None:
             limit = self._bus.max_calls
-            if len(provision.calls) >= limit:  # what timed out or was abandoned is kept for its late answer
-                provision.calls = {i: c for i, c in provision.calls.items() if not c.is_done}
-                if len(provision.calls) >= limit:
-                    raise GraphError(f"Service {provision.name} has {limit} calls waiting already")
+            provision.tidy()
+            if len(call.service.calls) > limit:  # this one is among them
+                raise GraphError(f"Service {provision.name} has {limit} calls waiting already")
             provision.num_calls += 1
             call_id = f"service_request:{provision.spelling}:{provision.num_calls}"
             provision.calls[call_id] = call
@@ -402,6 +426,21 @@ class Peer:
             raise
         call.answer(values)
 
+    def _lose_answer(self, error: FrameError) -> None:
+        """Fail the call or the goal whose answer cannot be read: its caller would wait for ever.
+
+        Where the frame has no id of ours left in it, it is clear whose answer it is only if one alone is awaited.
+        """
+        why = f"The provider's answer cannot be read: {error}"
+        if error.op == "service_response":
+            call = self._find_awaited(self._provisions, error.op_id, lambda provision: provision.calls)
+            if call is not None:
+                call.refuse(why)
+        else:
+            goal = self._find_awaited(self._performances, error.op_id, lambda performance: performance.goals)
+            if goal is not None:
+                goal.fail(why)
+
     # Actions
 
     def _advertise_action(self, op: ops.AdvertiseAction, _now: float) -> None:
@@ -410,12 +449,13 @@ class Peer:
         performance = _Performance(op.action, op.type)
 
         def take(goal: Goal) -> None:
-            performance.goals = {i: g for i, g in performance.goals.items() if not g.is_done}
-            if len(performance.goals) >= self._actions.max_goals:
+            performance.tidy()
+            if len(goal.action.goals) > self._actions.max_goals:  # this one is among them
                 raise GraphError(f"Action {op.action} has {self._actions.max_goals} goals under way already")
             performance.num_goals += 1
             goal_id = f"action_goal:{op.action}:{performance.num_goals}"
             performance.goals[goal_id] = goal
+            performance.ids[goal] = goal_id
             args = Message(goal.action.type.goal, goal.request)
             self.session.say(
                 "send_action_goal",
@@ -427,7 +467,7 @@ class Peer:
             )
 
         def cancel(goal: Goal) -> None:
-            goal_id = performance.id_of(goal)
+            goal_id = performance.ids.get(goal)
             if goal_id is not None:
                 self.session.say("cancel_action_goal", {}, id=goal_id, action=op.action)
 
@@ -505,6 +545,19 @@ class Peer:
         if goal is None:
             self.session.remark("warning", f"Nobody waits for a goal of {op.action} with this id", op.id)
         return None if goal is None or goal.is_done else goal
+
+    @staticmethod
+    def _find_awaited(
+        offers: dict[str, _Offer], op_id: object, get: Callable[[_Offer], dict[str, _Work]]
+    ) -> _Work | None:
+        """The call or goal under that id or, without an id, the only one that is not done."""
+        if isinstance(op_id, str):
+            name = op_id.partition(":")[2].rpartition(":")[0]
+            offer = offers.get(name) or offers.get("/" + name)
+            return None if offer is None else get(offer).get(op_id)
+        undone = (work for offer in offers.values() for work in get(offer).values() if not work.is_done)
+        first, second = next(undone, None), next(undone, None)
+        return first if second is None else None
 
     # The rest
 

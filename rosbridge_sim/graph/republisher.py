@@ -31,7 +31,7 @@ from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.actionlib import BEAT, Actionlib
 from rosbridge_sim.graph.actions import Goal, GoalStatus
 from rosbridge_sim.graph.bus import Bus, Call, Owner, Subscription, Topic
-from rosbridge_sim.graph.frames import Frames, Placed, Pose, frame_name, turn
+from rosbridge_sim.graph.frames import MAX_FRAMES, Frames, Placed, Pose, frame_name, turn
 from rosbridge_sim.schema.store import Message
 
 __all__ = ["DEFAULT_TIMEOUT", "MAX_PAIRS", "MAX_STREAMS", "NODE_NAME", "OWN_PAIRS", "OWN_STREAMS", "Republisher"]
@@ -192,6 +192,8 @@ class Republisher:
     def _put(self, message: Message, sender: Owner, *, is_static: bool) -> GraphError | None:
         """Take in what is right in a message; what was wrong first."""
         problem = None
+        if len(message.value.transforms) > MAX_FRAMES:
+            return GraphError(f"{message.type.name}: expected at most {MAX_FRAMES} transforms, as many as are kept")
         for stamped in message.value.transforms:
             try:
                 self._frames.put(stamped, sender, is_static=is_static)
@@ -242,6 +244,8 @@ class Republisher:
         Raises:
             GraphError: the request makes no sense, or it is one too many.
         """
+        if len(request.source_frames) > MAX_PAIRS:
+            raise GraphError(f"source_frames: expected at most {MAX_PAIRS}, got {len(request.source_frames)}")
         sources = tuple(dict.fromkeys(map(frame_name, request.source_frames)))
         own = [stream for stream in self._streams.values() if stream.owner is owner]
         _check_room(own, len(sources), OWN_STREAMS, OWN_PAIRS, "of yours")

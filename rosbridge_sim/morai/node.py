@@ -36,7 +36,7 @@ from rosbridge_sim.morai.pace import Pace
 from rosbridge_sim.morai.part import Part
 from rosbridge_sim.morai.releases import MANUAL, Profile, SpeedLimits
 from rosbridge_sim.morai.scenarios.scenario import Scenario
-from rosbridge_sim.morai.stage import FIRST_EGO, MAX_ENTITIES, Library, Load, Stage
+from rosbridge_sim.morai.stage import FIRST_EGO, MAX_EGOS, MAX_ENTITIES, Library, Load, Stage
 from rosbridge_sim.morai.sync import Effect, Outcome, Sync
 from rosbridge_sim.world.state import STEP_NS, Gear, World
 from rosbridge_sim.world.step import step
@@ -47,9 +47,6 @@ NODE_NAME: Final = "/morai_sim"
 
 MAX_FRAMES: Final = 5
 """Frames that one `advance` computes at most, so that catching up does not keep everybody else waiting."""
-
-MAX_EGOS: Final = 32
-"""Egos at once. Each has a dozen topics and services of its own."""
 
 LAST_RESERVED: Final = 1
 """MORAI's egos are 0, 2, 3, ...: nobody has seen a 1."""

@@ -30,6 +30,7 @@ __all__ = [
     "DEFAULT_MAP",
     "FIRST_EGO",
     "FIRST_UID",
+    "MAX_EGOS",
     "MAX_ENTITIES",
     "MAX_FILE_UID",
     "WHOLE",
@@ -52,6 +53,9 @@ FIRST_UID: Final = 1
 
 MAX_FILE_UID: Final = 2**30
 """A document's ids are kept up to here, so that a single one cannot use up all there are."""
+
+MAX_EGOS: Final = 32
+"""Egos at once. Each has a dozen topics and services of its own."""
 
 MAX_ENTITIES: Final = 20_000
 """What may stand in the world at once: twice what one step is made for."""
