@@ -239,7 +239,10 @@ class Loads(Part):
 
         Raises:
             DocumentError: there is no such scenario, or one of both cannot be used.
+            GraphError: the world has failed.
         """
+        if self._node.failure is not None:  # it has come to that while the scenario was read
+            raise GraphError(self._node.failure)
         if isinstance(documents, DocumentError):
             raise documents
         ego, vehicles, pedestrians, obstacles = _parts(request)

@@ -172,9 +172,8 @@ class Node:
         self._failed_by: Exception | None = None
         self._is_serving_on = settings.on_world_failure == "serve"
         self.afterwards: list[Command] = []
-        self._ticks: deque[tuple[OnTick, Callable[[float], None]]] = (
-            deque()
-        )  # that wait, each with its caller's release
+        # Those that wait, each with what releases its caller.
+        self._ticks: deque[tuple[OnTick, Callable[[float], None]]] = deque()
         self._pace = Pace()
         self._told: dict[Owner, set[str]] = {}
         self.items = Items(self, bus, settings.network)
@@ -290,9 +289,12 @@ class Node:
             on_end, release = self._ticks.popleft()
             try:
                 self._tick(num_frames, now)
-                on_end(TickResult(is_accepted=True, is_paused=False))
             except GraphError as error:
-                on_end(TickResult(is_accepted=False, is_paused=False, why=str(error)))
+                self._ticks.appendleft((on_end, release))
+                self._refuse_ticks(str(error), now)
+                return
+            try:
+                on_end(TickResult(is_accepted=True, is_paused=False))
             finally:
                 release(now)
 

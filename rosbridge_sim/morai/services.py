@@ -117,6 +117,9 @@ class Services(Part):
         def answer(result: TickResult) -> None:
             if call.is_done:  # given up, or the caller has left: perhaps the ego is gone, too
                 return
+            if node.failure is not None:
+                call.refuse(node.failure)
+                return
             if not result.is_accepted:
                 call.caller.tell("warning", f"{call.service.name}: {result.why}")
             frame = node.world.frame

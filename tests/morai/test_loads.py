@@ -478,6 +478,42 @@ def test_command_that_comes_while_a_tick_waits_is_for_a_frame_behind_it() -> Non
     assert one.sync.num_waiting == 1
 
 
+# A world that fails meanwhile
+
+
+@pytest.mark.parametrize("mode", ["exit", "serve"])
+def test_ticks_that_wait_are_refused_if_the_first_of_them_fails(mode: str) -> None:
+    one = Set(on_world_failure=mode)
+    first, second, loader = one.master(), one.wire(), one.wire()
+    loader.load_at(1)
+    first.tick()
+    second.tick()
+    one.stand.node._placing.append(lambda: 1 // 0)  # type: ignore[arg-type] # as good a bug as any
+    one.reader.hand_over()
+    assert loader.answers() == [(LOAD_AT, True)]
+    for master in (first, second):
+        (answer,) = [json.loads(frame) for frame in master.frames]
+        assert (answer["result"], answer["values"][:21]) == (False, "the world has failed:")
+        assert not master.peer.is_held
+    assert one.world.frame == 0
+
+
+@pytest.mark.parametrize("load", [Wire.load, lambda wire: wire.load_at(1)], ids=["now", "at a frame"])
+def test_load_into_a_world_that_has_failed_meanwhile_is_refused(load: Callable[[Wire], None]) -> None:
+    one = Set(on_world_failure="serve")
+    master, loader = one.master(), one.wire()
+    load(loader)
+    one.stand.node._fail(ZeroDivisionError("planted"))
+    before = one.world.digest()
+    one.reader.hand_over()
+    answer, told = [json.loads(frame) for frame in loader.frames]
+    assert (answer["result"], answer["values"][:21]) == (False, "the world has failed:")
+    assert "the world has failed" in told["msg"]
+    assert one.world.digest() == before
+    assert not loader.peer.is_held
+    assert master.answers() == []
+
+
 # The same bytes, however long the reading takes
 
 
