@@ -142,7 +142,8 @@ def _decode_slowly(frame: bytes) -> Iterator[Op | FrameError]:
         try:
             yield _to_op(value)
         except FrameError as error:
-            error.op = value.get("op") if isinstance(value, dict) else None
+            name = value.get("op") if isinstance(value, dict) else None
+            error.op = name if isinstance(name, str) else None
             yield error
         position = _skip_space(text, position)
 
