@@ -51,7 +51,7 @@ class FrameError(PeerError):
         op: the `op` that it named, as far as it could be read, or None.
     """
 
-    def __init__(self, text: str, op_id: object = None, op: object = None) -> None:
+    def __init__(self, text: str, op_id: object = None, op: str | None = None) -> None:
         super().__init__(text)
         self.op_id = op_id
         self.op = op

@@ -291,7 +291,8 @@ def _scan_words(frame: bytes, start: int, num_ops: int) -> Iterator[Op | FrameEr
         try:
             yield op_from_value(value)
         except FrameError as error:
-            error.op = value.get("op") if isinstance(value, dict) else None
+            name = value.get("op") if isinstance(value, dict) else None
+            error.op = name if isinstance(name, str) else None
             yield error
         position = _end_of(_SPACE.match(text, position))
         num_ops += 1

@@ -55,6 +55,9 @@ STICTION: Final = 1e-9  # [m/s^2]
 _SURELY_WRAPPED: Final = 3.14
 """Angles within this are wrapped, however the last place of pi is rounded [rad]."""
 
+MAX_KNOWN_NAME: Final = 80
+"""Longest name that is kept for the next entity of that name: names come from clients, and may be megabytes."""
+
 T = TypeVar("T")
 
 
@@ -184,7 +187,8 @@ class World(Columns):
         row = self._take_row()
         self._rows[uid], self._next_uid = row, next_uid
         self.names[row], self.bodies[row] = name, body
-        self.alive[row], self.uid[row], self.kind[row], self.label[row] = True, uid, kind, _label(name, body)
+        label = _label_once(name, body) if len(name) <= MAX_KNOWN_NAME else _label(name, body)
+        self.alive[row], self.uid[row], self.kind[row], self.label[row] = True, uid, kind, label
         self.gear[row], self.mode[row] = gear, Mode.PEDALS
         for column, value in zip(
             _BOX_COLUMNS, (body.length / 2, body.width / 2, body.height, body.centre), strict=True
@@ -517,7 +521,9 @@ def _in_space(path: FloatArray, z: float) -> FloatArray:
     return points
 
 
-@lru_cache(maxsize=1024)
 def _label(name: str, body: Body) -> int:
     """Return 63 bits that stand for name and body in the digest, worked out once instead of at every digest."""
     return int.from_bytes(blake2b(repr((name, body)).encode(), digest_size=8).digest()) >> 1
+
+
+_label_once = lru_cache(maxsize=1024)(_label)

@@ -374,3 +374,13 @@ def test_room_that_is_not_used_is_given_back() -> None:
     with pytest.raises(ValueError, match="x"), world.room_for(1_000):
         world.spawn(Kind.VEHICLE, Body(), name="x", x=math.nan, y=0.0)
     assert (world.n, world.digest()) == (1, before)
+
+
+def test_long_names_are_not_kept_beyond_their_entities() -> None:
+    world = World()
+    tracemalloc.start()
+    for i in range(20):
+        world.remove(world.spawn(Kind.VEHICLE, Body(), name=f"{i}" * 1_000_000, x=0.0, y=0.0))
+    size, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert size < 1_000_000

@@ -142,13 +142,14 @@ class Puppets:
 
 def _body_of(actor: Actor) -> Body:
     """The body of its model, in the recorded size; a vehicle that nobody knows has the proportions of the usual car."""
-    return _make_body(actor.name, actor.kind, actor.size)
+    model = find_model(actor.name)
+    like = (model if model is not None and model.kind is actor.kind else default_model(actor.kind)).body
+    return _resize(like, actor.kind, actor.size)
 
 
 @lru_cache(maxsize=1024)
-def _make_body(name: str, kind: Kind, size: tuple[float, float, float]) -> Body:
-    model = find_model(name)
-    like = (model if model is not None and model.kind is kind else default_model(kind)).body
+def _resize(like: Body, kind: Kind, size: tuple[float, float, float]) -> Body:
+    """Another body of another length, width and height; the usual one where they make none."""
     length, width, height = size
     try:
         if (length, width, height) == (like.length, like.width, like.height):
