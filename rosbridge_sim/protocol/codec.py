@@ -236,15 +236,24 @@ def _read_op(part: memoryview) -> Op | FrameError:
     if op is not None:
         return op
     try:
-        if len(part) < LONG or LIGHT.excess(weigh(part)) is None:
-            return op_from_value(json.loads(bytes(part)))
-        return op_from_value(_outline(part))
+        is_light = len(part) < LONG or LIGHT.excess(weigh(part)) is None
+        return _op_or_error(json.loads(bytes(part)) if is_light else _outline(part))
     except FrameError as error:
         return _name(error, _ends(part))
     except RecursionError:
         return FrameError("Received a message that is nested too deeply")
     except ValueError as error:  # integers of thousands of digits
         return FrameError(f"Received a frame that is not valid JSON: {error}. The frame: {_shorten_bytes(part)}")
+
+
+def _op_or_error(value: object) -> Op | FrameError:
+    """The op that a JSON value spells, or what is wrong with it, with the op that it names."""
+    try:
+        return op_from_value(value)
+    except FrameError as error:
+        name = value.get("op") if isinstance(value, dict) else None
+        error.op = name if isinstance(name, str) else None
+        return error
 
 
 def _outline(part: memoryview) -> dict[str, Any]:
@@ -288,12 +297,7 @@ def _scan_words(frame: bytes, start: int, num_ops: int) -> Iterator[Op | FrameEr
             problem = FrameError(f"Received a frame that is not valid JSON: {error}. The frame: {_shorten(text)}")
             yield _name(problem, _ends(text[position:]))
             return
-        try:
-            yield op_from_value(value)
-        except FrameError as error:
-            name = value.get("op") if isinstance(value, dict) else None
-            error.op = name if isinstance(name, str) else None
-            yield error
+        yield _op_or_error(value)
         position = _end_of(_SPACE.match(text, position))
         num_ops += 1
         if num_ops > MAX_OPS:
