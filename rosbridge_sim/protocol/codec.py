@@ -111,6 +111,10 @@ class Encoded(Protocol):
     """A message whose encodings are made once and shared by all who listen."""
 
     @property
+    def num_bytes(self) -> int:
+        """An estimate of what holding it costs [bytes]."""
+
+    @property
     def json(self) -> bytes:
         """The body as JSON text."""
 

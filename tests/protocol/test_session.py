@@ -35,6 +35,7 @@ class Body:
     json = b'{"data":"hi"}'
     cbor = b"\xa1\x64data\x62hi"
     raw = b"\2\0\0\0hi"
+    num_bytes = 100
 
     def framed(self, head: bytes) -> bytes:
         return head + self.json + b"}"
