@@ -101,7 +101,6 @@ class WatchedServer:
         self,
         log: Path,
         *flags: str,
-        limits: Mapping[int, int] | None = None,
         is_log_piped: bool = False,
     ) -> None:
         """Start it and wait until it listens.
@@ -109,7 +108,6 @@ class WatchedServer:
         Args:
             log: where its stderr goes.
             flags: after `serve --port 0`.
-            limits: resource limits of the process (`resource.RLIMIT_...`), set once it listens.
             is_log_piped: carry its stderr to the file ourselves, so that no limit on files counts it.
 
         Raises:
@@ -137,8 +135,6 @@ class WatchedServer:
             raise SoakError(self.log.strip() or f"it said {line!r} and no reason")
         self.url = line.rpartition(" ")[2].strip()
         self.port = int(self.url.rpartition(":")[2])
-        for kind, value in (limits or {}).items():
-            resource.prlimit(self.pid, kind, (value, value))
 
     def __enter__(self) -> Self:
         return self
@@ -171,7 +167,7 @@ class WatchedServer:
         """
         if not self.is_alive:
             raise self._ending()
-        fields = dict(line.split(":", 1) for line in Path(f"/proc/{self.pid}/status").read_text().splitlines())
+        fields = self._status()
         times = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
         return Figures(
             memory=int(fields["VmRSS"].split()[0]) / 1024,
@@ -180,6 +176,10 @@ class WatchedServer:
             tasks=self._count_tasks(),
             cpu=(int(times[11]) + int(times[12])) / os.sysconf("SC_CLK_TCK"),  # proc(5): utime and stime
         )
+
+    def address_space(self) -> int:
+        """What RLIMIT_AS counts [bytes]."""
+        return int(self._status()["VmSize"].split()[0]) * 1024
 
     def open_files(self) -> Counter[str]:
         """What its descriptors lead to, sockets and pipes without their numbers."""
@@ -190,8 +190,9 @@ class WatchedServer:
         return found
 
     def limit(self, kind: int, value: int) -> None:
-        """Set a resource limit (`resource.RLIMIT_...`) of the running process."""
-        resource.prlimit(self.pid, kind, (value, value))
+        """Set a resource limit (`resource.RLIMIT_...`) of the running process; -1 takes it away again."""
+        hard = resource.prlimit(self.pid, kind)[1]
+        resource.prlimit(self.pid, kind, (value if value >= 0 else hard, hard))
 
     def stop(self) -> int:
         """Ask it to stop, and wait; the exit code.
@@ -218,6 +219,10 @@ class WatchedServer:
         for pipe in (self._process.stdout, self._process.stderr):
             if pipe is not None:
                 pipe.close()
+
+    def _status(self) -> dict[str, str]:
+        lines = Path(f"/proc/{self.pid}/status").read_text().splitlines()
+        return dict(line.split(":", 1) for line in lines)
 
     def _count_tasks(self) -> int:
         self._counts.settimeout(PATIENCE)
