@@ -77,7 +77,8 @@ class Figures:
     Attributes:
         memory: resident [MB].
         descriptors, threads: of the process.
-        tasks: of its event loop; 0 where the server is not asked.
+        tasks: of its event loop.
+        objects: blocks of memory that Python has given to small objects.
         cpu: time so far [s].
     """
 
@@ -85,6 +86,7 @@ class Figures:
     descriptors: int
     threads: int
     tasks: int
+    objects: int
     cpu: float
 
 
@@ -159,8 +161,11 @@ class WatchedServer:
         """The exit code; None while it runs."""
         return self._process.poll()
 
-    def figures(self) -> Figures:
+    def figures(self, *, is_collected: bool = False) -> Figures:
         """What it costs now.
+
+        Args:
+            is_collected: collect garbage first, which holds the server up for some ten milliseconds.
 
         Raises:
             SoakError: it runs no longer.
@@ -169,11 +174,13 @@ class WatchedServer:
             raise self._ending()
         fields = self._status()
         times = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
+        tasks, objects = self._count(b"!" if is_collected else b"?")
         return Figures(
             memory=int(fields["VmRSS"].split()[0]) / 1024,
             descriptors=len(list(Path(f"/proc/{self.pid}/fd").iterdir())),
             threads=int(fields["Threads"]),
-            tasks=self._count_tasks(),
+            tasks=tasks,
+            objects=objects,
             cpu=(int(times[11]) + int(times[12])) / os.sysconf("SC_CLK_TCK"),  # proc(5): utime and stime
         )
 
@@ -224,15 +231,16 @@ class WatchedServer:
         lines = Path(f"/proc/{self.pid}/status").read_text().splitlines()
         return dict(line.split(":", 1) for line in lines)
 
-    def _count_tasks(self) -> int:
+    def _count(self, question: bytes) -> tuple[int, int]:
         self._counts.settimeout(PATIENCE)
         try:
-            self._counts.send(b"?")
-            return int(self._counts.recv(100))
+            self._counts.send(question)
+            tasks, objects = map(int, self._counts.recv(100).split())
         except TimeoutError:
             raise SoakError(f"the server's loop has not turned for {PATIENCE:.0f} s") from None
         except (OSError, ValueError):  # the other end is closed
             raise self._ending() from None
+        return tasks, objects
 
     def _ending(self) -> SoakError:
         with suppress(subprocess.TimeoutExpired):
