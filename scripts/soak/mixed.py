@@ -41,7 +41,7 @@ from scripts.soak.harness import (  # noqa: E402
     until,
 )
 from scripts.soak.lives import KINDS, Place  # noqa: E402
-from scripts.soak.scenes import write_scenes  # noqa: E402
+from scripts.soak.scenes import BUILT_IN, write_scenes  # noqa: E402
 
 __all__ = ["Report", "soak"]
 
@@ -54,8 +54,8 @@ MIN_SECONDS = 300.0
 MAX_SLOPE = 30.0
 """Memory that may come in an hour, by the line through all samples after the warm-up [MB]: half of an idle server."""
 
-MAX_OBJECTS = 3_000
-"""Small objects that may come with a run of any length: what is made at the first message of a rare kind."""
+MAX_OBJECTS = 5_000
+"""Small objects that may come with a run of any length: a rare message type is some hundreds of them, made once."""
 
 MAX_OBJECTS_EACH = 0.5
 """Small objects that may stay for each life of a client: a leak of one object a life shows."""
@@ -108,6 +108,8 @@ class Mixed:
         The first one brings what is made once: maps, message types, buffers of the allocator.
         """
         try:
+            for scene in BUILT_IN:
+                await self._settle(scene)
             await self._play("warm-up", seconds * WARM_UP, 1)
             await self._settle()
             before, names, files = await self._rest(), await self._names(), self._server.open_files()
@@ -177,11 +179,11 @@ class Mixed:
     async def _figures(self) -> Figures:
         return await asyncio.to_thread(self._server.figures)  # a server that stalls is not to stall its clients
 
-    async def _settle(self) -> None:
-        """Bring back the opening scene, in real time."""
+    async def _settle(self, scene: str = "demo") -> None:
+        """Bring back the opening scene, or another one, in real time."""
         async with await Client.open(self._server.url) as client:
             await client.request("/Service_MoraiEventCmd", option=8, set_pause=False)
-            await client.request("/Service_MoraiSL", file_name="demo", delete_all=True, load_ego_vehicle_data=True)
+            await client.request("/Service_MoraiSL", file_name=scene, delete_all=True, load_ego_vehicle_data=True)
             await client.call("/sim/reset", {"seed": 0})
             # the first position opens the database of map projections, and that stays open
             await client.send("subscribe", topic="/gps")
