@@ -64,8 +64,8 @@ MAX_THREADS = 6
 """Threads that may stay, since they wait for the next file: the loop's own executor on two cores has so many."""
 
 MAX_STALL = 150.0
-"""What the bystander may wait longer than the one at the idle server [ms]: 50 is the bound for one hostile frame, and the
-clients of this script, on the same cores as the servers, take what the machine has left."""
+"""What the bystander may wait longer than the one at the idle server [ms]: 50 is the bound for one hostile frame;
+the clients of this script, on the same cores as the servers, take what the machine has left."""
 
 IDLE_TASKS = 2
 """Tasks of a server without clients: one that runs it, and one that waits for its failure."""
