@@ -49,6 +49,9 @@ _NO_LIMIT: Final = 2**63
 _REFUSALS = (msgspec.DecodeError, ValueError, OverflowError, RecursionError)
 """What the fast way may raise; bad UTF-8 is a ValueError."""
 
+_LARGE: Final = 2**20
+"""A body from here on may hold a text for which no memory is left [bytes]; below, Python itself has hardly any more."""
+
 
 class MessageType:
     """A message type: checks, fills and encodes its values. Made by `compile_message`, once for each type.
@@ -88,7 +91,10 @@ class MessageType:
 
         Raises:
             FieldError: it is no JSON, or does not fit the type.
+            MemoryError: there is none for it.
         """
+        if len(body) > _LARGE:
+            _claim(len(body))
         try:
             value = self._decode(body)
             if self._after is not None:
@@ -246,6 +252,15 @@ _MAX_ORJSON_DEPTH = 250
 def _is_shallow(body: bytes) -> bool:
     """Whether a text cannot be nested more deeply than orjson writes: brackets in strings are counted too."""
     return body.count(b"{") + body.count(b"[") <= _MAX_ORJSON_DEPTH
+
+
+def _claim(size: int) -> None:
+    """Raise MemoryError if there is no memory for so many bytes.
+
+    msgspec (0.22) does not look whether it got the memory for a text, and writes to address 0: the process is gone. The
+    text is at most as long as its body, so where this succeeds, that does.
+    """
+    bytearray(size + 64)  # behind the characters, a str of ASCII takes 41 bytes
 
 
 def _no_array(value: object) -> None:
