@@ -26,7 +26,7 @@ import orjson
 
 from rosbridge_sim.errors import FrameError
 from rosbridge_sim.protocol.ops import ABSENT, OPS, Body, Id, Op
-from rosbridge_sim.weight import FULL, LIGHT, weigh, weigh_exactly
+from rosbridge_sim.weight import FULL, LIGHT, claim, weigh, weigh_exactly
 
 __all__ = [
     "LONG",
@@ -160,6 +160,7 @@ def decode_frame(frame: bytes) -> Iterator[Op | FrameError | None]:
             yield _name(error, _ends(frame))
             return
         yield None
+        claim(len(frame))
     op = decode_quickly(frame)
     if op is not None:
         if len(frame) >= LONG:  # what it asks for is a long step of its own

@@ -31,7 +31,7 @@ from rosbridge_sim.schema.cbor import CborWriters, encode_plain
 from rosbridge_sim.schema.check import Dialect, Leniency, Shape, Slot, check, round32, round32_list
 from rosbridge_sim.schema.names import Generation, ros2_names
 from rosbridge_sim.schema.parse import Definition, Field
-from rosbridge_sim.weight import LIGHT, weigh
+from rosbridge_sim.weight import LIGHT, claim, weigh
 
 if TYPE_CHECKING:
     from rosbridge_sim.schema.wire import RosWire
@@ -94,7 +94,7 @@ class MessageType:
             MemoryError: there is none for it.
         """
         if len(body) > _LARGE:
-            _claim(len(body))
+            claim(len(body))
         try:
             value = self._decode(body)
             if self._after is not None:
@@ -252,15 +252,6 @@ _MAX_ORJSON_DEPTH = 250
 def _is_shallow(body: bytes) -> bool:
     """Whether a text cannot be nested more deeply than orjson writes: brackets in strings are counted too."""
     return body.count(b"{") + body.count(b"[") <= _MAX_ORJSON_DEPTH
-
-
-def _claim(size: int) -> None:
-    """Raise MemoryError if there is no memory for so many bytes.
-
-    msgspec (0.22) does not look whether it got the memory for a text, and writes to address 0: the process is gone. The
-    text is at most as long as its body, so where this succeeds, that does.
-    """
-    bytearray(size + 64)  # behind the characters, a str of ASCII takes 41 bytes
 
 
 def _no_array(value: object) -> None:
