@@ -138,4 +138,4 @@ def claim(size: int) -> None:
     msgspec (0.22) does not look whether it got the memory for a text, and writes to address 0: the process is gone. The
     text is at most as long as its body, so where this succeeds, that does.
     """
-    bytearray(size + 64)  # behind the characters, a str of ASCII takes 41 bytes
+    np.empty(size + 64, np.uint8)  # not written to; behind the characters, a str of ASCII takes 41 bytes

@@ -111,6 +111,14 @@ class Encoded(Protocol):
     """A message whose encodings are made once and shared by all who listen."""
 
     @property
+    def is_heavy(self) -> bool:
+        """Whether encoding it is long work, to be done when the listener's turn has come."""
+
+    @property
+    def text_length(self) -> int:
+        """Length of the text that it came as, if that was long [bytes]."""
+
+    @property
     def num_bytes(self) -> int:
         """An estimate of what holding it costs [bytes]."""
 

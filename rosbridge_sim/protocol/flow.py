@@ -32,6 +32,10 @@ class LateFrames(Protocol):
         """What is held until then [bytes]."""
 
     @property
+    def identity(self) -> int:
+        """Tells what is held from other things; the same for all listeners that share it."""
+
+    @property
     def is_finished(self) -> bool:
         """Whether all of them were taken."""
 
@@ -149,6 +153,8 @@ class Outbox:
                 taken.append(frame)
                 total += size
             else:
+                if taken:  # it is work of its own: what was taken goes first
+                    break
                 made = frame.take(max_bytes - total)
                 taken += made
                 total += sum(map(len, made))
@@ -163,7 +169,7 @@ class Outbox:
     def frames(self) -> Iterator[tuple[int, int]]:
         """Identity and size of each frame that waits: several outboxes may hold the same one [bytes]."""
         for _, frame, size in self._frames:
-            yield id(frame), size
+            yield id(frame) if isinstance(frame, bytes) else frame.identity, size
 
     def close(self) -> None:
         """Forget everything: nobody will take it any more."""

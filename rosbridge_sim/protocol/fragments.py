@@ -62,6 +62,11 @@ class Pieces:
         self._id = message_id
         self._num = 0
 
+    @property
+    def identity(self) -> int:
+        """See `LateFrames`."""
+        return id(self._frame)
+
     def take(self, max_bytes: int) -> list[bytes]:
         """Make the next pieces: one at least, and about `max_bytes` in all."""
         if not self._total:

@@ -232,6 +232,11 @@ class PictureFrames:
         self.num_bytes = picture.num_bytes
         self.is_finished = False
 
+    @property
+    def identity(self) -> int:
+        """See `LateFrames`."""
+        return id(self._picture)
+
     def take(self, max_bytes: int) -> list[bytes]:  # noqa: ARG002 - one frame, whatever its length
         """Do the next slice of work; return the frame if that was the last one."""
         if not self._picture.work() or self._picture.frame is None:

@@ -252,6 +252,36 @@ class Session:
         self.outbox.bursts.pop(feed.spelling, None)
 
 
+class _LateMessage:
+    """A heavy message on its way to one listener: encoded when it is taken, once for all who want that encoding."""
+
+    __slots__ = ("_feed", "_frames", "_message", "_stamp_ns", "identity", "is_finished", "num_bytes")
+
+    def __init__(self, feed: Feed, message: Encoded, stamp_ns: int) -> None:
+        self.num_bytes = message.text_length
+        self.identity = id(message)
+        self.is_finished = False
+        self._feed = feed
+        self._message: Encoded | None = message
+        self._stamp_ns = stamp_ns
+        self._frames: LateFrames | None = None
+
+    def take(self, max_bytes: int) -> list[bytes]:
+        """See `LateFrames`."""
+        if self._frames is not None:
+            frames = self._frames.take(max_bytes)
+            self.is_finished = self._frames.is_finished
+            return frames
+        assert self._message is not None, "it is taken once"
+        made = self._feed.encode_late(self._message, self._stamp_ns)
+        self._message = None
+        if made is None or isinstance(made, bytes):
+            self.is_finished = True
+            return [] if made is None else [made]
+        self._frames = made
+        return []
+
+
 def _size_of(message: Encoded) -> int:
     return message.num_bytes
 
@@ -316,6 +346,10 @@ class Feed:
             EncodingError: it cannot be written, by a bug of ours.
         """
         session = self._session
+        if message.is_heavy:
+            session.num_sent += 1
+            session.outbox.offer(self.spelling, _LateMessage(self, message, stamp_ns))
+            return
         if self._is_plain:
             session.num_sent += 1
             session.outbox.offer(self.spelling, message.framed(self._head))
@@ -325,12 +359,26 @@ class Feed:
         except EncodingError:
             raise
         except PeerError as error:
-            if not self._is_warned:
-                self._is_warned = True
-                session.remark("error", f"{self.spelling}: {error}")
+            self._complain(error)
             return
         session.num_sent += 1
         session.outbox.offer(self.spelling, frame)
+
+    def encode_late(self, message: Encoded, stamp_ns: int) -> bytes | LateFrames | None:
+        """Encode a message that has waited for that; None if it cannot be, and whoever is concerned was told."""
+        try:
+            return self._encode(message, stamp_ns)
+        except EncodingError as error:
+            self._session.on_unsent(self.spelling, error)
+        except PeerError as error:
+            self._complain(error)
+        return None
+
+    def _complain(self, error: PeerError) -> None:
+        """Tell the listener once that messages have no such encoding."""
+        if not self._is_warned:
+            self._is_warned = True
+            self._session.remark("error", f"{self.spelling}: {error}")
 
     def _encode(self, message: Encoded, stamp_ns: int) -> bytes | LateFrames:
         terms = self._terms

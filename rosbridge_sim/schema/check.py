@@ -483,8 +483,8 @@ def round32(value: float) -> float:
     return float(orjson.dumps(np.float32(value), option=orjson.OPT_SERIALIZE_NUMPY))
 
 
-def round32_list(values: list[float]) -> list[float]:
-    """`round32` of every element, all at once; the elements are finite.
+def round32_list(values: list[float]) -> list[float] | NumberArray:
+    """`round32` of every element, all at once; the elements are finite. A long list becomes an array of float32.
 
     Raises:
         OverflowError: an element is too large.
@@ -494,5 +494,7 @@ def round32_list(values: list[float]) -> list[float]:
     wide = np.array(values, np.float64)
     if wide.max() >= MAX_FLOAT32 or wide.min() <= -MAX_FLOAT32:
         raise OverflowError("float32")
+    if len(values) >= _LONG_ARRAY:
+        return wide.astype(np.float32)
     rounded: list[float] = orjson.loads(orjson.dumps(wide.astype(np.float32), option=orjson.OPT_SERIALIZE_NUMPY))
     return rounded

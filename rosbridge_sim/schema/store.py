@@ -45,12 +45,17 @@ _PARTS = ("Goal", "Result", "Feedback")
 """What a text of an action itself defines."""
 
 
+HEAVY = 64 * 1024
+"""A message whose text is as long as this is encoded when its listener's turn has come [bytes]; less takes 5 ms."""
+
+
 class Message:
     """One value of a type, encoded at most once however many listeners it has.
 
     Attributes:
         type: its type.
         value: a struct of it, or the bare object of an unknown type; not changed any more.
+        text_length: of the JSON text that it was decoded from [bytes]; 0 for one that was made here, or is short.
 
     Args:
         message_type: its type.
@@ -58,11 +63,11 @@ class Message:
         text_length: of the JSON text that it was decoded from, if it was [bytes].
     """
 
-    __slots__ = ("_cbor", "_framed", "_head", "_json", "_raw", "_shared", "_size", "_text_length", "type", "value")
+    __slots__ = ("_cbor", "_framed", "_head", "_json", "_raw", "_shared", "_size", "text_length", "type", "value")
 
     def __init__(self, message_type: MessageType | OpaqueType, value: Any, text_length: int = 0) -> None:  # noqa: ANN401 - a generated struct
         self._size = 0
-        self._text_length = text_length
+        self.text_length = text_length
         self.type = message_type
         self.value = value
         self._json: bytes | None = None
@@ -73,10 +78,15 @@ class Message:
         self._shared: dict[object, Any] | None = None
 
     @property
+    def is_heavy(self) -> bool:
+        """Whether it came as a long text: each encoding of it is work of its own."""
+        return self.text_length >= HEAVY
+
+    @property
     def num_bytes(self) -> int:
         """An estimate of what holding it costs [bytes]."""
         if not self._size:
-            self._size = size_of(self.value, self._text_length)
+            self._size = size_of(self.value, self.text_length)
         return self._size
 
     @property

@@ -36,6 +36,8 @@ class Body:
     cbor = b"\xa1\x64data\x62hi"
     raw = b"\2\0\0\0hi"
     num_bytes = 100
+    text_length = 0
+    is_heavy = False
 
     def framed(self, head: bytes) -> bytes:
         return head + self.json + b"}"
