@@ -47,6 +47,8 @@ WRITE_SIZE = 64 * 1024
 CLOSE_TIMEOUT = 1.0
 """How long a client may take to hear that it is closed [s]; who does not read is cut off then."""
 
+_NEVER = float("inf")
+
 
 @dataclass(frozen=True, slots=True)
 class ServerLimits:
@@ -118,7 +120,9 @@ class Client:
         self._access = limits.access
         self._deadline: asyncio.TimerHandle | None = None
         self._is_woken = False
-        self._alarm: asyncio.TimerHandle | None = None
+        # The due time is kept here: a handle of uvloop whose delay rounds to 0 ms cannot tell it.
+        self._alarm: asyncio.Handle | None = None
+        self._alarm_due = _NEVER
         self._closing: asyncio.Task[None] | None = None
         socket.on_room = self.carry
         if not socket.is_proven or limits.access.max_rate is not None:
@@ -148,14 +152,15 @@ class Client:
 
     def _set_alarm(self, due: float) -> None:
         """Flush the peer's feeds at `due`, or earlier if an earlier alarm is set already."""
-        alarm = self._alarm
-        if alarm is None or alarm.when() > due:
-            if alarm is not None:
-                alarm.cancel()
+        if due < self._alarm_due:
+            if self._alarm is not None:
+                self._alarm.cancel()
+            self._alarm_due = due
             self._alarm = self.socket.loop.call_at(due, self._flush)
 
     def _flush(self) -> None:
         self._alarm = None
+        self._alarm_due = _NEVER
         self.peer.flush(self.socket.loop.time())
 
     def leave(self) -> None:

@@ -11,6 +11,7 @@ from contextlib import AsyncExitStack
 
 import pytest
 import pytest_asyncio
+import uvloop
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 from websockets.protocol import State
@@ -19,6 +20,7 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.protocol.flow import OutboxLimits
 from rosbridge_sim.schema.store import Store
+from rosbridge_sim.shell.app import Simulator
 from rosbridge_sim.shell.server import Server, ServerLimits
 from rosbridge_sim.shell.storage import read_definitions
 from tests.support import PATIENCE, Client, mask, open_raw
@@ -65,6 +67,29 @@ async def listen() -> AsyncIterator[Listen]:
             return Port(server, bus)
 
         yield start
+
+
+async def hear_at_many_rates() -> None:
+    """Have clients hear two topics, in two spellings each, at twelve throttle rates."""
+    topics = ("/Ego_topic", "Ego_topic", "/Object_topic", "Object_topic")
+    async with Simulator(port=0, scenario="demo") as sim, AsyncExitStack() as stack:
+        clients = [await stack.enter_async_context(await Client.open(sim.url)) for _ in range(12)]
+        for i, client in enumerate(clients):
+            for j, topic in enumerate(topics):
+                await client.send("subscribe", topic=topic, throttle_rate=1 + 3 * i + j, queue_length=1)
+        for client in clients:
+            for topic in topics * 5:
+                await client.message(topic)
+        assert not sim.num_bugs
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make_loop", [asyncio.new_event_loop, uvloop.new_event_loop], ids=["asyncio", "uvloop"])
+def test_many_throttle_rates_at_once_keep_the_server_alive(
+    make_loop: Callable[[], asyncio.AbstractEventLoop],
+) -> None:
+    with asyncio.Runner(loop_factory=make_loop) as runner:
+        runner.run(hear_at_many_rates())
 
 
 async def test_a_clean_stop_tells_every_client_that_we_go_away(listen: Listen) -> None:
