@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from scripts.soak.scenes import write_scenes
+from scripts.soak.scenes import write_networks, write_scenes
 
 __all__ = ["CONFIGURATIONS", "Configuration", "FuzzError", "Server", "make_data", "serving"]
 
@@ -148,9 +148,10 @@ def serving(configuration: Configuration, data: Path) -> Iterator[Server]:
 
 
 def make_data(folder: Path, seed: int) -> None:
-    """Scenarios good and bad, and recordings whole and broken, for servers to be asked for."""
+    """Scenarios and network settings good and bad, recordings whole and broken, for servers to be asked for."""
     (folder / "scenarios").mkdir(parents=True)
     write_scenes(folder / "scenarios")
+    write_networks(folder / "data")
     replays = folder / "data" / "Replay"
     replays.mkdir(parents=True)
     chance = random.Random(seed)  # noqa: S311 - to be repeated
