@@ -15,10 +15,10 @@ import signal
 import subprocess
 import sys
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NoReturn, Self
+from typing import Any, NoReturn, Self, TypeVar
 from urllib.request import urlopen
 
 import pytest
@@ -35,6 +35,7 @@ __all__ = [
     "Frame",
     "Process",
     "ServerProcess",
+    "finish",
     "mask",
     "miss",
     "open_raw",
@@ -47,6 +48,8 @@ ROOT = Path(__file__).parent.parent
 
 PATIENCE = 20.0
 """How long an event is waited for [s]: never reached by a server that works, on however busy a machine."""
+
+T = TypeVar("T")
 
 _READY = "rosbridge-sim listening on "
 
@@ -79,6 +82,16 @@ def require_node_modules() -> Path:
         if not (folder / package / "package.json").is_file():
             miss(f"needs {package!r}: npm ci --prefix tests/end_to_end (./scripts/test does it)")
     return folder
+
+
+def finish(slices: Generator[None, None, T]) -> T:
+    """Do all slices of some work; what it returns."""
+    while True:
+        try:
+            next(slices)
+        except StopIteration as end:
+            value: T = end.value
+            return value
 
 
 # Processes

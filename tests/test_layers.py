@@ -18,8 +18,9 @@ ROOT = Path(__file__).parent.parent / PACKAGE
 
 ARROWS: dict[str, set[str]] = {
     "errors": set(),
-    "schema": {"errors"},
-    "protocol": {"errors"},
+    "weight": set(),
+    "schema": {"errors", "weight"},
+    "protocol": {"errors", "weight"},
     "world": {"errors"},
     "graph": {"errors", "protocol", "schema"},
     "morai": {"errors", "graph", "protocol", "schema", "world"},
@@ -34,11 +35,12 @@ OUTSIDE = frozenset({"shell", "__main__", ""})
 
 PURE_LIBRARIES: dict[str, set[str]] = {
     "schema": {"cbor2", "msgspec", "numpy", "orjson", "pybase64", "rosbags"},
-    "protocol": {"cbor2", "msgspec", "numpy", "orjson", "PIL"},
+    "protocol": {"cbor2", "msgspec", "numpy", "orjson", "PIL", "pybase64"},
     "graph": {"msgspec", "orjson"},
     "world": {"numpy"},
     "morai": {"msgspec", "numpy", "orjson", "pydantic", "pydantic_core", "pyproj"},
     "errors": set(),
+    "weight": {"numpy"},
 }
 """Third-party libraries of each room below the shell; none of them does I/O by itself."""
 

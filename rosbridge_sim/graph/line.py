@@ -10,7 +10,7 @@ granted, and what waits to be sent has a bound (`Outbox`) and a brake (`Credit`)
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import msgspec
@@ -153,9 +153,14 @@ class Line:
 
     # In
 
-    def receive(self, frame: bytes, now: float) -> list[ops.Op]:
-        """The ops in a frame, but for the answers to our own questions, which are heard here. Never raises."""
-        return [op for op in self.session.receive(frame, now) if not self._hears(op, now)]
+    def receive(self, frame: bytes, now: float) -> Iterator[ops.Op | None]:
+        """The ops in a frame, but for the answers to our own questions, which are heard here. Never raises.
+
+        Yields:
+            An op, or None after a slice of work without one.
+        """
+        for op in self.session.receive(frame, now):
+            yield None if op is None or self._hears(op, now) else op
 
     def _hears(self, op: ops.Op, now: float) -> bool:
         """Whether an op is the answer to a question of ours."""
@@ -196,6 +201,8 @@ class Line:
 def _values_of(op: ops.ServiceResponse) -> Values | None:
     if not op.result:
         return None
+    if not isinstance(op.values, (bytes, msgspec.Raw)):
+        return op.values if isinstance(op.values, dict) else None
     try:
         values = msgspec.json.decode(op.values)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):

@@ -304,6 +304,8 @@ class Mirror:
         for op in line.receive(frame, now):
             if self._is_gone:
                 return
+            if op is None:
+                continue
             try:
                 self._do(line, op, now)
             except PeerError as error:

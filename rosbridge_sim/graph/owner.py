@@ -10,15 +10,12 @@ import orjson
 
 from rosbridge_sim.errors import FieldError, GraphError
 from rosbridge_sim.protocol.codec import is_absent
-from rosbridge_sim.protocol.ops import ABSENT
+from rosbridge_sim.protocol.ops import ABSENT, Body
 from rosbridge_sim.schema.compile import MessageType, OpaqueType
 
 __all__ = ["Body", "Owner", "decode_body", "resolve"]
 
 _NAME = re.compile(r"[^\s\x00-\x1f\x7f]{1,256}")
-
-Body = msgspec.Raw | bytes | dict[str, object] | list[object] | None
-"""A message body as the wire layer hands it on: JSON text that was not read yet, or the values read from it."""
 
 
 class Owner(Protocol):

@@ -13,10 +13,11 @@ is passed on (rosbridge_suite turns it into success); a lost provider fails its 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
+import msgspec
 import orjson
 
 from rosbridge_sim.errors import GraphError, PeerError
@@ -29,7 +30,7 @@ from rosbridge_sim.protocol.feed import read_qos, read_terms
 from rosbridge_sim.protocol.session import Feed, Session
 from rosbridge_sim.schema.store import Message
 
-__all__ = ["NODE_NAME", "Peer"]
+__all__ = ["NODE_NAME", "FrameWork", "Peer", "Work"]
 
 NODE_NAME = "/rosbridge_websocket"
 """All clients are one ROS node, as behind rosbridge_suite; Lichtblick looks for it."""
@@ -72,6 +73,31 @@ class _Performance:
 
     def id_of(self, goal: Goal) -> str | None:
         return next((goal_id for goal_id, known in self.goals.items() if known is goal), None)
+
+
+class Work(Protocol):
+    """What a frame asks for, in steps."""
+
+    def step(self, now: float) -> bool:
+        """Do the next op, or the next slice of finding it; return whether there was anything left to do."""
+
+
+class FrameWork:
+    """The ops of one frame, read and done one by one."""
+
+    __slots__ = ("_do", "_ops")
+
+    def __init__(self, ops_of_frame: Iterator[ops.Op | None], do: Callable[[ops.Op, float], None]) -> None:
+        self._ops = ops_of_frame
+        self._do = do
+
+    def step(self, now: float) -> bool:
+        """See `Work`."""
+        for op in self._ops:
+            if op is not None:
+                self._do(op, now)
+            return True
+        return False
 
 
 class Peer:
@@ -128,9 +154,27 @@ class Peer:
         }
 
     def receive(self, frame: bytes, now: float) -> None:
-        """Do all that a frame asks, to its end: our transaction."""
-        for op in self.session.receive(frame, now):
-            self.do(op, now)
+        """Do all that a frame asks, to its end, however long that takes."""
+        work = self.begin(frame, now)
+        while work is not None and work.step(now):
+            pass
+
+    def begin(self, frame: bytes, now: float) -> Work | None:
+        """Do what an ordinary frame asks: its one op is done, and nothing is left.
+
+        Args:
+            frame: what came.
+            now: monotonic time [s].
+
+        Returns:
+            None where all is done. Else the work that a long or glued frame makes, none of it done yet: `step` it to
+            its end before the next frame. An op is done to its end; between two of them others may have their turn.
+        """
+        op = self.session.receive_plain(frame)
+        if op is None:
+            return FrameWork(self.session.receive(frame, now), self.do)
+        self.do(op, now)
+        return None
 
     def flush(self, now: float) -> None:
         """Send the messages whose turn has come; the session's alarm says when."""
@@ -456,12 +500,12 @@ def _read_status(number: int) -> GoalStatus:
         raise GraphError(f"action_result: {number} is no status of action_msgs/GoalStatus") from None
 
 
-def _read_refusal(values: Any) -> object:  # noqa: ANN401 - JSON text of a stranger
+def _read_refusal(values: ops.Body) -> object:
     """What a provider gave as its reason: any JSON value; an empty text where it gave none."""
     if is_absent(values):
         return ""
     try:
-        reason: object = orjson.loads(bytes(values))
+        reason: object = orjson.loads(bytes(values)) if isinstance(values, (bytes, msgspec.Raw)) else values
         orjson.dumps(reason)
     except orjson.JSONDecodeError:
         return "The provider failed, with a reason that is not valid JSON"

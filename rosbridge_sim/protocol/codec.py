@@ -5,6 +5,9 @@ slow one that takes over whenever the fast one objects. The slow path is the ful
 objects, accepts the bare `NaN` that Python clients write, takes null for absent and names what is wrong in
 rosbridge_suite's own words. `tests/protocol/test_codec.py` holds the two against each other.
 
+A long frame is weighed first (`weight.py`): one call of a decoder can hold up everybody else. Glued ops are read one
+by one, as their reader asks for them.
+
 One JSON object split over several frames is not joined (rosbridge_suite keeps the halves in a buffer that
 grows without bound): each half is a frame that holds no JSON, and is answered as such.
 """
@@ -13,21 +16,25 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
-from typing import Any, Protocol
+import re
+from collections.abc import Callable, Generator, Iterator, Mapping
+from typing import Any, Protocol, TypeVar
 
 import msgspec
 import orjson
 
 from rosbridge_sim.errors import FrameError
-from rosbridge_sim.protocol.ops import ABSENT, OPS, Id, Op
+from rosbridge_sim.protocol.ops import ABSENT, OPS, Body, Id, Op
+from rosbridge_sim.weight import FULL, LIGHT, weigh, weigh_exactly
 
 __all__ = [
+    "LONG",
     "Encoded",
     "decode_frame",
     "decode_quickly",
     "is_absent",
     "op_frame",
+    "op_from_value",
     "publish_head",
     "response_frame",
     "status_frame",
@@ -36,8 +43,23 @@ __all__ = [
 _SHOWN = 200
 """Characters of a stranger's text that an answer quotes: enough to recognise it, too few to be an amplifier."""
 
+LONG = 64 * 1024
+"""A frame from here on is weighed before it is decoded [bytes]; decoding less takes 5 ms at most."""
+
+MAX_OPS = 10_000
+"""Ops that one frame may hold: each is done by itself, but what is glued together should be a handful."""
+
 _decode = msgspec.json.Decoder(Op).decode
+_skip = msgspec.json.Decoder(msgspec.Raw).decode
+_split = msgspec.json.Decoder(dict[str, msgspec.Raw]).decode
 _scanner = json.JSONDecoder()
+
+_TRAILING = re.compile(r"trailing characters \(byte (\d+)\)")
+"""How `msgspec` says that a value has ended and something follows; a test holds it to these words."""
+
+_SPACE, _BYTE_SPACE = re.compile(r"[ \t\r\n]*"), re.compile(rb"[ \t\r\n]*")
+_ID = re.compile(rb'"id"\s*:\s*"([\x20-\x21\x23-\x5b\x5d-\x7e]{1,200})"')
+_BODIES = frozenset(name for op in OPS.values() for name in op.bodies)
 
 _CLASSES: dict[str, tuple[type, ...]] = {
     "topic": (str,),
@@ -75,6 +97,9 @@ _ID_CLASSES: dict[str, tuple[type, ...]] = {
 """Ops whose id must be more than any scalar."""
 
 
+T = TypeVar("T")
+
+
 class Encoded(Protocol):
     """A message whose encodings are made once and shared by all who listen."""
 
@@ -93,9 +118,12 @@ class Encoded(Protocol):
     def framed(self, head: bytes) -> bytes:
         """`head`, the body as JSON text, and a closing brace; the last such frame is kept for the next listener."""
 
+    def shared(self, key: object, make: Callable[[], T]) -> T:
+        """What `make` gives, made once for all who ask with this key."""
 
-def decode_quickly(frame: bytes) -> Op | None:
-    """The one op that a clean frame holds; None where `decode_frame` has to look more closely. Never raises."""
+
+def decode_quickly(frame: bytes | memoryview) -> Op | None:
+    """Return the one op that a clean frame holds; None where `decode_frame` has to look more closely. Never raises."""
     try:
         op: Op = _decode(frame)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
@@ -103,8 +131,22 @@ def decode_quickly(frame: bytes) -> Op | None:
     return op
 
 
-def decode_frame(frame: bytes) -> Iterator[Op | FrameError]:
-    """The ops in a frame, in order; what is no op comes as the error to be told to its sender. Never raises."""
+def decode_frame(frame: bytes) -> Iterator[Op | FrameError | None]:
+    """Read the ops of a frame one by one, in order. Never raises.
+
+    Args:
+        frame: JSON text.
+
+    Yields:
+        An op; or, for what is no op, the error to be told to its sender; or None after a slice of work without one,
+        so that the caller can let others have their turn. A frame that is too heavy, or that holds too many ops, is
+        one error and no more.
+    """
+    if len(frame) >= LONG:
+        too_much = yield from _too_heavy(frame)
+        if too_much is not None:
+            yield FrameError(f"Received a frame that is too heavy: {too_much}", _shown_id(frame))
+            return
     op = decode_quickly(frame)
     if op is not None:
         yield op
@@ -112,15 +154,125 @@ def decode_frame(frame: bytes) -> Iterator[Op | FrameError]:
         yield from _decode_slowly(frame)
 
 
+def _too_heavy(frame: bytes) -> Generator[None, None, str | None]:
+    """Say what a long frame has too much of to be decoded at once; None where that can be done."""
+    too_much = FULL.excess(weigh(frame))
+    if too_much is None:
+        return None
+    for weight in weigh_exactly(frame):
+        too_much = FULL.excess(weight)
+        if too_much is not None:
+            return too_much
+        yield
+    return None
+
+
+def _shown_id(frame: bytes) -> str | None:
+    """The id of a frame that is not decoded, where it stands at the beginning, as clients write it."""
+    match = _ID.search(frame[:1_000])
+    return None if match is None else match[1].decode("ascii")
+
+
 def _decode_slowly(frame: bytes) -> Iterator[Op | FrameError]:
+    """Read a frame that holds glued objects, the words NaN or Infinity, or a mistake."""
     try:
-        text = frame.decode()
+        frame.decode()
     except UnicodeDecodeError as error:
         yield FrameError(f"Received a frame that is neither JSON text nor UTF-8: {error}")
         return
-    position = _skip_space(text, 0)
-    if position == len(text):
+    view = memoryview(frame)
+    position = _end_of(_BYTE_SPACE.match(frame))
+    if position == len(frame):
         yield FrameError("Received an empty frame")
+    num_ops = 0
+    while position < len(frame):
+        num_ops += 1
+        if num_ops > MAX_OPS:
+            yield FrameError(f"Received a frame with more than {MAX_OPS:,} ops; the rest of it is dropped")
+            return
+        try:
+            end = _end_of_value(view[position:])
+        except FrameError as error:
+            yield error
+            return
+        if end is None:
+            yield from _scan_words(frame, position, num_ops)
+            return
+        yield _read_op(view[position : position + end])
+        position = _end_of(_BYTE_SPACE.match(frame, position + end))
+
+
+def _end_of(match: re.Match[Any] | None) -> int:
+    assert match is not None, "white space may be none"
+    return match.end()
+
+
+def _end_of_value(view: memoryview) -> int | None:
+    """Find where the JSON value ends that a text begins with, without decoding it; None where it is not plain JSON.
+
+    Raises:
+        FrameError: it is nested too deeply.
+    """
+    try:
+        _skip(view)
+    except msgspec.DecodeError as error:
+        match = _TRAILING.search(str(error))
+        return None if match is None else int(match[1]) - 1
+    except UnicodeDecodeError:
+        return None
+    except RecursionError:
+        raise FrameError("Received a message that is nested too deeply") from None
+    return len(view)
+
+
+def _read_op(part: memoryview) -> Op | FrameError:
+    """The op that one JSON value spells, or what is wrong with it."""
+    op = decode_quickly(part)
+    if op is not None:
+        return op
+    try:
+        if len(part) < LONG or LIGHT.excess(weigh(part)) is None:
+            return op_from_value(json.loads(bytes(part)))
+        return op_from_value(_outline(part))
+    except FrameError as error:
+        return error
+    except RecursionError:
+        return FrameError("Received a message that is nested too deeply")
+    except ValueError as error:  # integers of thousands of digits
+        return FrameError(f"Received a frame that is not valid JSON: {error}. The frame: {_shorten_bytes(part)}")
+
+
+def _outline(part: memoryview) -> dict[str, Any]:
+    """The fields of a heavy object: its bodies stay text, what else is long is left out.
+
+    Raises:
+        FrameError: it is no object.
+    """
+    try:
+        fields = _split(part)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise FrameError(f"Expected a JSON object with an op, but got something else: {error}") from None
+    outline: dict[str, Any] = {}
+    for name, value in fields.items():
+        if name in _BODIES:
+            outline[name] = value
+        elif name in _CLASSES or name == "op":
+            text = bytes(value)
+            if len(text) >= LONG:
+                raise FrameError(f"Expected less than {LONG:,} bytes in field {name}, but got {len(text):,}")
+            outline[name] = json.loads(text)
+    return outline
+
+
+def _scan_words(frame: bytes, start: int, num_ops: int) -> Iterator[Op | FrameError]:
+    """Read the rest of a frame as Python's JSON has it, with NaN and Infinity; each value becomes Python objects."""
+    rest = frame[start:]
+    too_much = LIGHT.excess(weigh(rest))
+    if too_much is not None:
+        yield FrameError(f"Received a frame that is not plain JSON (NaN, Infinity or a mistake), and heavy: {too_much}")
+        return
+    text = rest.decode()
+    position = 0
     while position < len(text):
         try:
             value, position = _scanner.raw_decode(text, position)
@@ -131,20 +283,25 @@ def _decode_slowly(frame: bytes) -> Iterator[Op | FrameError]:
             yield FrameError(f"Received a frame that is not valid JSON: {error}. The frame: {_shorten(text)}")
             return
         try:
-            yield _to_op(value)
+            yield op_from_value(value)
         except FrameError as error:
             yield error
-        position = _skip_space(text, position)
+        position = _end_of(_SPACE.match(text, position))
+        num_ops += 1
+        if num_ops > MAX_OPS:
+            yield FrameError(f"Received a frame with more than {MAX_OPS:,} ops; the rest of it is dropped")
+            return
 
 
-def _skip_space(text: str, position: int) -> int:
-    while position < len(text) and text[position] in " \t\r\n":
-        position += 1
-    return position
+def op_from_value(value: Any) -> Op:  # noqa: ANN401 - any JSON value
+    """The op that a JSON value spells; its bodies stay as they are.
 
+    Args:
+        value: decoded JSON or CBOR; a body may still be JSON text.
 
-def _to_op(value: Any) -> Op:  # noqa: ANN401 - any JSON value
-    """The op that a JSON value spells, or a FrameError in rosbridge_suite's words."""
+    Raises:
+        FrameError: it is none, in rosbridge_suite's words.
+    """
     if not isinstance(value, dict):
         raise FrameError(f"Expected a JSON object with an op, but got {type(value).__name__}: {_shorten(str(value))}")
     op_id = value.get("id") if _is_id(value.get("id")) else None
@@ -171,7 +328,7 @@ def _to_op(value: Any) -> Op:  # noqa: ANN401 - any JSON value
             if field.required:
                 raise FrameError(f"{name}: Expected a {field.name} field but none was found.", op_id)
         elif field.name in op.bodies:
-            fields[field.name] = _raw(given, f"{name}: {field.name}", op_id)
+            fields[field.name] = given
         else:
             fields[field.name] = _checked(given, name, field.name, op_id)
     made: Op = op(**fields)
@@ -212,22 +369,20 @@ def _is_id(value: object) -> bool:
     return isinstance(value, (bool, int)) or (isinstance(value, float) and math.isfinite(value))
 
 
-def _raw(value: Any, where: str, op_id: object) -> msgspec.Raw:  # noqa: ANN401 - any JSON value
-    """A body back as text, bare NaN and Infinity included: `schema/` knows what they mean."""
-    try:
-        return msgspec.Raw(json.dumps(value).encode())
-    except (RecursionError, ValueError) as error:
-        raise FrameError(f"{where} is nested too deeply", op_id) from error
-
-
 def _shorten(text: str) -> str:
     short = text if len(text) <= _SHOWN else text[:_SHOWN] + "..."
     return short.encode("utf-8", "replace").decode()
 
 
-def is_absent(body: msgspec.Raw | bytes) -> bool:
+def _shorten_bytes(part: memoryview) -> str:
+    return _shorten(bytes(part[: 4 * _SHOWN]).decode(errors="ignore"))
+
+
+def is_absent(body: Body) -> bool:
     """Whether a body was left out, or null, which means the same."""
-    return body is ABSENT or bytes(body) in {b"", b"null"}
+    if isinstance(body, (bytes, msgspec.Raw)):
+        return body is ABSENT or bytes(body) in {b"", b"null"}
+    return body is None
 
 
 def publish_head(topic: str) -> bytes:

@@ -1,36 +1,37 @@
-"""What a frame can be besides JSON text: a CBOR map, or a picture that holds a JSON text.
+"""CBOR frames: a binary frame whose first byte opens a map (0xA0 to 0xBF; JSON text never starts so).
 
-CBOR comes in as a binary frame whose first byte opens a map (0xA0 to 0xBF; JSON text never starts so) and goes out
-only to listeners who asked, whose bodies `schema/` encodes. Numbers in typed arrays (RFC 8746) are read in either
-byte order. Every other tag is refused: a stranger's tags would be decoded into patterns, dates, bignums and objects
+Frames go out in CBOR only to listeners that asked for it; `schema/` encodes their bodies. What comes in is decoded
+into Python objects: numbers in typed arrays (RFC 8746) of either byte order as numpy arrays, bytes as base64 text, as
+JSON has them. Every other tag is refused: a client's tags would be decoded into patterns, dates, bignums and objects
 that contain themselves.
 
-The picture is rosbridge_suite's: the JSON text in UTF-8, padded with newlines, as the RGB bytes of a PNG that is
-about square.
+The decoder is one call of a C library that lets nothing else run: 4 MB of empty lists take it a second. So the items
+of a frame are counted before, in slices, and a frame with too many of them is refused.
 """
 
 from __future__ import annotations
 
-import base64
-import binascii
-import json
-import math
-from io import BytesIO
+import re
+from collections.abc import Generator
 from typing import Any, NoReturn
 
 import cbor2
 import numpy as np
-import orjson
+import pybase64
 
 from rosbridge_sim.errors import FrameError
 
-__all__ = ["cbor_head", "cbor_raw_frame", "decode_cbor", "decode_png", "is_cbor", "png_frame"]
+__all__ = ["cbor_head", "cbor_raw_frame", "decode_cbor", "is_cbor"]
 
 MAX_DEPTH = 100
 """Nesting of a CBOR frame; the deepest ROS message of the standard packages has seven levels."""
 
-MAX_PIXELS = 16 * 2**20 // 3
-"""A picture may hold as many bytes as a frame may have; a small file can claim a huge one."""
+MAX_ITEMS = 100_000
+"""Maps, lists, texts, byte strings and tags of a frame: 30 ms of the decoder's work."""
+
+MAX_SCALAR_BYTES = 2**20
+"""Bytes of plain numbers and truth values in a frame, one to nine each: 20 ms of the decoder's work. Larger arrays come
+as typed arrays or as bytes, which cost nothing."""
 
 _ARRAY_TYPES = {
     64: "u1", 65: ">u2", 66: ">u4", 67: ">u8", 68: "u1", 69: "<u2", 70: "<u4", 71: "<u8",
@@ -48,13 +49,17 @@ def is_cbor(frame: bytes) -> bool:
     return 0xA0 <= frame[0] <= 0xBF if frame else False  # noqa: PLR2004 - RFC 8949: major type 5
 
 
-def decode_cbor(frame: bytes) -> bytes:
-    """The JSON text that says the same, with NaN and infinities as Python's json writes them; bytes as base64.
+def decode_cbor(frame: bytes) -> Generator[None, None, object]:
+    """Read a frame of CBOR; yields after each slice of work and returns its value.
+
+    Returns:
+        Dicts, lists, texts, numbers, truth values and None; numpy arrays for typed arrays, base64 text for bytes.
 
     Raises:
-        FrameError: it is no CBOR, or holds what JSON has no word for.
+        FrameError: it is no CBOR, too heavy, or holds what JSON has no word for.
     """
     try:
+        yield from _check_weight(frame)
         value = cbor2.loads(
             frame,
             tag_hook=_read_tag,
@@ -63,9 +68,52 @@ def decode_cbor(frame: bytes) -> bytes:
             allow_duplicate_keys=False,
             strict_hashable_types=True,
         )
-        return json.dumps(_plain(value)).encode()
+        yield
+        return _plain(value)
     except (cbor2.CBORError, ValueError, OverflowError, RecursionError) as error:
         raise FrameError(f"Received a binary frame that is neither JSON nor plain CBOR: {error}") from None
+
+
+def _check_weight(frame: bytes) -> Generator[None, None, None]:
+    """Count the items of a frame, whatever their nesting: an item's head tells how many bytes follow that are no items.
+
+    Raises:
+        ValueError: there are too many of them.
+    """
+    position = num_items = scalar_bytes = 0
+    while position < len(frame):
+        run = _SCALARS.match(frame, position)
+        if run is not None:
+            scalar_bytes += run.end() - position
+            position = run.end()
+            if scalar_bytes > MAX_SCALAR_BYTES:
+                raise ValueError(f"at most {MAX_SCALAR_BYTES:,} bytes of plain numbers are taken; use typed arrays")
+            continue
+        major, info = frame[position] >> 5, frame[position] & 31
+        head = 1 + _HEAD_SIZES.get(info, 0)
+        if major in {2, 3} and info != _INDEFINITE:  # bytes, text
+            number = info if head == 1 else int.from_bytes(frame[position + 1 : position + head], "big")
+            position += number
+        position += head
+        num_items += 1
+        if num_items > MAX_ITEMS:
+            raise ValueError(f"at most {MAX_ITEMS:,} maps, lists and texts are taken")
+        if num_items % _NUM_LOOKED_AT == 0:
+            yield
+
+
+_SCALARS = re.compile(
+    rb"(?:[\x00-\x17\x20-\x37\xe0-\xf7]|[\x18\x38\xf8].|[\x19\x39\xf9]..|[\x1a\x3a\xfa].{4}|[\x1b\x3b\xfb].{8})"
+    rb"{1,20000}+",
+    re.DOTALL,
+)
+"""A run of integers, floats and truth values (RFC 8949 section 3), at most some 2 ms of looking at."""
+
+_HEAD_SIZES = {24: 1, 25: 2, 26: 4, 27: 8}
+_INDEFINITE = 31
+
+_NUM_LOOKED_AT = 2_000
+"""Items that are counted in one go: 1 ms."""
 
 
 def _read_tag(*args: Any) -> object:  # noqa: ANN401 - the library passes the decoder too, of no known type
@@ -75,7 +123,8 @@ def _read_tag(*args: Any) -> object:  # noqa: ANN401 - the library passes the de
         raise ValueError(f"tag {tag.tag} is not accepted")
     if tag.tag in {64, 68}:
         return tag.value
-    return np.frombuffer(tag.value, kind).tolist()
+    array = np.frombuffer(tag.value, kind)
+    return array.astype(array.dtype.newbyteorder("="), copy=False)
 
 
 def _refuse_tag(*_: object) -> NoReturn:
@@ -85,17 +134,22 @@ def _refuse_tag(*_: object) -> NoReturn:
 _REFUSING = dict.fromkeys(_BUILT_IN_TAGS, _refuse_tag)
 
 
+_PLAIN = frozenset({bool, int, float, str, type(None)})
+
+
 def _plain(value: object) -> object:
     """The value with bytes as base64 text; anything that JSON has no word for raises ValueError."""
     if isinstance(value, bytes):
-        return base64.b64encode(value).decode()
+        return pybase64.b64encode_as_string(value)
     if isinstance(value, dict):
         if not all(isinstance(key, str) for key in value):
             raise ValueError("the keys of a map must be texts")
         return {key: _plain(inner) for key, inner in value.items()}
     if isinstance(value, list):
-        return value if value and isinstance(value[0], (int, float)) else [_plain(inner) for inner in value]
-    if value is None or isinstance(value, (bool, int, float, str)):
+        if _PLAIN.issuperset(map(type, value)):
+            return value
+        return [_plain(inner) for inner in value]
+    if value is None or isinstance(value, (bool, int, float, str, np.ndarray)):
         return value
     raise ValueError(f"{type(value).__name__} is not accepted")
 
@@ -109,32 +163,3 @@ def cbor_raw_frame(head: bytes, stamp_ns: int, raw: bytes) -> bytes:
     """A data message with the bytes of ROS's own wire; the keys are secs and nsecs in both generations."""
     secs, nsecs = divmod(stamp_ns, 10**9)
     return head + cbor2.dumps({"secs": secs, "nsecs": nsecs, "bytes": raw})
-
-
-def png_frame(frame: bytes) -> bytes:
-    """A `png` op that holds a frame of JSON text."""
-    from PIL import Image  # noqa: PLC0415 - 30 ms that nobody pays who asks for no picture
-
-    width = max(1, math.isqrt(len(frame) // 3))
-    height = max(1, math.ceil(len(frame) / 3 / width))
-    pixels = frame.ljust(width * height * 3, b"\n")
-    file = BytesIO()
-    Image.frombytes("RGB", (width, height), pixels).save(file, "PNG")
-    return orjson.dumps({"op": "png", "data": base64.b64encode(file.getvalue()).decode()})
-
-
-def decode_png(data: str) -> bytes:
-    """The frame inside a picture.
-
-    Raises:
-        FrameError: it is no picture, or none that holds a text.
-    """
-    from PIL import Image  # noqa: PLC0415 - as above
-
-    try:
-        with Image.open(BytesIO(base64.b64decode(data, validate=True)), formats=["PNG"]) as image:
-            if image.width * image.height > MAX_PIXELS:
-                raise FrameError(f"png: the picture has more than {MAX_PIXELS} pixels")
-            return image.convert("RGB").tobytes().rstrip(b"\n\0")
-    except (binascii.Error, OSError, SyntaxError, ValueError) as error:
-        raise FrameError(f"png: no picture that holds a message: {error}") from None

@@ -11,16 +11,32 @@ the hard limit, the peer is beyond help and its connection is to be closed.
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
-__all__ = ["BinaryFrame", "Outbox", "OutboxLimits"]
+__all__ = ["BinaryFrame", "LateFrames", "Outbox", "OutboxLimits"]
 
 
 class BinaryFrame(bytes):
     """A frame that goes out as binary; plain bytes go out as text."""
 
     __slots__ = ()
+
+
+class LateFrames(Protocol):
+    """Frames that are made when they are taken, because making them is long work or takes much memory."""
+
+    @property
+    def num_bytes(self) -> int:
+        """What is held until then [bytes]."""
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether all of them were taken."""
+
+    def take(self, max_bytes: int) -> list[bytes]:
+        """Do a slice of work; return the frames that it gave, if any: about `max_bytes` in all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +68,7 @@ class Outbox:
         "_carry",
         "_frames",
         "_limits",
+        "_num_late",
         "_relieve_at",
         "_trim_at",
         "_wake",
@@ -72,7 +89,8 @@ class Outbox:
         self._limits = limits
         self._wake = wake
         self._carry = carry
-        self._frames: deque[tuple[str | None, Sequence[bytes], int]] = deque()
+        self._frames: deque[tuple[str | None, bytes | LateFrames, int]] = deque()
+        self._num_late = 0
         self._trim_at = limits.burst
         self._relieve_at = limits.topic_bytes
         self.num_bytes = 0
@@ -83,47 +101,69 @@ class Outbox:
     def __len__(self) -> int:
         return len(self._frames)
 
-    def send(self, *frames: bytes) -> None:
-        """Add an answer or a remark, which is never forgotten; several frames are its pieces."""
+    def send(self, frame: bytes | LateFrames) -> None:
+        """Add an answer or a remark, which is never forgotten."""
         if not self._frames:
             self._wake()
-        size = sum(map(len, frames))
-        self._frames.append((None, frames, size))
+        size = self._size_of(frame)
+        self._frames.append((None, frame, size))
         self.num_bytes += size
         if self.num_bytes > self._relieve_at:
             self._relieve()
 
-    def offer(self, topic: str, *frames: bytes) -> None:
-        """Add a message of a topic, which may be forgotten, all its pieces together, if the peer does not read."""
+    def offer(self, topic: str, frame: bytes | LateFrames) -> None:
+        """Add a message of a topic, which may be forgotten, as a whole, if the peer does not read."""
         waiting = self._frames
         if not waiting:
             self._wake()
-        size = len(frames[0]) if len(frames) == 1 else sum(map(len, frames))
-        waiting.append((topic, frames, size))
+        size = len(frame) if isinstance(frame, bytes) else self._size_of(frame)
+        waiting.append((topic, frame, size))
         self.num_bytes += size
         if len(waiting) > self._trim_at or self.num_bytes > self._relieve_at:
             self._relieve()
 
+    def _size_of(self, frame: bytes | LateFrames) -> int:
+        if isinstance(frame, bytes):
+            return len(frame)
+        self._num_late += 1
+        return frame.num_bytes
+
     def take(self, max_bytes: int) -> list[bytes]:
-        """The oldest frames, in order: at least one if there is any, and about `max_bytes` in all."""
+        """Take the oldest frames, in order: about `max_bytes` in all.
+
+        Returns:
+            One frame at least if there is any; but none where the next one is not finished: a slice of the work on it
+            was done, and there will be more if it is asked again.
+        """
         waiting = self._frames
-        if self.num_bytes <= max_bytes:
-            taken = [frame for _, frames, _ in waiting for frame in frames]
+        if self.num_bytes <= max_bytes and not self._num_late:
+            taken: list[bytes] = [frame for _, frame, _ in waiting]  # type: ignore[misc] # none is late
             waiting.clear()
             self.num_bytes = 0
             return taken
         taken = []
         total = 0
         while waiting and total < max_bytes:
-            _, frames, size = waiting.popleft()
-            total += size
-            taken.extend(frames)
-        self.num_bytes -= total
+            _, frame, size = waiting[0]
+            if isinstance(frame, bytes):
+                taken.append(frame)
+                total += size
+            else:
+                made = frame.take(max_bytes - total)
+                taken += made
+                total += sum(map(len, made))
+                if not frame.is_finished:
+                    waiting[0] = None, frame, size  # begun: the rest of it must not be forgotten
+                    break
+                self._num_late -= 1
+            waiting.popleft()
+            self.num_bytes -= size
         return taken
 
     def close(self) -> None:
         """Forget everything: nobody will take it any more."""
         self._frames.clear()
+        self._num_late = 0
         self.num_bytes = 0
 
     def _relieve(self) -> None:
@@ -138,16 +178,17 @@ class Outbox:
 
     def _trim(self) -> None:
         """Keep the newest of each topic, up to the burst and to half the byte limit, and all that is no topic."""
-        kept: deque[tuple[str | None, Sequence[bytes], int]] = deque()
+        kept: deque[tuple[str | None, bytes | LateFrames, int]] = deque()
         counts: Counter[str] = Counter()
         topic_bytes = 0
         num_bytes = 0
         for entry in reversed(self._frames):
-            topic, _, size = entry
+            topic, frame, size = entry
             if topic is not None:
                 is_over = topic_bytes + size > self._limits.topic_bytes // 2
                 if counts[topic] and (is_over or counts[topic] >= self.bursts.get(topic, self._limits.burst)):
                     self.dropped[topic] += 1
+                    self._num_late -= not isinstance(frame, bytes)
                     continue
                 counts[topic] += 1
                 topic_bytes += size

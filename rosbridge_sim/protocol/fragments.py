@@ -15,42 +15,64 @@ import orjson
 from rosbridge_sim.errors import FrameError
 from rosbridge_sim.protocol.ops import Fragment
 
-__all__ = ["Defragmenter", "fragment_frames"]
+__all__ = ["Defragmenter", "Pieces"]
 
 MAX_OPEN = 64
 """Fragmented messages that one client may have under way."""
 
 MAX_PIECES = 10_000
-"""Pieces of one message: 16 MiB in pieces of 1.6 kB, finer than anybody cuts."""
+"""Pieces of one message, in and out: 16 MiB in pieces of 1.6 kB, finer than anybody cuts."""
 
 MAX_AGE = 60.0
 """A message is forgotten when no piece of it has come for so long [s]; rosbridge_suite waits ten minutes."""
 
 MIN_SIZE = 10
-"""A smaller fragment_size is taken for this one: each character in a frame of its own helps nobody."""
+"""A smaller fragment_size is taken for this one [characters]: each one in a frame of its own helps nobody."""
 
 
-def fragment_frames(frame: bytes, size: int, message_id: str) -> list[bytes]:
-    """The frame itself if it has at most `size` characters, else its pieces, in order.
+class Pieces:
+    """The pieces of a long frame, each made when it is taken: a peer that reads slowly holds the frame and no more.
 
-    Args:
-        frame: JSON text.
-        size: longest slice [characters].
-        message_id: not used for another message of this client before.
+    Attributes:
+        num_bytes: what is held meanwhile [bytes].
+        is_finished: all of them were taken.
     """
-    size = max(MIN_SIZE, size)
-    if len(frame) <= size:
-        return [frame]
-    text = frame.decode()
-    total = math.ceil(len(text) / size)
-    if total == 1:
-        return [frame]
-    return [
-        orjson.dumps(
-            {"op": "fragment", "id": message_id, "data": text[i * size : (i + 1) * size], "num": i, "total": total}
-        )
-        for i in range(total)
-    ]
+
+    __slots__ = ("_id", "_num", "_size", "_text", "_total", "is_finished", "num_bytes")
+
+    def __init__(self, frame: bytes, size: int, message_id: str) -> None:
+        """Nothing is made yet.
+
+        Args:
+            frame: JSON text.
+            size: longest slice [characters]; more where there would be more than MAX_PIECES of them. A frame that is
+                not longer is its only piece, as it is.
+            message_id: not used for another message of this client before.
+        """
+        self.num_bytes = len(frame)
+        self.is_finished = False
+        self._text = frame.decode()
+        self._size = max(MIN_SIZE, size, math.ceil(len(self._text) / MAX_PIECES))
+        self._total = math.ceil(len(self._text) / self._size)
+        self._id = message_id
+        self._num = 0
+
+    def take(self, max_bytes: int) -> list[bytes]:
+        """Make the next pieces: one at least, and about `max_bytes` in all."""
+        if self._total == 1:
+            self.is_finished = True
+            return [self._text.encode()]
+        pieces: list[bytes] = []
+        total = 0
+        while self._num < self._total and (total < max_bytes or not pieces):
+            start = self._num * self._size
+            data = self._text[start : start + self._size]
+            piece = {"op": "fragment", "id": self._id, "data": data, "num": self._num, "total": self._total}
+            pieces.append(orjson.dumps(piece))
+            total += len(pieces[-1])
+            self._num += 1
+        self.is_finished = self._num == self._total
+        return pieces
 
 
 class _Partial:

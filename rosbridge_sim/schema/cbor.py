@@ -14,6 +14,7 @@ from functools import partial
 from typing import Any, Final
 
 import msgspec
+import numpy as np
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.schema.check import Shape, Slot
@@ -29,6 +30,14 @@ _UNSIGNED, _NEGATIVE, _BYTES, _TEXT, _ARRAY, _MAP, _TAG = range(7)
 
 _ARRAY_TAGS: Final = {"B": 64, "H": 69, "I": 70, "Q": 71, "b": 72, "h": 77, "i": 78, "q": 79, "f": 85, "d": 86}
 """The tags of little-endian arrays, by `struct`'s letters."""
+
+_CODES: Final = {
+    **{f"{kind}{2**i}": letter for kind, letters in (("u", "BHIQ"), ("i", "bhiq")) for i, letter in enumerate(letters)},
+    "f2": "f",
+    "f4": "f",
+    "f8": "d",
+}
+"""The letter that numbers of a numpy dtype (kind and bytes) are written with."""
 
 _HEADS: Final = tuple(
     (struct.Struct(">B" + letter).pack, code, 1 << bits)
@@ -262,4 +271,11 @@ def _write_plain(value: object, out: list[bytes]) -> None:
         for item in value:
             _write_plain(item, out)
     else:
-        raise ValueError(f"{type(value)} is no JSON")
+        _write_array(value, out)
+
+
+def _write_array(value: object, out: list[bytes]) -> None:
+    if not isinstance(value, np.ndarray):
+        raise ValueError(f"{type(value)} is no JSON")  # noqa: TRY004 - as what else cannot be written
+    code = _CODES[value.dtype.kind + str(value.dtype.itemsize)]
+    out += (head(_TAG, _ARRAY_TAGS[code]), _numbers(code, value))

@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 import msgspec
 import numpy as np
+import numpy.typing as npt
 import orjson
 
 from rosbridge_sim.errors import FieldError
@@ -105,6 +106,18 @@ ROS2 = Dialect(
     no_stamp=Time2(),
 )
 
+NumberArray: TypeAlias = npt.NDArray[Any]
+"""A typed array of CBOR: any numeric dtype of native byte order."""
+
+_MANY = 32
+"""From so many elements on, checking all at once is quicker than one by one."""
+
+_LONG_ARRAY = 4_096
+"""From so many elements on, a typed array stays one: as a list it would take four to eight times its memory."""
+
+_DTYPES = {"byte": "int8", "char": "uint8"}
+"""numpy's names of integer types that are not our own."""
+
 _SPELLINGS = (("secs", "sec"), ("nsecs", "nanosec"))
 """Each part of a time in the spelling of ROS 1 and of ROS 2."""
 
@@ -156,6 +169,8 @@ class Shape:
         slots: by wire name, in wire order.
         aliases: accepted name -> wire name.
         is_header: its stamp is set to the time of now where none is given.
+        finish: `(value, stamp_ns)`: does in place what is left to do on a struct that was made with its defaults; None
+            where nothing is.
     """
 
     name: str
@@ -165,6 +180,7 @@ class Shape:
     slots: Mapping[str, Slot]
     aliases: Mapping[str, str]
     is_header: bool
+    finish: Callable[[Any, int], None] | None = None
 
 
 def check(shape: Shape, value: object, stamp_ns: int, root: str | None = None) -> Any:  # noqa: ANN401 - a made struct
@@ -220,8 +236,8 @@ class _Check:
 
     def message(self, shape: Shape, value: object) -> msgspec.Struct:
         """A nested or root message; an absent one (`null`) is like one without any fields."""
-        if value is None:
-            value = {}
+        if value is None or value == {}:
+            return self.default(shape)
         if not isinstance(value, dict):
             raise _wrong_type(shape.name, value)
         given = {}
@@ -248,11 +264,18 @@ class _Check:
         """The default of a field that was not given."""
         if slot.shape is not None:
             if slot.field.array is None:
-                return self.message(slot.shape, {})
-            return [self.message(slot.shape, {}) for _ in range(0 if slot.field.is_bounded else slot.field.array)]
+                return self.default(slot.shape)
+            return [self.default(slot.shape) for _ in range(0 if slot.field.is_bounded else slot.field.array)]
         if shape.is_header and slot.field.name == "stamp":
             return self.dialect.time(self.stamp_ns)
         return slot.make()
+
+    def default(self, shape: Shape) -> msgspec.Struct:
+        """A message of which nothing was given."""
+        value = shape.struct()
+        if shape.finish is not None:
+            shape.finish(value, self.stamp_ns)
+        return value
 
     def field(self, shape: Shape, slot: Slot, value: object) -> object:
         if value is None and (slot.field.array is not None or not slot.field.type.startswith("float")):
@@ -263,12 +286,16 @@ class _Check:
             return self.array(slot, value)
         return self.element(slot, value)
 
-    def array(self, slot: Slot, value: object) -> list[object]:
+    def array(self, slot: Slot, value: object) -> list[object] | NumberArray:
+        if isinstance(value, np.ndarray):
+            return self.numbers(slot, value)
         if slot.is_single and not isinstance(value, (list, tuple)):
             value = [value]
         if not isinstance(value, (list, tuple)):
             raise _wrong_type(slot.field.full_type, value)
         _check_length(slot.field, len(value), "elements")
+        if len(value) >= _MANY and (plain := self.plain_numbers(slot, value)) is not None:
+            return plain
         values = []
         for i, item in enumerate(value):
             try:
@@ -278,8 +305,49 @@ class _Check:
                 raise
         return values
 
+    def plain_numbers(self, slot: Slot, value: Sequence[Any]) -> list[object] | None:
+        """A long list of numbers of one kind, checked all at once; None where it must be looked at one by one."""
+        kind = slot.field.type
+        kinds = set(map(type, value))
+        if kind in self.dialect.ints and kinds == {int}:
+            low, high = self.dialect.ints[kind]
+            return list(value) if low <= min(value) and max(value) <= high else None
+        if kind not in {"float32", "float64"} or not kinds <= {int, float}:
+            return None
+        try:
+            floats = list(map(float, value))
+            if kind == "float64":
+                return floats  # type: ignore[return-value] # a list of objects, all of them floats
+            return round32_list(floats) if all(map(math.isfinite, floats)) else None  # type: ignore[return-value] # same
+        except OverflowError:
+            return None
+
+    def numbers(self, slot: Slot, value: NumberArray) -> list[object] | NumberArray:
+        """A typed array; a long one stays an array, which all encoders take."""
+        kind = slot.field.type
+        is_float = kind in {"float32", "float64"}
+        if not is_float and kind not in self.dialect.ints:
+            raise _wrong_type(slot.field.full_type, [])
+        _check_length(slot.field, len(value), "elements")
+        if len(value) < _LONG_ARRAY:
+            return self.array(slot, value.tolist())
+        if is_float:
+            floats = value.astype(kind)
+            if not np.array_equal(np.isfinite(floats), np.isfinite(value)):
+                raise _wrong_value(kind, "a number that is out of its range")
+            return floats
+        low, high = self.dialect.ints[kind]
+        if value.dtype.kind == "f" and not (np.isfinite(value).all() and (np.floor(value) == value).all()):
+            raise _wrong_type(kind, 0.5)
+        if int(value.min()) < low or int(value.max()) > high:
+            raise _wrong_value(kind, f"a number out of its range ({low} to {high})")
+        return value.astype(_DTYPES.get(kind, kind))
+
     def bytes(self, slot: Slot, value: object) -> bytes:
-        """Base64 (white space in it is harmless), a list of numbers, or bytes from a binary encoding."""
+        """Base64 (white space in it is harmless), numbers, or bytes from a binary encoding."""
+        if isinstance(value, np.ndarray):
+            numbers = self.numbers(slot, value)
+            return numbers.astype(np.uint8).tobytes() if isinstance(numbers, np.ndarray) else bytes(numbers)  # type: ignore[arg-type] # checked to be integers
         if isinstance(value, (list, tuple)):
             return bytes(self.array(slot, value))  # type: ignore[arg-type] # its elements are checked to be integers
         if isinstance(value, str):

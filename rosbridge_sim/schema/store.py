@@ -8,8 +8,8 @@ everywhere; `pkg/Type` is the name of a type here, and `spelled` is what the per
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -29,6 +29,8 @@ from rosbridge_sim.schema.standard import PACKAGES, ros2_text, standard_names, s
 from rosbridge_sim.schema.typedefs import full_text
 
 __all__ = ["Leniency", "Message", "Store"]
+
+T = TypeVar("T")
 
 _ACTIONLIB = {
     "ActionGoal": "Header header\nactionlib_msgs/GoalID goal_id\n{name}Goal goal\n",
@@ -50,7 +52,7 @@ class Message:
         value: a struct of it, or the bare object of an unknown type; not changed any more.
     """
 
-    __slots__ = ("_cbor", "_framed", "_head", "_json", "_raw", "type", "value")
+    __slots__ = ("_cbor", "_framed", "_head", "_json", "_raw", "_shared", "type", "value")
 
     def __init__(self, message_type: MessageType | OpaqueType, value: Any) -> None:  # noqa: ANN401 - a generated struct
         self.type = message_type
@@ -60,6 +62,7 @@ class Message:
         self._raw: bytes | None = None
         self._head = b""
         self._framed = b""
+        self._shared: dict[object, Any] | None = None
 
     @property
     def json(self) -> bytes:
@@ -92,6 +95,15 @@ class Message:
             self._framed = b"".join((head, self.json, b"}"))
             self._head = head
         return self._framed
+
+    def shared(self, key: object, make: Callable[[], T]) -> T:
+        """What `make` gives, made once for all who ask with this key: a form in which some listeners want it."""
+        if self._shared is None:
+            self._shared = {}
+        if key not in self._shared:
+            self._shared[key] = make()
+        made: T = self._shared[key]
+        return made
 
 
 class Store:

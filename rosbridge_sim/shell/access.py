@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import hmac
 import logging
+import re
 import ssl
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -23,8 +24,8 @@ from urllib.parse import parse_qs, urlsplit
 from websockets.http11 import Request
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.graph.peer import Peer
-from rosbridge_sim.protocol.ops import ActionResult, Auth, Op, ServiceResponse
+from rosbridge_sim.graph.peer import FrameWork, Peer, Work
+from rosbridge_sim.protocol.ops import ActionResult, Auth, Id, Op, ServiceResponse
 
 __all__ = ["Access", "Bucket", "Refusal", "Warden", "load_certificate"]
 
@@ -43,6 +44,12 @@ _NO_TOKEN = "This server wants a token first: as ?token= in the URL, as a Bearer
 
 _ANSWERS = (ServiceResponse, ActionResult)
 """Ops that others wait for: they count, but are never refused for coming too fast."""
+
+_ANSWER = re.compile(rb'\s*\{.{0,200}?"op"\s*:\s*"(?:service_response|action_result)"', re.DOTALL)
+"""The beginning of a frame that holds one of them, as all clients write it."""
+
+_LOOKED_AT = 256
+"""Bytes of a frame in which its op is looked for without decoding it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,25 +186,37 @@ class Warden:
         self._close = close
         self._num_tries = 0
         self._num_too_many = 0
+        self._is_counted = False
         self._tell_at = now
         rate = access.max_rate
         self._bucket = None if rate is None else Bucket(rate, max(rate, LEAST_BURST), now)
 
-    def receive(self, frame: bytes, now: float) -> None:
-        """Do what `Peer.receive` does, as far as it is allowed."""
-        if not self.is_proven and len(frame) > MAX_UNPROVEN_SIZE:
-            self._peer.session.remark("error", _NO_TOKEN)
-            return
-        ops = self._peer.session.receive(frame, now)
-        if not ops and self._bucket is not None:
-            self._bucket.take(now)  # a piece, or rubbish, is a frame too
-        for op in ops:
-            if not self.is_proven:
-                self._prove(op)
-            elif self._bucket is None or self._bucket.take(now) or isinstance(op, _ANSWERS):
-                self._peer.do(op, now)
-            else:
-                self._slow_down(op, now)
+    def begin(self, frame: bytes, now: float) -> Work | None:
+        """Do what `Peer.begin` does, as far as it is allowed. A frame that comes too fast is not even decoded."""
+        session, bucket = self._peer.session, self._bucket
+        if not self.is_proven:
+            if len(frame) > MAX_UNPROVEN_SIZE:
+                session.remark("error", _NO_TOKEN)
+                return None
+        elif bucket is not None and not bucket.take(now) and not _ANSWER.match(frame[:_LOOKED_AT]):
+            self._slow_down(now)
+            return None
+        self._is_counted = True
+        op = session.receive_plain(frame)
+        if op is None:
+            return FrameWork(session.receive(frame, now), self._judge)
+        self._judge(op, now)
+        return None
+
+    def _judge(self, op: Op, now: float) -> None:
+        """Do an op, or refuse it. The first one of a frame is counted with the frame, further ones each for itself."""
+        is_counted, self._is_counted = self._is_counted, False
+        if not self.is_proven:
+            self._prove(op)
+        elif is_counted or self._bucket is None or self._bucket.take(now) or isinstance(op, _ANSWERS):
+            self._peer.do(op, now)
+        else:
+            self._slow_down(now, op.id)
 
     def expire(self) -> None:
         """Close the connection if it has still shown no token."""
@@ -224,16 +243,16 @@ class Warden:
         if not self._peer.refuse(op, why):
             self._peer.session.remark("error", why, op.id)
 
-    def _slow_down(self, op: Op, now: float) -> None:
-        """Refuse an op; calls hear of it each time, all else once a second."""
+    def _slow_down(self, now: float, op_id: Id = None) -> None:
+        """Refuse a frame, or an op of one; the client hears of it once a second."""
         if not self._num_too_many:
             _log.warning("%s sends more than %s frames a second", self._peer.address, self._access.max_rate)
         self._num_too_many += 1
-        why = f"Too fast: at most {self._access.max_rate} frames a second are taken from one client"
-        self._peer.refuse(op, why)
+        self._peer.num_errors += 1
         if now >= self._tell_at:
             self._tell_at = now + 1.0
-            self._peer.session.remark("error", f"{why}; refused so far: {self._num_too_many}", op.id)
+            why = f"Too fast: at most {self._access.max_rate} frames a second are taken from one client"
+            self._peer.session.remark("error", f"{why}; refused so far: {self._num_too_many}", op_id)
 
 
 def load_certificate(certfile: str | None, keyfile: str | None) -> ssl.SSLContext | None:

@@ -6,6 +6,9 @@ one loop. Everything else (the handshake, pings, fragments, compression, closing
 handed frame by frame to the library, which stays the judge of it and the keeper of the connection's state; what
 it makes of fragments and compressed frames comes to the same callback.
 
+A receiver says how long it may work, and after each message whether it takes the next one. Where it does not, or where
+its time is over, what is left stays here, the transport stops reading, and `go_on` goes on.
+
 The library's parser must only ever see whole frames, so that it stands between two of them whenever we look: what
 comes in parts is kept here until it is whole. Too long a frame is handed over unfinished; it ends the connection.
 
@@ -16,7 +19,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from struct import pack
-from typing import Any
+from time import perf_counter
+from typing import Any, Protocol
 
 from websockets.asyncio.server import ServerConnection
 from websockets.frames import DATA_OPCODES, Frame
@@ -24,11 +28,9 @@ from websockets.protocol import Event, State
 from websockets.speedups import apply_mask
 
 from rosbridge_sim.protocol.flow import BinaryFrame
+from rosbridge_sim.shell.inflate import Deflated
 
-__all__ = ["DirectSocket", "head_of"]
-
-MESSAGES_PER_TURN = 64
-"""Messages of one client that are handled before others have their turn; some 1 ms of work."""
+__all__ = ["DirectSocket", "Receiver", "head_of"]
 
 MAX_HELD = 64 * 2**10
 """Received bytes that may wait for their turn before the transport is told to stop reading."""
@@ -37,7 +39,10 @@ LARGE = 16 * 2**10
 """A frame from here on is not copied once more to stand behind its head [bytes]."""
 
 _BLANK_LINE = b"\r\n\r\n"
-_OPEN = State.OPEN
+_OPEN, _CLOSED = State.OPEN, State.CLOSED
+_CONTROL = 0x08
+"""Bit of a frame's first byte: a ping, a pong or a close (RFC 6455 section 5.2)."""
+
 _WHOLE = _TEXT, _BINARY = 0x81, 0x82
 """First byte of a frame that is a whole message (RFC 6455 section 5.2: FIN and the opcode, no extension's bits)."""
 
@@ -62,8 +67,21 @@ def head_of(message: bytes, mask_bit: int = 0) -> bytes:
     return pack("!BBQ", first, mask_bit | 127, size)
 
 
+class Receiver(Protocol):
+    """Takes the messages of a connection."""
+
+    def begin(self) -> float:
+        """Begin a turn; return when it ends, by `perf_counter` [s]. It may be over already."""
+
+    def receive(self, message: bytes) -> bool:
+        """Take a message; return whether the next one may come. Must not raise."""
+
+    def wait(self, *, had_turn: bool) -> None:
+        """Messages are left, or the end is: call the connection's `go_on` later."""
+
+
 class DirectSocket(ServerConnection):
-    """A connection that hands each message to a callback, once `listen` was called; `recv` gives nothing.
+    """A connection that hands each message to a receiver, once `listen` was called; `recv` gives nothing.
 
     Attributes:
         on_room: called when the transport takes bytes again.
@@ -72,23 +90,55 @@ class DirectSocket(ServerConnection):
     def __init__(self, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - the library's own arguments
         super().__init__(*args, **kwargs)
         self.on_room: Callable[[], None] = _ignore
-        self._on_message: Callable[[bytes], None] | None = None
-        self._on_turn: Callable[[], None] = _ignore
+        self._receiver: Receiver | None = None
         self._head = b""  # the last bytes of the HTTP request so far: they may hold the beginning of its end
         self._kept = bytearray()  # what is no whole frame yet, or waits for its turn
         self._need = 0  # length from which on `_kept` is worth looking at
         self._is_held = True
+        self._takes_more = True
         self._is_paused = False
         self._has_ended = False  # the other side says nothing any more
+        self._is_dropping = False  # nothing of what comes means anything any more
         self._message = bytearray()  # the fragments of a message so far
 
-    def listen(self, on_message: Callable[[bytes], None], on_turn: Callable[[], None]) -> None:
-        """From now on, call `on_message` for each message and `on_turn` after each run of them. Neither may raise."""
-        self._on_message = on_message
-        self._on_turn = on_turn
-        self._go_on()
+    @property
+    def num_bytes_held(self) -> int:
+        """What has come and was not handled yet [bytes]."""
+        return len(self._kept) + len(self._message)
+
+    def listen(self, receiver: Receiver) -> None:
+        """Hand all messages to a receiver from now on, those first that have come already."""
+        self._receiver = receiver
+        if self._kept or self._has_ended:
+            receiver.wait(had_turn=False)
+        else:
+            self._is_held = False
+
+    def go_on(self, until: float) -> bool:
+        """Handle what was held back until that time of `perf_counter` [s].
+
+        Returns:
+            Whether something is held back still, be it the end.
+        """
+        assert self._receiver is not None, "before that, what comes is kept"
+        self._is_held = False
+        kept, self._kept = self._kept, bytearray()
+        if kept:
+            self._read(kept, until)
+        if self._is_held:
+            return True
+        if self._is_paused:
+            self._is_paused = False
+            if not self.transport.is_closing():
+                self.transport.resume_reading()
         if self._has_ended:
             self._end()
+        return False
+
+    def forget(self) -> None:
+        """Pass over all messages from now on, those held back among them: the connection is closing."""
+        self._is_dropping = True
+        self._message.clear()
 
     def send_messages(self, messages: Sequence[bytes]) -> int:
         """Hand messages to the transport: `BinaryFrame` as binary, others as text. The connection must be open.
@@ -134,25 +184,34 @@ class DirectSocket(ServerConnection):
             if len(kept) < self._need:
                 return
             self._kept = bytearray()
-            self._read(kept)
+            self._begin_to_read(kept)
         else:
-            self._read(data)
+            self._begin_to_read(data)
+
+    def _begin_to_read(self, data: bytes | bytearray) -> None:
+        assert self._receiver is not None, "before that, what comes is kept"
+        if not self._read(data, self._receiver.begin()) and self._is_held:
+            self._receiver.wait(had_turn=False)
+        elif self._is_held:
+            self._receiver.wait(had_turn=True)
 
     def eof_received(self) -> bool:  # type: ignore[override] # asyncio says so; the library never answers
-        """Handle all that came before the end; then let the library end it.
+        """Handle all that came before the end, in turns; then let the library end it.
 
         Returns:
-            Whether the transport stays open: somebody will listen to what was kept, and end it.
+            Whether the transport stays open: something is held back, and the end comes behind it.
         """
         self._has_ended = True
-        if self._kept and self._on_message is None:
+        if self._is_held and (self._kept or self._receiver is not None):
             return True
         self._end()
         return False
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forget what nobody waits for any more."""
+        """Forget what cannot be answered any more."""
         self._kept.clear()
+        self._has_ended = False
+        self._is_dropping = True
         super().connection_lost(exc)
 
     # What the library calls
@@ -163,19 +222,18 @@ class DirectSocket(ServerConnection):
             super().process_event(event)
             return
         self._message += event.data
+        is_deflated = isinstance(event.data, Deflated)
         if event.fin:
-            message = bytes(self._message)
+            message = Deflated(self._message) if is_deflated else bytes(self._message)
             self._message.clear()
-            assert self._on_message is not None, "before that, what comes is kept"
-            self._on_message(message)
+            assert self._receiver is not None, "before that, what comes is kept"
+            self._takes_more = self._receiver.receive(message)
 
     # How bytes become messages
 
     def _end(self) -> None:
-        """Nothing comes any more: handle what is whole, forget the rest, and close."""
-        while self._is_held and self._on_message is not None:
-            self._go_on()
-        self._kept.clear()  # a turn may still be on its way here
+        """Nothing comes any more, and what was whole is handled: forget the rest, and close."""
+        self._kept.clear()
         super().eof_received()
         self.transport.close()
 
@@ -191,29 +249,24 @@ class DirectSocket(ServerConnection):
         super().data_received(data[:cut])
         return data[cut:]
 
-    def _go_on(self) -> None:
-        """The next turn of what was held back."""
-        self._is_held = False
-        kept, self._kept = self._kept, bytearray()
-        if kept:
-            self._read(kept)
-        if self._is_paused and not self._is_held:
-            self._is_paused = False
-            if not self.transport.is_closing():
-                self.transport.resume_reading()
+    def _read(self, data: bytes | bytearray, until: float) -> bool:  # noqa: C901 - a call a frame would cost a tenth
+        """Handle the frames at the front of some bytes until that time; keep what is left.
 
-    def _read(self, data: bytes | bytearray) -> None:
-        """Handle the frames at the front of some bytes; keep what is left."""
-        protocol, on_message = self.protocol, self._on_message
+        Returns:
+            Whether any was handled. `_is_held` tells whether whole frames were left for want of time.
+        """
+        protocol, receiver = self.protocol, self._receiver
         max_size = protocol.max_message_size
         assert max_size is not None, "a server without a limit is not ours"
-        assert on_message is not None, "before that, what comes is kept"
+        assert receiver is not None, "before that, what comes is kept"
+        on_message, clock = receiver.receive, perf_counter
+        has_worked = False
         view = memoryview(data)
         position, end = 0, len(data)
         need = 2
-        budget = MESSAGES_PER_TURN
+        self._takes_more = True
         while position + need <= end:
-            if protocol.state is not _OPEN:  # closing, or broken: for good
+            if protocol.state is _CLOSED:  # the library throws away what comes
                 super().data_received(bytes(view[position:]))
                 position = end
                 break
@@ -235,13 +288,14 @@ class DirectSocket(ServerConnection):
             if stop > end:
                 need = stop - position
                 break
-            if not budget:
+            if not self._takes_more or clock() >= until:
                 self._is_held = True
-                self.loop.call_soon(self._go_on)
                 break
-            budget -= 1
-            if first in _WHOLE and protocol.current_size is None:
-                on_message(apply_mask(view[start:stop], data[start - 4 : start]))
+            has_worked = True
+            if (self._is_dropping or protocol.state is not _OPEN) and not first & _CONTROL:
+                pass  # closing: only the other side's own close frame still means something
+            elif first in _WHOLE and protocol.current_size is None:
+                self._takes_more = on_message(apply_mask(view[start:stop], data[start - 4 : start]))
             else:
                 super().data_received(bytes(view[position:stop]))
             position = stop
@@ -249,4 +303,6 @@ class DirectSocket(ServerConnection):
         if position < end:
             self._kept += view[position:]
             self._need = need
-        self._on_turn()
+        if not self._takes_more:
+            self._is_held = True
+        return has_worked

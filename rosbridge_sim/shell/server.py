@@ -1,10 +1,11 @@
 """WebSocket clients and plain HTTP on one port.
 
-Neither reading nor writing needs a task: a frame goes from the transport straight to the client's `Peer`, who
-carries it to its end (`direct.py`). What is sent waits in outboxes until the loop's next turn, then goes to each
-socket together, in one write, for as long as the socket takes it; when it is full, the transport tells us once there
-is room again. What does not fit meanwhile is the outbox's business (`protocol/flow.py`). A task for each connection
-sees to its end; the `websockets` library does the handshake, pings, limits and the closing.
+Neither reading nor writing needs a task: a frame goes from the transport straight to the client's `Peer`, which does
+what it asks, op by op (`direct.py`). What takes long goes on in later turns (`turns.py`). What is sent waits in
+outboxes until the loop's next turn, then goes to each socket together, in one write, for as long as the socket takes
+it; when it is full, the transport tells us once there is room again. What does not fit meanwhile is the outbox's
+business (`protocol/flow.py`). A task for each connection sees to its end; the `websockets` library does the handshake,
+pings, limits and the closing.
 
 Roads not taken: the library's `send` costs a task switch and a system call for each message; writing at the end of
 each read, and not in the next turn, costs many clients that speak to one listener a fifth of their calls.
@@ -16,11 +17,13 @@ import asyncio
 import logging
 import ssl
 import time
-from collections.abc import Callable
+import zlib
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
 from functools import partial
 from http import HTTPStatus
 from ipaddress import ip_address
+from time import perf_counter
 from typing import Any
 
 from websockets.asyncio.server import Server as WebSocketServer
@@ -30,16 +33,21 @@ from websockets.http11 import Request, Response
 from websockets.protocol import State
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.peer import Peer
+from rosbridge_sim.graph.peer import Peer, Work
 from rosbridge_sim.graph.policy import OPEN, Policy
 from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.shell.access import Access, Warden
 from rosbridge_sim.shell.direct import DirectSocket
+from rosbridge_sim.shell.inflate import Deflated, LateDeflate, LateDeflateFactory, inflate
+from rosbridge_sim.shell.turns import Turns
 
 __all__ = ["Client", "Server", "ServerLimits", "quiet"]
 
 _log = logging.getLogger("rosbridge_sim.server")
+
+MAX_CARRIED = 2 * 2**20
+"""Bytes that are handed to one transport in one turn: some 1 ms. The rest goes in later turns."""
 
 WRITE_SIZE = 64 * 1024
 """Bytes handed to the transport at once; about what a loopback socket's buffer takes."""
@@ -103,10 +111,20 @@ class Client:
         host: the address it comes from, without the port.
         connected_ns: since when [ns, the time of day].
         num_bytes_sent: what the transport was given [bytes].
-        receive: does what a frame asks, as `Peer.receive`.
     """
 
-    def __init__(self, socket: _Socket, bus: Bus, limits: ServerLimits) -> None:
+    def __init__(
+        self, socket: _Socket, bus: Bus, limits: ServerLimits, turns: Turns, on_bug: Callable[[], None]
+    ) -> None:
+        """A client that nothing is read from yet.
+
+        Args:
+            socket: its connection, open.
+            bus: where it meets the others.
+            limits: of what it may do.
+            turns: when it may work.
+            on_bug: called for each fault of ours that shows while something is done for it.
+        """
         self.socket = socket
         self.outbox = Outbox(limits.outbox, self._wake, self.carry)
         session = Session(
@@ -116,14 +134,23 @@ class Client:
         self.connected_ns = time.time_ns()
         self.num_bytes_sent = 0
         self.peer = Peer(bus, session, _address_of(socket), limits.policy)
-        self.receive = self.peer.receive
+        self._begin_frame: Callable[[bytes, float], Work | None] = self.peer.begin
         self._access = limits.access
+        self._max_frame_size = limits.max_frame_size
+        self._turns = turns
+        self._on_bug = on_bug
+        self._clock = socket.loop.time
         self._deadline: asyncio.TimerHandle | None = None
         self._is_woken = False
         # The due time is kept here: a handle of uvloop whose delay rounds to 0 ms cannot tell it.
         self._alarm: asyncio.Handle | None = None
         self._alarm_due = _NEVER
         self._closing: asyncio.Task[None] | None = None
+        self._until = 0.0
+        self._work: Work | None = None
+        self._has_input = False
+        self._has_output = False
+        self._is_in_line = False
         socket.on_room = self.carry
         if not socket.is_proven or limits.access.max_rate is not None:
             self._post_warden(limits.access)
@@ -134,7 +161,7 @@ class Client:
         warden = Warden(
             self.peer, access, loop.time(), is_proven=is_proven, on_proven=self._welcome, close=self._close_politely
         )
-        self.receive = warden.receive
+        self._begin_frame = warden.begin
         if not is_proven:
             self._deadline = loop.call_later(access.patience, warden.expire)
 
@@ -143,7 +170,92 @@ class Client:
         if self._deadline is not None:
             self._deadline.cancel()
         if self._access.max_rate is None:
-            self.receive = self.peer.receive
+            self._begin_frame = self.peer.begin
+
+    # In, as the `Receiver` of its socket
+
+    def begin(self) -> float:
+        """Begin a turn; see `Turns.begin`."""
+        self._until = self._turns.begin()
+        return self._until
+
+    def receive(self, message: bytes) -> bool:
+        """Do what a frame asks, as far as the turn goes; return whether the next one may come."""
+        if type(message) is Deflated:
+            self._work = _InflatedWork(self, message)
+            return self._do_steps()
+        try:
+            work = self._begin_frame(message, self._clock())
+        except Exception:  # noqa: BLE001 - our own bug: this message is lost, everybody goes on
+            self._regret_frame()
+            return True
+        if work is None:
+            return True
+        self._work = work
+        return self._do_steps()
+
+    def _do_steps(self) -> bool:
+        """Go on with the frame in hand until the turn is over; return whether it is done with."""
+        while self._work is not None:
+            if self.outbox.is_overfull or self._closing is not None:  # it does not hear the answers
+                self._work = None
+                self.carry()
+                break
+            try:
+                if not self._work.step(self._clock()):
+                    self._work = None
+                    break
+            except Exception:  # noqa: BLE001 - as above; the rest of the frame is lost with it
+                self._regret_frame()
+                self._work = None
+                break
+            if perf_counter() >= self._until:
+                return False
+        return True
+
+    def _regret_frame(self) -> None:
+        self._on_bug()
+        _log.exception("a frame of %s could not be handled", self.peer.address)
+        self.peer.tell("error", "The server failed on a message; its log says why")
+
+    def inflate(self, message: Deflated) -> Generator[None, None, Work | None]:
+        """Inflate a message, in slices, and begin the frame that it holds."""
+        extension = next(one for one in self.socket.protocol.extensions if isinstance(one, LateDeflate))
+        try:
+            frame = yield from inflate(extension, message, self._max_frame_size)
+        except zlib.error as error:
+            self._start_closing(CloseCode.INVALID_DATA, f"decompression failed: {error}")
+            return None
+        if frame is None:
+            text = f"a message inflates to more than {self._max_frame_size:,} bytes"
+            self._start_closing(CloseCode.MESSAGE_TOO_BIG, text)
+            return None
+        return self._begin_frame(frame, self._clock())
+
+    # Turns
+
+    def wait(self, *, had_turn: bool) -> None:
+        """Have the socket go on in a later turn."""
+        self._has_input = True
+        self._get_in_line(had_turn=had_turn)
+
+    def _get_in_line(self, *, had_turn: bool) -> None:
+        if not self._is_in_line:
+            self._is_in_line = True
+            self._turns.wait(self, had_turn=had_turn)
+
+    def work(self, until: float) -> bool:
+        """Go on with what was left: frames to make, then frames to read; return whether any is left still."""
+        self._until = until
+        if self._has_output:
+            self._has_output = False
+            self.carry()
+        if self._has_input and self._do_steps():
+            self._has_input = self.socket.go_on(until)
+        self._is_in_line = self._has_input or self._has_output
+        return self._is_in_line
+
+    # Out
 
     def _wake(self) -> None:
         if not self._is_woken:
@@ -168,39 +280,72 @@ class Client:
         for timer in (self._alarm, self._deadline):
             if timer is not None:
                 timer.cancel()
+        self._turns.leave(self)
+        self._work = None
         self.outbox.close()
         self.peer.leave(self.socket.loop.time())
 
     def carry(self) -> None:
-        """Hand what waits to the transport, for as long as it takes it."""
+        """Hand what waits to the transport, for as long as it takes it, and about as much as one turn has time for."""
         self._is_woken = False
         socket, outbox = self.socket, self.outbox
         if socket.protocol.state is not State.OPEN:
             outbox.close()
             return
+        left = MAX_CARRIED
         while len(outbox) and not socket.paused:
-            self.num_bytes_sent += socket.send_messages(outbox.take(WRITE_SIZE))
+            frames = outbox.take(WRITE_SIZE)
+            if frames:
+                num_bytes = socket.send_messages(frames)
+                self.num_bytes_sent += num_bytes
+                left -= num_bytes
+            if not frames or left <= 0:
+                self._has_output = True
+                self._get_in_line(had_turn=True)
+                break
         if outbox.is_overfull and self._closing is None:
             _log.warning("%s reads too slowly: %d bytes wait; closing", self.peer.address, outbox.num_bytes)
             outbox.close()
-            self._start_closing("answers were left unread for too long")
+            self._start_closing(CloseCode.POLICY_VIOLATION, "answers were left unread for too long")
 
     def _close_politely(self, reason: str) -> None:
         """Close with code 1008, after what the client was told."""
         self.carry()
-        self._start_closing(reason)
+        self._start_closing(CloseCode.POLICY_VIOLATION, reason)
 
-    def _start_closing(self, reason: str) -> None:
+    def _start_closing(self, code: CloseCode, reason: str) -> None:
+        """Close with a code and a reason; nothing more of this client's is done."""
         if self._closing is None:
-            self._closing = self.socket.loop.create_task(self._close(reason))
+            self.socket.forget()
+            self._closing = self.socket.loop.create_task(self._close(code, reason))
 
-    async def _close(self, reason: str) -> None:
+    async def _close(self, code: CloseCode, reason: str) -> None:
         """Close with a reason; a socket that takes no more bytes would keep the closing itself waiting."""
         try:
             async with asyncio.timeout(CLOSE_TIMEOUT):
-                await self.socket.close(CloseCode.POLICY_VIOLATION, reason)
+                await self.socket.close(code, reason)
         except TimeoutError:
             self.socket.transport.abort()
+
+
+class _InflatedWork:
+    """A compressed message: it is inflated, then read."""
+
+    __slots__ = ("_slices", "_work")
+
+    def __init__(self, client: Client, message: Deflated) -> None:
+        self._slices = client.inflate(message)
+        self._work: Work | None = None
+
+    def step(self, now: float) -> bool:
+        if self._work is not None:
+            return self._work.step(now)
+        try:
+            next(self._slices)
+        except StopIteration as end:
+            self._work = end.value
+            return self._work is not None
+        return True
 
 
 class Server:
@@ -231,6 +376,7 @@ class Server:
         self._bus = bus
         self._limits = limits
         self._on_change = on_change
+        self._turns: Turns | None = None
         self._server: WebSocketServer | None = None
         self._sockets: dict[_Socket, None] = {}
         self.is_loopback = False
@@ -242,6 +388,7 @@ class Server:
             OSError: the address cannot be had.
         """
         limits = self._limits
+        self._turns = Turns(asyncio.get_running_loop(), self._on_change)
         self._server = await serve(
             self._serve,
             host,
@@ -249,7 +396,8 @@ class Server:
             ssl=tls,
             create_connection=partial(_Socket, self._sockets),  # type: ignore[arg-type] # it is only ever called
             process_request=self._process_request,
-            compression="deflate" if limits.is_compressing else None,
+            compression=None,
+            extensions=[LateDeflateFactory()] if limits.is_compressing else None,
             max_size=limits.max_frame_size,
             ping_interval=limits.ping_interval,
             ping_timeout=limits.ping_timeout,
@@ -276,23 +424,14 @@ class Server:
 
     async def _serve(self, socket: ServerConnection) -> None:
         assert isinstance(socket, _Socket)
-        client = Client(socket, self._bus, self._limits)
+        assert self._turns is not None, "it listens"
+        client = Client(socket, self._bus, self._limits, self._turns, self._count_bug)
         peer = client.peer
-        clock = socket.loop.time
         self.clients[client] = None
         self.on_clients()
         _log.info("%s connected; %d connected now", peer.address, len(self.clients))
-
-        def receive(message: bytes) -> None:
-            try:
-                client.receive(message, clock())
-            except Exception:  # noqa: BLE001 - our own bug: this message is lost, everybody goes on
-                self.num_bugs += 1
-                _log.exception("a frame of %s could not be handled", peer.address)
-                peer.tell("error", "The server failed on a message; its log says why")
-
         try:
-            socket.listen(receive, self._on_change)
+            socket.listen(client)
             await socket.wait_closed()
         finally:
             del self.clients[client]
@@ -300,6 +439,9 @@ class Server:
             client.leave()
             self._on_change()
             _log.info("%s left; %d connected now", peer.address, len(self.clients))
+
+    def _count_bug(self) -> None:
+        self.num_bugs += 1
 
     def _process_request(self, connection: ServerConnection, request: Request) -> Response | None:
         """Plain HTTP: None lets the WebSocket handshake go on."""

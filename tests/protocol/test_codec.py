@@ -34,6 +34,7 @@ frames_of_ops = st.fixed_dictionaries(
 
 def only_op(frame: bytes) -> Op | FrameError:
     (op,) = decode_frame(frame)
+    assert op is not None
     return op
 
 

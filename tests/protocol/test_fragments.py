@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from rosbridge_sim.errors import FrameError
 from rosbridge_sim.protocol.codec import decode_frame
-from rosbridge_sim.protocol.fragments import MAX_AGE, MAX_OPEN, MAX_PIECES, Defragmenter, fragment_frames
+from rosbridge_sim.protocol.fragments import MAX_AGE, MAX_OPEN, MAX_PIECES, MIN_SIZE, Defragmenter, Pieces
 from rosbridge_sim.protocol.ops import Fragment
 
 
@@ -24,16 +24,32 @@ def read(frame: bytes) -> Fragment:
     return op
 
 
-@given(st.text(min_size=1, max_size=300), st.integers(1, 100), st.randoms(use_true_random=False))
-def test_cut_and_joined_at_any_size_in_any_order(text: str, size: int, random: object) -> None:
-    frame = json.dumps({"op": "publish", "msg": text}, ensure_ascii=False).encode()
-    frames = fragment_frames(frame, size, "frag:1")
+def cut(frame: bytes, size: int, max_bytes: int = 2**30) -> list[bytes]:
+    pieces = Pieces(frame, size, "frag:1")
+    frames: list[bytes] = []
+    while not pieces.is_finished:
+        taken = pieces.take(max_bytes)
+        assert sum(map(len, taken[:-1])) < max_bytes
+        assert taken
+        frames += taken
+    return frames
+
+
+@given(
+    st.text(min_size=1, max_size=300),
+    st.integers(1, 500),
+    st.integers(1, 2_000),
+    st.randoms(use_true_random=False),
+)
+def test_cut_and_joined_at_any_size_in_any_order(text: str, size: int, max_bytes: int, random: object) -> None:
+    frame = json.dumps({"op": "publish", "msg": text * 10}, ensure_ascii=False).encode()
+    frames = cut(frame, size, max_bytes)
     if frames == [frame]:
         return
-    assert all(len(json.loads(f)["data"]) <= max(size, 10) for f in frames)
+    assert all(len(json.loads(f)["data"]) <= max(size, MIN_SIZE) for f in frames)
     assert [type(json.loads(f)["num"]) for f in frames] == [int] * len(frames)
     random.shuffle(frames)  # type: ignore[attr-defined] # a random.Random
-    defragmenter = Defragmenter(10_000)
+    defragmenter = Defragmenter(100_000)
     *most, last = [defragmenter.add(read(f), 0.0) for f in frames]
     assert most == [None] * len(most)
     assert last == frame
@@ -53,9 +69,22 @@ def test_pieces_cut_by_javascript_in_the_middle_of_a_character_are_joined(text: 
 
 
 def test_a_short_frame_stays_whole() -> None:
-    assert fragment_frames(b'{"op":1}', 100, "frag:1") == [b'{"op":1}']
+    assert cut(b'{"op":1}', 1) == [b'{"op":1}']
     accented = '{"é":"éééééé"}'.encode()
-    assert fragment_frames(accented, 14, "frag:1") == [accented]  # 14 characters, 21 bytes
+    assert cut(accented, 14) == [accented]  # 14 characters, 21 bytes
+    assert len(cut(accented, 13)) == 2
+
+
+def test_pieces_are_made_when_they_are_taken() -> None:
+    pieces = Pieces(b"x" * 1_000_000, 1, "frag:1")
+    assert pieces.num_bytes == 1_000_000
+    assert len(pieces.take(1)) == 1
+    assert 300 < len(pieces.take(64 * 1024)) < 656
+    assert not pieces.is_finished
+
+
+def test_a_message_has_a_bounded_number_of_pieces_however_small_they_are_wanted() -> None:
+    assert len(cut(b"x" * 1_000_000, 1)) == MAX_PIECES
 
 
 def test_two_messages_at_once() -> None:

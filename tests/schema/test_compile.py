@@ -55,7 +55,7 @@ def read_fast(message_type: MessageType, text: bytes) -> Any:  # noqa: ANN401 - 
 
 
 def read_slowly(message_type: MessageType, text: bytes) -> Any:  # noqa: ANN401 - a generated struct
-    return message_type.check(_parse_json(message_type.name, text), STAMP_NS)
+    return message_type.check(_parse_json(message_type.name, text, ValueError()), STAMP_NS)
 
 
 def same(message_type: MessageType, a: object, b: object) -> bool:

@@ -7,6 +7,7 @@ import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from itertools import pairwise
+from math import inf
 from typing import Any
 
 import pytest
@@ -16,7 +17,6 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.frames import Frame, Opcode
 
 from rosbridge_sim.protocol.flow import BinaryFrame
-from rosbridge_sim.shell import direct
 from rosbridge_sim.shell.direct import DirectSocket
 
 MAX_SIZE = 70_000
@@ -30,13 +30,37 @@ def frame(opcode: Opcode, data: bytes, *, fin: bool = True) -> bytes:
     return Frame(opcode, data, fin).serialize(mask=True)
 
 
+class Ear:
+    """Takes messages of one connection, a few in each turn, and now and then wants a pause behind one."""
+
+    def __init__(self, socket: DirectSocket, heard: list[bytes], num_a_turn: int) -> None:
+        self._socket = socket
+        self._heard = heard
+        self._num_a_turn = num_a_turn
+
+    def begin(self) -> float:
+        return inf
+
+    def receive(self, message: bytes) -> bool:
+        self._heard.append(message)
+        return len(self._heard) % self._num_a_turn != 0
+
+    def wait(self, *, had_turn: bool) -> None:
+        assert isinstance(had_turn, bool)
+        self._socket.loop.call_soon(self._go_on)
+
+    def _go_on(self) -> None:
+        if self._socket.go_on(inf):
+            self._socket.loop.call_soon(self._go_on)
+
+
 @asynccontextmanager
-async def listening(heard: list[bytes], *, is_direct: bool) -> AsyncIterator[int]:
+async def listening(heard: list[bytes], *, is_direct: bool, num_a_turn: int = 64) -> AsyncIterator[int]:
     """A server whose connections add what they hear; its port."""
 
     async def handler(socket: ServerConnection) -> None:
         if isinstance(socket, DirectSocket):
-            socket.listen(heard.append, lambda: None)
+            socket.listen(Ear(socket, heard, num_a_turn))
             await socket.wait_closed()
         else:
             while True:
@@ -158,7 +182,7 @@ async def test_frames_right_behind_the_handshake_are_heard_even_if_nothing_follo
 async def test_others_have_their_turn_during_a_long_run() -> None:
     turns: list[int] = []
     heard: list[bytes] = []
-    async with listening(heard, is_direct=True) as port:
+    async with listening(heard, is_direct=True, num_a_turn=50) as port:
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
         writer.write(REQUEST)
         await reader.readuntil(b"\r\n\r\n")
@@ -168,7 +192,7 @@ async def test_others_have_their_turn_during_a_long_run() -> None:
             turns.append(len(heard))
         writer.close()
     steps = [b - a for a, b in pairwise(turns)]
-    assert max(steps) <= direct.MESSAGES_PER_TURN
+    assert max(steps) <= 50
 
 
 async def test_what_goes_out_is_what_the_library_would_send() -> None:
@@ -176,7 +200,7 @@ async def test_what_goes_out_is_what_the_library_would_send() -> None:
 
     async def handler(socket: ServerConnection) -> None:
         assert isinstance(socket, DirectSocket)
-        socket.listen(lambda _: None, lambda: None)
+        socket.listen(Ear(socket, [], 1))
         for message in sent:
             socket.send_messages([message])
         size = socket.send_messages(sent)

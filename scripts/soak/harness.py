@@ -1,0 +1,593 @@
+"""The parts that the long runs of this folder share: a watched server process, a client, a bystander, some figures."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import resource
+import select
+import socket
+import struct
+import subprocess
+import sys
+import threading
+from collections import Counter
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any, Self
+
+import orjson
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed, WebSocketException
+
+__all__ = [
+    "PATIENCE",
+    "ROOT",
+    "Bystander",
+    "Client",
+    "Figures",
+    "Frame",
+    "GoneError",
+    "RefusedError",
+    "SoakError",
+    "Waits",
+    "WatchedServer",
+    "census",
+    "differences",
+    "handshake",
+    "masked",
+    "open_raw",
+    "reset",
+    "slope_per_hour",
+    "until",
+]
+
+ROOT = Path(__file__).resolve().parents[2]
+
+PATIENCE = 30.0
+"""How long an answer or an end is waited for [s]: never reached by a server that works, on however busy a machine."""
+
+Frame = dict[str, Any]
+"""A frame as the JSON object that it holds: its values are whatever the server says."""
+
+
+class SoakError(Exception):
+    """The server did something else than it should have."""
+
+
+class GoneError(SoakError):
+    """The server closed a connection, or never opened it."""
+
+
+class RefusedError(Exception):
+    """A call was answered with `result: false`; the text is the reason."""
+
+
+# The server
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """What a server costs now.
+
+    Attributes:
+        memory: resident [MB].
+        descriptors, threads: of the process.
+        tasks: of its event loop; 0 where the server is not asked.
+        cpu: time so far [s].
+    """
+
+    memory: float
+    descriptors: int
+    threads: int
+    tasks: int
+    cpu: float
+
+
+class WatchedServer:
+    """A `rosbridge-sim serve` in a process of its own, on a free port of loopback.
+
+    Attributes:
+        pid: of the process.
+        url, port: where it listens.
+        code: exit code, once it has ended.
+    """
+
+    def __init__(
+        self,
+        log: Path,
+        *flags: str,
+        limits: Mapping[int, int] | None = None,
+        is_log_piped: bool = False,
+    ) -> None:
+        """Start it and wait until it listens.
+
+        Args:
+            log: where its stderr goes.
+            flags: after `serve --port 0`.
+            limits: resource limits of the process (`resource.RLIMIT_...`), set once it listens.
+            is_log_piped: carry its stderr to the file ourselves, so that no limit on files counts it.
+
+        Raises:
+            SoakError: it ended before it listened; the text is its log.
+        """
+        self._log = log
+        self._counts, theirs = socket.socketpair()
+        program = [sys.executable, str(ROOT / "scripts" / "soak" / "counting_tasks.py"), str(theirs.fileno())]
+        with theirs, log.open("ab") as stderr:
+            self._process = subprocess.Popen(  # noqa: S603 - our own program
+                [*program, "serve", "--port", "0", *flags],
+                cwd=ROOT,
+                pass_fds=(theirs.fileno(),),
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE if is_log_piped else stderr,
+            )
+        self.pid = self._process.pid
+        self._carrier: threading.Thread | None = None
+        if self._process.stderr is not None:
+            self._carrier = threading.Thread(target=_carry, args=(self._process.stderr, log), daemon=True)
+            self._carrier.start()
+        line = _read_line(self._process.stdout)
+        if " listening on ws://" not in line:
+            self.kill()
+            raise SoakError(self.log.strip() or f"it said {line!r} and no reason")
+        self.url = line.rpartition(" ")[2].strip()
+        self.port = int(self.url.rpartition(":")[2])
+        for kind, value in (limits or {}).items():
+            resource.prlimit(self.pid, kind, (value, value))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.kill()
+
+    @property
+    def log(self) -> str:
+        """Its stderr so far."""
+        return self._log.read_text(errors="replace")
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether it still runs."""
+        return self._process.poll() is None
+
+    @property
+    def code(self) -> int | None:
+        """The exit code; None while it runs."""
+        return self._process.poll()
+
+    def figures(self) -> Figures:
+        """What it costs now.
+
+        Raises:
+            SoakError: it runs no longer.
+        """
+        if not self.is_alive:
+            raise self._ending()
+        fields = dict(line.split(":", 1) for line in Path(f"/proc/{self.pid}/status").read_text().splitlines())
+        times = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
+        return Figures(
+            memory=int(fields["VmRSS"].split()[0]) / 1024,
+            descriptors=len(list(Path(f"/proc/{self.pid}/fd").iterdir())),
+            threads=int(fields["Threads"]),
+            tasks=self._count_tasks(),
+            cpu=(int(times[11]) + int(times[12])) / os.sysconf("SC_CLK_TCK"),  # proc(5): utime and stime
+        )
+
+    def open_files(self) -> Counter[str]:
+        """What its descriptors lead to, sockets and pipes without their numbers."""
+        found = Counter[str]()
+        for path in Path(f"/proc/{self.pid}/fd").iterdir():
+            with suppress(OSError):
+                found[str(path.readlink()).partition(":[")[0]] += 1
+        return found
+
+    def limit(self, kind: int, value: int) -> None:
+        """Set a resource limit (`resource.RLIMIT_...`) of the running process."""
+        resource.prlimit(self.pid, kind, (value, value))
+
+    def stop(self) -> int:
+        """Ask it to stop, and wait; the exit code.
+
+        Raises:
+            SoakError: it does not end.
+        """
+        self._process.terminate()
+        try:
+            return self._process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            raise SoakError(f"the server did not end within {PATIENCE:.0f} s of SIGTERM") from None
+        finally:
+            self.kill()
+
+    def kill(self) -> None:
+        """End it with SIGKILL if it still runs, and let go of its pipes; twice is no error."""
+        if self.is_alive:
+            self._process.kill()
+        self._process.wait()
+        if self._carrier is not None:
+            self._carrier.join(PATIENCE)
+        self._counts.close()
+        for pipe in (self._process.stdout, self._process.stderr):
+            if pipe is not None:
+                pipe.close()
+
+    def _count_tasks(self) -> int:
+        self._counts.settimeout(PATIENCE)
+        try:
+            self._counts.send(b"?")
+            return int(self._counts.recv(100))
+        except TimeoutError:
+            raise SoakError(f"the server's loop has not turned for {PATIENCE:.0f} s") from None
+        except (OSError, ValueError):  # the other end is closed
+            raise self._ending() from None
+
+    def _ending(self) -> SoakError:
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(PATIENCE)
+        return SoakError(f"the server has ended with {self.code}; its log ends with:\n{self.log[-2000:]}")
+
+
+def _read_line(pipe: IO[bytes] | None) -> str:
+    assert pipe is not None
+    is_ready, _, _ = select.select([pipe], [], [], PATIENCE)
+    return pipe.readline().decode() if is_ready else ""
+
+
+def _carry(pipe: IO[bytes], log: Path) -> None:
+    with log.open("ab", buffering=0) as file:
+        for line in pipe:
+            file.write(line)
+
+
+# The bystander
+
+
+@dataclass(frozen=True, slots=True)
+class Waits:
+    """How long a bystander waited for its answers [ms]."""
+
+    num: int
+    median: float
+    longest: float
+
+
+class Bystander:
+    """A running `bystander.py`."""
+
+    def __init__(self, url: str) -> None:
+        """Start it."""
+        self._process = subprocess.Popen(  # noqa: S603 - our own program
+            [sys.executable, str(ROOT / "scripts" / "soak" / "bystander.py"), url],
+            cwd=ROOT,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    async def waits(self) -> Waits:
+        """The figures since the last time.
+
+        Raises:
+            SoakError: it has ended, or waits for its own answer.
+        """
+        return await asyncio.to_thread(self._ask)
+
+    def stop(self) -> None:
+        """Have it leave."""
+        with self._process as process:
+            if process.stdin is not None:
+                with suppress(BrokenPipeError):
+                    process.stdin.close()
+            try:
+                process.wait(PATIENCE)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+    def _ask(self) -> Waits:
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        with suppress(BrokenPipeError):
+            self._process.stdin.write("\n")
+            self._process.stdin.flush()
+        is_ready, _, _ = select.select([self._process.stdout], [], [], 2 * PATIENCE)
+        line = self._process.stdout.readline() if is_ready else ""
+        if not line:
+            raise SoakError("the bystander was given no answer, or thrown out")
+        return Waits(**json.loads(line))
+
+
+# A client
+
+
+class Client:
+    """A rosbridge client that reads all the time.
+
+    Attributes:
+        socket: the WebSocket.
+        num_heard: messages by topic.
+        told: texts of status frames of level error.
+        on_op: what is done with a frame of an op, beside what the client does itself.
+        is_leaving: the end of the connection is what we want.
+        num_calls: so far; the id of the next is `call-N` with the number after it.
+    """
+
+    def __init__(self, connection: ClientConnection) -> None:
+        self.socket = connection
+        self.num_heard: Counter[str] = Counter()
+        self.told: list[str] = []
+        self.on_op: dict[str, Callable[[Frame], None]] = {}
+        self.is_leaving = False
+        self.num_calls = 0
+        self._waiting: dict[str, asyncio.Future[Frame]] = {}
+        self._wanted: dict[str, asyncio.Future[Frame]] = {}
+        self._reading = asyncio.get_running_loop().create_task(self._read())
+
+    @classmethod
+    async def open(cls, url: str) -> Client:
+        """A client that is connected to `url`.
+
+        Raises:
+            GoneError: the server does not let it in.
+        """
+        try:
+            async with asyncio.timeout(PATIENCE):
+                return cls(await connect(url, compression=None, max_size=None, ping_interval=None, proxy=None))
+        except (OSError, WebSocketException) as error:
+            raise GoneError(f"no connection to {url}: {error!r}") from None
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.close()
+
+    async def send(self, op: str, **fields: object) -> None:
+        """Send an op.
+
+        Raises:
+            GoneError: the connection is closed.
+        """
+        await self.send_raw(orjson.dumps({"op": op, **fields}).decode())
+
+    async def send_raw(self, frame: str | bytes) -> None:
+        """Send a frame as it is: text, or bytes for a binary one.
+
+        Raises:
+            GoneError: the connection is closed.
+        """
+        try:
+            await self.socket.send(frame)
+        except ConnectionClosed as error:
+            raise GoneError(f"the server closed the connection: {error}") from None
+
+    async def answer(self, op: str, **fields: object) -> Frame:
+        """The frame that answers an op: the one with its id.
+
+        Raises:
+            GoneError: the connection is closed.
+            SoakError: there is no answer.
+        """
+        self.num_calls += 1
+        mark = f"call-{self.num_calls}"
+        future: asyncio.Future[Frame] = asyncio.get_running_loop().create_future()
+        self._waiting[mark] = future
+        try:
+            await self.send(op, id=mark, **fields)
+            async with asyncio.timeout(PATIENCE):
+                return await future
+        except TimeoutError:
+            raise SoakError(f"no answer to {op} {fields} within {PATIENCE:.0f} s") from None
+        finally:
+            self._waiting.pop(mark, None)
+
+    async def call(self, service: str, args: object = None, **fields: object) -> Frame:
+        """The values that a service gives.
+
+        Raises:
+            RefusedError: it was refused.
+            SoakError: there is no answer.
+        """
+        answer = await self.answer("call_service", service=service, args=args or {}, **fields)
+        if not answer["result"]:
+            raise RefusedError(f"{service}: {answer['values']}")
+        values: Frame = answer["values"]
+        return values
+
+    async def request(self, service: str, **request: object) -> Frame:
+        """The response of a simulator's service, which wraps it.
+
+        Raises:
+            RefusedError: it was refused.
+            SoakError: there is no answer.
+        """
+        values = await self.call(service, {"request": request})
+        response: Frame = values["response"]
+        return response
+
+    async def next_message(self, topic: str) -> Frame:
+        """The next message of a topic that is subscribed to already.
+
+        Raises:
+            GoneError: the connection is closed.
+            SoakError: there is none.
+        """
+        future = self._wanted.get(topic)
+        if future is None:
+            future = self._wanted[topic] = asyncio.get_running_loop().create_future()
+        try:
+            async with asyncio.timeout(PATIENCE):
+                return await asyncio.shield(future)
+        except TimeoutError:
+            raise SoakError(f"no message on {topic} within {PATIENCE:.0f} s") from None
+
+    async def close(self) -> None:
+        """Leave in order."""
+        self.is_leaving = True
+        await self.socket.close()
+        await self._reading
+
+    async def cut(self, *, is_reset: bool = False) -> None:
+        """Be gone at once, as after a crash (FIN), or a reset (RST)."""
+        self.is_leaving = True
+        if is_reset:
+            reset(self.socket.transport)
+        self.socket.transport.abort()
+        await self._reading
+
+    async def _read(self) -> None:
+        try:
+            async for data in self.socket:
+                self._take(data)
+        except ConnectionClosed:
+            pass
+        finally:
+            gone = GoneError(
+                "the connection is closed"
+                if self.is_leaving
+                else f"the server closed the connection: {self.socket.close_code} {self.socket.close_reason}"
+            )
+            for future in [*self._waiting.values(), *self._wanted.values()]:
+                if not future.done():
+                    future.set_exception(gone)
+                    future.exception()  # it is no mistake that some are not waited for any more
+
+    def _take(self, data: str | bytes) -> None:
+        if isinstance(data, bytes):
+            self.num_heard["binary"] += 1
+            if "binary" in self.on_op:
+                self.on_op["binary"]({"data": data})
+            return
+        frame: Frame = orjson.loads(data)
+        op = frame["op"]
+        if op == "publish":
+            self.num_heard[frame["topic"]] += 1
+            wanted = self._wanted.pop(frame["topic"], None)
+            if wanted is not None:
+                wanted.set_result(frame["msg"])
+        elif op == "status":
+            self.told.append(frame["msg"])
+        elif op in {"service_response", "action_result"}:
+            waiting = self._waiting.get(frame.get("id", ""))
+            if waiting is not None and not waiting.done():
+                waiting.set_result(frame)
+        if op in self.on_op:
+            self.on_op[op](frame)
+
+
+# Bare sockets
+
+
+def handshake() -> bytes:
+    """The request that opens a WebSocket."""
+    return (
+        b"GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    )
+
+
+async def open_raw(
+    port: int, *, is_greeting: bool = True, buffer: int = 1 << 16
+) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+    """A bare socket: it neither answers pings nor reads by itself beyond its buffer.
+
+    Args:
+        port: of the server.
+        is_greeting: shake hands first.
+        buffer: what it takes unread [bytes].
+
+    Raises:
+        GoneError: the server does not let it in.
+    """
+    plain = socket.socket()
+    plain.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, buffer)
+    plain.setblocking(False)  # noqa: FBT003 - the standard library's own
+    try:
+        async with asyncio.timeout(PATIENCE):
+            await asyncio.get_running_loop().sock_connect(plain, ("127.0.0.1", port))
+            reader, writer = await asyncio.open_connection(sock=plain, limit=buffer)
+            if is_greeting:
+                writer.write(handshake())
+                answer = await reader.readuntil(b"\r\n\r\n")
+                if not answer.startswith(b"HTTP/1.1 101"):
+                    writer.transport.abort()
+                    raise GoneError(f"the handshake was answered {answer[:80]!r}")
+    except (OSError, EOFError) as error:
+        plain.close()
+        raise GoneError(f"no connection: {error!r}") from None
+    return reader, writer
+
+
+def masked(payload: bytes, first: int = 0x81) -> bytes:
+    """A client's WebSocket frame with this payload, masked with zeros; `first` is its first byte."""
+    size = len(payload)
+    if size < 126:
+        head = bytes((first, 0x80 | size))
+    elif size < 2**16:
+        head = struct.pack("!BBH", first, 0xFE, size)
+    else:
+        head = struct.pack("!BBQ", first, 0xFF, size)
+    return head + bytes(4) + payload
+
+
+def reset(transport: asyncio.BaseTransport) -> None:
+    """Have the end of a connection be a reset (RST) and no orderly end."""
+    plain = transport.get_extra_info("socket")
+    if plain is not None:
+        with suppress(OSError):
+            plain.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+
+
+# What is left behind, and what grows
+
+
+async def census(client: Client) -> dict[str, list[str]]:
+    """The names on the bus, as rosapi lists them."""
+    return {
+        "topics": sorted((await client.call("/rosapi/topics"))["topics"]),
+        "services": sorted((await client.call("/rosapi/services"))["services"]),
+        "nodes": sorted((await client.call("/rosapi/nodes"))["nodes"]),
+        "action servers": sorted((await client.call("/rosapi/action_servers"))["action_servers"]),
+    }
+
+
+def differences(before: Mapping[str, Sequence[str]], after: Mapping[str, Sequence[str]]) -> list[str]:
+    """One line for each list that is not as it was."""
+    lines = []
+    for name, names in before.items():
+        gone, new = sorted(set(names) - set(after[name])), sorted(set(after[name]) - set(names))
+        if gone or new:
+            lines.append(f"{name}: gone {gone}, left behind {new}")
+    return lines
+
+
+async def until(question: Callable[[], bool] | Callable[[], Awaitable[bool]], patience: float = PATIENCE) -> bool:
+    """Ask until the answer is yes; whether it was, before patience ended [s]."""
+    loop = asyncio.get_running_loop()
+    end = loop.time() + patience
+    while True:
+        answer = question()
+        if answer if isinstance(answer, bool) else await answer:
+            return True
+        if loop.time() > end:
+            return False
+        await asyncio.sleep(0.02)
+
+
+def slope_per_hour(samples: Sequence[tuple[float, float]]) -> float:
+    """The slope of the line through samples of (time [s], value) by least squares, for an hour."""
+    if len(samples) < 2:
+        return 0.0
+    mean_time = sum(time for time, _ in samples) / len(samples)
+    mean = sum(value for _, value in samples) / len(samples)
+    spread = sum((time - mean_time) ** 2 for time, _ in samples)
+    return 3600 * sum((time - mean_time) * (value - mean) for time, value in samples) / spread

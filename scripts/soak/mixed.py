@@ -1,0 +1,276 @@
+#!/usr/bin/env python3
+"""Have eight kinds of clients come and go for an hour, and see whether the server stays as it was.
+
+    python scripts/soak/mixed.py [--minutes 60 | --seconds N] [--seed 0]
+
+Those who listen (in JSON and in CBOR), a planner, masters of synchronous mode, services with their callers, actions
+with their goals, a director who loads, resets, spawns and saves, and rude ones: all at once on one `rosbridge-sim
+serve`, each reconnecting for as long as it lasts. Each minute says what the server costs and how long a bystander in a
+process of its own had to wait; so does a second bystander, of an idle server beside it: what both feel is the machine.
+At the end all leave, and what they had must be gone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import random
+import sys
+import tempfile
+import traceback
+from collections import Counter
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+if __name__ == "__main__":
+    sys.path.insert(0, str(ROOT))  # works from a fresh clone, too
+
+from scripts.bench.program import machine  # noqa: E402
+from scripts.soak.harness import (  # noqa: E402
+    Bystander,
+    Client,
+    Figures,
+    SoakError,
+    Waits,
+    WatchedServer,
+    census,
+    differences,
+    slope_per_hour,
+    until,
+)
+from scripts.soak.lives import KINDS, Place  # noqa: E402
+from scripts.soak.scenes import write_scenes  # noqa: E402
+
+__all__ = ["Report", "soak"]
+
+WARM_UP = 0.25
+"""Part of the run before memory is judged: all maps, message types and kinds of clients have been there once."""
+
+MIN_SECONDS = 300.0
+"""A run from here on is judged by its memory [s]: in a shorter one nothing has been there often enough."""
+
+MAX_SLOPE = 30.0
+"""Memory that may come in an hour, by the line through all samples after the warm-up [MB]: half of an idle server."""
+
+MAX_THREADS = 6
+"""Threads that may stay, since they wait for the next file: the loop's own executor on two cores has so many."""
+
+MAX_STALL = 300.0
+"""What the bystander may wait longer than the one at the idle server [ms]: a town is read and built in 200 ms."""
+
+IDLE_TASKS = 2
+"""Tasks of a server without clients: one that runs it, and one that waits for its failure."""
+
+SAMPLES = 600
+"""Samples of memory in the whole run."""
+
+
+@dataclass(slots=True)
+class Report:
+    """What a run has found.
+
+    Attributes:
+        faults: one line for each bound that failed; empty is good.
+        num: what was done, by name.
+        slope: of memory [MB/hour].
+        longest: what the bystanders waited at worst, here and at the idle server [ms].
+    """
+
+    faults: list[str]
+    num: Counter[str]
+    slope: float
+    longest: tuple[float, float]
+
+
+class Mixed:
+    """One run against one server."""
+
+    def __init__(self, server: WatchedServer, idle: WatchedServer, place: Place, seed: int) -> None:
+        self._server, self._idle = server, idle
+        self._place = place
+        self._seed = seed
+        self._faults: Counter[str] = Counter()
+        self._memory: list[tuple[float, float]] = []
+        self._longest = (0.0, 0.0)
+
+    async def run(self, seconds: float, num_lines: int) -> Report:
+        """Let them come and go; then see what is left."""
+        loop = asyncio.get_running_loop()
+        await self._settle()
+        names = await self._names()
+        await until(self._is_alone)
+        before, files = await self._figures(), self._server.open_files()
+        _print_line("before", before)
+        bystanders = Bystander(self._server.url), Bystander(self._idle.url)
+        for bystander in bystanders:
+            await bystander.waits()
+        begun = loop.time()
+        self._place.end = begun + seconds
+        crowd = [loop.create_task(self._live(kind, i)) for kind, num in KINDS.items() for i in range(num)]
+        try:
+            for line in range(1, num_lines + 1):
+                await self._sample(begun, begun + seconds * line / num_lines, seconds / SAMPLES)
+                waits = [await bystander.waits() for bystander in bystanders]
+                self._longest = max(self._longest[0], waits[0].longest), max(self._longest[1], waits[1].longest)
+                _print_line(f"{loop.time() - begun:5.0f} s", await self._figures(), waits)
+            await asyncio.gather(*crowd)
+            is_there = True
+        except SoakError as error:
+            self._faults[str(error)] += 1
+            is_there = False
+        finally:
+            for task in crowd:
+                task.cancel()
+            await asyncio.gather(*crowd, return_exceptions=True)
+            for bystander in bystanders:
+                bystander.stop()
+        if is_there:
+            await self._judge(before, names, files, seconds)
+        return Report(
+            [f"{fault} ({num} times)" if num > 1 else fault for fault, num in self._faults.items()],
+            self._place.num,
+            self._slope,
+            self._longest,
+        )
+
+    async def _live(self, kind: Callable[[Place, random.Random], Awaitable[None]], number: int) -> None:
+        """Life after life, until the end."""
+        chance = random.Random(f"{self._seed} {kind.__name__} {number}")  # noqa: S311 - to be repeated, no secret
+        loop = asyncio.get_running_loop()
+        while loop.time() < self._place.end:
+            try:
+                await kind(self._place, chance)
+            except SoakError as error:
+                self._faults[f"{kind.__name__}: {error}"] += 1
+            except Exception:  # noqa: BLE001 - an answer of a form that no client expects
+                self._faults[f"{kind.__name__}: {traceback.format_exc()}"] += 1
+            self._place.num[f"lives of {kind.__name__}"] += 1
+            await asyncio.sleep(chance.uniform(0.0, 0.2))
+
+    async def _sample(self, begun: float, end: float, period: float) -> None:
+        loop = asyncio.get_running_loop()
+        while loop.time() < end:
+            await asyncio.sleep(min(period, end - loop.time()))
+            self._memory.append((loop.time() - begun, (await self._figures()).memory))
+
+    async def _figures(self) -> Figures:
+        return await asyncio.to_thread(self._server.figures)  # a server that stalls is not to stall its clients
+
+    async def _settle(self) -> None:
+        """Bring back the opening scene, in real time."""
+        async with await Client.open(self._server.url) as client:
+            await client.request("/Service_MoraiEventCmd", option=8, set_pause=False)
+            await client.request("/Service_MoraiSL", file_name="demo", delete_all=True, load_ego_vehicle_data=True)
+            await client.call("/sim/reset", {"seed": 0})
+            # the first position opens the database of map projections, and that stays open
+            await client.send("subscribe", topic="/gps")
+            await client.next_message("/gps")
+
+    async def _is_alone(self) -> bool:
+        """Whether the server has noticed that everybody has left."""
+        return (await self._figures()).tasks <= IDLE_TASKS
+
+    async def _names(self) -> dict[str, list[str]]:
+        async with await Client.open(self._server.url) as client:
+            return await census(client)
+
+    @property
+    def _slope(self) -> float:
+        return slope_per_hour(self._memory[int(len(self._memory) * WARM_UP) :])
+
+    async def _judge(self, before: Figures, names: dict[str, list[str]], files: Counter[str], seconds: float) -> None:
+        """Note all that is not as it should be, now that everybody has left."""
+
+        async def is_as_before() -> bool:
+            now = await self._figures()
+            return now.descriptors <= before.descriptors and now.tasks <= before.tasks
+
+        await until(is_as_before)
+        await self._settle()
+        await until(is_as_before)
+        after = await self._figures()
+        _print_line("after", after)
+        for what, num, now in (
+            ("descriptors", before.descriptors, after.descriptors),
+            ("tasks", before.tasks, after.tasks),
+            ("threads", before.threads + MAX_THREADS, after.threads),
+        ):
+            if now > num:
+                self._faults[f"{what}: expected at most {num} after all had left, got {now}"] += 1
+                self._faults[f"left open: {dict(self._server.open_files() - files)}"] += 1
+        for line in differences(names, await self._names()):
+            self._faults[line] += 1
+        async with await Client.open(self._server.url) as client:
+            await client.send("subscribe", topic="/sim/clients")
+            there = (await client.next_message("/sim/clients"))["clients"]
+            if len(there) != 1:
+                self._faults[f"/sim/clients: expected the one who asks, got {len(there)}"] += 1
+        self._judge_figures(seconds)
+
+    def _judge_figures(self, seconds: float) -> None:
+        """Note the bounds that memory, waits and the log have not kept; the server ends with that."""
+        if seconds >= MIN_SECONDS and self._slope > MAX_SLOPE:
+            self._faults[f"memory: {self._slope:+.1f} MB/hour"] += 1
+        if self._longest[0] > self._longest[1] + MAX_STALL:
+            text = f"the bystander waited {self._longest[0]:.0f} ms, at an idle server {self._longest[1]:.0f}"
+            self._faults[text] += 1
+        if (code := self._server.stop()) != 0:
+            self._faults[f"the server ended with {code}"] += 1
+        for line in self._server.log.splitlines():
+            if line.startswith("Traceback") or " ERROR " in line or " CRITICAL " in line:
+                self._faults[f"in the log: {line.partition(' ')[2] or line}"] += 1
+
+
+def _print_line(when: str, figures: Figures, waits: list[Waits] | None = None) -> None:
+    text = f"{when:>8}: {figures.memory:6.1f} MB, {figures.descriptors:3} descriptors, {figures.threads:2} threads, "
+    text += f"{figures.tasks:3} tasks, {figures.cpu:6.0f} s of CPU"
+    if waits is not None:
+        here, idle = waits
+        text += f"; bystander {here.median:.1f} ms, at worst {here.longest:.0f} (at an idle server {idle.longest:.0f})"
+    print(text, flush=True)
+
+
+async def soak(seconds: float, seed: int, folder: Path, *, num_lines: int = 60, longest_life: float = 5.0) -> Report:
+    """Run it in a folder of its own.
+
+    Args:
+        seconds: for how long clients come and go.
+        seed: of all that they decide.
+        folder: for scenarios, what clients save, and logs.
+        num_lines: of figures.
+        longest_life: of a client [s].
+    """
+    scenes = folder / "scenes"
+    scenes.mkdir()
+    write_scenes(scenes)
+    flags = (f"--scenario-path={scenes}", f"--data-dir={folder / 'data'}", "--log-level=warning")
+    with WatchedServer(folder / "log", *flags) as server, WatchedServer(folder / "idle") as idle:
+        place = Place(server.url, server.port, 0.0, longest_life)
+        return await Mixed(server, idle, place, seed).run(seconds, num_lines)
+
+
+def main() -> int:
+    """Run it, with a line for each minute."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--seconds", type=float, help="in place of --minutes")
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    seconds: float = options.seconds or 60 * options.minutes
+    print(machine())
+    with tempfile.TemporaryDirectory() as name:
+        report = asyncio.run(soak(seconds, options.seed, Path(name), num_lines=max(1, round(seconds / 60))))
+    print(", ".join(f"{count:,} {what}" for what, count in sorted(report.num.items())))
+    print(
+        f"memory {report.slope:+.1f} MB/hour; longest wait {report.longest[0]:.0f} ms, idle {report.longest[1]:.0f} ms"
+    )
+    for fault in report.faults:
+        print(f"NOT GOOD: {fault}")
+    print("good" if not report.faults else f"{len(report.faults)} bounds failed")
+    return 1 if report.faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,72 @@
+"""The weight of JSON texts: never less than a decoder finds, and exact where texts hold brackets."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rosbridge_sim import weight as weight_module
+from rosbridge_sim.weight import FULL, LIGHT, Weight, weigh, weigh_exactly
+
+texts = st.text(alphabet='a\\"{[,:é\n') | st.text()
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | texts,
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(texts, inner, max_size=4),
+    max_leaves=20,
+)
+
+
+def count(value: object) -> Weight:
+    """What there is in a value, counted one by one: the slow judge."""
+    if isinstance(value, str):
+        return Weight(0, 1, 0)
+    if isinstance(value, list):
+        inner = list(map(count, value))
+        return plus(Weight(1, 0, max(0, len(value) - 1)), *inner)
+    if isinstance(value, dict):
+        inner = list(map(count, value.values()))
+        return plus(Weight(1, len(value), max(0, len(value) - 1)), *inner)
+    return Weight(0, 0, 0)
+
+
+def plus(*weights: Weight) -> Weight:
+    return Weight(
+        sum(one.containers for one in weights), sum(one.texts for one in weights), sum(one.commas for one in weights)
+    )
+
+
+def exactly(text: bytes) -> Weight:
+    *_, last = weigh_exactly(text)
+    return last
+
+
+@given(json_values, st.integers(1, 30), st.booleans())
+def test_the_exact_weight_is_what_is_there_in_slices_of_any_length(value: Any, size: int, is_ascii: bool) -> None:  # noqa: ANN401, FBT001
+    text = json.dumps(value, ensure_ascii=is_ascii).encode()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(weight_module, "_SLICE", size)
+        assert exactly(text) == count(value)
+
+
+@given(json_values)
+def test_the_quick_weight_is_never_less(value: Any) -> None:  # noqa: ANN401 - any JSON
+    quick, exact = weigh(json.dumps(value).encode()), count(value)
+    assert quick.containers >= exact.containers
+    assert quick.texts >= exact.texts
+    assert quick.commas >= exact.commas
+
+
+@given(st.binary(max_size=100))
+def test_any_bytes_have_some_weight(data: bytes) -> None:
+    assert exactly(data).containers <= weigh(data).containers
+
+
+def test_an_excess_names_the_limit() -> None:
+    assert FULL.excess(Weight(0, 0, 0)) is None
+    assert LIGHT.excess(Weight(15_001, 0, 0)) == "at most 15,000 objects and lists are taken, and it has 15,001"
+    assert LIGHT.excess(Weight(0, 60_001, 0)) == "at most 60,000 texts are taken, and it has 60,001"
+    assert FULL.excess(Weight(0, 0, 4_500_001)) == "at most 4,500,000 values are taken, and it has 4,500,001"
