@@ -236,10 +236,12 @@ class _Check:
 
     def message(self, shape: Shape, value: object) -> msgspec.Struct:
         """A nested or root message; an absent one (`null`) is like one without any fields."""
-        if value is None or value == {}:
+        if value is None:
             return self.default(shape)
-        if not isinstance(value, dict):
+        if not isinstance(value, dict):  # before any comparison: an array compares element by element
             raise _wrong_type(shape.name, value)
+        if not value:
+            return self.default(shape)
         given = {}
         for key, item in value.items():
             if key in shape.slots:
@@ -332,7 +334,8 @@ class _Check:
         if len(value) < _LONG_ARRAY:
             return self.array(slot, value.tolist())
         if is_float:
-            floats = value.astype(kind)
+            with np.errstate(over="ignore"):  # it is looked for in the next line
+                floats = value.astype(kind)
             if not np.array_equal(np.isfinite(floats), np.isfinite(value)):
                 raise _wrong_value(kind, "a number that is out of its range")
             return floats
@@ -384,7 +387,7 @@ class _Check:
 
     def time(self, kind: str, value: object) -> msgspec.Struct:
         """Two numbers in either spelling; a missing one is 0 and unknown keys mean nothing, as in rosbridge_suite."""
-        if value == "now" and kind == "time":
+        if isinstance(value, str) and value == "now" and kind == "time":
             return self.dialect.time(self.stamp_ns)
         if not isinstance(value, dict):
             raise _wrong_type(kind, value)

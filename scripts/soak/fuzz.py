@@ -28,8 +28,8 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import AsyncIterator, Iterable, Iterator, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
@@ -44,6 +44,7 @@ if __name__ == "__main__":
 from rosbridge_sim.morai.releases import LENIENCY  # noqa: E402
 from rosbridge_sim.schema.store import Store  # noqa: E402
 from rosbridge_sim.shell.storage import read_definitions  # noqa: E402
+from scripts.soak.fuzz_bridge import spoiling  # noqa: E402
 from scripts.soak.fuzz_frames import Act, FrameMaker, Interface  # noqa: E402
 from scripts.soak.fuzz_server import (  # noqa: E402
     CONFIGURATIONS,
@@ -168,7 +169,7 @@ class Visitor:
             await self._ask(socket)
             await socket.close()
             self._report.num["closed by the client"] += 1
-        except ConnectionClosed:
+        except (ConnectionClosed, AttributeError):  # the second one is the library's own, of a transport that is gone
             code = socket.close_code
             self._report.num[f"closed with {code}"] += 1
             if code not in {1002, 1007, 1008, 1009}:
@@ -256,15 +257,22 @@ async def fuzz(
     Raises:
         FuzzError: the server did something wrong.
     """
-    interface = await _interface(server.url, tape.configuration)
-    idle = server.memory()
-    most = idle
-    end = time.monotonic() + seconds
-    has_world = "--no-world" not in tape.configuration.flags
-    with _innocent(server.url, *(["/Ego_topic"] if has_world else [])) as innocent:
+    configuration = tape.configuration
+    async with AsyncExitStack() as stack:
+        servers = [server]
+        interface = await _interface(server.url, configuration)
+        if configuration.is_attached:
+            proxy = await stack.enter_async_context(spoiling(server.url, seed, interface))
+            servers.append(await stack.enter_async_context(_attached(configuration, server.folder, proxy.url)))
+            interface = await _interface(server.url, configuration)
+            proxy.is_spoiling = True
+        innocent = stack.enter_context(_innocent(server.url, *(["/Ego_topic"] if configuration.has_world else [])))
+        watch = _Watch(servers, innocent)
+        idle = server.memory()
 
         async def come_and_go(lane: int) -> None:
             count = 0
+            end = time.monotonic() + seconds
             while count < visits or time.monotonic() < end:
                 maker = FrameMaker(f"{seed}:{lane}:{count}", interface)
                 visitor = Visitor(lane + num_clients * count, tape, report, maker)
@@ -272,28 +280,70 @@ async def fuzz(
                 count += 1
                 report.num["visits"] += 1
 
-        async def watch() -> None:
-            nonlocal most
-            while True:
-                server.check()
-                if innocent.poll() is not None:
-                    raise FuzzError(f"the innocent client has ended: {_last_words(innocent)}")
-                most = max(most, server.memory())
-                if most > idle + MAX_GROWTH:
-                    raise FuzzError(f"memory has grown from {idle:.0f} to {most:.0f} MB")
-                await asyncio.sleep(0.2)
-
-        await _together([come_and_go(lane) for lane in range(num_clients)], watch())
-        server.check()
-        if has_world:
+        await _together([come_and_go(lane) for lane in range(num_clients)], watch.run())
+        watch.look()
+        if configuration.has_world:
             await _begin_anew(server.url)
-        assert innocent.stdin is not None
-        innocent.stdin.close()
-        words = _last_words(innocent)
+        elif configuration.is_attached:
+            report.num["frames spoiled at the bridge"] += proxy.num_spoiled
+            report.num["cuts at the bridge"] += proxy.num_cut
+        report.innocent.append(await _farewell(innocent))
+    report.memory.append((configuration.name, idle, watch.most, server.memory()))
+
+
+class _Watch:
+    """Looks at programs again and again.
+
+    Attributes:
+        most: greatest memory of the first of them [MB].
+    """
+
+    def __init__(self, servers: Sequence[Server], innocent: subprocess.Popen[str]) -> None:
+        self.most = 0.0
+        self._servers = [(server, server.memory()) for server in servers]
+        self._innocent = innocent
+
+    async def run(self) -> None:
+        """Look for ever."""
+        while True:
+            self.look()
+            await asyncio.sleep(0.2)
+
+    def look(self) -> None:
+        """See that all is well.
+
+        Raises:
+            FuzzError: it is not.
+        """
+        for server, idle in self._servers:
+            server.check()
+            memory = server.memory()
+            if memory > idle + MAX_GROWTH:
+                raise FuzzError(f"memory has grown from {idle:.0f} to {memory:.0f} MB")
+        self.most = max(self.most, self._servers[0][0].memory())
+        if self._innocent.poll() is not None:
+            raise FuzzError(f"the innocent client has ended: {_last_words(self._innocent)}")
+
+
+async def _farewell(innocent: subprocess.Popen[str]) -> dict[str, Any]:
+    """End the honest client; its figures."""
+    assert innocent.stdin is not None
+    innocent.stdin.close()
+    words = await asyncio.to_thread(_last_words, innocent)
     if innocent.returncode:
         raise FuzzError(f"the innocent client says: {words}")
-    report.innocent.append(json.loads(words))
-    report.memory.append((tape.configuration.name, idle, most, server.memory()))
+    return cast("dict[str, Any]", json.loads(words))
+
+
+@asynccontextmanager
+async def _attached(configuration: Configuration, folder: Path, bridge: str) -> AsyncIterator[Server]:
+    """Run a simulator behind a bridge in this event loop, to the end of the block."""
+    attached = await asyncio.to_thread(Server, configuration, folder, bridge)
+    try:
+        yield attached
+        await asyncio.to_thread(attached.stop)
+    finally:
+        attached.kill()
 
 
 async def _begin_anew(url: str) -> None:

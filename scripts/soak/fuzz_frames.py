@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 import random
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from io import BytesIO
 from typing import Any, Final, Literal
 
 import cbor2
 import numpy as np
+from PIL import Image
 
 from rosbridge_sim.errors import PeerError
-from rosbridge_sim.protocol.encodings import png_frame
 from rosbridge_sim.schema.check import Shape, Slot
 from rosbridge_sim.schema.store import Store
 from scripts.soak.fuzz_values import (
@@ -116,6 +118,20 @@ class FrameMaker:
         if self.chance.random() < 0.2:
             op = self._spoilt(op)
         return Act("text", _text(op))
+
+    def spoil(self, data: str | bytes) -> list[str | bytes]:
+        """What is sent in place of a frame of somebody's: nothing, twice the same, something else, something more."""
+        how = self.chance.randrange(6)
+        if how == 0:
+            return []
+        if how == 1:
+            return [data, data]
+        if how in {2, 3} and isinstance(data, str):
+            return [_text(self._spoilt(json.loads(data))).decode()]
+        if how == 4:
+            text = data if isinstance(data, bytes) else data.encode()
+            return [_plainly(self._damaged(text))] if text else []
+        return [data, *(_plainly(act) for act in self._frames(self.op()))]
 
     def op(self) -> Op:
         """Any op, as its documentation has it or with something wrong in it."""
@@ -283,15 +299,10 @@ class FrameMaker:
         return {"op": "fragment", "id": self._pick((6, ["f", "g"]), (1, ODD)), "num": num, "total": total, "data": data}
 
     def _png(self) -> Op:
-        data = bytearray(png_frame(_text(self._level())))
-        picture: str = json.loads(data)["data"]
-        raw = bytearray(base64.b64decode(picture))
+        raw = bytearray(_picture(_text(self._level()), self.chance.choice(("RGB", "RGB", "RGBA", "L", "P", "1"))))
         for _ in range(self.chance.randrange(4)):
             raw[self.chance.randrange(len(raw))] = self.chance.randrange(256)
         del raw[self.chance.choice((len(raw), self.chance.randrange(len(raw)))) :]
-        width, height = raw[16:20], raw[20:24]
-        if len(width + height) == 8 and max(width[0], width[1], height[0], height[1]) > 0:
-            raw[16:24] = b"\0\0\1\0\0\0\1\0"  # a picture of millions of pixels: its bound is tested elsewhere
         return {"op": "png", "data": base64.b64encode(raw).decode()}
 
     def _other(self) -> Op:
@@ -392,15 +403,40 @@ class FrameMaker:
         elif how < 0.78:
             yield Act("binary", self._cbor(op))
         elif how < 0.81:
-            yield _whole(png_frame(text))
+            yield _whole(_text({"op": "png", "data": base64.b64encode(_picture(text)).decode()}))
         elif how < 0.87:
             yield from self._in_fragments(text)
         elif how < 0.90:
             yield Act("pieces", text)
         elif how < 0.92:
             yield _whole(self.chance.choice(ODD_TEXTS).encode())
+        elif how < 0.95:
+            yield from self._long(op, text)
         else:
             yield self._damaged(text)
+
+    def _long(self, op: Op, text: bytes) -> Iterator[Act]:
+        """The op with so much else in the frame that a server will not decode it just so."""
+        op = op if isinstance(op, dict) else {"op": op}  # it may have been spoilt as a whole
+        num = self.chance.choice((1_000, 40_000, 70_000))
+        pads: tuple[Any, ...] = ("x" * num, [1] * num, [0.5] * num, ["a"] * num, [[]] * (num // 4), [{}] * (num // 4))
+        pad = self.chance.choice((*pads, {f"k{i}": i for i in range(num // 10)}))
+        how = self.chance.randrange(6)
+        if how == 0:
+            yield _whole(_text({"pad": pad, **op}))
+        elif how == 1:
+            body = self.chance.choice(("msg", "args", "values", "id", "topic", "data"))
+            yield _whole(_text({**op, body: pad if self.chance.random() < 0.5 else {"data": pad}}))
+        elif how == 2:
+            glued = text + self.chance.choice((b" " * num, b"\n", b"")) + _text(self.op())
+            yield _whole(glued * self.chance.choice((1, 200)))
+        elif how == 3:
+            yield Act("binary", self._cbor({**op, self.chance.choice(("pad", "msg")): {"data": pad}}))
+        elif how == 4:
+            yield from self._in_fragments(_text({**op, "pad": pad}))
+        else:
+            whole = _text({**op, "pad": pad})
+            yield self._damaged(whole) if self.chance.random() < 0.5 else Act("pieces", whole)
 
     def _damaged(self, text: bytes) -> Act:
         data = bytearray(text)
@@ -479,8 +515,23 @@ class FrameMaker:
         )
 
 
+def _picture(frame: bytes, mode: str = "RGB") -> bytes:
+    """A PNG that holds a frame as rosbridge_suite has it; in another mode it holds something else."""
+    width = max(1, math.isqrt(len(frame) // 3))
+    height = max(1, math.ceil(len(frame) / 3 / width))
+    image = Image.frombytes("RGB", (width, height), frame.ljust(width * height * 3, b"\n"))
+    file = BytesIO()
+    image.convert(mode).save(file, "PNG")
+    return file.getvalue()
+
+
 def _text(op: Op, *, ensure_ascii: bool = True) -> bytes:
     return json.dumps(op, ensure_ascii=ensure_ascii).encode("utf-8", "replace")
+
+
+def _plainly(act: Act) -> str | bytes:
+    """An act as one frame."""
+    return act.data if act.form == "binary" else act.data.decode()
 
 
 def _whole(data: bytes) -> Act:

@@ -39,12 +39,19 @@ class Configuration:
         name: of this configuration.
         flags: of `serve`.
         release, ros: as in the flags.
+        is_attached: a simulator brings the world, from behind a proxy that spoils what passes.
     """
 
     name: str
     flags: tuple[str, ...] = ()
     release: str = "22.R2"
     ros: Literal[1, 2] = 1
+    is_attached: bool = False
+
+    @property
+    def has_world(self) -> bool:
+        """Whether the server itself moves a world."""
+        return "--no-world" not in self.flags
 
     @property
     def all_flags(self) -> list[str]:
@@ -59,26 +66,40 @@ CONFIGURATIONS = (
     Configuration("sync", ("--start=sync", "--compression", "--sync-frames=strict")),
     Configuration("recording", ("--scenario=loop", "--record={folder}/recorded.bag", "--record-topics=*")),
     Configuration("gateway", ("--no-world", "--strict-types")),
+    Configuration("attached", ("--no-world",), is_attached=True),
     Configuration("newer", ("--scenario=demo", "--start-mode=keyboard", "--sync-on-loss=wait"), release="26.R1"),
     Configuration("mcap", ("--record={folder}/recorded.mcap", "--record-topics=*", "--max-held=20"), ros=2),
 )
 
 
 class Server:
-    """A running server, in a folder of its own."""
+    """A running program of ours, in a folder of its own.
 
-    def __init__(self, configuration: Configuration, folder: Path) -> None:
-        self._log = folder / "log.txt"
+    Attributes:
+        folder: where its files are.
+        process: the program.
+        url: where it listens, or what it is attached to.
+    """
+
+    def __init__(self, configuration: Configuration, folder: Path, bridge: str | None = None) -> None:
+        """Start it and wait until it is ready; with the URL of a bridge it attaches to that, in place of listening."""
+        self.folder = folder
+        self._log = folder / ("log.txt" if bridge is None else "attached.txt")
         self._seen = 0
         flags = [flag.replace("{folder}", str(folder)) for flag in configuration.all_flags]
-        command = [sys.executable, "-m", "rosbridge_sim", "serve", "--port=0", *flags]
-        command += [f"--scenario-path={folder / 'scenarios'}", f"--data-dir={folder / 'data'}"]
+        if bridge is not None:
+            words = ["attach", bridge, "--attach-retry=1", "--scenario=town"]
+            words += [flag for flag in flags if flag != "--no-world"]
+        else:
+            words = ["serve", "--port=0", *flags]
+        words += [f"--scenario-path={folder / 'scenarios'}", f"--data-dir={folder / 'data'}"]
+        command = [sys.executable, "-m", "rosbridge_sim", *words]
         (folder / "scenarios").mkdir(exist_ok=True)
         with self._log.open("wb") as log:
             self.process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=log, text=True)  # noqa: S603 - our own program
         assert self.process.stdout is not None
         line = self.process.stdout.readline()
-        if "listening on" not in line:
+        if " ws://" not in line:
             raise FuzzError(f"the server did not start:\n{self._log.read_text()}")
         self.url = line.rsplit(" ", 1)[1].strip()
 
