@@ -1,0 +1,441 @@
+#!/usr/bin/env python3
+"""One frame of one client, made to hold up everybody else: how long an innocent client waits, and what memory it costs.
+
+    python scripts/soak/hostile.py [--rows PATTERN]... [--runs 3] [--repeats 20]
+
+Each row is an attack on a server of its own. A bystander in its own process measures its round trips before (idle) and
+during the attack. Then the attack is repeated, and the memory is looked at again. Exit code 1 where a bound fails:
+
+    the bystander's longest wait    at most the idle one and 50 ms (150 ms more for an honest message of 16 MB)
+    memory at its peak              at most that of the idle server and 7 times the largest frame
+    memory ten seconds later        at most that of the idle server and 1.5 times the largest frame; after repeats, too
+    the server's log                no traceback
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import base64
+import json
+import sys
+import tempfile
+import zlib
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+import cbor2
+import orjson
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from harness import Bystander, GoneError, SoakError, WatchedServer, masked, open_raw
+
+MB = 2**20
+LARGEST = 16 * MB
+"""The server's default bound of a frame."""
+
+PAUSE_MS, HONEST_MS = 50.0, 150.0
+"""What the bystander may wait longer than when nothing goes on; and longer still for an honest message of 16 MB [ms].
+A frame of the world is 20 ms, and two are not missed by anybody."""
+
+PEAK, SETTLED = 7.0, 1.5
+"""Memory above idle, in sizes of the largest frame: a frame, its text, its values and three encodings; then what an
+allocator keeps."""
+
+NOISE_MB = 8.0
+"""What a server grows by in its first minute without any attack [MB]: caches, compiled types."""
+
+SETTLING = 10.0
+"""How long after an attack memory is looked at again [s]."""
+
+DONE = b'"id":"the last one"'
+PATIENCE = 120.0
+
+
+class Attacker:
+    """A connection that sends what it likes and throws away what it hears."""
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._writer = writer
+        self._heard = asyncio.Event()
+        self._reading = asyncio.get_running_loop().create_task(self._read(reader))
+
+    @classmethod
+    async def open(cls, port: int, offer: str = "") -> Attacker:
+        """Connect; `offer` is a line of the handshake."""
+        if not offer:
+            return cls(*await open_raw(port))
+        reader, writer = await open_raw(port, is_greeting=False)
+        head = "GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        keys = "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n"
+        writer.write(f"{head}{keys}{offer}\r\n\r\n".encode())
+        await reader.readuntil(b"\r\n\r\n")
+        return cls(reader, writer)
+
+    async def send(self, *frames: bytes) -> None:
+        """Send whole WebSocket frames."""
+        for frame in frames:
+            self._writer.write(frame)
+        with suppress(ConnectionError):
+            await self._writer.drain()
+
+    async def say(self, **op: object) -> None:
+        """Send an op."""
+        await self.send(masked(orjson.dumps(op)))
+
+    async def settle(self) -> None:
+        """Wait until all that was sent is done, or the server has closed the connection."""
+        self._heard.clear()
+        await self.send(masked(b'{"op":"call_service","service":"/rosapi/get_time",' + DONE + b"}"))
+        async with asyncio.timeout(PATIENCE):
+            await self._heard.wait()
+
+    async def close(self) -> None:
+        """Be gone."""
+        self._writer.transport.abort()
+        await self._reading
+
+    async def _read(self, reader: asyncio.StreamReader) -> None:
+        tail = b""
+        with suppress(ConnectionError):
+            while data := await reader.read(MB):
+                if DONE in tail + data:
+                    self._heard.set()
+                tail = data[-len(DONE) :]
+        self._heard.set()
+
+
+Act = Callable[["Scene"], Any]
+
+
+@dataclass(slots=True)
+class Row:
+    """One attack.
+
+    Attributes:
+        name: for the table.
+        frames: what the attacker sends, whole WebSocket frames; made before the clock starts.
+        prepare: what goes before, as ops: of the attacker, and of listeners of their own.
+        flags: of the server.
+        allowed_ms: for the bystander, above idle.
+    """
+
+    name: str
+    frames: Callable[[], Sequence[bytes]]
+    before: Sequence[dict[str, Any]] = ()
+    listeners: Sequence[dict[str, Any]] = ()
+    flags: tuple[str, ...] = ()
+    offer: str = ""
+    allowed_ms: float = PAUSE_MS
+    after: Sequence[dict[str, Any]] = field(default=())
+
+
+def glued(op: bytes, size: int = LARGEST) -> bytes:
+    """As many of an op as fit."""
+    return op * (size // len(op))
+
+
+def op(**fields: object) -> bytes:
+    """An op as a client writes it."""
+    return orjson.dumps(fields)
+
+
+def png(text: bytes) -> bytes:
+    """A picture that holds a text, as small as it can be."""
+    width = 2048
+    height = -(-len(text) // (3 * width))
+    lines = text.ljust(3 * width * height, b"\n")
+    rows = b"".join(b"\0" + lines[i : i + 3 * width] for i in range(0, len(lines), 3 * width))
+    parts = (
+        (b"IHDR", width.to_bytes(4, "big") + height.to_bytes(4, "big") + b"\x08\2\0\0\0"),
+        (b"IDAT", zlib.compress(rows, 9)),
+        (b"IEND", b""),
+    )
+    file = b"\x89PNG\r\n\x1a\n" + b"".join(
+        len(data).to_bytes(4, "big") + kind + data + zlib.crc32(kind + data).to_bytes(4, "big") for kind, data in parts
+    )
+    return op(op="png", data=base64.b64encode(file).decode())
+
+
+def deflated(text: bytes) -> bytes:
+    """A compressed WebSocket message."""
+    coder = zlib.compressobj(9, wbits=-12)
+    data = coder.compress(text) + coder.flush(zlib.Z_SYNC_FLUSH)
+    return masked(data[:-4], 0xC1)
+
+
+def list_of(topic: str, message_type: str, name: str) -> bytes:
+    """A publish of five million empty elements."""
+    head = b'{"op":"publish","topic":"' + topic.encode() + b'","type":"' + message_type.encode() + b'","msg":{"'
+    return head + name.encode() + b'":[' + b"{}," * 5_000_000 + b"{}]}}"
+
+
+def cbor_floats() -> bytes:
+    """Two million float64 of a type that is not known."""
+    msg = {"data": cbor2.CBORTag(86, bytes(16 * 10**6 - 1_000))}
+    return masked(cbor2.dumps({"op": "publish", "topic": "/mine", "type": "mine/Mine", "msg": msg}), 0x82)
+
+
+def ghosts() -> bytes:
+    """19,000 vehicles on one spot."""
+    one = {"unique_id": 0, "name": "2016_Hyundai_Ioniq", "position": {"x": 30.0, "y": 30.0, "z": 0.0}}
+    cars = [{**one, "unique_id": 100 + i} for i in range(19_000)]
+    return masked(op(op="publish", topic="/NpcGhost_Cmd", type="morai_msgs/NpcGhostCmd", msg={"npc_list": cars}))
+
+
+ZZZ = b'{"op":"zzz"}'
+TIME = b'{"op":"call_service","service":"/rosapi/get_time"}'
+STRING = {"op": "advertise", "topic": "/s", "type": "std_msgs/String"}
+LISTEN = {"op": "subscribe", "topic": "/s", "type": "std_msgs/String"}
+
+
+def string() -> bytes:
+    """A String that is nearly as long as a frame may be."""
+    return masked(op(op="publish", topic="/s", msg={"data": "x" * (LARGEST - 1_000)}))
+
+
+def image() -> bytes:
+    """A camera's picture of 16 MB, as an honest client sends it."""
+    data = base64.b64encode(bytes(range(256)) * (12 * MB // 256 - 100)).decode()
+    fields = {"height": 2_000, "width": 2_000, "encoding": "rgb8", "step": 6_000, "data": data}
+    return masked(op(op="publish", topic="/s", type="sensor_msgs/Image", msg=fields))
+
+
+def calls(service: str, num: int, args: dict[str, Any] | None = None) -> bytes:
+    """Calls of a service, glued into one frame."""
+    return masked(op(op="call_service", service=service, args=args or {}) * num)
+
+
+def parameters() -> list[bytes]:
+    """A hundred thousand parameters in frames of a thousand, then one question about all of them."""
+    frames = []
+    for i in range(100):
+        ops = [
+            {"op": "call_service", "service": "/rosapi/set_param", "args": {"name": f"/a{i}/b{j}", "value": "1"}}
+            for j in range(1_000)
+        ]
+        frames.append(masked(b"".join(map(orjson.dumps, ops))))
+    return frames
+
+
+SAVE = {"request": {"is_custom_file_name": False, "custom_file_name": "", "file_dir": ""}}
+ROWS: tuple[Row, ...] = (
+    Row("16 MB of glued unknown ops", lambda: [masked(glued(ZZZ))]),
+    Row("16 MB of glued calls", lambda: [masked(glued(TIME))]),
+    Row("10,000 glued calls", lambda: [masked(TIME * 10_000)]),
+    Row("png of 16 MB of glued ops", lambda: [masked(png(glued(ZZZ)))]),
+    Row(
+        "permessage-deflate of 16 MB of glued ops",
+        lambda: [deflated(glued(ZZZ))],
+        flags=("--compression",),
+        offer="Sec-WebSocket-Extensions: permessage-deflate",
+    ),
+    Row("10,000 glued captures", lambda: [calls("/SaveSensorData", 10_000, SAVE)]),
+    Row("2,000 glued resets", lambda: [calls("/sim/reset", 2_000)]),
+    Row("CBOR: 16 M empty lists", lambda: [masked(b"\xa1\x61a\x9a\x00\xf4\x24\x00" + b"\x80" * 16_000_000, 0x82)]),
+    Row("CBOR: 2 M float64 of an unknown type", lambda: [cbor_floats()]),
+    Row(
+        "16 MB String to a listener with fragment_size 10",
+        lambda: [string()],
+        before=[STRING],
+        listeners=[{**LISTEN, "fragment_size": 10}],
+    ),
+    Row("NpcGhostCmd of 5 M {}", lambda: [masked(list_of("/NpcGhost_Cmd", "morai_msgs/NpcGhostCmd", "npc_list"))]),
+    Row("ReplayInfo of 5 M {}", lambda: [masked(list_of("/ReplayInfo_topic", "morai_msgs/ReplayInfo", "npc_list"))]),
+    Row("TFMessage of 5 M {}", lambda: [masked(list_of("/tf", "tf2_msgs/TFMessage", "transforms"))]),
+    Row(
+        "has_param after 100,000 set_param",
+        lambda: [*parameters(), calls("/rosapi/has_param", 1, {"name": "/"})],
+    ),
+    Row(
+        "9,990 subscription ids on one topic",
+        lambda: [masked(b"".join(op(**LISTEN, id=f"i{i}", throttle_rate=i) for i in range(9_990)))],
+        before=[STRING],
+    ),
+    Row(
+        "9,990 advertisements of one topic, and back",
+        lambda: [
+            masked(b"".join(op(**STRING, id=f"i{i}") for i in range(9_980))),
+            masked(b"".join(op(op="unadvertise", topic="/s", id=f"i{i}") for i in range(9_980))),
+        ],
+    ),
+    Row(
+        "8 M ints as UInt8MultiArray",
+        lambda: [
+            masked(
+                b'{"op":"publish","topic":"/u","type":"std_msgs/UInt8MultiArray","msg":{"data":['
+                + b"1," * 7_999_900
+                + b"1]}}"
+            )
+        ],
+    ),
+    Row(
+        "16 MB String to 5 png listeners",
+        lambda: [string()],
+        before=[STRING],
+        listeners=[{**LISTEN, "compression": "png"}] * 5,
+    ),
+    Row("19,000 ghosts in one place", lambda: [ghosts()]),
+    Row("an honest image of 16 MB to a listener", lambda: [image()],
+        before=[{"op": "advertise", "topic": "/s", "type": "sensor_msgs/Image"}],
+        listeners=[{"op": "subscribe", "topic": "/s"}], allowed_ms=PAUSE_MS + HONEST_MS),
+)  # fmt: skip
+
+
+@dataclass(slots=True)
+class Scene:
+    """A server with its bystander, the attacker and the listeners."""
+
+    server: WatchedServer
+    bystander: Bystander
+    attacker: Attacker
+    listeners: list[Attacker]
+
+
+@asynccontextmanager
+async def scene(row: Row, folder: Path) -> AsyncIterator[Scene]:
+    """Start all that a row needs."""
+    log = folder / "server.log"
+    log.unlink(missing_ok=True)
+    with WatchedServer(log, "--data-dir", str(folder / "data"), *row.flags) as server:
+        bystander = Bystander(server.url)
+        attackers: list[Attacker] = []
+        try:
+            attacker = await Attacker.open(server.port, row.offer)
+            attackers.append(attacker)
+            for fields in row.before:
+                await attacker.say(**fields)
+            await attacker.settle()
+            for fields in row.listeners:
+                attackers.append(await Attacker.open(server.port))
+                await attackers[-1].say(**fields)
+                await attackers[-1].settle()
+            await bystander.waits()
+            yield Scene(server, bystander, attacker, attackers[1:])
+        finally:
+            for one in attackers:
+                await one.close()
+            bystander.stop()
+
+
+@dataclass(slots=True)
+class Seen:
+    """What a row cost: waits of the bystander [ms], memory above idle [MB], seconds of the attack."""
+
+    idle_ms: float
+    longest_ms: float
+    seconds: float
+    peak_mb: float
+    settled_mb: float
+    repeated_mb: float
+    faults: list[str]
+
+
+async def play(row: Row, folder: Path, repeats: int, settling: float) -> Seen:
+    """Do a row once, look, and do it again a number of times.
+
+    Raises:
+        SoakError: the server has ended.
+    """
+    loop = asyncio.get_running_loop()
+    frames = list(row.frames())
+    async with scene(row, folder) as there:
+        server = there.server
+        await asyncio.sleep(2.0)
+        idle_ms = (await there.bystander.waits()).longest
+        idle_mb = server.figures().memory
+        _forget_peak(server.pid)
+        begun = loop.time()
+        await _attack(there, frames)
+        seconds = loop.time() - begun
+        await asyncio.sleep(0.5)  # what the attack left to be done, at each step of the world for example
+        longest_ms = (await there.bystander.waits()).longest
+        peak_mb = _peak(server.pid) - idle_mb
+        await asyncio.sleep(settling)
+        settled_mb = repeated_mb = server.figures().memory - idle_mb
+        if repeats:
+            for _ in range(repeats):
+                with suppress(GoneError):
+                    await _attack(there, frames)
+            await asyncio.sleep(settling)
+            repeated_mb = server.figures().memory - idle_mb
+        largest = max(map(len, frames)) / MB
+        if row.offer or row.name.startswith("png"):
+            largest = LARGEST / MB
+        faults = []
+        if longest_ms > idle_ms + row.allowed_ms:
+            faults.append(f"the bystander waited {longest_ms:.0f} ms, idle {idle_ms:.0f} ms")
+        if peak_mb > PEAK * largest + NOISE_MB:
+            faults.append(f"memory rose by {peak_mb:.0f} MB, for a frame of {largest:.1f} MB")
+        for name, grown in (("settled", settled_mb), ("repeated", repeated_mb)):
+            if grown > SETTLED * largest + NOISE_MB:
+                faults.append(f"memory {name} at {grown:.0f} MB above idle, for a frame of {largest:.1f} MB")
+        if "Traceback" in server.log:
+            faults.append("a traceback in the log: " + server.log[server.log.index("Traceback") :][-300:])
+        return Seen(idle_ms, longest_ms, seconds, peak_mb, settled_mb, repeated_mb, faults)
+
+
+async def _attack(there: Scene, frames: Sequence[bytes]) -> None:
+    await there.attacker.send(*frames)
+    await there.attacker.settle()
+    for listener in there.listeners:
+        await listener.settle()
+
+
+def _forget_peak(pid: int) -> None:
+    """Have the kernel count the peak of memory anew (proc(5): clear_refs)."""
+    Path(f"/proc/{pid}/clear_refs").write_text("5")
+
+
+def _peak(pid: int) -> float:
+    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+        if line.startswith("VmHWM:"):
+            return int(line.split()[1]) / 1024
+    raise AssertionError("Linux always names VmHWM")
+
+
+async def run(patterns: Sequence[str], runs: int, repeats: int, settling: float, out: Callable[[str], None]) -> int:
+    """Play the rows that match; how many failed."""
+    failed = 0
+    out(f"{'row':50}{'idle':>7}{'longest':>9}{'took':>8}{'peak':>8}{'later':>8}{'again':>8}")
+    out(f"{'':50}{'ms':>7}{'ms':>9}{'s':>8}{'MB':>8}{'MB':>8}{'MB':>8}")
+    with tempfile.TemporaryDirectory() as name:
+        for row in ROWS:
+            if patterns and not any(fnmatchcase(row.name, pattern) for pattern in patterns):
+                continue
+            for _ in range(runs):
+                try:
+                    seen = await play(row, Path(name), repeats, settling)
+                except (SoakError, TimeoutError) as error:
+                    out(f"{row.name:50} FAILED: {error or 'no end of it'}")
+                    failed += 1
+                    continue
+                out(
+                    f"{row.name:50}{seen.idle_ms:7.1f}{seen.longest_ms:9.1f}{seen.seconds:8.2f}"
+                    f"{seen.peak_mb:8.0f}{seen.settled_mb:8.1f}{seen.repeated_mb:8.1f}"
+                )
+                for fault in seen.faults:
+                    out(f"    FAILED: {fault}")
+                failed += bool(seen.faults)
+    return failed
+
+
+def main() -> int:
+    """Parse the command line and run."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rows", action="append", default=[], metavar="PATTERN", help="rows whose name matches [all]")
+    parser.add_argument("--runs", type=int, default=3, help="how often each row is played [3]")
+    parser.add_argument("--repeats", type=int, default=20, help="further attacks before memory is looked at again [20]")
+    parser.add_argument("--settling", type=float, default=SETTLING, metavar="S", help="wait before memory is looked at")
+    options = parser.parse_args()
+    failed = asyncio.run(run(options.rows, options.runs, options.repeats, options.settling, print))
+    print("all within bounds" if not failed else f"{failed} failed")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
