@@ -168,11 +168,13 @@ def serving(configuration: Configuration, data: Path) -> Iterator[Server]:
             server.kill()
 
 
-def make_data(folder: Path, seed: int) -> None:
+def make_data(folder: Path, seed: int, *, has_recordings: bool = True) -> None:
     """Scenarios and network settings good and bad, recordings whole and broken, for servers to be asked for."""
     (folder / "scenarios").mkdir(parents=True)
     write_scenes(folder / "scenarios")
     write_networks(folder / "data")
+    if not has_recordings:
+        return
     replays = folder / "data" / "Replay"
     replays.mkdir(parents=True)
     chance = random.Random(seed)  # noqa: S311 - to be repeated
