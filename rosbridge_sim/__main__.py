@@ -8,7 +8,6 @@ wished end is 0.
 from __future__ import annotations
 
 import asyncio
-import ctypes
 import gc
 import logging
 import os
@@ -20,6 +19,8 @@ from typing import TYPE_CHECKING
 
 from rosbridge_sim import __version__
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.shell.memory import keep_memory
+from rosbridge_sim.shell.signals import on_stop_signals, stop_signals
 from rosbridge_sim.shell.sources import SettingError, format_config, hint, read_settings, strange_variables
 
 if TYPE_CHECKING:
@@ -61,9 +62,9 @@ def _serve(argv: Sequence[str], *, is_attaching: bool = False) -> int:
     _start_log(settings.log_level)
     for line in strange_variables(os.environ):
         _log.warning("%s", line)
-    for number in _STOP_SIGNALS:
+    for number in stop_signals():
         signal.signal(number, lambda *_: sys.exit(0))  # until there is something to stop
-    _keep_memory()
+    keep_memory()
     gc.disable()  # what is imported and built now stays; looking for garbage in it costs a tenth of the start
     from rosbridge_sim.shell.app import Simulator  # noqa: PLC0415 - --help and a mistake do without the rest of us
 
@@ -76,27 +77,30 @@ def _attach(argv: Sequence[str]) -> int:
     return _serve(argv, is_attaching=True)
 
 
-def _keep_memory() -> None:
-    """Have the C library keep freed memory for the next large message (glibc alone; others do as they do).
-
-    By itself it gives buffers of 128 kB and more, and what is free at the heap's end, back to the system at once: a
-    stream of 100 kB images then costs 30 to 70 page faults each, a third of all its time.
-    """
-    if sys.platform == "linux":
-        mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
-        if mallopt is not None:
-            mallopt(_M_MMAP_THRESHOLD, 8 * 2**20)
-            mallopt(_M_TRIM_THRESHOLD, 32 * 2**20)
-
-
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
-"""Names of glibc's malloc.h."""
-
-
 async def _run(simulator: Simulator) -> int:
     """Run a simulator until a signal ends it, or its own failure; the exit code."""
     await simulator.start()
-    stopped = _on_signals()
+    assert simulator.descriptors is not None
+    asyncio.get_running_loop().set_exception_handler(simulator.descriptors.take)
+    stopped: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+    def stop(number: signal.Signals) -> None:
+        _log.info("%s: stopping", number.name)
+        stopped.set_result(None)
+
+    with on_stop_signals(stop, simulator.close_recording):
+        try:
+            failed = await _serve_until(stopped, simulator)
+        finally:
+            await simulator.stop()
+        if failed is not None:
+            _log.critical("stopped: %s", failed)
+            return 1
+    return 0
+
+
+async def _serve_until(stopped: asyncio.Future[None], simulator: Simulator) -> BaseException | None:
+    """Serve until `stopped` is done, or until the world fails; why it failed."""
     if simulator.settings.listen:
         print(f"rosbridge-sim listening on {simulator.url}", flush=True)  # noqa: T201 - the one line on stdout
     else:
@@ -106,36 +110,15 @@ async def _run(simulator: Simulator) -> int:
     gc.enable()
     failed = asyncio.ensure_future(simulator.wait())
     await asyncio.wait({stopped, failed}, return_when=asyncio.FIRST_COMPLETED)
-    await simulator.stop()
     if failed.done():
-        _log.critical("stopped: %s", failed.exception())
-        return 1
+        return failed.exception()
     failed.cancel()
-    return 0
+    return None
 
 
 def _tell_attached(url: str, attached: asyncio.Future[None]) -> None:
     if not attached.cancelled():
         print(f"rosbridge-sim attached to {url}", flush=True)  # noqa: T201 - a line on stdout for each bridge
-
-
-_STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-
-
-def _on_signals() -> asyncio.Future[None]:
-    """Done at the first signal to stop; a second one ends the process at once."""
-    loop = asyncio.get_running_loop()
-    stopped: asyncio.Future[None] = loop.create_future()
-
-    def stop(number: int) -> None:
-        if stopped.done():
-            os._exit(128 + number)
-        _log.info("%s: stopping", signal.Signals(number).name)
-        stopped.set_result(None)
-
-    for number in _STOP_SIGNALS:
-        loop.add_signal_handler(number, stop, number)
-    return stopped
 
 
 def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
@@ -179,8 +162,12 @@ class _OneLine(logging.Formatter):
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's own name
         record.name = record.name.removeprefix("rosbridge_sim.")
-        record.message = "".join(c if c.isprintable() else repr(c)[1:-1] for c in record.message)
+        record.message = "".join(c if c.isprintable() else repr(c)[1:-1] for c in record.message)[:_MAX_SHOWN]
         return super().formatMessage(record)
+
+
+_MAX_SHOWN = 1_000
+"""Characters of a line on stderr: one that was cut already (`log_limits.py`) may grow tenfold by what is escaped."""
 
 
 def _start_log(level: str) -> None:

@@ -471,7 +471,7 @@ class Peer:
         self.session.set_level(op.level)
 
     def _status(self, op: ops.Status, _now: float) -> None:
-        _log.info("%s says: [%s] %s", self.address, op.level, op.msg)
+        _log.info("%s says: [%s] %s", self.address, op.level, op.msg, extra={"client": self.address})
 
     def _auth(self, op: ops.Auth, _now: float) -> None:
         """Nothing to check: no token is wanted here."""

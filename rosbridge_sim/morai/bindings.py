@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rosbridge_sim.graph.bus import Bus, Handle, Owner, Subscription, Topic
+from rosbridge_sim.graph.bus import Bus, Call, Handle, Owner, Subscription, Topic
 from rosbridge_sim.morai.items import Item, Items, why_no_topic
 from rosbridge_sim.morai.network_settings import ItemKind
 from rosbridge_sim.schema.store import Message
@@ -45,7 +45,13 @@ class Bindings:
         Raises:
             TypeNameError: there is no such type.
         """
-        self._add(_Service(name, self.prefix, type_name, handle), is_everywhere=is_everywhere)
+        check_open = self._items.check_open
+
+        def handle_while_open(call: Call, now: float) -> None:
+            check_open()
+            handle(call, now)
+
+        self._add(_Service(name, self.prefix, type_name, handle_while_open), is_everywhere=is_everywhere)
 
     def listen(self, name: str, type_name: str, take: Take, *, is_everywhere: bool = True) -> None:
         """Take what is published on a topic.
@@ -60,7 +66,13 @@ class Bindings:
             GraphError: somebody has given the topic another type.
             TypeNameError: there is no such type.
         """
-        self._add(_Subscriber(name, self.prefix, type_name, take), is_everywhere=is_everywhere)
+        check_open = self._items.check_open
+
+        def take_while_open(message: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+            check_open()
+            take(message, sender, now)
+
+        self._add(_Subscriber(name, self.prefix, type_name, take_while_open), is_everywhere=is_everywhere)
 
     def service(self, name: str) -> str:
         """What the service of that default name is called."""

@@ -28,16 +28,18 @@ _CLASSES: Final = {Kind.EGO: 0, Kind.VEHICLE: 0, Kind.PEDESTRIAN: 1, Kind.OBSTAC
 class Archive(Protocol):
     """Where captures go; the shell writes them to the disk."""
 
-    def save(self, folder: str, name: str, files: Mapping[str, bytes]) -> None:
+    def save(self, folder: str, name: str, files: Mapping[str, bytes], source: str) -> None:
         """Write the files of one capture: all of them, or none.
 
         Args:
             folder: as a client names it; empty for the usual one.
             name: of the capture, as a client or we have it. Where it is taken, `NAME_2` and so on serves.
             files: contents by names in which `{}` stands for the capture's.
+            source: the topic or service that asked for it, for the log.
 
         Raises:
-            DocumentError: one line for the client: the folder is out of bounds, the name is none, or the disk says no.
+            DocumentError: one line for the client: the folder is out of bounds, the name is none, the quota is used up,
+                or the disk says no.
         """
 
 

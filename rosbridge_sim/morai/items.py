@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from rosbridge_sim.errors import DocumentError, TypeNameError, hint
+from rosbridge_sim.errors import DocumentError, GraphError, TypeNameError, hint
 from rosbridge_sim.graph.bus import Bus, Owner
 from rosbridge_sim.morai.network_settings import DEFAULTS, Choice, ItemKind, NetworkSettings, split_prefix
 
@@ -103,11 +103,13 @@ class Items:
 
     Attributes:
         settings: those in force.
+        why_closed: why services and input topics refuse everything; None while they do not.
     """
 
     def __init__(self, owner: Owner, bus: Bus, settings: NetworkSettings = DEFAULTS) -> None:
         """No items yet, and closed."""
         self.settings = settings
+        self.why_closed: str | None = None
         self._owner = owner
         self._bus = bus
         self._items: list[Item] = []
@@ -149,6 +151,15 @@ class Items:
         self._is_open = True
         for item in self._items:
             self._place(item, self.settings, 0.0)
+
+    def check_open(self) -> None:
+        """Refuse a call or a message while the simulator cannot serve it.
+
+        Raises:
+            GraphError: it cannot, and the text says why.
+        """
+        if self.why_closed is not None:
+            raise GraphError(self.why_closed)
 
     def remove(self, items: Sequence[Item], now: float) -> None:
         """Let go of some items for good."""

@@ -71,6 +71,7 @@ class NodeSettings:
         sync_lease: silence after which a master is lost [s]; None counts departures only.
         sync_on_loss: what becomes of the world when the master is lost.
         anyone_may_stop: let others than the master stop synchronous mode.
+        on_world_failure: raise an exception of a step to the caller of `advance`, or stand still and refuse everything.
     """
 
     profile: Profile = MANUAL
@@ -82,6 +83,7 @@ class NodeSettings:
     sync_lease: float | None = None
     sync_on_loss: Literal["run", "pause", "wait"] = "run"
     anyone_may_stop: bool = False
+    on_world_failure: Literal["exit", "serve"] = "exit"
 
 
 class Node:
@@ -95,6 +97,7 @@ class Node:
         camera_index: the ego that a client wants to be looked at, whether there is one or not.
         is_moving: frames are being computed right now.
         num_ticks: ticks carried out.
+        failure: why the world stands still for good; None while it does not.
         afterwards: what is to be done once the frame in hand has gone out; commands put it there, frame by frame.
     """
 
@@ -142,6 +145,9 @@ class Node:
         )
         self.is_moving = False
         self.num_ticks = 0
+        self.failure: str | None = None
+        self._failed_by: Exception | None = None
+        self._is_serving_on = settings.on_world_failure == "serve"
         self.afterwards: list[Command] = []
         self._pace = Pace()
         self._told: dict[Owner, set[str]] = {}
@@ -180,7 +186,21 @@ class Node:
             now: monotonic time [s].
 
         Call it again at `next_due`.
+
+        Raises:
+            Exception: a step has failed, here or in a tick since the last call. With `on_world_failure` "serve" nothing
+                is raised: the simulator stands still and refuses everything from then on.
         """
+        if self._failed_by is not None:
+            self._give_up_unless_serving(self._failed_by)
+            return
+        try:
+            self._advance(now)
+        except Exception as error:  # noqa: BLE001 - our own bug, whatever it is
+            self._fail(error)
+            self._give_up_unless_serving(error)
+
+    def _advance(self, now: float) -> None:
         lost = self.sync.expire(now)
         if lost is not None:
             self._lose(lost, now)
@@ -207,6 +227,8 @@ class Node:
 
     def next_due(self, now: float) -> float | None:
         """When `advance` has something to do next [s]; None while only a call can move the world."""
+        if self.failure is not None:
+            return None if self._is_serving_on else now
         dues = [self.sync.lease_due]
         if self.sync.is_free:
             dues += [self._pace.due_at if self._pace.is_started else now, self._outputs.repeat_due]
@@ -218,11 +240,19 @@ class Node:
         return self._pace.num_stalls
 
     def tick(self, now: float) -> None:
-        """Move the world by one time step, and publish every frame of it. For an accepted tick alone."""
+        """Move the world by one time step, and publish every frame of it. For an accepted tick alone.
+
+        Raises:
+            GraphError: a step has failed: the world stands still for good.
+        """
         self.is_moving = True
         try:
             for left in range(self.sync.num_frames - 1, -1, -1):
                 self._compute(now, is_tick=True, is_last=left == 0)
+        except Exception as error:
+            self._fail(error)
+            assert self.failure is not None
+            raise GraphError(self.failure) from error
         finally:
             self.is_moving = False
         self.num_ticks += 1
@@ -244,6 +274,24 @@ class Node:
         while self.afterwards:
             self.afterwards.pop(0)(now)
         self._settle(now)
+
+    def _fail(self, error: Exception) -> None:
+        """Stand still for good: half a step cannot be taken back. Refuse what waits for an answer and what comes."""
+        self._failed_by = error
+        self.failure = self.items.why_closed = f"the world has failed: {error!r:.200}"
+        if self._is_serving_on:
+            _log.critical(
+                "the world has failed and stands still; this is a bug of ours. Everything else goes on, as"
+                " --on-world-failure serve says; restart to have the world again",
+                exc_info=error,
+            )
+            for service in list(self.bus.holdings(self).services):
+                for call in list(service.calls):
+                    call.refuse(self.failure)
+
+    def _give_up_unless_serving(self, error: Exception) -> None:
+        if not self._is_serving_on:
+            raise error
 
     def _place(self) -> None:
         """Within a step: the parts put whom they move where they are to stand."""
@@ -276,6 +324,8 @@ class Node:
     def _see_off(self, owner: Owner, now: float) -> None:
         """A peer has left the bus."""
         self._told.pop(owner, None)
+        if self.failure is not None:
+            return
         for part in self._parts:
             part.see_off(owner, now)
         lost = self.sync.leave(owner)

@@ -92,19 +92,25 @@ class Sensors(Part):
     def bind_ego(self, ego: Ego, bindings: Bindings) -> None:
         """What each ego has of its own."""
         bindings.listen("SensorPosControl", "SensorPosControl", partial(self._move, ego))
-        bindings.listen("SaveSensorData", "SaveSensorData", partial(self._save_as_told, ego))
+        bindings.listen("SaveSensorData", "SaveSensorData", partial(self._save_as_told, ego, bindings))
 
     def forget(self) -> None:
         """The world has begun anew: the sensors sit where they sat."""
         for ego in self._node.egos:
             ego.mountings = dict.fromkeys(SENSORS, Mounting())
 
-    def capture(self, ego: Ego, caller: Owner) -> None:
-        """Save what an ego's sensors see in this frame under the frame's number; the caller hears of a mishap."""
+    def capture(self, ego: Ego, caller: Owner, service: str) -> None:
+        """Save what an ego's sensors see in this frame under the frame's number; the caller hears of a mishap.
+
+        Args:
+            ego: whose sensors.
+            caller: of the service.
+            service: its name.
+        """
         if not ego.is_there:
             return
         try:
-            self._save(ego, "", "")
+            self._save(ego, "", "", f"sensor_capture of {service}")
         except DocumentError as error:
             caller.tell("error", f"sensor_capture: {error}")
 
@@ -141,17 +147,17 @@ class Sensors(Part):
         self._node.announce_mounts(now)
         _log.debug("ego %d: %s moved by %s", ego.index, ", ".join(moved) or "no sensor", sender.name)
 
-    def _save_as_told(self, ego: Ego, message: Any, _sender: Owner, _now: float) -> None:  # noqa: ANN401 - as above
+    def _save_as_told(self, ego: Ego, bindings: Bindings, message: Any, _sender: Owner, _now: float) -> None:  # noqa: ANN401 - as above
         where = "morai_msgs/SaveSensorData"
         name = message.custom_file_name if message.is_custom_file_name else ""
         if message.is_custom_file_name and not name:
             raise FieldError(f"{where}.custom_file_name: expected a name, as is_custom_file_name says")
         try:
-            self._save(ego, message.file_dir, name)
+            self._save(ego, message.file_dir, name, bindings.topic("SaveSensorData"))
         except DocumentError as error:
             raise FieldError(f"{where}: {error}") from None
 
-    def _save(self, ego: Ego, folder: str, name: str) -> None:
+    def _save(self, ego: Ego, folder: str, name: str, source: str) -> None:
         """Save what an ego's sensors see in this frame.
 
         Raises:
@@ -159,7 +165,7 @@ class Sensors(Part):
         """
         if self._archive is None:
             raise DocumentError("there is no folder for data here")
-        self._archive.save(folder, name or f"frame_{self._node.world.frame:06d}", self._files(ego))
+        self._archive.save(folder, name or f"frame_{self._node.world.frame:06d}", self._files(ego), source)
 
     def _files(self, ego: Ego) -> Mapping[str, bytes]:
         world = self._node.world

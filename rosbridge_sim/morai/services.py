@@ -133,6 +133,7 @@ class Services(Part):
 
     def _sync_ctrl_cmd(self, ego: Ego, call: Call, now: float) -> None:
         request: Any = _request(call)
+        name = call.service.name
 
         def read() -> Command:
             control = self._node.convert.control(request.command)
@@ -140,7 +141,7 @@ class Services(Part):
             def carry_out(_now: float) -> None:
                 ego.control(control)
                 if request.sensor_capture:
-                    self._node.afterwards.append(lambda _now: self._sensors.capture(ego, call.caller))
+                    self._node.afterwards.append(lambda _now: self._sensors.capture(ego, call.caller, name))
 
             return carry_out
 

@@ -147,8 +147,11 @@ def decode_frame(frame: bytes) -> Iterator[Op | FrameError | None]:
         if too_much is not None:
             yield FrameError(f"Received a frame that is too heavy: {too_much}", _shown_id(frame))
             return
+        yield None
     op = decode_quickly(frame)
     if op is not None:
+        if len(frame) >= LONG:  # what it asks for is a long step of its own
+            yield None
         yield op
     else:
         yield from _decode_slowly(frame)

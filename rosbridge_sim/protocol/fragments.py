@@ -38,7 +38,7 @@ class Pieces:
         is_finished: all of them were taken.
     """
 
-    __slots__ = ("_id", "_num", "_size", "_text", "_total", "is_finished", "num_bytes")
+    __slots__ = ("_frame", "_id", "_num", "_size", "_text", "_total", "is_finished", "num_bytes")
 
     def __init__(self, frame: bytes, size: int, message_id: str) -> None:
         """Nothing is made yet.
@@ -51,17 +51,22 @@ class Pieces:
         """
         self.num_bytes = len(frame)
         self.is_finished = False
-        self._text = frame.decode()
-        self._size = max(MIN_SIZE, size, math.ceil(len(self._text) / MAX_PIECES))
-        self._total = math.ceil(len(self._text) / self._size)
+        self._frame = frame
+        self._text = ""
+        self._size = max(MIN_SIZE, size)
+        self._total = 0
         self._id = message_id
         self._num = 0
 
     def take(self, max_bytes: int) -> list[bytes]:
         """Make the next pieces: one at least, and about `max_bytes` in all."""
-        if self._total == 1:
+        if not self._total:
+            self._text = self._frame.decode()
+            self._size = max(self._size, math.ceil(len(self._text) / MAX_PIECES))
+            self._total = math.ceil(len(self._text) / self._size)
+        if self._total <= 1:
             self.is_finished = True
-            return [self._text.encode()]
+            return [self._frame]
         pieces: list[bytes] = []
         total = 0
         while self._num < self._total and (total < max_bytes or not pieces):

@@ -35,8 +35,11 @@ from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.access import Access, load_certificate
 from rosbridge_sim.shell.archive import DiskArchive
 from rosbridge_sim.shell.clockwork import Clock, Clockwork
+from rosbridge_sim.shell.descriptors import DescriptorWatch
 from rosbridge_sim.shell.kinds import URLS
+from rosbridge_sim.shell.log_limits import LineLimiter
 from rosbridge_sim.shell.networks import DiskNetworks
+from rosbridge_sim.shell.quota import DataQuota, in_thread
 from rosbridge_sim.shell.replays import DiskRecordings
 from rosbridge_sim.shell.reports import TOPICS, Reports
 from rosbridge_sim.shell.server import Server, ServerLimits
@@ -70,6 +73,7 @@ class Simulator:
         bus: where everybody meets; None before the start.
         node: the simulator itself; None before the start, and without a world.
         attachments: the bridges that it dials, once started.
+        descriptors: tells the log when no file descriptor is left; None before the start.
     """
 
     def __init__(self, settings: Settings | None = None, /, **options: object) -> None:
@@ -89,9 +93,12 @@ class Simulator:
         self.attachments: tuple[Attachment, ...] = ()
         self._server: Server | None = None
         self._clockwork: Clockwork | None = None
+        self.descriptors: DescriptorWatch | None = None
+        self._limiter: LineLimiter | None = None
         self._reports: Reports | None = None
         self._recorder: Recorder | None = None
         self._recordings: DiskRecordings | None = None
+        self._quota: DataQuota | None = None
         self._stopping: asyncio.Task[None] | None = None
 
     @property
@@ -112,7 +119,8 @@ class Simulator:
         if self._server is None or self._clockwork is None:
             return 0
         num_frames = self._server.num_bugs + sum(attachment.num_bugs for attachment in self.attachments)
-        return num_frames + self._clockwork.is_failed
+        is_standing = self.node is not None and self.node.failure is not None
+        return num_frames + (self._clockwork.is_failed or is_standing)
 
     async def __aenter__(self) -> Self:
         await self.start()
@@ -149,11 +157,18 @@ class Simulator:
         loop = asyncio.get_running_loop()
         recordings = DiskRecordings(settings.data_dir, texts, loop)
         republisher = Republisher(bus)
-        node = _make_node(bus, settings, recordings) if settings.world else None
+        node: Node | None = None
+        if settings.world:
+            self._quota = DataQuota(
+                settings.data_dir, settings.data_quota, settings.data_quota_files, aside=in_thread(loop)
+            )
+            node = _make_node(bus, settings, recordings, self._quota)
         clocks: list[Clock] = [republisher] if node is None else [node, republisher]
         clockwork = Clockwork(loop, bus, clocks, self._give_up)
         recordings.on_done = clockwork.look
         server = Server(bus, limits, clockwork.look)
+        if node is not None:
+            server.why_unhealthy = lambda: node.failure
         if settings.listen:
             try:
                 await server.start(settings.host, settings.port, certificate)
@@ -165,6 +180,9 @@ class Simulator:
         except DocumentError:
             await server.stop()
             raise
+        self._limiter = LineLimiter(loop)
+        self._limiter.start()
+        self.descriptors = DescriptorWatch(loop)
         self._reports = Reports(bus, server, loop)
         self._recordings = recordings
         self.bus, self.node, self._server, self._clockwork = bus, node, server, clockwork
@@ -202,15 +220,25 @@ class Simulator:
             self._clockwork.stop()
         if self._recordings is not None:
             self._recordings.stop()
+        if self._quota is not None:
+            self._quota.stop()
+        if self.descriptors is not None:
+            self.descriptors.stop()
         if self._reports is not None:
             self._reports.stop()
         if self._server is not None:
             await asyncio.gather(self._server.stop(), *(attachment.stop() for attachment in self.attachments))
+        self.close_recording()
+        if self._limiter is not None:
+            self._limiter.stop()
+
+    def close_recording(self) -> None:
+        """Finish the recording now, whatever else goes on; `stop` does it last. Twice is no error."""
         if self._recorder is not None:
             self._recorder.stop()
 
     async def wait(self) -> None:
-        """Wait until the world fails, which it never should.
+        """Wait until the world fails, which it never should; with `on_world_failure="serve"`, for ever.
 
         Raises:
             WorldFailedError: it has.
@@ -236,7 +264,7 @@ def list_items(settings: Settings) -> list[ListedItem]:
     return list(_make_node(bus, built_in, None).items.listing())
 
 
-def _make_node(bus: Bus, settings: Settings, recordings: Recordings | None) -> Node:
+def _make_node(bus: Bus, settings: Settings, recordings: Recordings | None, quota: DataQuota | None = None) -> Node:
     library = DiskLibrary(settings.scenario_path, settings.map)
     profile = choose_profile(
         settings.profile,
@@ -256,6 +284,7 @@ def _make_node(bus: Bus, settings: Settings, recordings: Recordings | None) -> N
         sync_lease=settings.sync_lease,
         sync_on_loss=settings.sync_on_loss,
         anyone_may_stop=settings.anyone_may_stop,
+        on_world_failure=settings.on_world_failure,
     )
     scenario = library.opening_scenario(settings.scenario)
     return make_node(
@@ -264,7 +293,7 @@ def _make_node(bus: Bus, settings: Settings, recordings: Recordings | None) -> N
         library,
         scenario,
         choices,
-        archive=DiskArchive(settings.data_dir),
+        archive=DiskArchive(settings.data_dir, quota),
         recordings=recordings,
         networks=DiskNetworks(settings.data_dir),
     )

@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.storage import MAX_NAME, PLAIN_NAME
+
+if TYPE_CHECKING:
+    from rosbridge_sim.shell.quota import DataQuota
 
 __all__ = ["OWN_NAME", "DiskArchive"]
 
@@ -32,37 +36,46 @@ _log = logging.getLogger("rosbridge_sim.storage")
 class DiskArchive:
     """Writes captures. A mistake of the client's is told to it alone, a failure of the disk to the log as well."""
 
-    def __init__(self, root: str | Path) -> None:
-        """An archive in a folder that is made when it is needed."""
+    def __init__(self, root: str | Path, quota: DataQuota | None = None) -> None:
+        """An archive in a folder that is made when it is needed; a quota of None is no limit."""
         self._root = Path(root)
+        self._quota = quota
         self._has_saved = False
 
-    def save(self, folder: str, name: str, files: Mapping[str, bytes]) -> None:
+    def save(self, folder: str, name: str, files: Mapping[str, bytes], source: str = "") -> None:
         """Write the files of one capture: all of them, or none.
 
         Args:
             folder: a path within `--data-dir`, from there or a full one; empty for `SensorData` in it.
             name: of the capture. Where one of its files is there already, `NAME_2` serves, then `NAME_3`, ...
             files: contents by names in which `{}` stands for the capture's.
+            source: the topic or service that asked for it, for the log.
 
         Raises:
-            DocumentError: one line for the client: the folder is out of bounds, the name is none, or the disk says no.
+            DocumentError: one line for the client: the folder is out of bounds, the name is none, the quota is used up,
+                or the disk says no.
         """
         if len(name) > MAX_NAME or not PLAIN_NAME.fullmatch(name):
             raise DocumentError(f"expected a plain file name without a folder, got {name[:80]!r}")
         place = self._find(folder)
         for pattern in files:
             self._check((place / pattern).parent, folder)
-        written: list[Path] = []
+        made: list[Path] = []
         try:
-            _write(place, name, files, written)
+            folders = _missing_folders((place / pattern).parent for pattern in files)
+            num_bytes, num_files = sum(map(len, files.values())), len(files) + len(folders)
+            if self._quota is not None:
+                self._quota.check(num_bytes, num_files)
+            _write(place, name, files, folders, made)
         except (OSError, ValueError) as error:  # a ValueError is a text that is no name of a file
-            for path in written:
+            for path in reversed(made):
                 with suppress(OSError):
-                    path.unlink()
+                    path.rmdir() if path in folders else path.unlink()
             why = (error.strerror if isinstance(error, OSError) else None) or str(error)
             _log.warning("%s: sensor data cannot be saved: %s", place, why)
             raise DocumentError(f"{name[:80]!r} cannot be saved: {why}") from None
+        if self._quota is not None:
+            self._quota.add(num_bytes, num_files, source)
         _log.log(logging.DEBUG if self._has_saved else logging.INFO, "sensor data saved in %s", place)
         self._has_saved = True
 
@@ -99,14 +112,29 @@ def _out_of_bounds(folder: str) -> DocumentError:
     return DocumentError(f"expected a folder within --data-dir, got {folder[:80] or USUAL_FOLDER!r}")
 
 
-def _write(place: Path, name: str, files: Mapping[str, bytes], written: list[Path]) -> None:
-    """Write all files; `written` tells of those that were begun, should one of them fail."""
+def _missing_folders(wanted: Iterable[Path]) -> list[Path]:
+    """The folders that must be made to have these, the outer ones first."""
+    missing: dict[Path, None] = {}
+    for folder in wanted:
+        inner: list[Path] = []
+        path = folder
+        while path not in missing and not os.path.lexists(path):
+            inner.append(path)
+            path = path.parent
+        missing |= dict.fromkeys(reversed(inner))
+    return list(missing)
+
+
+def _write(place: Path, name: str, files: Mapping[str, bytes], folders: Sequence[Path], made: list[Path]) -> None:
+    """Make the folders and write all files; `made` tells of those that were begun, should one of them fail."""
     free = _find_free(place, name, files)
+    for folder in folders:
+        folder.mkdir(exist_ok=True)
+        made.append(folder)
     for pattern, content in files.items():
         path = place / pattern.format(free)
-        path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("xb") as file:
-            written.append(path)
+            made.append(path)
             file.write(content)
 
 

@@ -3,7 +3,8 @@
 The bytes are rosbags' work; this file knows what that library leaves open. It holds a chunk back until it has a
 megabyte, which is minutes of a small topic: `flush` ends the chunk, so that what was written before a crash can be
 recovered whole (`repair.py`). It keeps an index entry of each message until the end, which fills the memory on a long
-drive: here only their number stays. And its errors of the disk are raised as `DocumentError`, one line each.
+drive: here only their number stays. And its errors of the disk are raised as `DocumentError`, one line each. `flush`
+and `close` notice a bag that was deleted or moved: the system itself would go on writing into nothing.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Protocol, cast
+from typing import Any, BinaryIO, Protocol, cast
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Writer as Writer1
@@ -29,7 +30,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.schema.names import Generation
 
-__all__ = ["Bag", "Channel", "generation_of", "open_bag"]
+__all__ = ["Bag", "BagGoneError", "Channel", "generation_of", "open_bag"]
 
 Channel = Connection
 """One topic in a bag."""
@@ -39,6 +40,10 @@ _NO_TIME = 2**63 - 1
 
 _DIGEST_SIZE = 32
 """Characters of an MD5 sum."""
+
+
+class BagGoneError(DocumentError):
+    """The file of a bag is not there any more; the bag is closed."""
 
 
 class Bag(Protocol):
@@ -63,10 +68,18 @@ class Bag(Protocol):
         """Add a message."""
 
     def flush(self) -> None:
-        """Hand what was written to the system, so that a crash of ours does not lose it."""
+        """Hand what was written to the system, so that a crash of ours does not lose it.
+
+        Raises:
+            BagGoneError: the file was deleted, moved or replaced. One that was moved has got its index.
+        """
 
     def close(self) -> None:
-        """Write the index; twice is no error."""
+        """Write the index; twice is no error.
+
+        Raises:
+            BagGoneError: as for `flush`.
+        """
 
     def abort(self) -> None:
         """Leave the file as it is, without an index."""
@@ -116,6 +129,22 @@ def _readable(path: Path) -> Iterator[None]:
         raise DocumentError(f"{path}: cannot be written: {text[0].lower()}{text[1:]}") from None
 
 
+def _why_gone(path: Path, file: BinaryIO) -> str | None:
+    """Why the file that is written is not the one at `path`; None where it is."""
+    held = os.fstat(file.fileno())
+    try:
+        there = path.stat()
+    except FileNotFoundError:
+        there = None
+    except OSError:  # a folder that may not be searched any more tells nothing about the file
+        return None
+    if there is not None and os.path.samestat(held, there):
+        return None
+    if held.st_nlink == 0:
+        return "was deleted while it was recorded: what was recorded is lost"
+    return "was moved or replaced while it was recorded: what was recorded until then is in the moved file"
+
+
 class _Bag1:
     """A ROS 1 bag, format 2.0, not compressed."""
 
@@ -149,6 +178,7 @@ class _Bag1:
 
     def flush(self) -> None:
         """See `Bag`."""
+        self._check_there()
         with _readable(self._path):
             self._writer.write_chunk(self._writer.chunks[-1])
             self._forget()
@@ -157,6 +187,18 @@ class _Bag1:
 
     def close(self) -> None:
         """See `Bag`."""
+        self._check_there()
+        self._finish()
+
+    def _check_there(self) -> None:
+        why = None if self._writer.bio is None else _why_gone(self._path, self._writer.bio)
+        if why is not None:
+            with suppress(DocumentError):
+                self._finish()
+            self.abort()
+            raise BagGoneError(f"{self._path}: {why}")
+
+    def _finish(self) -> None:
         if self._writer.bio is not None:
             with _readable(self._path):
                 self._writer.close()
@@ -217,6 +259,7 @@ class _Bag2:
 
     def flush(self) -> None:
         """See `Bag`."""
+        self._check_there()
         storage = self._storage
         if storage is None:
             return
@@ -227,6 +270,19 @@ class _Bag2:
 
     def close(self) -> None:
         """See `Bag`."""
+        self._check_there()
+        self._finish()
+
+    def _check_there(self) -> None:
+        storage = self._storage
+        why = None if storage is None else _why_gone(storage.path, storage.bio)
+        if why is not None:
+            with suppress(DocumentError):
+                self._finish()
+            self.abort()
+            raise BagGoneError(f"{self._path}: {why}")
+
+    def _finish(self) -> None:
         storage = self._storage
         if storage is None:
             return

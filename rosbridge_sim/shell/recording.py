@@ -6,7 +6,8 @@ simulation's time as its stamp. Bytes are those of the bag's ROS generation: the
 the same one, else these in the other's spelling, which rosbags knows. The few types that differ in more than that are
 read once more from their JSON text, as the other generation's.
 
-A disk that is full ends the recording and nothing else: the world goes on, and the log says so.
+A disk that is full ends the recording and nothing else, and so does a file that was deleted or moved, which is noticed
+at the next flush: the world goes on, and the log says so.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from rosbridge_sim.graph.policy import Rule
 from rosbridge_sim.schema.check import Shape
 from rosbridge_sim.schema.compile import MessageType
 from rosbridge_sim.schema.store import Message, Store
-from rosbridge_sim.shell.bags import Bag, Channel
+from rosbridge_sim.shell.bags import Bag, BagGoneError, Channel
 
 __all__ = ["PERIOD", "Recorder", "Scribe"]
 
@@ -221,6 +222,8 @@ class Recorder:
             self._leave()
             try:
                 self.scribe.close()
+            except BagGoneError as error:
+                _log.error("the recording has ended: %s", error)
             except DocumentError as error:
                 _log.error("the recording has no index: %s", error)
             else:
@@ -266,7 +269,8 @@ class Recorder:
         except DocumentError as error:
             self._leave()
             self.scribe.abort()
-            _log.error("the recording has ended: %s; `rosbridge-sim bag repair` makes it readable", error)
+            advice = "" if isinstance(error, BagGoneError) else "; `rosbridge-sim bag repair` makes it readable"
+            _log.error("the recording has ended: %s%s", error, advice)
             return False
         return True
 

@@ -24,7 +24,7 @@ from functools import partial
 from http import HTTPStatus
 from ipaddress import ip_address
 from time import perf_counter
-from typing import Any
+from typing import Any, Protocol
 
 from websockets.asyncio.server import Server as WebSocketServer
 from websockets.asyncio.server import ServerConnection, serve
@@ -40,6 +40,7 @@ from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.shell.access import Access, Warden
 from rosbridge_sim.shell.direct import DirectSocket
 from rosbridge_sim.shell.inflate import Deflated, LateDeflate, LateDeflateFactory, inflate
+from rosbridge_sim.shell.memory import LARGE_FRAME, MemoryReturn
 from rosbridge_sim.shell.turns import Turns
 
 __all__ = ["Client", "Server", "ServerLimits", "quiet"]
@@ -57,6 +58,12 @@ CLOSE_TIMEOUT = 1.0
 
 _NEVER = float("inf")
 
+TLS_TIMEOUT = 5.0
+"""How long a TLS handshake may take [s]: two round trips, with a slow phone far away half a second."""
+
+OPEN_TIMEOUT = 5.0
+"""How long a client may take from there to its whole request [s]: one packet of a real client."""
+
 
 @dataclass(frozen=True, slots=True)
 class ServerLimits:
@@ -70,6 +77,7 @@ class ServerLimits:
         outbox: what a client may leave unread.
         access: who may connect, and how fast a client may talk.
         policy: what a client may do.
+        tls_timeout, open_timeout: for the TLS handshake, and for the request after it [s].
     """
 
     max_frame_size: int = 16 * 2**20
@@ -80,6 +88,8 @@ class ServerLimits:
     outbox: OutboxLimits = field(default_factory=OutboxLimits)
     access: Access = field(default_factory=Access)
     policy: Policy = OPEN
+    tls_timeout: float = TLS_TIMEOUT
+    open_timeout: float = OPEN_TIMEOUT
 
 
 class _Socket(DirectSocket):
@@ -104,6 +114,16 @@ class _Socket(DirectSocket):
         super().connection_lost(exc)
 
 
+class ClientWatch(Protocol):
+    """What a client tells its server."""
+
+    def count_bug(self) -> None:
+        """Count a fault of ours that has shown while something was done for a client."""
+
+    def note_large_frame(self) -> None:
+        """Take note that a large frame came or went."""
+
+
 class Client:
     """One connected client: its socket, its outbox, its peer on the bus.
 
@@ -113,9 +133,7 @@ class Client:
         num_bytes_sent: what the transport was given [bytes].
     """
 
-    def __init__(
-        self, socket: _Socket, bus: Bus, limits: ServerLimits, turns: Turns, on_bug: Callable[[], None]
-    ) -> None:
+    def __init__(self, socket: _Socket, bus: Bus, limits: ServerLimits, turns: Turns, watch: ClientWatch) -> None:
         """A client that nothing is read from yet.
 
         Args:
@@ -123,7 +141,7 @@ class Client:
             bus: where it meets the others.
             limits: of what it may do.
             turns: when it may work.
-            on_bug: called for each fault of ours that shows while something is done for it.
+            watch: hears of what concerns the whole server.
         """
         self.socket = socket
         self.outbox = Outbox(limits.outbox, self._wake, self.carry)
@@ -138,7 +156,7 @@ class Client:
         self._access = limits.access
         self._max_frame_size = limits.max_frame_size
         self._turns = turns
-        self._on_bug = on_bug
+        self._watch = watch
         self._clock = socket.loop.time
         self._deadline: asyncio.TimerHandle | None = None
         self._is_woken = False
@@ -191,6 +209,8 @@ class Client:
             return True
         if work is None:
             return True
+        if len(message) >= LARGE_FRAME:
+            self._watch.note_large_frame()
         self._work = work
         return self._do_steps()
 
@@ -214,7 +234,7 @@ class Client:
         return True
 
     def _regret_frame(self) -> None:
-        self._on_bug()
+        self._watch.count_bug()
         _log.exception("a frame of %s could not be handled", self.peer.address)
         self.peer.tell("error", "The server failed on a message; its log says why")
 
@@ -297,6 +317,8 @@ class Client:
             frames = outbox.take(WRITE_SIZE)
             if frames:
                 num_bytes = socket.send_messages(frames)
+                if num_bytes >= LARGE_FRAME:
+                    self._watch.note_large_frame()
                 self.num_bytes_sent += num_bytes
                 left -= num_bytes
             if not frames or left <= 0:
@@ -354,6 +376,7 @@ class Server:
     Attributes:
         clients: who is connected now, in order of arrival.
         on_clients: called when somebody has come or gone.
+        why_unhealthy: asked for `/healthz`: why the server does not do all that it should; None where it does.
         num_bugs: frames whose handling failed by a fault of ours; each is in the log with its traceback.
         port: the real port, once started.
         addresses: on which it listens, without the port.
@@ -370,6 +393,7 @@ class Server:
         """
         self.clients: dict[Client, None] = {}
         self.on_clients: Callable[[], None] = lambda: None
+        self.why_unhealthy: Callable[[], str | None] = lambda: None
         self.num_bugs = 0
         self.port = 0
         self.addresses: tuple[str, ...] = ()
@@ -377,6 +401,7 @@ class Server:
         self._limits = limits
         self._on_change = on_change
         self._turns: Turns | None = None
+        self._memory: MemoryReturn | None = None
         self._server: WebSocketServer | None = None
         self._sockets: dict[_Socket, None] = {}
         self.is_loopback = False
@@ -388,12 +413,16 @@ class Server:
             OSError: the address cannot be had.
         """
         limits = self._limits
-        self._turns = Turns(asyncio.get_running_loop(), self._on_change)
+        loop = asyncio.get_running_loop()
+        self._turns, self._memory = Turns(loop, self._on_change), MemoryReturn(loop)
         self._server = await serve(
             self._serve,
             host,
             port,
             ssl=tls,
+            ssl_handshake_timeout=None if tls is None else limits.tls_timeout,
+            ssl_shutdown_timeout=None if tls is None else CLOSE_TIMEOUT,
+            open_timeout=limits.open_timeout,
             create_connection=partial(_Socket, self._sockets),  # type: ignore[arg-type] # it is only ever called
             process_request=self._process_request,
             compression=None,
@@ -412,6 +441,8 @@ class Server:
 
     async def stop(self) -> None:
         """Close every connection with code 1001 and stop listening; takes a second and a half at most."""
+        if self._memory is not None:
+            self._memory.stop()
         if self._server is not None:
             self._server.close()
             try:
@@ -425,7 +456,7 @@ class Server:
     async def _serve(self, socket: ServerConnection) -> None:
         assert isinstance(socket, _Socket)
         assert self._turns is not None, "it listens"
-        client = Client(socket, self._bus, self._limits, self._turns, self._count_bug)
+        client = Client(socket, self._bus, self._limits, self._turns, self)
         peer = client.peer
         self.clients[client] = None
         self.on_clients()
@@ -440,13 +471,22 @@ class Server:
             self._on_change()
             _log.info("%s left; %d connected now", peer.address, len(self.clients))
 
-    def _count_bug(self) -> None:
+    def count_bug(self) -> None:
+        """See `ClientWatch`."""
         self.num_bugs += 1
+
+    def note_large_frame(self) -> None:
+        """See `ClientWatch`."""
+        assert self._memory is not None, "it listens"
+        self._memory.note_large_frame()
 
     def _process_request(self, connection: ServerConnection, request: Request) -> Response | None:
         """Plain HTTP: None lets the WebSocket handshake go on."""
         path = request.path.partition("?")[0]
         if path == "/healthz":
+            why = self.why_unhealthy()
+            if why is not None:
+                return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, f"{why}\n")
             return connection.respond(HTTPStatus.OK, "ok\n")
         if path not in {"", "/"}:
             return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; rosbridge is at /\n")

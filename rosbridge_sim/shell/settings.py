@@ -168,10 +168,28 @@ class Settings:
         FOLDER,
         "folder of sensors' data, network settings and recordings to replay; made when it is needed",
     )
+    data_quota: int | None = _flag(
+        10 * _GIB,
+        _WORLD,
+        or_none(size(1024, 2**20 * _GIB), "none"),
+        "size that --data-dir may reach by what clients have written there; beyond it they are refused",
+    )
+    data_quota_files: int | None = _flag(
+        200_000,
+        _WORLD,
+        or_none(whole_number(1, 1_000_000_000), "none"),
+        "files and folders that --data-dir may come to hold in the same way",
+    )
     start: Literal["run", "sync"] = _flag(
         "run", _WORLD, choice_of("run", "sync"), "run in real time, or stand at frame 0 until a first master comes"
     )
     seed: int = _flag(0, _WORLD, whole_number(0, 2**32 - 1), "of all chance in the world")
+    on_world_failure: Literal["exit", "serve"] = _flag(
+        "exit",
+        _WORLD,
+        choice_of("exit", "serve"),
+        "after a bug of ours in a step of the world: end with code 1, or go on serving clients without the world",
+    )
 
     publishers: Mapping[str, Choice] = _flag(
         cast("Mapping[str, Choice]", {}),

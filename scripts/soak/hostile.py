@@ -17,22 +17,31 @@ from __future__ import annotations
 import argparse
 import asyncio
 import base64
-import json
 import sys
 import tempfile
 import zlib
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
 import cbor2
 import orjson
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-from harness import Bystander, GoneError, SoakError, WatchedServer, masked, open_raw
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from scripts.soak.harness import (
+    Bystander,
+    GoneError,
+    SoakError,
+    WatchedServer,
+    masked,
+    open_raw,
+)
 
 MB = 2**20
 LARGEST = 16 * MB
@@ -65,16 +74,9 @@ class Attacker:
         self._reading = asyncio.get_running_loop().create_task(self._read(reader))
 
     @classmethod
-    async def open(cls, port: int, offer: str = "") -> Attacker:
-        """Connect; `offer` is a line of the handshake."""
-        if not offer:
-            return cls(*await open_raw(port))
-        reader, writer = await open_raw(port, is_greeting=False)
-        head = "GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-        keys = "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n"
-        writer.write(f"{head}{keys}{offer}\r\n\r\n".encode())
-        await reader.readuntil(b"\r\n\r\n")
-        return cls(reader, writer)
+    async def open(cls, port: int) -> Attacker:
+        """Connect."""
+        return cls(*await open_raw(port))
 
     async def send(self, *frames: bytes) -> None:
         """Send whole WebSocket frames."""
@@ -109,7 +111,42 @@ class Attacker:
         self._heard.set()
 
 
-Act = Callable[["Scene"], Any]
+class CompressingAttacker(Attacker):
+    """One whose frames are compressed: they are texts, and the library makes them small."""
+
+    def __init__(self, connection: ClientConnection) -> None:
+        self._connection = connection
+        self._heard = asyncio.Event()
+        self._reading = asyncio.get_running_loop().create_task(self._listen())
+
+    @classmethod
+    async def open(cls, port: int) -> CompressingAttacker:
+        """Connect, and agree on permessage-deflate."""
+        return cls(await connect(f"ws://127.0.0.1:{port}", max_size=None, ping_interval=None, proxy=None))
+
+    async def send(self, *frames: bytes) -> None:
+        """Send WebSocket frames' texts."""
+        for frame in frames:
+            with suppress(ConnectionClosed):
+                await self._connection.send(unmasked(frame), text=True)
+
+    async def close(self) -> None:
+        """Be gone."""
+        self._connection.transport.abort()
+        await self._reading
+
+    async def _listen(self) -> None:
+        with suppress(ConnectionClosed):
+            async for data in self._connection:
+                if DONE in (data.encode() if isinstance(data, str) else data):
+                    self._heard.set()
+        self._heard.set()
+
+
+def unmasked(frame: bytes) -> bytes:
+    """The payload of a frame that `masked` has made."""
+    size = frame[1] & 0x7F
+    return frame[2 + {126: 2, 127: 8}.get(size, 0) + 4 :]
 
 
 @dataclass(slots=True)
@@ -119,8 +156,9 @@ class Row:
     Attributes:
         name: for the table.
         frames: what the attacker sends, whole WebSocket frames; made before the clock starts.
-        prepare: what goes before, as ops: of the attacker, and of listeners of their own.
+        before, listeners: ops that go before: of the attacker, and of a listener each.
         flags: of the server.
+        is_compressing: the attacker's messages are compressed.
         allowed_ms: for the bystander, above idle.
     """
 
@@ -129,9 +167,8 @@ class Row:
     before: Sequence[dict[str, Any]] = ()
     listeners: Sequence[dict[str, Any]] = ()
     flags: tuple[str, ...] = ()
-    offer: str = ""
+    is_compressing: bool = False
     allowed_ms: float = PAUSE_MS
-    after: Sequence[dict[str, Any]] = field(default=())
 
 
 def glued(op: bytes, size: int = LARGEST) -> bytes:
@@ -141,7 +178,8 @@ def glued(op: bytes, size: int = LARGEST) -> bytes:
 
 def op(**fields: object) -> bytes:
     """An op as a client writes it."""
-    return orjson.dumps(fields)
+    frame: bytes = orjson.dumps(fields)
+    return frame
 
 
 def png(text: bytes) -> bytes:
@@ -158,14 +196,7 @@ def png(text: bytes) -> bytes:
     file = b"\x89PNG\r\n\x1a\n" + b"".join(
         len(data).to_bytes(4, "big") + kind + data + zlib.crc32(kind + data).to_bytes(4, "big") for kind, data in parts
     )
-    return op(op="png", data=base64.b64encode(file).decode())
-
-
-def deflated(text: bytes) -> bytes:
-    """A compressed WebSocket message."""
-    coder = zlib.compressobj(9, wbits=-12)
-    data = coder.compress(text) + coder.flush(zlib.Z_SYNC_FLUSH)
-    return masked(data[:-4], 0xC1)
+    return b'{"op":"png","data":"' + base64.b64encode(file) + b'"}'
 
 
 def list_of(topic: str, message_type: str, name: str) -> bytes:
@@ -230,9 +261,9 @@ ROWS: tuple[Row, ...] = (
     Row("png of 16 MB of glued ops", lambda: [masked(png(glued(ZZZ)))]),
     Row(
         "permessage-deflate of 16 MB of glued ops",
-        lambda: [deflated(glued(ZZZ))],
+        lambda: [masked(glued(ZZZ))],
         flags=("--compression",),
-        offer="Sec-WebSocket-Extensions: permessage-deflate",
+        is_compressing=True,
     ),
     Row("10,000 glued captures", lambda: [calls("/SaveSensorData", 10_000, SAVE)]),
     Row("2,000 glued resets", lambda: [calls("/sim/reset", 2_000)]),
@@ -305,7 +336,7 @@ async def scene(row: Row, folder: Path) -> AsyncIterator[Scene]:
         bystander = Bystander(server.url)
         attackers: list[Attacker] = []
         try:
-            attacker = await Attacker.open(server.port, row.offer)
+            attacker = await (CompressingAttacker if row.is_compressing else Attacker).open(server.port)
             attackers.append(attacker)
             for fields in row.before:
                 await attacker.say(**fields)
@@ -364,7 +395,7 @@ async def play(row: Row, folder: Path, repeats: int, settling: float) -> Seen:
             await asyncio.sleep(settling)
             repeated_mb = server.figures().memory - idle_mb
         largest = max(map(len, frames)) / MB
-        if row.offer or row.name.startswith("png"):
+        if row.is_compressing or row.name.startswith("png"):
             largest = LARGEST / MB
         faults = []
         if longest_ms > idle_ms + row.allowed_ms:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import cbor2
 import orjson
 
-from rosbridge_sim.protocol.encodings import png_frame
+from rosbridge_sim.protocol.png import Picture
 from scripts.soak.harness import (
     PATIENCE,
     Client,
@@ -489,7 +489,10 @@ async def _send_pieces(place: Place, chance: random.Random) -> None:
         for number in range(chance.randrange(40)):  # beginnings of messages that never end
             await client.send("fragment", id=f"half-{number}", num=0, total=3, data="x" * 1000)
         await client.send_raw(orjson.dumps(pieces[-1]).decode())
-        picture = orjson.loads(png_frame(op.replace("call-1", "call-2").encode()))["data"]
+        drawn = Picture(op.replace("call-1", "call-2").encode())
+        while not drawn.work():
+            pass
+        picture = orjson.loads(drawn.frame or b"")["data"]
         cut = chance.randrange(len(picture))
         await client.send("png", data=picture[:cut] + "AAAA" + picture[cut + 4 :])
         await client.send("png", data=picture)

@@ -161,9 +161,10 @@ class Drawer:
         self.saved: list[tuple[str, str, dict[str, str]]] = []
         self.refusal: str | None = None
 
-    def save(self, folder: str, name: str, files: Mapping[str, bytes]) -> None:
+    def save(self, folder: str, name: str, files: Mapping[str, bytes], source: str) -> None:
         if self.refusal is not None:
             raise DocumentError(self.refusal)
+        assert source
         self.saved.append((folder, name, {file: content.decode() for file, content in files.items()}))
 
 

@@ -14,6 +14,7 @@ from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.bus import Answer, Bus, Owner, Topic
 from rosbridge_sim.morai.node import MAX_FRAMES
 from rosbridge_sim.morai.releases import FIELD
+from rosbridge_sim.morai.replays.recorded import Reading, Then
 from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.morai.stage import FIRST_EGO
 from rosbridge_sim.schema.store import Message
@@ -348,6 +349,95 @@ def test_a_silent_master_is_lost_after_the_lease() -> None:
 
 
 # Names that are the simulator's own
+
+
+# A step that fails
+
+
+def break_world(stand: Stand) -> None:
+    """Let the next step fail in its middle."""
+
+    def fail() -> None:
+        raise ZeroDivisionError("planted")
+
+    stand.node._placing.append(fail)
+
+
+WHY = "the world has failed: ZeroDivisionError('planted')"
+
+
+def test_step_that_fails_in_real_time_is_raised_again_and_again() -> None:
+    stand = Stand()
+    break_world(stand)
+    stand.node.advance(stand.now)
+    for later in (1.0, 2.0):
+        with pytest.raises(ZeroDivisionError, match="planted"):
+            stand.node.advance(stand.now + later)
+        assert stand.node.next_due(stand.now) == stand.now
+    assert stand.node.failure == WHY
+    assert stand.world.frame == 0
+
+
+def test_tick_that_fails_is_refused_and_raised_at_the_next_turn() -> None:
+    stand = Stand(start="sync")
+    client = stand.client()
+    client.start()
+    break_world(stand)
+    for _ in range(2):
+        assert client.refused("/SyncModeWaitForTick", user_id="me", frame=1) == WHY
+    assert stand.node.next_due(stand.now) == stand.now
+    with pytest.raises(ZeroDivisionError, match="planted"):
+        stand.node.advance(stand.now)
+
+
+@pytest.mark.parametrize("start", ["run", "sync"])
+def test_node_that_serves_on_stands_still_and_refuses_everything(start: str, caplog: pytest.LogCaptureFixture) -> None:
+    stand = Stand(start=start, on_world_failure="serve")
+    client, master = stand.client(), stand.client()
+    client.listen("/Ego_topic", "/SyncModeInfo")
+    break_world(stand)
+    if start == "run":
+        stand.run(1.0)
+    else:
+        master.start()
+        assert master.refused("/SyncModeWaitForTick", user_id="me", frame=1) == WHY
+    num_heard = len(client.heard)
+    stand.run(1.0)
+    for service in ("/SyncModeCmd", "/SyncModeWaitForTick", "/Service_MoraiEventCmd", "/sim/reset", "/Morai_SimProc"):
+        answer = client.call(service, {})
+        assert (answer.is_ok, answer.values) == (False, WHY)
+    for topic, name in (
+        ("/ctrl_cmd", "CtrlCmd"),
+        ("/ScenarioLoad", "ScenarioLoad"),
+        ("/InsnControl", "IntersectionControl"),
+    ):
+        with pytest.raises(GraphError, match="the world has failed"):
+            client.send(topic, f"morai_msgs/{name}")
+    master.leave()
+    assert stand.world.frame == 0
+    assert stand.node.next_due(stand.now) is None
+    assert len(client.heard) == num_heard
+    (record,) = (record for record in caplog.records if record.levelno == logging.CRITICAL)
+    assert record.exc_info is not None
+
+
+def test_call_in_flight_is_refused_when_the_world_fails() -> None:
+    stand = Stand(recordings=NeverRead(), on_world_failure="serve")
+    client = stand.client()
+    answers: list[Answer] = []
+    request: dict[str, object] = {"request": {"sim_process_status": 1, "replay_option": 1, "rosbag_file_name": "drive"}}
+    stand.bus.call(client, "/Morai_SimProc", request, answers.append, now=stand.now)
+    assert answers == []
+    break_world(stand)
+    stand.run(1.0)
+    assert [(answer.is_ok, answer.values) for answer in answers] == [(False, WHY)]
+
+
+class NeverRead:
+    """Recordings that take for ever."""
+
+    def read(self, name: str, reading: Reading, then: Then) -> None:
+        """Leave the caller waiting."""
 
 
 def test_its_names_are_its_own() -> None:

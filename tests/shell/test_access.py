@@ -9,7 +9,7 @@ import ssl
 import subprocess
 import sys
 from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import AsyncExitStack
+from contextlib import AsyncExitStack, suppress
 from datetime import UTC, datetime, timedelta
 from ipaddress import ip_address
 from pathlib import Path
@@ -18,6 +18,7 @@ from urllib.parse import quote
 
 import pytest
 import pytest_asyncio
+import uvloop
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
@@ -611,6 +612,38 @@ async def test_who_speaks_plainly_to_a_port_with_a_certificate_disturbs_nobody(
             await sim.stop()
         silent.transport.abort()
     assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
+
+
+@pytest.mark.parametrize("is_tls", [True, False])
+@pytest.mark.parametrize("loop_factory", [asyncio.new_event_loop, uvloop.new_event_loop], ids=["asyncio", "uvloop"])
+def test_connection_that_does_not_get_to_its_request_is_closed_in_time(
+    certificate: Certificate, loop_factory: Callable[[], asyncio.AbstractEventLoop], *, is_tls: bool
+) -> None:
+    limits = ServerLimits(tls_timeout=0.05, open_timeout=0.05)
+
+    async def connect_and_wait(port: int, first: bytes) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(first)
+        with suppress(ConnectionError):
+            while await reader.read(1024):
+                pass
+        writer.close()
+
+    async def check() -> None:
+        server = Server(Bus(make_store()), limits, lambda: None)
+        tls = load_certificate(certificate.certfile, certificate.keyfile) if is_tls else None
+        await server.start("127.0.0.1", 0, tls)
+        hello = b"\x16\x03\x01\x02\x00\x01" if is_tls else b"GET / HTTP/1.1\r\nHost: x\r\n"  # the rest never comes
+        async with asyncio.timeout(PATIENCE):
+            await asyncio.gather(*(connect_and_wait(server.port, first) for first in (b"", hello) for _ in range(20)))
+        await server.stop()
+
+    with asyncio.Runner(loop_factory=loop_factory) as runner:
+        runner.run(check())
+
+
+def test_handshakes_have_seconds_and_not_a_minute() -> None:
+    assert ServerLimits().tls_timeout == ServerLimits().open_timeout == 5.0
 
 
 @pytest.mark.slow

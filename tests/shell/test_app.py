@@ -213,6 +213,58 @@ async def test_world_that_fails_is_told_and_everybody_is_sent_away(
     assert records[0].exc_info is not None
 
 
+async def test_tick_that_fails_ends_it_as_a_step_in_real_time_does(connect: Connect) -> None:
+    sim = await Simulator(port=0, start="sync").__aenter__()
+    client = await connect(sim.url)
+    await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)
+    assert sim.node is not None
+    sim.node._placing.append(lambda: 1 // 0)  # type: ignore[arg-type] # as good a bug as any
+    answer = await client.call("/SyncModeWaitForTick", {"request": {"user_id": "me", "frame": 1}})
+    assert (answer["result"], answer["values"][:40]) == (False, "the world has failed: ZeroDivisionError("[:40])
+    with pytest.raises(WorldFailedError):
+        await sim.__aexit__(None, None, None)
+
+
+async def test_gateway_goes_on_without_a_world_that_has_failed(
+    connect: Connect, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with Simulator(port=0, on_world_failure="serve") as sim:
+        client, other = await connect(sim.url), await connect(sim.url)
+        assert (await get(sim.port, "/healthz"))[0] == 200
+        assert sim.node is not None
+        sim.node._placing.append(lambda: 1 // 0)  # type: ignore[arg-type] # as good a bug as any
+        await client.send("subscribe", topic="/rosout", type="rosgraph_msgs/Log")
+        await client.message_where("/rosout", lambda line: line["level"] == 16)
+        status, body = await get(sim.port, "/healthz")
+        assert (status, body[:21]) == (503, "the world has failed:")
+        answer = await client.call("/Service_MoraiVehicleSpec")
+        assert (answer["result"], answer["values"][:21]) == (False, "the world has failed:")
+        await client.send("publish", topic="/ctrl_cmd", type="morai_msgs/CtrlCmd", msg={}, id="pedal")
+        assert (await client.take("status", id="pedal"))["msg"].startswith("the world has failed: ")
+        await other.send("subscribe", topic="/chat", type="std_msgs/String")
+        await other.settle()
+        await client.send("publish", topic="/chat", type="std_msgs/String", msg={"data": "hello"})
+        assert (await other.message("/chat"))["data"] == "hello"
+        assert "/chat" in (await other.values("/rosapi/topics"))["topics"]
+        await other.send("advertise_service", service="/silent", type="std_srvs/Trigger")
+        await other.settle()
+        slow = await client.call("/silent", timeout=0.05)  # the bus's own clock goes on
+        assert "Timeout" in slow["values"]
+        assert sim.num_bugs == 1
+    assert [record.exc_info is not None for record in caplog.records if record.levelno == logging.CRITICAL] == [True]
+
+
+async def get(port: int, path: str) -> tuple[int, str]:
+    """The status and the body of a page."""
+    async with asyncio.timeout(PATIENCE):
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(f"GET {path} HTTP/1.1\r\nHost: x\r\n\r\n".encode())
+        answer = (await reader.read()).decode()
+        writer.close()
+        await writer.wait_closed()
+    return int(answer.split()[1]), answer.partition("\r\n\r\n")[2]
+
+
 # It does not start
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.archive import DiskArchive
+from rosbridge_sim.shell.quota import DataQuota
 
 FILES = {"GPS_{}.csv": b"a,b\n1,2\n", "Ego-2/BOXES_{}.txt": b""}
 
@@ -147,6 +148,28 @@ def test_a_full_disk_is_a_line_in_the_log_and_leaves_no_half_capture(
     assert tree(root) == []
     assert [record.levelno for record in caplog.records] == [logging.WARNING]
     assert caplog.messages[0].endswith("SensorData: sensor data cannot be saved: No space left on device")
+
+
+@pytest.mark.parametrize(("max_bytes", "max_files"), [(2 * 8 - 1, None), (None, 2 * 2 + 3)])
+def test_capture_beyond_the_quota_is_refused_whole(root: Path, max_bytes: int | None, max_files: int | None) -> None:
+    root.mkdir(parents=True)
+    archive = DiskArchive(root, DataQuota(root, max_bytes, max_files, aside=never))
+    files = {"Ego-2/GPS_{}.csv": b"12345678", "Ego-2/IMU_{}.csv": b""}
+    archive.save("", "a", files)
+    with pytest.raises(DocumentError, match="the quota of --data-dir is used up"):
+        archive.save("new/folder", "b", files)
+    assert sorted(path.name for path in root.rglob("*")) == ["Ego-2", "GPS_a.csv", "IMU_a.csv", "SensorData"]
+
+
+def never(_work: object, _done: object) -> None:
+    """Nothing here takes longer."""
+
+
+def test_folders_of_a_capture_that_failed_are_taken_away_again(root: Path) -> None:
+    root.mkdir(parents=True)
+    with pytest.raises(DocumentError, match="cannot be saved"):
+        DiskArchive(root).save("a/b", "x" * 199, {"one/{}": b"", "two/" + "y" * 99 + "{}": b""})
+    assert list(root.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ["\ud800", "x" * 200])

@@ -88,6 +88,17 @@ async def test_client_of_a_bridge_ticks_the_world_behind_it(connect: Connect) ->
 
 
 @pytest.mark.slow
+async def test_caller_behind_a_bridge_is_told_that_the_world_has_failed(connect: Connect) -> None:
+    async with gateway() as bridge, attached(bridge.url, start="run", on_world_failure="serve") as sim:
+        client = await connect(bridge.url)
+        assert sim.node is not None
+        sim.node._placing.append(lambda: 1 // 0)  # type: ignore[arg-type] # as good a bug as any
+        await until(lambda: sim.node is not None and sim.node.failure is not None)
+        for _ in range(2):
+            answer = await client.call("/Service_MoraiVehicleSpec")
+            assert (answer["result"], answer["values"][:21]) == (False, "the world has failed:")
+
+
 async def test_command_on_a_bridge_drives(connect: Connect) -> None:
     async with gateway() as bridge, attached(bridge.url, start="run"):
         client = await connect(bridge.url)

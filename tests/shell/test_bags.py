@@ -13,7 +13,7 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.shell.bags import Bag, open_bag
+from rosbridge_sim.shell.bags import Bag, BagGoneError, open_bag
 from rosbridge_sim.shell.storage import read_definitions
 from tests.shell.bag_reading import read_bag
 
@@ -147,3 +147,58 @@ def test_disk_that_takes_no_more_is_one_line(
         bag.flush()
     bag.abort()
     bag.abort()
+
+
+def file_of(path: Path) -> Path:
+    """The file that is written: the bag itself, or the one in its folder."""
+    return path / f"{path.name}.mcap" if path.is_dir() else path
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("step", ["flush", "close"])
+def test_bag_that_was_deleted_says_so_and_is_closed(
+    tmp_path: Path, stores: dict[Generation, Store], name: str, step: str
+) -> None:
+    path = tmp_path / name
+    bag = open_bag(path)
+    fill(bag, stores[bag.ros], 3)
+    bag.flush()
+    file_of(path).unlink()
+    with pytest.raises(BagGoneError) as caught:
+        getattr(bag, step)()
+    assert str(caught.value) == f"{path}: was deleted while it was recorded: what was recorded is lost"
+    bag.abort()
+    bag.close()
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("step", ["flush", "close"])
+@pytest.mark.parametrize("is_replaced", [True, False])
+def test_bag_that_was_moved_gets_its_index_where_it_is_now(
+    tmp_path: Path, stores: dict[Generation, Store], name: str, step: str, *, is_replaced: bool
+) -> None:
+    path = tmp_path / name
+    bag = open_bag(path)
+    fill(bag, stores[bag.ros], 3)
+    moved = tmp_path / f"moved{file_of(path).suffix}"
+    original = file_of(path)
+    original.rename(moved)
+    if is_replaced:
+        original.write_text("somebody's notes")
+    with pytest.raises(BagGoneError, match="was moved or replaced while it was recorded"):
+        getattr(bag, step)()
+    bag.abort()
+    bag.close()
+    assert [message.data for _, _, message in read_bag(moved)] == ["hello 0", "hello 1", "hello 2"]
+    assert not is_replaced or original.read_text() == "somebody's notes"
+
+
+def test_folder_that_was_moved_has_its_index_too(tmp_path: Path, stores: dict[Generation, Store]) -> None:
+    path = tmp_path / "drive"
+    bag = open_bag(path)
+    fill(bag, stores[2], 3)
+    path.rename(tmp_path / "moved")
+    with pytest.raises(BagGoneError, match="was moved or replaced"):
+        bag.flush()
+    assert len(read_bag(tmp_path / "moved" / "drive.mcap")) == 3
+    assert not path.exists()

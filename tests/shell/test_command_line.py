@@ -10,6 +10,7 @@ import socket
 import subprocess
 import sys
 from pathlib import Path
+from urllib.error import HTTPError
 from urllib.request import urlopen
 
 import pytest
@@ -17,7 +18,7 @@ from websockets.exceptions import ConnectionClosed
 
 from rosbridge_sim import __main__, __version__
 from tests.conftest import Connect, Serve
-from tests.support import PATIENCE, ROOT
+from tests.support import PATIENCE, ROOT, read_line
 
 
 def run(*words: str, code: str | None = None, **environ: str) -> subprocess.CompletedProcess[str]:
@@ -128,6 +129,34 @@ def test_first_line_and_health(serve: Serve) -> None:
 
 
 @pytest.mark.slow
+def test_server_without_its_world_is_unhealthy_and_ends_with_code_0(tmp_path: Path) -> None:
+    code = "import sys; from rosbridge_sim.morai import node; node.step = None; "
+    code += "from rosbridge_sim.__main__ import main; sys.exit(main())"
+    words = ["serve", "--port", "0", "--on-world-failure", "serve"]
+    with (tmp_path / "log.txt").open("wb") as log:
+        process = subprocess.Popen(
+            [sys.executable, "-c", code, *words], cwd=ROOT, stdout=subprocess.PIPE, stderr=log, text=True
+        )
+    with process:
+        status, body = first_unhealthy(int(read_line(process).strip().rpartition(":")[2]))
+        assert (status, body[:31]) == (503, b"the world has failed: TypeError")
+        process.terminate()
+        assert process.wait(PATIENCE) == 0
+    text = (tmp_path / "log.txt").read_text()
+    assert text.count("Traceback") == text.count("CRITICAL") == 1
+
+
+def first_unhealthy(port: int) -> tuple[int, bytes]:
+    """The first answer of the health page that is not 200."""
+    while True:
+        try:
+            urlopen(f"http://127.0.0.1:{port}/healthz", timeout=PATIENCE).close()
+        except HTTPError as error:
+            with error:
+                return error.code, error.read()
+
+
+@pytest.mark.slow
 def test_environment_and_file_reach_the_server(serve: Serve, tmp_path: Path) -> None:
     (tmp_path / "s.toml").write_text('host = "localhost"\nport = 1\n')
     server = serve(env={"ROSBRIDGE_SIM_CONFIG": str(tmp_path / "s.toml"), "ROSBRIDGE_SIM_SYNC_LAESE": "1"})
@@ -136,7 +165,7 @@ def test_environment_and_file_reach_the_server(serve: Serve, tmp_path: Path) -> 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 async def test_signal_ends_it_with_code_0_and_tells_the_clients(
     serve: Serve, connect: Connect, number: signal.Signals
 ) -> None:

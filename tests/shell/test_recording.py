@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import resource
+import shutil
 from pathlib import Path
 from typing import Literal
 
@@ -139,6 +140,40 @@ async def test_full_disk_ends_the_recording_and_nothing_else(
     assert len(errors) == 1
     assert "the recording has ended: " in errors[0]
     assert "a.bag: cannot be written: file too large" in errors[0]
+
+
+@pytest.mark.parametrize("name", ["a.bag", "a.mcap", "a"])
+async def test_file_that_was_deleted_ends_the_recording_and_nothing_else(
+    tmp_path: Path, connect: Connect, caplog: pytest.LogCaptureFixture, name: str
+) -> None:
+    path = tmp_path / name
+    async with Simulator(port=0, start="sync", record=path) as sim:
+        client = await connect(sim.url)
+        await drive(client, 2)
+        assert sim._recorder is not None
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
+        sim._recorder._tick()
+        answer = await client.ask("/SyncModeWaitForTick", user_id="me", frame=3)
+        assert answer["frame"] == 3
+        assert "/recorder" not in (await client.values("/rosapi/nodes"))["nodes"]
+    errors = [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR]
+    why = f"{path}: was deleted while it was recorded: what was recorded is lost"
+    assert errors == [f"the recording has ended: {why}"]
+    assert not path.exists()
+
+
+async def test_file_that_was_deleted_just_before_the_end_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "a.mcap"
+    async with Simulator(port=0, start="sync", record=path):
+        path.unlink()
+    assert [line for line in caplog.messages if "has ended" in line] == [
+        f"the recording has ended: {path}: was deleted while it was recorded: what was recorded is lost"
+    ]
 
 
 async def test_file_that_cannot_be_made_is_a_refused_start(tmp_path: Path) -> None:

@@ -93,9 +93,10 @@ async def test_server_that_goes_leaves_a_finished_bag(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signal_ends_it_well(tmp_path: Path, server: ServerProcess, number: signal.Signals) -> None:
-    path = tmp_path / "a.bag"
+@pytest.mark.parametrize("name", ["a.bag", "a.mcap", "a"])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signal_ends_it_well(tmp_path: Path, server: ServerProcess, number: signal.Signals, name: str) -> None:
+    path = tmp_path / name
     process = start("record", str(path), url=server.url)
     assert process.stderr is not None
     assert process.stderr.readline() == f"rosbridge-sim: recording into {path}; Ctrl-C ends it\n"
@@ -103,6 +104,25 @@ def test_signal_ends_it_well(tmp_path: Path, server: ServerProcess, number: sign
     _, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, err
     read_bag(path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("clock", [{}, {"/clock": "rosgraph_msgs/Clock"}])
+async def test_file_that_was_deleted_is_told(tmp_path: Path, clock: dict[str, str]) -> None:
+    path = tmp_path / "a.bag"
+    types = {"/a": "std_msgs/Int32", **clock}
+    rosapi = answering(topics={"topics": list(types), "types": list(types.values())})
+
+    def reply(frame: Frame) -> list[str | bytes]:
+        if frame.get("topic") == "/a":
+            path.unlink()
+            return [json.dumps({"op": "publish", "topic": "/a", "msg": {"data": 7}})]
+        return list(rosapi(frame))
+
+    async with other_server(reply) as url:
+        done = await in_the_background("record", str(path), url=url)
+    assert done.code == 2
+    assert done.err.endswith(f"rosbridge-sim: {path}: was deleted while it was recorded: what was recorded is lost\n")
 
 
 def test_name_of_no_format_and_file_that_is_there_are_told(tmp_path: Path, server: ServerProcess) -> None:

@@ -31,6 +31,7 @@ class Globe:
         """Nothing is set up before it is asked for."""
         self._map: RoadMap | None = None
         self._transformer: Transformer | None = None
+        self._has_warned = False
 
     def locate(self, road_map: RoadMap, x: float, y: float) -> tuple[float, float] | None:
         """Latitude and longitude [deg] of a place.
@@ -41,11 +42,18 @@ class Globe:
             y: north of it [m].
 
         Returns:
-            None where there are none: the place is beyond what the projection covers, or pyproj cannot use the
-            projection, which the log is told of once for a map.
+            None where there are none: the place is beyond what the projection covers; or pyproj cannot use the
+            projection, which the log is told of once for a map; or pyproj cannot be read from the disk now, as when
+            the process has no file descriptors left: the next call tries again.
         """
         if road_map is not self._map:
-            self._map, self._transformer = road_map, _find_transformer(road_map)
+            try:
+                self._map, self._transformer = road_map, _find_transformer(road_map)
+            except (OSError, ImportError) as error:  # a library that is there at the start may be out of reach later
+                if not self._has_warned:
+                    self._has_warned = True
+                    _log.warning("no GPS for now, since pyproj cannot be read: %s", error)
+                return None
         if self._transformer is None:
             return None
         east, north, _ = road_map.origin

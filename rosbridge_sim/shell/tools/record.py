@@ -11,16 +11,16 @@ import asyncio
 import signal
 import sys
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 
 import orjson
 
 from rosbridge_sim.errors import PeerError
 from rosbridge_sim.graph.policy import Rule
-from rosbridge_sim.shell.bags import generation_of, open_bag
+from rosbridge_sim.shell.bags import BagGoneError, generation_of, open_bag
 from rosbridge_sim.shell.recording import PERIOD, Scribe
+from rosbridge_sim.shell.signals import on_stop_signals
 from rosbridge_sim.shell.tools.client import Bridge, Frame, absolute, words
 from rosbridge_sim.shell.tools.schema import Choice, open_store
 from rosbridge_sim.shell.tools.text import note, put_json, safe
@@ -39,7 +39,7 @@ MAX_WAITING = 10_000
 async def record(
     bridge: Bridge, path: str, patterns: tuple[str, ...], choice: Choice, count: int | None, *, is_json: bool
 ) -> int:
-    """Record until Ctrl-C, a SIGTERM, the server's end, or so many messages.
+    """Record until Ctrl-C, another signal to stop, the server's end, or so many messages.
 
     Args:
         bridge: whose topics.
@@ -50,42 +50,32 @@ async def record(
         is_json: tell a program on stdout how it ended, and not a person.
 
     Raises:
-        DocumentError: the bag cannot be written.
+        DocumentError: the bag cannot be written, or is not there any more.
         RefusedError: the server is gone; the bag is finished all the same.
     """
     ros = generation_of(Path(path))
     store = open_store(Choice(choice.release, str(ros), choice.folders))
     scribe = Scribe(open_bag(Path(path)), store)
     tape = _Tape(bridge, scribe, Rule(patterns))
-    try:
-        with _ended_by_sigterm():
+    task = asyncio.current_task()
+    assert task is not None
+
+    def stop(_number: signal.Signals) -> None:
+        task.cancel()
+
+    with on_stop_signals(stop, tape.finish):
+        try:
             note(f"recording into {path}; Ctrl-C ends it")
             await tape.run(count)
-    except asyncio.CancelledError:
-        pass  # Ctrl-C: that is how it ends
-    finally:
-        tape.finish()
+        except asyncio.CancelledError:
+            pass  # a signal: that is how it ends
+        finally:
+            tape.finish()
     if is_json:
         put_json({"file": path, "messages": scribe.num_messages, "topics": tape.num_topics})
     else:
         note(f"{path}: {scribe.num_messages:,} messages on {tape.num_topics:,} topics")
     return 0
-
-
-@contextmanager
-def _ended_by_sigterm() -> Iterator[None]:
-    """A SIGTERM ends it as Ctrl-C does, where this is the main thread."""
-    loop, task = asyncio.get_running_loop(), asyncio.current_task()
-    assert task is not None
-    try:
-        loop.add_signal_handler(signal.SIGTERM, task.cancel)
-    except (RuntimeError, ValueError):
-        yield
-        return
-    try:
-        yield
-    finally:
-        loop.remove_signal_handler(signal.SIGTERM)
 
 
 class _Tape:
@@ -107,12 +97,19 @@ class _Tape:
         while count is None or self._scribe.num_messages + len(self._waiting) < count:
             if self._bridge.now() >= look_at:
                 await self._look()
-                self._scribe.flush()
+                self._flush()
                 self._show()
                 look_at = self._bridge.now() + PERIOD
             frame = await self._bridge.receive(look_at)
             if frame is not None:
                 self._hear(frame)
+
+    def _flush(self) -> None:
+        try:
+            self._scribe.flush()
+        except BagGoneError:
+            self._waiting.clear()  # there is nowhere to write it to
+            raise
 
     def finish(self) -> None:
         """Write what waits, and the bag's end."""

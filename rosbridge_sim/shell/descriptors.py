@@ -1,0 +1,89 @@
+"""A watch over file descriptors: one line in the log when none is left, and not one for each connection refused.
+
+Without descriptors nobody can connect and no file can be opened, but all who are connected are served. Event loops say
+so in different ways: asyncio's own reports each attempt to accept with a traceback, a hundred a second; uvloop closes
+new connections in silence. So the watch tries to open a file once a second, and takes the loop's reports as well.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import logging
+import os
+import sys
+from collections.abc import Callable
+from typing import Any, Final
+
+if sys.platform != "win32":
+    import resource  # now, for it takes a descriptor
+
+__all__ = ["DescriptorWatch"]
+
+PERIOD: Final = 1.0
+"""Between two looks [s]; one costs 10 us."""
+
+QUIET: Final = 60.0
+"""Least time between two lines [s]."""
+
+_log = logging.getLogger("rosbridge_sim.server")
+
+
+class DescriptorWatch:
+    """Tells the log that no descriptor is left, until `stop`."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, try_one: Callable[[], None] | None = None) -> None:
+        """Begin to watch.
+
+        Args:
+            loop: whose timer is used.
+            try_one: uses a descriptor for a moment; raises OSError where there is none. None opens a file.
+        """
+        self._loop = loop
+        self._try = try_one or _open_and_close
+        self._told_at = float("-inf")
+        self._timer = loop.call_later(PERIOD, self._tick)
+
+    def stop(self) -> None:
+        """Watch no longer; twice is no error."""
+        self._timer.cancel()
+
+    def take(self, _loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:  # Any: asyncio's own
+        """Handle an error that an event loop reports (`set_exception_handler`)."""
+        error = context.get("exception")
+        if not (isinstance(error, OSError) and self._tell(error)):
+            self._loop.default_exception_handler(context)
+
+    def _tick(self) -> None:
+        self._timer = self._loop.call_later(PERIOD, self._tick)
+        try:
+            self._try()
+        except OSError as error:
+            self._tell(error)
+
+    def _tell(self, error: OSError) -> bool:
+        """Log it, but not again and again; say whether it was for want of descriptors."""
+        if error.errno not in {errno.EMFILE, errno.ENFILE}:
+            return False
+        now = self._loop.time()
+        if now - self._told_at >= QUIET:
+            self._told_at = now
+            _log.error(
+                "no file descriptors are left%s: nobody can connect and no file can be opened until some are free;"
+                " close clients, or raise the limit (ulimit -n) and restart",
+                _limit_of(error),
+            )
+        return True
+
+
+def _open_and_close() -> None:
+    os.close(os.open(os.devnull, os.O_RDONLY))
+
+
+def _limit_of(error: OSError) -> str:
+    """The limit that was met, in words."""
+    if error.errno == errno.ENFILE:
+        return " on this machine"
+    if sys.platform == "win32":
+        return ""
+    return f" (this process may have {resource.getrlimit(resource.RLIMIT_NOFILE)[0]:,})"

@@ -1,0 +1,170 @@
+"""Limits for the log, so that no client can fill a disk with lines.
+
+Most lines are caused by a client: it connects, has its status op logged, is told of a mistake. So each source of lines
+has a token bucket: the client, where a line names one (`extra={"client": address}`), and the place in the code. A line
+beyond the limit is left out, and every few seconds one line says how many were. Long lines are cut.
+
+The limits are filters of the loggers and not of a handler. So one decision protects stderr, `/rosout`, and the handlers
+of a program that runs the server inside itself.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+__all__ = ["LOGGERS", "LineLimiter"]
+
+LOGGERS: Final = tuple(
+    f"rosbridge_sim{name}"
+    for name in (
+        *("", ".access", ".app", ".attach", ".graph", ".morai"),
+        *(".recording", ".replay", ".server", ".storage", ".websockets"),
+    )
+)
+"""All loggers of this package; a filter of a logger does not see what its children log."""
+
+MAX_LINE: Final = 500
+"""Characters of a line; more than any line of ours has, unless a client wrote a part of it."""
+
+MAX_TRACEBACK: Final = 10_000
+"""Characters of a traceback; its middle goes first."""
+
+TRACEBACK_COST: Final = 10
+"""Lines that a traceback counts as."""
+
+CLIENT_BURST, CLIENT_RATE = 50.0, 1.0
+"""Lines of one client at once, and a second: a burst is of use, and a line a second is 50 MB a day at most."""
+
+PLACE_BURST, PLACE_RATE = 200.0, 5.0
+"""The same of one place in the code, for all clients: two hundred may connect at once and each have its line."""
+
+PERIOD: Final = 10.0
+"""Between two lines that say how many were left out [s]."""
+
+MAX_SOURCES: Final = 1_000
+"""Sources that are known at once; the one that was silent for longest is forgotten."""
+
+_log = logging.getLogger("rosbridge_sim.log")  # without a limit: it is one line in a period
+_formatter = logging.Formatter()
+
+
+@dataclass(slots=True)
+class _Source:
+    """Lines that have one cause."""
+
+    rate: float
+    burst: float
+    tokens: float
+    at: float
+    num_left_out: int = 0
+
+    def has_token(self, now: float) -> bool:
+        """Whether another line may be written now [s]."""
+        self.tokens = min(self.burst, self.tokens + (now - self.at) * self.rate)
+        self.at = now
+        return self.tokens >= 1.0
+
+
+class LineLimiter(logging.Filter):
+    """Leaves lines out and cuts them, from `start` to `stop`."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, clock: Callable[[], float] | None = None) -> None:
+        """A limiter that does nothing yet.
+
+        Args:
+            loop: whose timer says when to tell what was left out.
+            clock: monotonic time [s]; None for that of the loop.
+        """
+        super().__init__()
+        self._loop = loop
+        self._clock = clock or loop.time
+        self._sources: dict[str, _Source] = {}
+        self._num_forgotten = 0  # lines left out whose source is not known any more
+        self._level = logging.NOTSET  # the gravest of what was left out
+        self._lock = threading.Lock()  # replays are read, and log, in threads
+        self._timer: asyncio.TimerHandle | None = None
+
+    def start(self) -> None:
+        """Limit what this package logs in this process."""
+        for name in LOGGERS:
+            logging.getLogger(name).addFilter(self)
+        self._timer = self._loop.call_later(PERIOD, self._tick)
+
+    def stop(self) -> None:
+        """Limit it no longer; twice is no error."""
+        for name in LOGGERS:
+            logging.getLogger(name).removeFilter(self)
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        self.flush()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Say whether a line is written; it is cut if need be."""
+        if record.levelno < logging.CRITICAL:
+            with self._lock:
+                if not self._admit(record):
+                    return False
+        _cut(record)
+        return True
+
+    def flush(self) -> None:
+        """Say in one line what was left out since the last one, if anything was."""
+        with self._lock:
+            left_out = {name: source.num_left_out for name, source in self._sources.items() if source.num_left_out}
+            num_lines = sum(left_out.values()) + self._num_forgotten
+            level, self._level, self._num_forgotten = self._level, logging.NOTSET, 0
+            for name in left_out:
+                self._sources[name].num_left_out = 0
+        if num_lines:
+            most = max(left_out, key=left_out.__getitem__, default="clients that are gone")
+            num_others = len(left_out) - 1
+            others = "" if num_others < 1 else " and 1 other" if num_others == 1 else f" and {num_others} others"
+            _log.log(level, "... %s more lines of %s%s were left out", f"{num_lines:,}", most, others)
+
+    def _tick(self) -> None:
+        self._timer = self._loop.call_later(PERIOD, self._tick)
+        self.flush()
+
+    def _admit(self, record: logging.LogRecord) -> bool:
+        """Take the line's tokens, or count it as left out."""
+        now = self._clock()
+        sources = [self._source(f"{record.filename}:{record.lineno}", PLACE_RATE, PLACE_BURST, now)]
+        client = record.__dict__.get("client")
+        if client:
+            sources.append(self._source(str(client), CLIENT_RATE, CLIENT_BURST, now))
+        for source in reversed(sources):
+            if not source.has_token(now):
+                source.num_left_out += 1
+                self._level = max(self._level, record.levelno)
+                return False
+        for source in sources:
+            source.tokens -= TRACEBACK_COST if record.exc_info else 1
+        return True
+
+    def _source(self, name: str, rate: float, burst: float, now: float) -> _Source:
+        source = self._sources.pop(name, None)
+        if source is None:
+            source = _Source(rate, burst, burst, now)
+            if len(self._sources) >= MAX_SOURCES:
+                oldest = self._sources.pop(next(iter(self._sources)))
+                self._num_forgotten += oldest.num_left_out
+        self._sources[name] = source
+        return source
+
+
+def _cut(record: logging.LogRecord) -> None:
+    text = record.getMessage()
+    if len(text) > MAX_LINE:
+        record.msg = f"{text[:MAX_LINE]}... ({len(text) - MAX_LINE:,} more characters)"
+        record.args = ()
+    if record.exc_info and not record.exc_text:
+        trace = _formatter.formatException(record.exc_info)
+        if len(trace) > MAX_TRACEBACK:
+            half = MAX_TRACEBACK // 2
+            record.exc_text = f"{trace[:half]}\n... ({len(trace) - 2 * half:,} more characters)\n{trace[-half:]}"
