@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import base64
 import json
 import os
 import subprocess
@@ -31,6 +30,7 @@ from collections import Counter
 from collections.abc import AsyncIterator, Iterable, Iterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Any, cast
 
@@ -54,8 +54,9 @@ from scripts.soak.fuzz_server import (  # noqa: E402
     make_data,
     serving,
 )
+from scripts.soak.fuzz_tape import Tape  # noqa: E402
 
-__all__ = ["Report", "Tape", "fuzz"]
+__all__ = ["Report", "fuzz"]
 
 PATIENCE = 20.0
 """A question without an answer for so long has lost it [s]."""
@@ -74,53 +75,8 @@ DECODER_TESTS = (
 )
 """Those that use `tests/mutations.py`."""
 
-MAX_KEPT = 256 * 2**20
-"""Bytes of acts that are kept for a replay; earlier ones are forgotten."""
-
 ACTS = (5, 20, 100, 300)
 """How much one client does before it leaves."""
-
-
-@dataclass(slots=True)
-class Tape:
-    """What was sent in one round, for a replay.
-
-    Attributes:
-        configuration: of the server.
-        acts: number of the client and its act, in order of time.
-        num_bytes: in all of them.
-    """
-
-    configuration: Configuration
-    acts: list[tuple[int, Act]] = field(default_factory=list)
-    num_bytes: int = 0
-
-    def add(self, client: int, act: Act) -> None:
-        """Keep one more; half of them are forgotten when there are too many."""
-        self.acts.append((client, act))
-        self.num_bytes += len(act.data)
-        if self.num_bytes > MAX_KEPT:
-            del self.acts[: len(self.acts) // 2]
-            self.num_bytes = sum(len(act.data) for _, act in self.acts)
-
-    def write(self, path: Path) -> None:
-        """Write it as JSON lines."""
-        lines = [json.dumps({"configuration": self.configuration.name})]
-        lines += [
-            json.dumps({"client": client, "form": act.form, "data": base64.b64encode(act.data).decode()})
-            for client, act in self.acts
-        ]
-        path.write_text("\n".join(lines) + "\n")
-
-    @classmethod
-    def read(cls, path: Path) -> Tape:
-        """Read what `write` has written."""
-        head, *lines = map(json.loads, path.read_text().splitlines())
-        (configuration,) = (one for one in CONFIGURATIONS if one.name == head["configuration"])
-        tape = cls(configuration)
-        for line in lines:
-            tape.add(line["client"], Act(line["form"], base64.b64decode(line["data"])))
-        return tape
 
 
 @dataclass(slots=True)
@@ -154,13 +110,20 @@ class Visitor:
 
     async def visit(self, url: str, acts: Iterable[Act]) -> None:
         """Carry out all acts on a connection of its own."""
+        acts = iter(acts)
+        first = next(acts)
+        if first.form == "raw":
+            self._tape.add(self._number, first)
+            self._report.num["raw"] += 1
+            await _send_raw(url, first.data)
+            return
         try:
             socket = await _connect(url, offers_deflate=self._number % 3 == 0)
         except (OSError, WebSocketException) as error:
             raise FuzzError(f"client {self._number} cannot connect: {error!r}") from None
         reading = asyncio.create_task(self.read(socket))
         try:
-            for act in acts:
+            for act in chain([first], acts):
                 self._tape.add(self._number, act)
                 self._report.num[act.form] += 1
                 await self.act(socket, act)
@@ -192,6 +155,9 @@ class Visitor:
                 await socket.send([act.data[i : i + third] for i in range(0, len(act.data), third)])
             case "wait":
                 await asyncio.sleep(int(act.data) / 1000)
+            case "deaf":
+                socket.transport.pause_reading()
+                asyncio.get_running_loop().call_later(int(act.data) / 1000, socket.transport.resume_reading)
             case "part":
                 socket.transport.write(act.data)
                 await asyncio.sleep(0.005)
@@ -229,6 +195,18 @@ class Visitor:
 async def _connect(url: str, *, offers_deflate: bool) -> ClientConnection:
     compression = "deflate" if offers_deflate else None
     return await connect(url, compression=compression, max_size=None, ping_interval=None, proxy=None)
+
+
+async def _send_raw(url: str, data: bytes) -> None:
+    """Send bytes to the port, read a little and be gone."""
+    host, port = url.removeprefix("ws://").rstrip("/").split(":")
+    reader, writer = await asyncio.open_connection(host, int(port))
+    with suppress(OSError, TimeoutError):
+        writer.write(data)
+        await writer.drain()
+        async with asyncio.timeout(0.05):
+            await reader.read(1_000)
+    writer.transport.abort()
 
 
 async def _interface(url: str, configuration: Configuration) -> Interface:
@@ -399,6 +377,9 @@ async def replay(server: Server, tape: Tape, report: Report) -> None:
     for i, (client, act) in enumerate(tape.acts):
         visitor = Visitor(client, tape, report, None)
         with suppress(ConnectionClosed):
+            if act.form == "raw":
+                await _send_raw(server.url, act.data)
+                continue
             if client not in sockets:
                 sockets[client] = await _connect(server.url, offers_deflate=client % 3 == 0)
                 reading.append(asyncio.create_task(visitor.read(sockets[client])))

@@ -20,10 +20,10 @@ from scripts.soak.fuzz_frames import FrameMaker, Interface
 
 __all__ = ["SpoilingProxy", "spoiling"]
 
-SHARE = 0.03
-"""Of frames that are spoiled: most of what a simulator asks at the start must come through."""
+SHARE = 0.1
+"""Of frames that are spoiled: most of what a simulator asks when it attaches again must come through."""
 
-CUT_SHARE = 0.0005
+CUT_SHARE = 0.002
 """Of frames after which the connection is cut: it attaches for a second, then."""
 
 

@@ -22,6 +22,7 @@ from PIL import Image
 from rosbridge_sim.errors import PeerError
 from rosbridge_sim.schema.check import Shape, Slot
 from rosbridge_sim.schema.store import Store
+from scripts.soak.fuzz_raw import part_of_frame, raw_bytes
 from scripts.soak.fuzz_values import (
     ENCODINGS,
     ODD,
@@ -39,7 +40,7 @@ __all__ = ["Act", "FrameMaker", "Interface"]
 Op = dict[str, Any]
 """An op as a JSON object: any JSON values."""
 
-Form = Literal["text", "binary", "pieces", "part", "wait"]
+Form = Literal["text", "binary", "pieces", "part", "wait", "deaf", "raw"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +49,9 @@ class Act:
 
     Attributes:
         form: a `text` or `binary` frame; a text frame in `pieces` of the WebSocket's own; `part` of one, after which
-            the socket is cut; or a `wait` before the next act.
-        data: the payload; of a wait, its milliseconds as text.
+            the socket is cut; a `wait` before the next act; a time in which it reads nothing (`deaf`); or, in place of
+            a WebSocket, `raw` bytes for the port.
+        data: the payload; of a wait and of deafness, the milliseconds as text.
     """
 
     form: Form
@@ -93,13 +95,18 @@ class FrameMaker:
         self._weights = [weight for weight, _ in self._makers]
 
     def acts(self, num: int) -> Iterator[Act]:
-        """So many acts of one client; the last one may be a part of a frame."""
+        """So many acts of one client; the last one may be a part of a frame, and the only one raw bytes."""
+        if self.chance.random() < 0.03:
+            yield Act("raw", raw_bytes(self.chance, _text(self.op())))
+            return
         for _ in range(num):
+            if self.chance.random() < 0.005:
+                yield Act("deaf", str(self.chance.choice((50, 500, 2_000))).encode())
             if self.chance.random() < 0.03:
                 yield Act("wait", str(self.chance.choice((1, 20, 60))).encode())
             yield from self._frames(self.op())
         if self.chance.random() < 0.2:
-            yield Act("part", self._part())
+            yield Act("part", part_of_frame(self.chance, _text(self.op())))
 
     def answer(self, frame: Op) -> Act | None:
         """What to say to a call or goal that came from the server; None for nothing."""
@@ -494,25 +501,6 @@ class FrameMaker:
             pieces.append(self.chance.choice(pieces))
         for piece in pieces:
             yield Act("text", _text(self._spoilt(piece) if self.chance.random() < 0.05 else piece))
-
-    def _part(self) -> bytes:
-        """Bytes of the WebSocket that end in the middle of a frame, or break its rules."""
-        text = _text(self.op())[:100]
-        frame = bytes([0x81, 0x80 | len(text)]) + b"\0\0\0\0" + text
-        return self.chance.choice(
-            (
-                frame[: self.chance.randrange(len(frame))],
-                frame + frame[:5],
-                b"\x01" + frame[1:],  # the first of several, and no other comes
-                b"\x81\xfe\xff\xff\0\0\0\0" + text,  # claims 65,535 bytes
-                b"\x81\xff\0\0\0\0\x7f\xff\xff\xff\0\0\0\0",  # claims 2 GB
-                b"\xf1" + frame[1:],  # bits that nobody has agreed on
-                b"\x81" + bytes([len(text)]) + text,  # not masked
-                b"\x80\x80\0\0\0\0",  # goes on with nothing
-                b"\x89\xfe\x01\x00\0\0\0\0" + b"x" * 256,  # too long a ping
-                b"\x88\x81\0\0\0\0x",  # a closing of one byte
-            )
-        )
 
 
 def _picture(frame: bytes, mode: str = "RGB") -> bytes:

@@ -65,7 +65,7 @@ CONFIGURATIONS = (
     Configuration("ros2", ("--scenario=town", "--profile=field"), release="26.R1", ros=2),
     Configuration("sync", ("--start=sync", "--compression", "--sync-frames=strict")),
     Configuration("recording", ("--scenario=loop", "--record={folder}/recorded.bag", "--record-topics=*")),
-    Configuration("gateway", ("--no-world", "--strict-types")),
+    Configuration("gateway", ("--no-world", "--strict-types", "--max-rate=3000")),
     Configuration("attached", ("--no-world",), is_attached=True),
     Configuration("newer", ("--scenario=demo", "--start-mode=keyboard", "--sync-on-loss=wait"), release="26.R1"),
     Configuration("mcap", ("--record={folder}/recorded.mcap", "--record-topics=*", "--max-held=20"), ros=2),

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from scripts.soak.fuzz import Report, Tape, fuzz
+from scripts.soak.fuzz import Report, fuzz
 from scripts.soak.fuzz_frames import Act
 from scripts.soak.fuzz_server import CONFIGURATIONS, make_data, serving
+from scripts.soak.fuzz_tape import Tape
 
 
 @pytest.mark.slow
