@@ -6,6 +6,7 @@
     │   ├── TypeNameError      a type name that is malformed or that nobody knows
     │   │   └── UnknownPackageError  ... because its whole package is unknown (relayed unchecked)
     │   ├── FieldError         a message that does not fit its type
+    │   ├── EncodingError      a message that cannot be written in some encoding, by a bug of ours
     │   └── GraphError         a topic, service or name that cannot be had
     └── DocumentError          a file or setting of the user's: one readable line, exit code 2
         └── DefinitionError    a .msg, .srv or .action text, with line and column
@@ -22,6 +23,7 @@ from collections.abc import Collection
 __all__ = [
     "DefinitionError",
     "DocumentError",
+    "EncodingError",
     "FieldError",
     "FrameError",
     "GraphError",
@@ -46,11 +48,13 @@ class FrameError(PeerError):
 
     Attributes:
         op_id: the `id` that the sender gave, as it came, or None.
+        op: the `op` that it named, as far as it could be read, or None.
     """
 
-    def __init__(self, text: str, op_id: object = None) -> None:
+    def __init__(self, text: str, op_id: object = None, op: str | None = None) -> None:
         super().__init__(text)
         self.op_id = op_id
+        self.op = op
 
 
 class TypeNameError(PeerError):
@@ -63,6 +67,13 @@ class UnknownPackageError(TypeNameError):
 
 class FieldError(PeerError):
     """A message that does not fit its type; the text names the path of the field."""
+
+
+class EncodingError(PeerError):
+    """A message that fits its type and cannot be written all the same; the cause is what its encoder raised.
+
+    The bug is ours, yet it belongs to that message: whoever published it is told, and nobody is closed.
+    """
 
 
 class GraphError(PeerError):

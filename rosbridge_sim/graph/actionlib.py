@@ -200,6 +200,8 @@ class Actionlib:
     def _tell_status(self, now: float) -> None:
         self._status_due = now + BEAT
         self._forget_ended(now)
+        if not self._status.has_listener:
+            return
         known = [self._describe(tracked) for tracked in (*self._ended, *self._tracked.values())]
         self._publish(self._status, self._status_struct(header=self._stamped(), status_list=known))
 

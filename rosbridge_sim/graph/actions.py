@@ -18,8 +18,9 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, Final, Protocol
 
-from rosbridge_sim.errors import GraphError, PeerError
+from rosbridge_sim.errors import EncodingError, GraphError, PeerError
 from rosbridge_sim.graph.channels import Call, Handle, Service
+from rosbridge_sim.graph.guard import Guard
 from rosbridge_sim.graph.owner import Body, Owner, decode_body, resolve
 from rosbridge_sim.schema.compile import ActionType
 from rosbridge_sim.schema.store import Message, Store
@@ -81,7 +82,7 @@ class Goal:
     """One goal, from its request to its one end.
 
     Attributes:
-        request: a struct of the action's goal type.
+        request: a struct of the action's goal type; None after the end, as of a `Call`.
         is_done: ended or given up; whatever comes after that is ignored.
     """
 
@@ -96,7 +97,7 @@ class Goal:
     def report(self, values: object) -> None:
         """Pass feedback on; a struct of the action's feedback type."""
         if not self.is_done and self.on_feedback is not None:
-            self.on_feedback(Message(self.action.type.feedback, values))
+            self.actions.hand_feedback(self, Message(self.action.type.feedback, values))
 
     def end(self, status: int, values: object) -> None:
         """End the goal with a struct of the action's result type."""
@@ -109,22 +110,23 @@ class Goal:
     def cancel(self) -> None:
         """Ask the provider to end the goal soon."""
         if not self.is_done:
-            self.action.cancel(self)
+            self.actions.ask_to_cancel(self)
 
     def abandon(self) -> None:
         """Have the provider end a goal whose caller is gone; nobody hears of its end."""
         if not self.is_done:
             self._end(None)
-            self.action.cancel(self)
+            self.actions.ask_to_cancel(self)
 
     def _end(self, outcome: Outcome | None) -> None:
         if self.is_done:
             return
         self.is_done = True
+        self.request = None
         self.action.goals.pop(self, None)
         self.actions.forget(self)
         if outcome is not None:
-            self.on_outcome(outcome)
+            self.actions.hand_over(self, outcome)
 
 
 class _Bus(Protocol):
@@ -132,6 +134,7 @@ class _Bus(Protocol):
 
     store: Store
     stamp_ns: int
+    guard: Guard
 
     def provide(self, owner: Owner, name: str, type_name: str, handle: Handle, *, is_exclusive: bool) -> Service:
         """Offer a service."""
@@ -149,6 +152,7 @@ class Actions:
         self.max_goals = max_goals
         self.by_name: dict[str, Action] = {}
         self._goals: dict[Owner, dict[Goal, None]] = {}
+        self._provided: dict[Owner, dict[Action, None]] = {}
 
     def provide(
         self,
@@ -183,6 +187,7 @@ class Actions:
             is_exclusive=True,
         )
         self.by_name[name] = action
+        self._provided.setdefault(owner, {})[action] = None
         return action
 
     def withdraw(self, owner: Owner, name: str) -> None:
@@ -228,7 +233,12 @@ class Actions:
         try:
             action.take(goal)
         except PeerError as error:
+            if isinstance(error, EncodingError):
+                self._bus.guard.note_encoding(action.name, error)
             goal.fail(str(error))
+        except Exception as error:  # noqa: BLE001 - a bug of ours in the provider's own state
+            goal.fail("The provider failed; the server's log says why")
+            self._bus.guard.blame(action.owner, error)
         return None if goal.is_done else goal
 
     def forget(self, goal: Goal) -> None:
@@ -239,13 +249,41 @@ class Actions:
             if not held:
                 del self._goals[goal.caller]
 
+    def hand_feedback(self, goal: Goal, values: Message) -> None:
+        """Give a goal's caller some feedback (for `Goal` alone)."""
+        assert goal.on_feedback is not None, "the goal has looked"
+        try:
+            goal.on_feedback(values)
+        except EncodingError as error:
+            self._bus.guard.note_encoding(goal.action.name, error)
+            goal.action.owner.tell("error", f"{goal.action.name}: {error}")
+        except Exception as error:  # noqa: BLE001 - a bug of ours in the caller's own state
+            self._bus.guard.blame(goal.caller, error)
+
+    def hand_over(self, goal: Goal, outcome: Outcome) -> None:
+        """Give a goal's caller its end (for `Goal` alone). One that cannot be encoded is a failure of the goal."""
+        try:
+            goal.on_outcome(outcome)
+        except EncodingError as error:
+            self._bus.guard.note_encoding(goal.action.name, error)
+            goal.action.owner.tell("error", f"{goal.action.name}: {error}")
+            self.hand_over(goal, Outcome(is_ok=False, status=GoalStatus.UNKNOWN, values=str(error)))
+        except Exception as error:  # noqa: BLE001 - as above
+            self._bus.guard.blame(goal.caller, error)
+
+    def ask_to_cancel(self, goal: Goal) -> None:
+        """Ask a goal's provider to end it (for `Goal` alone)."""
+        try:
+            goal.action.cancel(goal)
+        except Exception as error:  # noqa: BLE001 - a bug of ours in the provider's own state
+            self._bus.guard.blame(goal.action.owner, error)
+
     def leave(self, owner: Owner) -> None:
         """Cancel the owner's goals, fail those that were sent to it."""
         for goal in list(self._goals.pop(owner, ())):
             goal.abandon()
-        for action in list(self.by_name.values()):
-            if action.owner is owner:
-                self._drop(action, f"Action {action.name} was unadvertised: its provider disconnected")
+        for action in list(self._provided.get(owner, ())):
+            self._drop(action, f"Action {action.name} was unadvertised: its provider disconnected")
 
     def _cancel(self, action: Action, call: Call) -> None:
         """Cancel the caller's goals, since ROS 2 asks for it by a call."""
@@ -261,6 +299,10 @@ class Actions:
             goal.cancel()
 
     def _drop(self, action: Action, why: str) -> None:
+        provided = self._provided.get(action.owner, {})
+        provided.pop(action, None)
+        if not provided:
+            self._provided.pop(action.owner, None)
         if self.by_name.get(action.name) is action:
             del self.by_name[action.name]
             with suppress(GraphError):  # the provider may have taken it back itself

@@ -18,15 +18,17 @@ from __future__ import annotations
 
 import heapq
 import logging
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from itertools import count
+from itertools import count, takewhile
+from typing import ParamSpec
 
-from rosbridge_sim.errors import GraphError, PeerError, UnknownPackageError
+from rosbridge_sim.errors import EncodingError, GraphError, PeerError, UnknownPackageError
 from rosbridge_sim.graph.actions import Actions
 from rosbridge_sim.graph.channels import Answer, Call, Deliver, Handle, OnAnswer, Service, Subscription, Topic
+from rosbridge_sim.graph.guard import Guard
 from rosbridge_sim.graph.owner import Body, Owner, decode_body, resolve
+from rosbridge_sim.graph.parameters import Parameters
 from rosbridge_sim.schema.compile import MessageType, OpaqueType
 from rosbridge_sim.schema.store import Message, Store
 
@@ -58,6 +60,12 @@ MAX_CALLS = 1_000
 MAX_REMEMBERED = 10_000
 """Topics without publishers, and types that nobody knows, that are kept for their next user: the newest."""
 
+MAX_STALE = 100
+"""Ended calls that may stay among the deadlines; more are taken out once they are half of the list. A deadline may be
+years away, and a call holds its request."""
+
+P = ParamSpec("P")
+
 _log = logging.getLogger("rosbridge_sim.graph")
 
 
@@ -78,12 +86,13 @@ class Bus:
         store: the types.
         stamp_ns: the time for stamps that a message leaves open [ns]; simulation time where there is a world.
         actions: the third way of talking.
-        parameters: the parameter server, by absolute name; JSON values.
+        parameters: the parameter server.
         watchers: called with `(owner, now)` after an owner has left.
         on_topic: called with a topic after somebody has begun to publish or to listen there.
         on_holdings: called with an owner after it has begun or ceased to publish, to listen or to serve somewhere.
         is_strict: refuse types of packages that nobody knows, in place of relaying them unchecked.
         max_calls: calls that one caller may have in flight, and as many goals.
+        guard: sees to it that a failure of ours hurts as few as possible.
         num_published, num_calls: counters since the start.
     """
 
@@ -98,19 +107,21 @@ class Bus:
         self.store = store
         self.stamp_ns = 0
         self.actions = Actions(self, max_calls)
-        self.parameters: dict[str, object] = {}
+        self.parameters = Parameters()
         self.watchers: list[Callable[[Owner, float], None]] = []
         self.on_topic: list[Callable[[Topic], None]] = []
         self.on_holdings: list[Callable[[Owner], None]] = []
         self.is_strict = is_strict
         self.service_timeout = service_timeout
         self.max_calls = max_calls
+        self.guard = Guard()
         self.num_published = 0
         self.num_calls = 0
         self.topics: dict[str, Topic] = {}
         self.services: dict[str, Service] = {}
         self._holdings: dict[Owner, Holdings] = {}
         self._deadlines: list[tuple[float, int, Call]] = []
+        self._num_stale = 0  # calls among the deadlines that have ended
         self._ticket = count()
         self._orphans: dict[Topic, None] = {}
         self._opaque_types: dict[str, OpaqueType] = {}
@@ -151,10 +162,9 @@ class Bus:
             raise GraphError(f"Topic {topic.name} is published by {topic.owner.name} alone; others may only subscribe")
         if is_on_demand:
             topic.on_demand[owner] = None
-        topic.publishers.setdefault(owner, {})[key] = depth
+        topic.advertise(owner, key, depth)
         topic.orphaned_at = None
         self._orphans.pop(topic, None)
-        self._settle_latching(topic)
         self._held(owner).published[topic] = None
         self._tell_of(topic)
         self._tell_holdings(owner)
@@ -165,32 +175,42 @@ class Bus:
         topic = self.topics.get(resolve(name))
         if topic is None or owner not in topic.publishers:
             return
-        keys = topic.publishers[owner]
-        if key is None:
-            keys.clear()
-        else:
-            keys.pop(key, None)
-        if not keys:
+        topic.unadvertise(owner, key)
+        if owner not in topic.publishers:
             self._drop_publisher(owner, topic, now)
-        self._settle_latching(topic)
 
     def publish(self, sender: Owner, topic: Topic, message: Message, now: float) -> None:
         """Hand a message to every listener of a topic that `sender` advertised.
 
         Raises:
-            PeerError: what a listener found wrong with the message; all others have it all the same.
+            PeerError: what a listener found wrong with the message, or why it could not be encoded for it; all others
+                have it all the same.
+            Exception: a listener that cannot end alone has failed; the same.
         """
         self.num_published += 1
         if topic.depth:
             topic.keep(sender, message)
-        problem: PeerError | None = None
+        problem: Exception | None = None
         for subscription in topic.subscriptions:
             try:
                 subscription.deliver(topic, message, sender, now)
+            except EncodingError as error:
+                self.guard.note_encoding(topic.name, error)
+                problem = problem or error
             except PeerError as error:
                 problem = problem or error
+            except Exception as error:  # noqa: BLE001 - a bug of ours in one listener's own state
+                problem = self._end_alone(subscription.owner, error) or problem
         if problem is not None:
             raise problem
+
+    def _end_alone(self, owner: Owner, error: Exception) -> Exception | None:
+        """End an owner for which something has failed; the error, if it cannot end alone."""
+        try:
+            self.guard.blame(owner, error)
+        except Exception as raised:  # noqa: BLE001 - the same error
+            return raised
+        return None
 
     def announce(self, sender: Owner, topic: Topic, message: Message, now: float) -> None:
         """Publish something of our own: what a listener finds wrong with it is for the log."""
@@ -342,10 +362,12 @@ class Bus:
         try:
             service.handle(call, now)
         except PeerError as error:
+            if isinstance(error, EncodingError):
+                self.guard.note_encoding(service.name, error)
             call.refuse(str(error))
-        except Exception:
-            call.refuse("The provider failed; its log says why")
-            raise
+        except Exception as error:  # noqa: BLE001 - a bug of ours in the provider's own state
+            call.refuse("The provider failed; the server's log says why")
+            self.guard.blame(service.owner, error)
         if timeout is not None and timeout > 0 and not call.is_done:
             call.deadline = now + timeout
             heapq.heappush(self._deadlines, (call.deadline, next(self._ticket), call))
@@ -355,13 +377,30 @@ class Bus:
         held = self._holdings.get(call.caller)
         if held is not None:
             held.calls.pop(call, None)
+        if call.deadline is not None:
+            self._num_stale += 1
+            if self._num_stale > MAX_STALE and 2 * self._num_stale > len(self._deadlines):
+                self._deadlines = [each for each in self._deadlines if not each[2].is_done]
+                heapq.heapify(self._deadlines)
+                self._num_stale = 0
+
+    def hand_over(self, call: Call, answer: Answer) -> None:
+        """Give a call's caller the answer (for `Call` alone). One that cannot be encoded is a refusal."""
+        try:
+            call.on_answer(answer)
+        except EncodingError as error:
+            self.guard.note_encoding(call.service.name, error)
+            call.service.owner.tell("error", f"{call.service.name}: {error}")
+            self.hand_over(call, Answer(is_ok=False, values=str(error)))
+        except Exception as error:  # noqa: BLE001 - a bug of ours in the caller's own state
+            self.guard.blame(call.caller, error)
 
     # Time and departure
 
     def next_deadline(self) -> float | None:
         """When `expire` has something to do next [s]; None if never."""
         while self._deadlines and self._deadlines[0][2].is_done:
-            heapq.heappop(self._deadlines)
+            self._pop_deadline()
         first = self._deadlines[0][0] if self._deadlines else None
         for topic in self._orphans:  # in order of orphaning, so the first is the earliest
             if topic.orphaned_at is not None:
@@ -372,29 +411,35 @@ class Bus:
     def expire(self, now: float) -> None:
         """Give up the calls whose time is over and forget the topics that nobody has held for a while."""
         while self._deadlines and (self._deadlines[0][0] <= now or self._deadlines[0][2].is_done):
-            heapq.heappop(self._deadlines)[2].refuse("Timeout exceeded while waiting for service response")
-        for topic in list(self._orphans):
-            if topic.orphaned_at is None or topic.orphaned_at + TYPE_MEMORY > now:
-                break
+            self._pop_deadline().refuse("Timeout exceeded while waiting for service response")
+        for topic in list(takewhile(lambda topic: _is_over(topic, now), self._orphans)):
             self._forget(topic)
 
     def leave(self, owner: Owner, now: float) -> None:
         """Take away all that `owner` holds, answer those who wait for it, tell the watchers. Twice is no error."""
-        self.actions.leave(owner)
+        self._try("the end of an owner's goals", self.actions.leave, owner)
         held = self._holdings.get(owner)
         if held is not None:
             for call in list(held.calls):
-                call.abandon()
+                self._try("the end of a call", call.abandon)
             for subscription in list(held.subscriptions):
-                self.unsubscribe(subscription, now)
+                self._try("the end of a subscription", self.unsubscribe, subscription, now)
             for topic in list(held.published):
-                self._drop_publisher(owner, topic, now)
-                self._settle_latching(topic)
+                topic.unadvertise(owner, None)
+                self._try("the end of a publisher", self._drop_publisher, owner, topic, now)
             for service in list(held.services):
-                self._drop_service(service, f"Service {service.name} was unadvertised: its provider disconnected")
+                why = f"Service {service.name} was unadvertised: its provider disconnected"
+                self._try("the end of a service", self._drop_service, service, why)
             self._holdings.pop(owner, None)
-        for watch in self.watchers:
-            watch(owner, now)
+        for watch in tuple(self.watchers):
+            self._try("what follows an owner's end", watch, owner, now)
+
+    def _try(self, what: str, act: Callable[P, object], *args: P.args, **kwargs: P.kwargs) -> None:
+        """Do something whose failure must not keep the rest from being done."""
+        try:
+            act(*args, **kwargs)
+        except Exception as error:  # noqa: BLE001 - a bug of ours, whatever it is
+            self.guard.note(what, error)
 
     def owners(self) -> list[Owner]:
         """Everybody who holds anything, in order of arrival."""
@@ -405,6 +450,13 @@ class Bus:
         return self._holdings.get(owner) or Holdings()
 
     # How it is kept
+
+    def _pop_deadline(self) -> Call:
+        """Take the earliest deadline out, and the call off those that are watched."""
+        call = heapq.heappop(self._deadlines)[2]
+        self._num_stale -= call.is_done
+        call.deadline = None
+        return call
 
     def _held(self, owner: Owner) -> Holdings:
         held = self._holdings.get(owner)
@@ -443,21 +495,14 @@ class Bus:
 
     def _tell_of(self, topic: Topic) -> None:
         for tell in tuple(self.on_topic):
-            tell(topic)
+            self._try(f"a look at {topic.name}", tell, topic)
 
     def _tell_holdings(self, owner: Owner) -> None:
         for tell in tuple(self.on_holdings):
-            tell(owner)
-
-    def _settle_latching(self, topic: Topic) -> None:
-        if topic.publishers:  # what is latched outlives its publishers for as long as the type does
-            depth = max(depth for keys in topic.publishers.values() for depth in keys.values())
-            if depth != topic.depth:
-                topic.depth = depth
-                topic.kept = {owner: deque(kept, maxlen=depth) for owner, kept in topic.kept.items() if depth}
+            self._try(f"a look at what {owner.name} holds", tell, owner)
 
     def _drop_publisher(self, owner: Owner, topic: Topic, now: float) -> None:
-        topic.publishers.pop(owner, None)
+        """Tidy up after an owner that publishes there no longer."""
         topic.on_demand.pop(owner, None)
         if topic.publishers:
             topic.kept.pop(owner, None)
@@ -479,8 +524,7 @@ class Bus:
     def _forget(self, topic: Topic) -> None:
         """Forget a topic without publishers, its type too if nobody waits there."""
         del self._orphans[topic]
-        topic.depth = 0
-        topic.kept = {}
+        topic.forget_messages()
         if not topic.subscriptions and self.topics.get(topic.name) is topic:
             del self.topics[topic.name]
 
@@ -493,3 +537,8 @@ class Bus:
             for call in list(service.calls):
                 call.refuse(why)
         self._tell_holdings(service.owner)
+
+
+def _is_over(topic: Topic, now: float) -> bool:
+    """Whether the type of a topic without publishers has been remembered for long enough."""
+    return topic.orphaned_at is not None and topic.orphaned_at + TYPE_MEMORY <= now

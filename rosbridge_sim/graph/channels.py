@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from rosbridge_sim.graph.owner import Owner
+from rosbridge_sim.protocol.smallest import Smallest
 from rosbridge_sim.schema.compile import MessageType, OpaqueType, ServiceType
 from rosbridge_sim.schema.store import Message
 
@@ -63,6 +64,7 @@ class Topic:
         depth: how many messages of each publisher are kept for those who come late: what the advertiser who asked for
             most asked for; 0 keeps none.
         kept: publisher -> its last messages; whoever published last stands last.
+        depths: what each advertisement asks for, as negative numbers.
         owner: the one owner that may publish, for the simulator's outputs; None where all may.
         on_demand: the publishers that are silent while nobody listens.
         orphaned_at: when the last publisher left [s]; None while there is one.
@@ -74,6 +76,7 @@ class Topic:
     subscriptions: tuple[Subscription, ...] = ()
     depth: int = 0
     kept: dict[Owner, deque[Message]] = field(default_factory=dict)
+    depths: Smallest = field(default_factory=Smallest)
     owner: Owner | None = None
     on_demand: dict[Owner, None] = field(default_factory=dict)
     orphaned_at: float | None = None
@@ -101,14 +104,52 @@ class Topic:
         """Whether a message would reach anybody now or, latched, later."""
         return self.is_latching or self.has_listener
 
+    def advertise(self, owner: Owner, key: object, depth: int) -> None:
+        """Have a publisher that wants so many messages kept (for the bus alone, and so are the next three)."""
+        keys = self.publishers.setdefault(owner, {})
+        if key in keys:
+            self.depths.remove(-keys[key])
+        keys[key] = depth
+        self.depths.add(-depth)
+        self._set_depth()
+
+    def unadvertise(self, owner: Owner, key: object) -> None:
+        """Take one advertisement back, or all of an owner where `key` is None."""
+        keys = self.publishers.get(owner, {})
+        gone = list(keys) if key is None else [key] if key in keys else []
+        self.depths.remove_all(-keys.pop(each) for each in gone)
+        if not keys:
+            self.publishers.pop(owner, None)
+        self._set_depth()
+
     def keep(self, sender: Owner, message: Message) -> None:
-        """Keep a message for those who come late (for the bus alone)."""
+        """Keep a message for those who come late."""
         messages = self.kept.pop(sender, None)
         if messages is None:
-            messages = deque(maxlen=self.depth)
+            messages = deque()
             self.kept = {owner: old for owner, old in self.kept.items() if owner in self.publishers}
         messages.append(message)
+        if len(messages) > self.depth:
+            messages.popleft()
         self.kept[sender] = messages
+
+    def forget_messages(self) -> None:
+        """Keep nothing any longer."""
+        self.depth = 0
+        self.kept = {}
+
+    def _set_depth(self) -> None:
+        """Keep as many as the publishers want; without one, what is latched stays for as long as the type does."""
+        smallest = self.depths.get()
+        if smallest is None:
+            return
+        depth = -int(smallest)
+        if depth < self.depth:  # what was kept is taken off once, so many changes cost no more than the messages did
+            self.kept = {owner: messages for owner, messages in self.kept.items() if depth}
+            for messages in self.kept.values():
+                while len(messages) > depth:
+                    messages.popleft()
+        self.depth = depth
 
 
 @dataclass(eq=False, slots=True)
@@ -129,13 +170,17 @@ class _Bookkeeper(Protocol):
     def forget_call(self, call: Call) -> None:
         """Strike a finished call from its caller's list."""
 
+    def hand_over(self, call: Call, answer: Answer) -> None:
+        """Give a call's caller the answer. Must not raise for what is wrong with either of the two."""
+
 
 @dataclass(eq=False, slots=True)
 class Call:
     """One call, from its request to its one answer.
 
     Attributes:
-        request: a struct of the service's request type.
+        request: a struct of the service's request type; None after the end, for it may be large, and ended calls are
+            kept for late answers.
         deadline: when it is given up [s], or None.
         is_done: answered, refused or given up; whatever comes after that is ignored.
     """
@@ -164,7 +209,8 @@ class Call:
         if self.is_done:
             return
         self.is_done = True
+        self.request = None
         self.service.calls.pop(self, None)
         self.bus.forget_call(self)
         if answer is not None:
-            self.on_answer(answer)
+            self.bus.hand_over(self, answer)

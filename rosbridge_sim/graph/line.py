@@ -3,6 +3,9 @@
 A `Line` outlives its sockets: `open` begins anew on each, `shut` forgets what was on its way over the last one. It
 knows the wire and nothing of what goes over it; that is `graph/mirror.py`.
 
+An op from there may take longer than its turn: a scenario is read from a disk. Then the line is *held*, and the ops
+that come meanwhile wait in it. Answers to our own questions do not wait: they say how far the far side has got.
+
 The far side may be any rosbridge. So no remark is ever sent (rosbridge_suite has no such op), no answer is taken for
 granted, and what waits to be sent has a bound (`Outbox`) and a brake (`Credit`).
 """
@@ -10,6 +13,7 @@ granted, and what waits to be sent has a bound (`Outbox`) and a brake (`Credit`)
 from __future__ import annotations
 
 import re
+from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -32,6 +36,10 @@ A service that nobody has would do in ROS 1; in ROS 2 rosbridge_suite looks for 
 
 PATIENCE = 2.0
 """How long an answer to a question is waited for [s]; ROS 2's rosbridge looks for a service for one."""
+
+MAX_WAITING = 2**20
+"""Frames whose ops may wait in a held line before its socket is not read any more [bytes]: far more than clients send
+while a scenario is read, and little beside what one frame may have."""
 
 _MARK, _QUESTION = "mark:", "ask:"
 """What the ids of our calls begin with."""
@@ -61,6 +69,8 @@ class Line:
         session: what this socket's frames are read and written by.
         outbox: what waits for the socket.
         num_sent: messages of topics that went into the outbox, ever.
+        waiting: ops that have come and are not done yet, oldest first.
+        on_released: called when the last hold has ended.
     """
 
     def __init__(
@@ -79,6 +89,7 @@ class Line:
         self.is_ready = False
         self.has_services = False
         self.num_sent = 0
+        self.on_released: Callable[[], None] = _nothing
         self._limits = limits
         self._max_frame_size = max_frame_size
         self._on_refused = on_refused
@@ -96,6 +107,9 @@ class Line:
             on_refused=self._on_refused,
         )
         self.credit = Credit()
+        self.waiting: deque[ops.Op] = deque()
+        self._num_waiting_bytes = 0
+        self._holds: set[object] = set()  # one of its own for each socket: a late release frees no later one
         self._questions: dict[str, tuple[OnWord, float]] = {}
 
     def open(self, wake: Callable[[], None], carry: Callable[[], None]) -> None:
@@ -161,6 +175,36 @@ class Line:
         """
         for op in self.session.receive(frame, now):
             yield None if op is None or self._hears(op, now) else op
+
+    def keep(self, frame: bytes, now: float) -> None:
+        """Have the ops in a frame wait for their turn, behind those that came before; otherwise as `receive`."""
+        if not self.waiting:
+            self._num_waiting_bytes = 0
+        self._num_waiting_bytes += len(frame)
+        self.waiting += [op for op in self.receive(frame, now) if op is not None]
+
+    def hold(self) -> Callable[[], None]:
+        """Have the ops wait until the returned function is called, or the socket is lost. Several holds count."""
+        holds, token = self._holds, object()
+        holds.add(token)
+
+        def release() -> None:
+            if token in holds:
+                holds.remove(token)
+                if not holds and holds is self._holds:
+                    self.on_released()
+
+        return release
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the ops that wait are not to be done now."""
+        return bool(self._holds)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether so much waits that nothing more should be read from the socket."""
+        return bool(self.waiting) and self._num_waiting_bytes > MAX_WAITING
 
     def _hears(self, op: ops.Op, now: float) -> bool:
         """Whether an op is the answer to a question of ours."""

@@ -13,6 +13,9 @@ rosbridge_suite answers no mistake: a type whose package is not built there give
 else. So a while later we ask it which topics and services it has, and say what is missing.
 
 What it sends and what cannot be used is a line in our log, and has no other consequence.
+
+Many callers share a line and cannot be told apart. Where one of them has to wait for something (`hold`), so does all
+that comes behind it on the same line, and nothing else.
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NoReturn
 
 from rosbridge_sim.errors import FrameError, PeerError
 from rosbridge_sim.graph.bus import Answer, Bus, Owner, Subscription, Topic, decode_body, resolve
@@ -35,6 +38,9 @@ __all__ = ["NODE_NAME", "Mirror"]
 
 NODE_NAME: Final = "/rosbridge_far_side"
 """All programs on the far side are one node here: from here they cannot be told apart."""
+
+OPS_PER_TURN: Final = 64
+"""Ops of one line that are done before others have their turn; some 2 ms of work."""
 
 SURVEYS: Final = (0.0, 1.0, 3.0)
 """When the far side is asked what it has [s]: each after the one before. In ROS 2 topics are found by and by."""
@@ -69,6 +75,7 @@ class Mirror:
         lines: the connections that it wants, by their names; the first one's is empty.
         on_lines: called when one has come or gone.
         on_attached: called each time when everything is announced.
+        on_failure: called when something done for the far side has failed by a bug of ours; raises it by itself.
     """
 
     name = NODE_NAME
@@ -97,6 +104,7 @@ class Mirror:
         self.address = address
         self.on_lines: Callable[[], None] = lambda: None
         self.on_attached: Callable[[], None] = lambda: None
+        self.on_failure: Callable[[Exception], None] = _raise
         self._bus = bus
         self._source = source
         self._has_line_each = has_line_each
@@ -105,6 +113,7 @@ class Mirror:
         self._items: dict[Key, _Item] = {}
         self._inputs: dict[str, Topic] = {}
         self._in_flight: dict[str, int] = {}
+        self._line_in_hand: Line | None = None
         self._now = 0.0
         self._is_attached = self._is_gone = False
         self._findings = Findings(address, bus.store.ros)
@@ -126,6 +135,10 @@ class Mirror:
     def tell(self, level: str, text: str) -> None:
         """What would be told to a client, nobody there could hear: it goes to the log."""
         self._note(logging.INFO, f"a program there is told: [{level}] {text}")
+
+    def fail(self, error: Exception) -> None:
+        """See `Guarded`: the bridge's connections are made anew."""
+        self.on_failure(error)
 
     def note(self, level: int, text: str, now: float) -> None:
         """Have a line in the log, unless there were too many of late."""
@@ -298,18 +311,39 @@ class Mirror:
 
     # What the far side says
 
-    def receive(self, line: Line, frame: bytes, now: float) -> None:
-        """Do all that a frame asks; what is wrong with it is for the log."""
+    def receive(self, line: Line, frame: bytes, now: float) -> bool:
+        """Do what a frame asks, or have it wait for its turn; what is wrong with it is for the log.
+
+        Returns:
+            As `go_on`.
+        """
+        self._now = now  # for what cannot be read
+        line.keep(frame, now)
+        return self.go_on(line, now)
+
+    def go_on(self, line: Line, now: float) -> bool:
+        """Do what has come on a line and waits, one turn's worth; after a release, or when more was left to do.
+
+        Returns:
+            Whether more is left that could be done at once: call it again in the next turn.
+        """
         self._now = now
-        for op in line.receive(frame, now):
-            if self._is_gone:
-                return
-            if op is None:
-                continue
+        for _ in range(OPS_PER_TURN):
+            if self._is_gone or line.is_held or not line.waiting:
+                return False
+            op = line.waiting.popleft()
+            self._line_in_hand = line
             try:
                 self._do(line, op, now)
             except PeerError as error:
                 self._note(logging.WARNING, f"it sent what cannot be used: {error}")
+            finally:
+                self._line_in_hand = None
+        return bool(line.waiting) and not line.is_held
+
+    def hold(self) -> Callable[[], None]:
+        """See `Holdable`: hold the line whose op is in hand."""
+        return (self._line_in_hand or self.lines[""]).hold()
 
     def _do(self, line: Line, op: ops.Op, now: float) -> None:
         if isinstance(op, ops.Publish):
@@ -427,3 +461,8 @@ class Mirror:
             self._findings.say(logging.WARNING, text)
         if self._survey_at is not None and now >= self._survey_at:
             self._survey(now)
+
+
+def _raise(error: Exception) -> NoReturn:
+    """Raise a failure in the caller's hands: this far side has no connection that could be cut."""
+    raise error

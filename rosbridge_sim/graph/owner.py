@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from typing import Protocol
+from collections.abc import Callable
+from typing import Protocol, runtime_checkable
 
 import msgspec
 import orjson
@@ -13,7 +14,7 @@ from rosbridge_sim.protocol.codec import is_absent
 from rosbridge_sim.protocol.ops import ABSENT, Body
 from rosbridge_sim.schema.compile import MessageType, OpaqueType
 
-__all__ = ["Body", "Owner", "decode_body", "resolve"]
+__all__ = ["Body", "Correlating", "Holdable", "Owner", "Tell", "decode_body", "hold", "resolve", "teller"]
 
 _NAME = re.compile(r"[^\s\x00-\x1f\x7f]{1,256}")
 
@@ -31,6 +32,50 @@ class Owner(Protocol):
 
     def tell(self, level: str, text: str) -> None:
         """Say something that answers no request: `info`, `warning` or `error`, a line of text."""
+
+
+@runtime_checkable
+class Holdable(Protocol):
+    """An owner whose input can wait: what it sends next is handled later, in its order."""
+
+    def hold(self) -> Callable[[], None]:
+        """Handle nothing more of this owner until the returned function is called. Several holds count.
+
+        Returns:
+            Releases this hold; a second call does nothing.
+        """
+
+
+Tell = Callable[[str, str], None]
+"""`(level, text)`, as `Owner.tell`."""
+
+
+@runtime_checkable
+class Correlating(Protocol):
+    """An owner that can be told later which of its requests a text is about."""
+
+    def teller(self) -> Tell:
+        """Return a function that does what `tell` does, with the id of the request that is handled right now."""
+
+
+def hold(owner: Owner) -> Callable[[], None]:
+    """Hold an owner's input, so that what it sends next waits for something that takes time.
+
+    An owner in this process that cannot be held only gets its answer later.
+
+    Returns:
+        Releases the owner; must be called in the end, and a second call does nothing.
+    """
+    return owner.hold() if isinstance(owner, Holdable) else _nothing
+
+
+def teller(owner: Owner) -> Tell:
+    """Return a function that tells an owner something about the request that is handled right now, perhaps later."""
+    return owner.teller() if isinstance(owner, Correlating) else owner.tell
+
+
+def _nothing() -> None:
+    """Release an owner that was never held."""
 
 
 def resolve(name: str) -> str:

@@ -8,6 +8,10 @@ everything as it was.
 Where rosbridge_suite and the protocol's text differ, we take: one message for each spelling of a topic,
 whatever the number of subscription ids; latched messages once for each new id; `result: false` of a provider
 is passed on (rosbridge_suite turns it into success); a lost provider fails its calls at once.
+
+An op may take longer than its turn: a scenario is read from a disk. Then the client is *held*: whoever reads its
+frames asks `is_held` after each op, stops there, and goes on when `on_released` is called. So a client's ops take
+effect in the order in which they were sent, and nobody else waits.
 """
 
 from __future__ import annotations
@@ -15,14 +19,15 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, NoReturn, Protocol, TypeVar
 
 import msgspec
 import orjson
 
-from rosbridge_sim.errors import GraphError, PeerError
+from rosbridge_sim.errors import EncodingError, FrameError, GraphError, PeerError
 from rosbridge_sim.graph.actions import Goal, GoalStatus, Outcome
 from rosbridge_sim.graph.bus import Answer, Bus, Call, Owner, Subscription, Topic, decode_body, resolve
+from rosbridge_sim.graph.owner import Tell
 from rosbridge_sim.graph.policy import OPEN, Policy
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.codec import is_absent
@@ -40,6 +45,9 @@ _IMPLICIT = object()
 
 MAX_ID = 1_024
 """Longest id of what is held [characters]; any other id is only echoed."""
+
+_TIDY = 1_000
+"""Ended calls or goals that a provider's list may hold before it is tidied: late answers to them are no mistake."""
 
 _log = logging.getLogger("rosbridge_sim.graph")
 
@@ -60,6 +68,13 @@ class _Provision:
     spelling: str
     num_calls: int = 0
     calls: dict[str, Call] = field(default_factory=dict)
+    tidy_at: int = 0
+
+    def tidy(self) -> None:
+        """Forget calls that timed out or were abandoned: when they are many, so that each call costs little."""
+        if len(self.calls) >= self.tidy_at:
+            self.calls = {call_id: call for call_id, call in self.calls.items() if not call.is_done}
+            self.tidy_at = max(_TIDY, 2 * len(self.calls))
 
 
 @dataclass(slots=True)
@@ -70,9 +85,19 @@ class _Performance:
     type_name: str
     num_goals: int = 0
     goals: dict[str, Goal] = field(default_factory=dict)
+    ids: dict[Goal, str] = field(default_factory=dict)
+    tidy_at: int = 0
 
-    def id_of(self, goal: Goal) -> str | None:
-        return next((goal_id for goal_id, known in self.goals.items() if known is goal), None)
+    def tidy(self) -> None:
+        """Forget goals that have ended, as `_Provision.tidy` does calls."""
+        if len(self.goals) >= self.tidy_at:
+            self.goals = {goal_id: goal for goal_id, goal in self.goals.items() if not goal.is_done}
+            self.ids = {goal: goal_id for goal_id, goal in self.goals.items()}
+            self.tidy_at = max(_TIDY, 2 * len(self.goals))
+
+
+_Offer = TypeVar("_Offer", _Provision, _Performance)
+_Work = TypeVar("_Work", Call, Goal)
 
 
 class Work(Protocol):
@@ -107,6 +132,8 @@ class Peer:
         session: its wire.
         address: where it comes from, for people to read.
         num_errors: mistakes it was told of.
+        on_failure: called when something that is done for this client has failed by a bug of ours; raises it by itself.
+        on_released: called when the last hold has ended; not after `leave`.
     """
 
     name = NODE_NAME
@@ -121,8 +148,14 @@ class Peer:
             policy: what it may do.
         """
         self.session = session
+        session.on_lost_answer = self._lose_answer
+        session.on_unsent = bus.guard.note_encoding
+        self.on_failure: Callable[[Exception], None] = _raise
         self.address = address
         self.num_errors = 0
+        self.on_released: Callable[[], None] = _nothing
+        self._num_holds = 0
+        self._op_id: ops.Id = None  # of the op in hand
         self._bus = bus
         self._policy = policy
         self._num_ids = 0
@@ -176,12 +209,17 @@ class Peer:
         self.do(op, now)
         return None
 
+    def fail(self, error: Exception) -> None:
+        """See `Guarded`: the owner of the socket closes it."""
+        self.on_failure(error)
+
     def flush(self, now: float) -> None:
         """Send the messages whose turn has come; the session's alarm says when."""
         self.session.flush(now, self._bus.stamp_ns)
 
     def do(self, op: ops.Op, now: float) -> None:
         """Do one op; a mistake in it is told to the client."""
+        self._op_id = op.id
         try:
             self._act[type(op)](op, now)
         except PeerError as error:
@@ -204,8 +242,39 @@ class Peer:
         """Remark something that answers no request."""
         self.session.remark(level, text)
 
+    def teller(self) -> Tell:
+        """See `Correlating`."""
+        op_id = self._op_id
+
+        def tell(level: str, text: str) -> None:
+            self.num_errors += level == "error"
+            self.session.remark(level, text, op_id)
+
+        return tell
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the next op has to wait until `on_released` is called."""
+        return self._num_holds > 0
+
+    def hold(self) -> Callable[[], None]:
+        """See `Holdable`."""
+        self._num_holds += 1
+        is_holding = True
+
+        def release() -> None:
+            nonlocal is_holding
+            if is_holding:
+                is_holding = False
+                self._num_holds -= 1
+                if not self._num_holds:
+                    self.on_released()
+
+        return release
+
     def leave(self, now: float) -> None:
         """Take everything of this client's off the bus; twice is no error."""
+        self.on_released = _nothing
         self._publications.clear()
         for listening in self._listenings.values():
             self.session.drop_feed(listening.feed)
@@ -241,7 +310,11 @@ class Peer:
         num_keys = self._num_keys(op.topic)
         self._bus.unadvertise(self, op.topic, now, key=op.id)
         self._num_ids += self._num_keys(op.topic) - num_keys
-        self._publications = {s: t for s, t in self._publications.items() if self in t.publishers}
+        name = resolve(op.topic)
+        for spelling in (name, name[1:]):
+            topic = self._publications.get(spelling)
+            if topic is not None and self not in topic.publishers:
+                del self._publications[spelling]
 
     def _publish(self, op: ops.Publish, now: float) -> None:
         topic = self._publications.get(op.topic)
@@ -285,14 +358,17 @@ class Peer:
         self._num_ids += is_new
         if is_new and qos.is_latching is not False:
             for message in listening.subscription.topic.latched:
-                feed.send(message, bus.stamp_ns)
+                try:
+                    feed.send(message, bus.stamp_ns)
+                except EncodingError as error:
+                    bus.guard.note_encoding(op.topic, error)
 
     def _unsubscribe(self, op: ops.Unsubscribe, now: float) -> None:
         listening = self._listenings.get(op.topic)
         if listening is None:
             return
         ids = listening.feed.ids
-        if op.id is None or set(ids) == {op.id}:
+        if op.id is None or (op.id in ids and len(ids) == 1):
             del self._listenings[op.topic]
             self._num_ids -= len(ids)
             self.session.drop_feed(listening.feed)
@@ -323,10 +399,9 @@ class Peer:
 
         def handle(call: Call, _now: float) -> None:
             limit = self._bus.max_calls
-            if len(provision.calls) >= limit:  # what timed out or was abandoned is kept for its late answer
-                provision.calls = {i: c for i, c in provision.calls.items() if not c.is_done}
-                if len(provision.calls) >= limit:
-                    raise GraphError(f"Service {provision.name} has {limit} calls waiting already")
+            provision.tidy()
+            if len(call.service.calls) > limit:  # this one is among them
+                raise GraphError(f"Service {provision.name} has {limit} calls waiting already")
             provision.num_calls += 1
             call_id = f"service_request:{provision.spelling}:{provision.num_calls}"
             provision.calls[call_id] = call
@@ -361,6 +436,21 @@ class Peer:
             raise
         call.answer(values)
 
+    def _lose_answer(self, error: FrameError) -> None:
+        """Fail the call or the goal whose answer cannot be read: its caller would wait for ever.
+
+        Where the frame has no id of ours left in it, it is clear whose answer it is only if one alone is awaited.
+        """
+        why = f"The provider's answer cannot be read: {error}"
+        if error.op == "service_response":
+            call = self._find_awaited(self._provisions, error.op_id, lambda provision: provision.calls)
+            if call is not None:
+                call.refuse(why)
+        else:
+            goal = self._find_awaited(self._performances, error.op_id, lambda performance: performance.goals)
+            if goal is not None:
+                goal.fail(why)
+
     # Actions
 
     def _advertise_action(self, op: ops.AdvertiseAction, _now: float) -> None:
@@ -369,12 +459,13 @@ class Peer:
         performance = _Performance(op.action, op.type)
 
         def take(goal: Goal) -> None:
-            performance.goals = {i: g for i, g in performance.goals.items() if not g.is_done}
-            if len(performance.goals) >= self._actions.max_goals:
+            performance.tidy()
+            if len(goal.action.goals) > self._actions.max_goals:  # this one is among them
                 raise GraphError(f"Action {op.action} has {self._actions.max_goals} goals under way already")
             performance.num_goals += 1
             goal_id = f"action_goal:{op.action}:{performance.num_goals}"
             performance.goals[goal_id] = goal
+            performance.ids[goal] = goal_id
             args = Message(goal.action.type.goal, goal.request)
             self.session.say(
                 "send_action_goal",
@@ -386,7 +477,7 @@ class Peer:
             )
 
         def cancel(goal: Goal) -> None:
-            goal_id = performance.id_of(goal)
+            goal_id = performance.ids.get(goal)
             if goal_id is not None:
                 self.session.say("cancel_action_goal", {}, id=goal_id, action=op.action)
 
@@ -465,6 +556,19 @@ class Peer:
             self.session.remark("warning", f"Nobody waits for a goal of {op.action} with this id", op.id)
         return None if goal is None or goal.is_done else goal
 
+    @staticmethod
+    def _find_awaited(
+        offers: dict[str, _Offer], op_id: object, get: Callable[[_Offer], dict[str, _Work]]
+    ) -> _Work | None:
+        """The call or goal under that id or, without an id, the only one that is not done."""
+        if isinstance(op_id, str):
+            name = op_id.partition(":")[2].rpartition(":")[0]
+            offer = offers.get(name) or offers.get("/" + name)
+            return None if offer is None else get(offer).get(op_id)
+        undone = (work for offer in offers.values() for work in get(offer).values() if not work.is_done)
+        first, second = next(undone, None), next(undone, None)
+        return first if second is None else None
+
     # The rest
 
     def _set_level(self, op: ops.SetLevel, _now: float) -> None:
@@ -483,6 +587,15 @@ class Peer:
         limit = self._policy.max_held
         if self._num_ids + len(self._provisions) + len(self._performances) >= limit:
             raise GraphError(f"At most {limit} topics, services and actions can be held by one client")
+
+
+def _nothing() -> None:
+    """Do nothing: no op of this client waits for its release."""
+
+
+def _raise(error: Exception) -> NoReturn:
+    """Raise a failure in the caller's hands: this client has no socket that could be closed."""
+    raise error
 
 
 def _split_id(op: ops.CallService) -> tuple[str, ops.Id]:

@@ -31,7 +31,7 @@ from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.actionlib import BEAT, Actionlib
 from rosbridge_sim.graph.actions import Goal, GoalStatus
 from rosbridge_sim.graph.bus import Bus, Call, Owner, Subscription, Topic
-from rosbridge_sim.graph.frames import Frames, Placed, Pose, frame_name, turn
+from rosbridge_sim.graph.frames import MAX_FRAMES, Frames, Placed, Pose, frame_name, turn
 from rosbridge_sim.schema.store import Message
 
 __all__ = ["DEFAULT_TIMEOUT", "MAX_PAIRS", "MAX_STREAMS", "NODE_NAME", "OWN_PAIRS", "OWN_STREAMS", "Republisher"]
@@ -127,6 +127,7 @@ class Republisher:
         self._alarm: float | None = None
         self._alarm_set_ns = 0
         self._sweep_due = 0.0
+        self._is_off = False
         store = bus.store
         self._array_struct = store.message("tf2_web_republisher/TFArray").struct
         self._answer_struct = store.service("tf2_web_republisher/RepublishTFs").response.struct
@@ -143,10 +144,18 @@ class Republisher:
         """What the bus has to say to the republisher goes into the log."""
         _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)
 
+    def fail(self, error: Exception) -> None:
+        """See `Guarded`: it is gone until a restart; whoever waits for it is told."""
+        _log.error("the republisher of transforms has failed; it is off until a restart", exc_info=error)
+        self._is_off = True
+        self._bus.leave(self, 0.0)
+
     # Time
 
     def next_due(self, _now: float) -> float | None:
         """When `advance` has something to do next [s]; None while nobody asks for anything."""
+        if self._is_off:
+            return None
         dues = (self._alarm, self._actionlib.next_due(), self._sweep_due if self._offers else None)
         return min((due for due in dues if due is not None), default=None)
 
@@ -158,6 +167,8 @@ class Republisher:
 
         Call it again at `next_due`.
         """
+        if self._is_off:
+            return
         if self._alarm is not None and now >= self._alarm:
             self._alarm = None
             if self._bus.stamp_ns != self._alarm_set_ns:  # a clock that stands brings no new slot
@@ -192,6 +203,8 @@ class Republisher:
     def _put(self, message: Message, sender: Owner, *, is_static: bool) -> GraphError | None:
         """Take in what is right in a message; what was wrong first."""
         problem = None
+        if len(message.value.transforms) > MAX_FRAMES:
+            return GraphError(f"{message.type.name}: expected at most {MAX_FRAMES} transforms, as many as are kept")
         for stamped in message.value.transforms:
             try:
                 self._frames.put(stamped, sender, is_static=is_static)
@@ -242,6 +255,8 @@ class Republisher:
         Raises:
             GraphError: the request makes no sense, or it is one too many.
         """
+        if len(request.source_frames) > MAX_PAIRS:
+            raise GraphError(f"source_frames: expected at most {MAX_PAIRS}, got {len(request.source_frames)}")
         sources = tuple(dict.fromkeys(map(frame_name, request.source_frames)))
         own = [stream for stream in self._streams.values() if stream.owner is owner]
         _check_room(own, len(sources), OWN_STREAMS, OWN_PAIRS, "of yours")

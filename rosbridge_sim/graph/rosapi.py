@@ -5,7 +5,7 @@ of both ROS generations find the names they know; lists are in order of name, an
 Where a policy keeps clients from some names, what they may not use is not listed, and asked for by its name it is not
 there; a parameter that they may not use is refused.
 
-Parameters live in memory for as long as the process, by absolute name; values are JSON texts on the wire.
+Parameters live in memory for as long as the process, see `graph/parameters.py`; values are JSON texts on the wire.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ import orjson
 
 from rosbridge_sim.errors import GraphError, TypeNameError
 from rosbridge_sim.graph.bus import Bus, Call, Owner, Service, Topic, resolve
-from rosbridge_sim.graph.policy import OPEN, Policy
+from rosbridge_sim.graph.parameters import MAX_PARAMETERS
+from rosbridge_sim.graph.policy import OPEN, Policy, Rule
 from rosbridge_sim.schema.compile import MessageType
 from rosbridge_sim.schema.names import Kind
 from rosbridge_sim.schema.typedefs import typedefs
@@ -32,11 +33,12 @@ _BAD_VALUE = (
     " JSON-formatted string."
 )
 
-MAX_PARAMETERS = 100_000
-"""Parameters kept; a client that sets names in a loop is told, and memory stays bounded."""
+MAX_RAW_CHARS = 16 * 2**20
+"""Definitions in one answer: as much as a frame may hold. It is enough for thousands of topics of the largest types."""
 
-MAX_PARAMETER_CHARS = 16 * 2**20
-"""JSON text of all their values together; a robot's description, the longest that is usual, has a million."""
+_OMITTED = (
+    f"# omitted: the definitions of all topics have more than {MAX_RAW_CHARS} characters; see rosapi/MessageDetails"
+)
 
 _ACTIONLIB = ("cancel", "feedback", "result", "status")
 """What an action server of ROS 1 has beside `goal`."""
@@ -60,8 +62,9 @@ class Rosapi:
         """Offer all services on `bus`, and show there what `policy` lets clients use."""
         self._bus = bus
         self._policy = policy
-        self._param_chars: dict[str, int] = {}
-        self._num_param_chars = 0
+        self._params = bus.parameters
+        self._may_use_all = policy.parameter == Rule()
+        self._verdicts: dict[str, bool] = {}
         table: dict[str, tuple[str, Callable[[_Request], _Fields]]] = {
             "topics": ("Topics", self._topics),
             "topics_for_type": ("TopicsForType", self._topics_for_type),
@@ -88,7 +91,6 @@ class Rosapi:
             "action_feedback_details": ("ActionFeedbackDetails", self._feedback_details),
             "get_ros_version": ("GetROSVersion", self._ros_version),
             "get_time": ("GetTime", self._get_time),
-            "set_param": ("SetParam", self._set_param),
             "get_param": ("GetParam", self._get_param),
             "has_param": ("HasParam", self._has_param),
             "delete_param": ("DeleteParam", self._delete_param),
@@ -97,6 +99,8 @@ class Rosapi:
         }
         for name, (type_name, respond) in table.items():
             bus.provide(self, f"/rosapi/{name}", f"rosapi/{type_name}", _handler(respond), is_exclusive=True)
+        bus.provide(self, "/rosapi/set_param", "rosapi/SetParam", self._set_param, is_exclusive=True)
+        bus.watchers.append(self._see_off)
 
     def tell(self, level: str, text: str) -> None:
         """Nobody reads what rosapi is told; it asks for nothing."""
@@ -193,10 +197,16 @@ class Rosapi:
     def _topics_and_raw_types(self, _request: _Request) -> _Fields:
         """What Lichtblick builds its readers from; a type that nobody knows has a comment for a definition."""
         topics = self._sorted_topics()
+        texts: list[str] = []
+        num_chars = 0
+        for topic in topics:
+            text = self._full_text(topic.type.name)
+            num_chars += len(text)
+            texts.append(text if num_chars <= MAX_RAW_CHARS else _OMITTED)
         return {
             "topics": [t.name for t in topics],
             "types": [self._spelled(t.type.name, "msg") for t in topics],
-            "typedefs_full_text": [self._full_text(t.type.name) for t in topics],
+            "typedefs_full_text": texts,
         }
 
     def _full_text(self, name: str) -> str:
@@ -263,42 +273,39 @@ class Rosapi:
         self._policy.check_parameter(given)
         return resolve(given)
 
-    def _below(self, name: str) -> dict[str, object]:
-        """What clients may use below a namespace, nested as in ROS 1: `/a` of `/a/b` = 1 is {"b": 1}."""
-        prefix = name.rstrip("/") + "/"
-        admits = self._policy.parameter.admits
-        parameters = self._bus.parameters.items()
-        return _tree({key[len(prefix) :]: value for key, value in parameters if key.startswith(prefix) and admits(key)})
+    def _may_use(self, name: str) -> bool:
+        """Whether clients may use a parameter that is set. Patterns are slow, and a namespace has many names."""
+        if self._may_use_all:
+            return True
+        verdict = self._verdicts.get(name)
+        if verdict is None:
+            if len(self._verdicts) > 2 * MAX_PARAMETERS:
+                self._verdicts.clear()
+            verdict = self._verdicts[name] = self._policy.parameter.admits(name)
+        return verdict
+
+    def _usable(self, names: list[str]) -> list[str]:
+        """The names of those that clients may use."""
+        return names if self._may_use_all else list(filter(self._may_use, names))
 
     def _is_set(self, name: str) -> bool:
-        return name in self._bus.parameters or bool(self._below(name))
+        return name in self._params or self._params.has_below(_prefix(name), self._may_use)
 
-    def _set_param(self, request: _Request) -> _Fields:
-        parameters = self._bus.parameters
-        name = self._parameter_name(request.name)
+    def _set_param(self, call: Call, _now: float) -> None:
+        request: _Request = call.request
         try:
-            value = orjson.loads(request.value)
+            self._params.put(self._parameter_name(request.name), request.value, call.caller)
         except orjson.JSONDecodeError:
             raise GraphError(_BAD_VALUE) from None
-        _to_text(value)
-        if name not in parameters and len(parameters) >= MAX_PARAMETERS:
-            raise GraphError(f"At most {MAX_PARAMETERS} parameters can be kept")
-        num_chars = self._num_param_chars + len(request.value) - self._param_chars.get(name, 0)
-        if num_chars > MAX_PARAMETER_CHARS:
-            raise GraphError(f"All parameters together can have at most {MAX_PARAMETER_CHARS} characters")
-        self._num_param_chars = num_chars
-        self._param_chars[name] = len(request.value)
-        parameters[name] = value
-        return {}
+        call.answer(call.service.type.response.struct())
 
     def _get_param(self, request: _Request) -> _Fields:
-        parameters = self._bus.parameters
         name = self._parameter_name(request.name)
-        if name in parameters:
-            return {"value": _to_text(parameters[name])}
-        below = self._below(name)
+        if name in self._params:
+            return {"value": self._params.text(name)}
+        below = self._usable(self._params.below(_prefix(name)))
         if below:
-            return {"value": _to_text(below)}
+            return {"value": self._params.tree(name, below)}
         if request.default:
             return {"value": _as_json_text(request.default)}
         # clients parse the value before they look whether there was one: it has to be JSON text all the same
@@ -308,15 +315,12 @@ class Rosapi:
         return {"exists": self._is_set(self._parameter_name(request.name))}
 
     def _delete_param(self, request: _Request) -> _Fields:
-        parameters = self._bus.parameters
         name = self._parameter_name(request.name)
-        admits = self._policy.parameter.admits
-        gone = [key for key in parameters if key == name or (key.startswith(name + "/") and admits(key))]
+        gone = [name] if name in self._params else []
+        gone += self._usable(self._params.below(name + "/"))
         if not gone:
             raise GraphError(f"Parameter {name} is not set")
-        for key in gone:
-            del parameters[key]
-            self._num_param_chars -= self._param_chars.pop(key)
+        self._params.remove(gone)
         return {}
 
     def _search_param(self, request: _Request) -> _Fields:
@@ -325,7 +329,19 @@ class Rosapi:
         return {"global_name": name if self._is_set(name) else ""}
 
     def _get_param_names(self, _request: _Request) -> _Fields:
-        return {"names": sorted(filter(self._policy.parameter.admits, self._bus.parameters))}
+        return {"names": self._usable(list(self._params))}
+
+    def num_held(self, owner: Owner) -> int:
+        """Memory of the parameters that an owner has set [bytes]."""
+        return self._params.num_held(owner)
+
+    def _see_off(self, owner: Owner, _now: float) -> None:
+        self._params.disown(owner)
+
+
+def _prefix(namespace: str) -> str:
+    """How names in a namespace begin."""
+    return namespace.rstrip("/") + "/"
 
 
 def _handler(respond: Callable[[_Request], _Fields]) -> Callable[[Call, float], None]:
@@ -358,17 +374,3 @@ def _as_json_text(text: str) -> str:
         return _to_text(orjson.loads(text))
     except orjson.JSONDecodeError:
         return _to_text(text)
-
-
-def _tree(parameters: dict[str, object]) -> dict[str, object]:
-    """Values by relative name as values by path: `b/c` = 1 is {"b": {"c": 1}}."""
-    root: dict[str, Any] = {}
-    for key, value in parameters.items():
-        *path, last = key.split("/")
-        node = root
-        for part in path:
-            inner = node.get(part)
-            node[part] = dict(inner) if isinstance(inner, dict) else {}  # a copy: it may be a parameter's own value
-            node = node[part]
-        node[last] = value
-    return root

@@ -122,13 +122,17 @@ _DEFAULTS: Final = {
 }
 
 
+MAX_NAME: Final = 200
+"""Longest name that is looked up: names come from clients, and may be megabytes."""
+
+
 def find_model(name: str) -> Model | None:
     """The model of this name, or None.
 
     Case, blanks, `_`, `-` and brackets make no difference, and the model year may be left out: `kia k5` is
     `2015_Kia_K5`. Another year is another car.
     """
-    return _BY_KEY.get(_key(name))
+    return _BY_KEY.get(_key(name)) if len(name) <= MAX_NAME else None
 
 
 def model_of_data_id(data_id: int, kind: Kind) -> Model | None:

@@ -86,15 +86,21 @@ _LISTS: Final = (
 _NEWER_LISTS: Final = ("steering_angle", "turn_signal")  # may be empty: clients of the older release lack them
 
 
-def ego_settings(message: Any) -> list[EgoSetting]:  # noqa: ANN401 - a generated struct
+def ego_settings(message: Any, most: int) -> list[EgoSetting]:  # noqa: ANN401 - a generated struct
     """Read a MultiEgoSetting.
 
+    Args:
+        message: a generated struct.
+        most: egos that there can be.
+
     Raises:
-        FieldError: lists of different lengths, a number that is none or beyond all bounds, a gear or lamp that does
-            not exist, an ego named twice.
+        FieldError: more entries than egos can be, lists of different lengths, a number that is none or beyond all
+            bounds, a gear or lamp that does not exist, an ego named twice.
     """
     where = "morai_msgs/MultiEgoSetting"
     num = message.number_of_ego_vehicle
+    if num > most:
+        raise FieldError(f"{where}.number_of_ego_vehicle: there are {most} egos at most, got {num} entries")
     for name in (*_LISTS, *_NEWER_LISTS):
         entries = getattr(message, name, ())
         if len(entries) != num and (name in _LISTS or len(entries)):
@@ -139,13 +145,20 @@ def ghost_pose(message: Any) -> Pose:  # noqa: ANN401 - a generated struct
     )
 
 
-def npc_ghosts(message: Any) -> list[Ghost]:  # noqa: ANN401 - a generated struct
+def npc_ghosts(message: Any, most: int) -> list[Ghost]:  # noqa: ANN401 - a generated struct
     """Read a NpcGhostCmd. The newer lists of lamps are for the eye alone and are passed over.
 
+    Args:
+        message: a generated struct.
+        most: entities that the world can hold.
+
     Raises:
-        FieldError: a number that is none or beyond all bounds, a vehicle named twice.
+        FieldError: more vehicles than the world can hold, a number that is none or beyond all bounds, a vehicle named
+            twice.
     """
     where = "morai_msgs/NpcGhostCmd.npc_list"
+    if len(message.npc_list) > most:
+        raise FieldError(f"{where}: the world holds {most:,} at most, got {len(message.npc_list):,} vehicles")
     ghosts = []
     for i, npc in enumerate(message.npc_list):
         place, turn = (npc.position.x, npc.position.y, npc.position.z), (npc.rpy.x, npc.rpy.y, npc.rpy.z)
@@ -182,13 +195,21 @@ def _pose(
     where: str, place: Sequence[float], turn_deg: Sequence[float], *, velocity_kmh: float, steer_deg: float | None
 ) -> Pose:
     speed = velocity_kmh / KMH
-    if not all(-MAX_COORDINATE <= value <= MAX_COORDINATE for value in (*place, *turn_deg)):
+    x, y, z = place
+    roll_deg, pitch_deg, yaw_deg = turn_deg
+    # Written out, for this is done for thousands in one message.
+    if not (
+        -MAX_COORDINATE <= x <= MAX_COORDINATE
+        and -MAX_COORDINATE <= y <= MAX_COORDINATE
+        and -MAX_COORDINATE <= z <= MAX_COORDINATE
+        and -MAX_COORDINATE <= roll_deg <= MAX_COORDINATE
+        and -MAX_COORDINATE <= pitch_deg <= MAX_COORDINATE
+        and -MAX_COORDINATE <= yaw_deg <= MAX_COORDINATE
+    ):
         raise FieldError(f"{where}: expected finite numbers for the pose, got {(*place, *turn_deg)}")
     if not -MAX_SPEED <= speed <= MAX_SPEED:
         raise FieldError(f"{where}: expected a speed within +-{MAX_SPEED * KMH:g} km/h, got {velocity_kmh}")
     if steer_deg is not None and not math.isfinite(steer_deg):
         raise FieldError(f"{where}: expected a finite steering angle, got {steer_deg}")
-    roll, pitch, yaw = map(math.radians, turn_deg)
     steer = None if steer_deg is None else math.radians(steer_deg)
-    x, y, z = place
-    return Pose(x, y, z, roll, pitch, yaw, speed, steer)
+    return Pose(x, y, z, math.radians(roll_deg), math.radians(pitch_deg), math.radians(yaw_deg), speed, steer)

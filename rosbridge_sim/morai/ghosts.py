@@ -15,6 +15,8 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Final
 
+import numpy as np
+
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.morai.catalogue import Model, find_model
 from rosbridge_sim.morai.commands import Ghost, Pose
@@ -72,21 +74,16 @@ class Ghosts:
             if ghost.unique_id not in models:
                 self._check_vehicle(ghost.unique_id)
         self._trails = {uid: trail for uid, trail in self._trails.items() if uid in self._world}
-        for ghost in ghosts:
-            uid, pose = ghost.unique_id, ghost.pose
-            if uid in models:
-                self._stage.add_as(uid, models[uid], x=pose.x, y=pose.y, z=pose.z, yaw=pose.yaw)
-            dynamics.place_ghost(
-                self._world,
-                self._world.row(uid),
-                x=pose.x,
-                y=pose.y,
-                z=pose.z,
-                yaw=pose.yaw,
-                speed=pose.speed if ghost.has_speed else self._work_out_speed(uid, pose),
-                roll=pose.roll,
-                pitch=pose.pitch,
-            )
+        with self._world.room_for(len(models)):
+            for uid, model in models.items():
+                self._stage.add_as(uid, model, x=0.0, y=0.0, z=0.0, yaw=0.0)
+        rows = np.array([self._world.row(ghost.unique_id) for ghost in ghosts], dtype=np.int64)
+        speeds = [g.pose.speed if g.has_speed else self._work_out_speed(g.unique_id, g.pose) for g in ghosts]
+        poses = [
+            (pose.x, pose.y, pose.z, pose.yaw, speed, pose.roll, pose.pitch)
+            for pose, speed in zip((ghost.pose for ghost in ghosts), speeds, strict=True)
+        ]
+        dynamics.place_ghosts(self._world, rows, np.array(poses, dtype=np.float64).reshape(-1, 7).T)
 
     def forget(self) -> None:
         """The world has begun anew."""

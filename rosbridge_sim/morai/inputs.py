@@ -23,6 +23,7 @@ from rosbridge_sim.morai.ego import CtrlMode, Ego
 from rosbridge_sim.morai.ghosts import Ghosts
 from rosbridge_sim.morai.network_settings import ItemKind
 from rosbridge_sim.morai.part import Part
+from rosbridge_sim.morai.stage import MAX_EGOS, MAX_ENTITIES
 
 if TYPE_CHECKING:
     from rosbridge_sim.morai.node import Node
@@ -78,7 +79,7 @@ class Inputs(Part):
         """Place vehicles; in synchronous mode too, for they are not the ego."""
         if self._is_replaying(bindings, "NpcGhost_Topic", sender):
             return
-        self._ghosts.place(npc_ghosts(message))
+        self._ghosts.place(npc_ghosts(message, MAX_ENTITIES))
         self._node.refresh()
 
     def _is_external(self, ego: Ego) -> bool:
@@ -111,7 +112,7 @@ class Inputs(Part):
         """Put egos somewhere; those whose number is new come into the world."""
         if self._is_replaying(bindings, "ego_setting", sender):
             return
-        settings = [(setting, _ctrl_mode(setting)) for setting in ego_settings(message)]
+        settings = [(setting, _ctrl_mode(setting)) for setting in ego_settings(message, MAX_EGOS)]
         node = self._node
         node.add_egos([setting for setting, _ in settings if node.find_ego(setting.index) is None], now)
         for setting, ctrl_mode in settings:

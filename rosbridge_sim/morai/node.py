@@ -4,8 +4,9 @@
 answer and listen. It has the two ways in which the world moves:
 
 - `advance(now)`: real time. The shell calls it whenever `next_due` says so; it computes the frames that are owed.
-- `tick`: synchronous mode. A service call moves the frames of one time step within the call, and everything that those
-  frames publish is in the listeners' hands before the answer is given.
+- `ask_tick`: synchronous mode. A service call moves the frames of one time step within the call, and everything that
+  those frames publish is in the listeners' hands before the answer is given. Only a tick whose frames need a scenario
+  that is still being read waits; its caller is held meanwhile, and `take_turns` carries it out.
 
 Both end in `_compute`: commands that waited for the frame, one step, the stamp, the topics. Nothing else moves the
 world, and nothing in here looks at a clock: `now` only says how much is owed. So a drive over ticks alone gives the
@@ -15,12 +16,14 @@ same bytes on every run.
 from __future__ import annotations
 
 import logging
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError
 from rosbridge_sim.graph.bus import Bus, Owner
+from rosbridge_sim.graph.owner import hold
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.commands import EgoSetting
 from rosbridge_sim.morai.convert import Converter, maker
@@ -33,23 +36,25 @@ from rosbridge_sim.morai.pace import Pace
 from rosbridge_sim.morai.part import Part
 from rosbridge_sim.morai.releases import MANUAL, Profile, SpeedLimits
 from rosbridge_sim.morai.scenarios.scenario import Scenario
-from rosbridge_sim.morai.stage import FIRST_EGO, MAX_ENTITIES, Library, Load, Stage
+from rosbridge_sim.morai.stage import FIRST_EGO, MAX_EGOS, MAX_ENTITIES, Library, Load, Stage
 from rosbridge_sim.morai.sync import Effect, Outcome, Sync
 from rosbridge_sim.world.state import STEP_NS, Gear, World
 from rosbridge_sim.world.step import step
 
-__all__ = ["NODE_NAME", "Command", "Node", "NodeSettings"]
+__all__ = ["NODE_NAME", "Command", "Node", "NodeSettings", "TickResult"]
 
 NODE_NAME: Final = "/morai_sim"
 
 MAX_FRAMES: Final = 5
 """Frames that one `advance` computes at most, so that catching up does not keep everybody else waiting."""
 
-MAX_EGOS: Final = 32
-"""Egos at once. Each has a dozen topics and services of its own."""
-
 LAST_RESERVED: Final = 1
 """MORAI's egos are 0, 2, 3, ...: nobody has seen a 1."""
+
+_MEANWHILE: Final = "while the tick waited for a scenario that is being read"
+_PAUSED: Final = f"the simulation was paused {_MEANWHILE}"
+_ENDED: Final = f"synchronous mode has ended, or its master was lost, {_MEANWHILE}"
+_RESET: Final = f"the simulation was reset {_MEANWHILE}"
 
 Command = Callable[[float], None]
 """What waits for its frame in synchronous mode; called with `now`."""
@@ -84,6 +89,24 @@ class NodeSettings:
     sync_on_loss: Literal["run", "pause", "wait"] = "run"
     anyone_may_stop: bool = False
     on_world_failure: Literal["exit", "serve"] = "exit"
+
+
+@dataclass(frozen=True, slots=True)
+class TickResult:
+    """How a tick ended.
+
+    Attributes:
+        is_accepted: its frames have been computed.
+        is_paused: the simulation was paused when that was decided.
+        why: for a refusal, a text for the peer; empty otherwise.
+    """
+
+    is_accepted: bool
+    is_paused: bool
+    why: str = ""
+
+
+OnTick = Callable[[TickResult], None]
 
 
 class Node:
@@ -149,6 +172,8 @@ class Node:
         self._failed_by: Exception | None = None
         self._is_serving_on = settings.on_world_failure == "serve"
         self.afterwards: list[Command] = []
+        # Those that wait, each with what releases its caller.
+        self._ticks: deque[tuple[OnTick, Callable[[float], None]]] = deque()
         self._pace = Pace()
         self._told: dict[Owner, set[str]] = {}
         self.items = Items(self, bus, settings.network)
@@ -239,15 +264,73 @@ class Node:
         """How often real time was lost for good."""
         return self._pace.num_stalls
 
-    def tick(self, now: float) -> None:
-        """Move the world by one time step, and publish every frame of it. For an accepted tick alone.
+    def ask_tick(self, user_id: str, named: int, caller: Owner, on_end: OnTick, now: float) -> None:
+        """Move the world by one time step, and publish every frame of it, if the mode allows that.
+
+        Args:
+            user_id: the master that the caller takes itself for.
+            named: the frame that it asks for.
+            caller: held for as long as its tick waits.
+            on_end: called once, perhaps before this returns.
+            now: monotonic time [s].
+        """
+        outcome = self.sync.tick(user_id, named, self.world.frame, caller, now)
+        if Effect.WAIT in outcome.effects:
+            self._ticks.append((on_end, self.hold(caller)))
+            return
+        is_paused = self.sync.is_paused
+        if Effect.MOVE in outcome.effects:
+            self._tick(self.sync.num_frames, now)
+        on_end(TickResult(outcome.is_accepted, is_paused, outcome.why))
+
+    def take_turns(self, now: float) -> None:
+        """Carry out the ticks that wait, as far as what they wait for has been read."""
+        while not self.is_moving and (num_frames := self.sync.take_turn(self.world.frame)):
+            on_end, release = self._ticks.popleft()
+            try:
+                self._tick(num_frames, now)
+            except GraphError as error:
+                self._ticks.appendleft((on_end, release))
+                self._refuse_ticks(str(error), now)
+                return
+            try:
+                on_end(TickResult(is_accepted=True, is_paused=False))
+            finally:
+                release(now)
+
+    def _refuse_ticks(self, why: str, now: float) -> None:
+        """Answer the ticks that wait: they will not be carried out."""
+        ticks, self._ticks = self._ticks, deque()
+        for on_end, release in ticks:
+            on_end(TickResult(is_accepted=False, is_paused=self.sync.is_paused, why=why))
+            release(now)
+
+    def hold(self, owner: Owner) -> Callable[[float], None]:
+        """Hold a peer's input while something takes its time; a master does not lose its lease by that.
+
+        Returns:
+            Releases it; takes monotonic time [s] and must be called once.
+        """
+        release = hold(owner)
+        self.sync.mute(owner)
+
+        def let_go(now: float) -> None:
+            self.sync.unmute(owner, now)
+            release()
+
+        return let_go
+
+    def _tick(self, num_frames: int, now: float) -> None:
+        """Compute the frames of a tick.
 
         Raises:
-            GraphError: a step has failed: the world stands still for good.
+            GraphError: a step has failed, now or before: the world stands still for good.
         """
+        if self.failure is not None:
+            raise GraphError(self.failure)
         self.is_moving = True
         try:
-            for left in range(self.sync.num_frames - 1, -1, -1):
+            for left in range(num_frames - 1, -1, -1):
                 self._compute(now, is_tick=True, is_last=left == 0)
         except Exception as error:
             self._fail(error)
@@ -305,10 +388,12 @@ class Node:
     # Synchronous mode
 
     def follow(self, outcome: Outcome, now: float) -> None:
-        """Carry out what follows from an event, but for the ticks' MOVE."""
+        """Carry out what follows from an event, but for the ticks' MOVE and WAIT."""
         for effect in outcome.effects:
             if effect is Effect.FLOW:
                 self._pace.start(now)
+            elif effect is Effect.REFUSE:
+                self._refuse_ticks(_PAUSED if self.sync.master_id else _ENDED, now)
             elif effect is Effect.ANNOUNCE:
                 self._announce(now)
         if not self.sync.is_free:
@@ -463,7 +548,7 @@ class Node:
         self.egos[0].ctrl_mode = self._ctrl_mode
         self.egos[0].renew()
         self.camera_index = FIRST_EGO
-        self.sync.forget()
+        outcome = self.sync.forget()
         for part in self._parts:
             part.forget()
         self._outputs.forget_repeats()
@@ -472,6 +557,8 @@ class Node:
         self._announce(now)
         self._mounts = None  # what waits for those who come late is of frame 0 again
         self.announce_mounts(now)
+        if Effect.REFUSE in outcome.effects:
+            self._refuse_ticks(_RESET, now)
 
     def unique_id(self, row: int) -> int:
         """What clients call whoever is in this row."""

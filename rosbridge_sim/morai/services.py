@@ -21,20 +21,19 @@ from typing import TYPE_CHECKING, Any
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError
 from rosbridge_sim.graph.bus import Call, Owner
+from rosbridge_sim.morai.answers import complain, request_of, respond
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.catalogue import find_model
 from rosbridge_sim.morai.commands import lamps_of
 from rosbridge_sim.morai.convert import gear_of, maker, time_text
 from rosbridge_sim.morai.ego import CtrlMode, Ego
-from rosbridge_sim.morai.network_settings import Networks, NetworkSettings
 from rosbridge_sim.morai.part import Part
 from rosbridge_sim.morai.sensors import Sensors
-from rosbridge_sim.morai.stage import Load, LoadOptions
-from rosbridge_sim.morai.sync import Effect, Outcome
+from rosbridge_sim.morai.sync import Outcome
 from rosbridge_sim.world.state import MAX_COORDINATE, Gear
 
 if TYPE_CHECKING:
-    from rosbridge_sim.morai.node import Command, Node
+    from rosbridge_sim.morai.node import Command, Node, TickResult
 
 __all__ = ["Services"]
 
@@ -48,17 +47,14 @@ _log = logging.getLogger("rosbridge_sim.morai")
 class Services(Part):
     """A node's services, and the topics of synchronous mode. It holds no state: that is the parts' of the node."""
 
-    def __init__(self, node: Node, sensors: Sensors, networks: Networks | None) -> None:
+    def __init__(self, node: Node, sensors: Sensors) -> None:
         """The services of a node that is being made.
 
         Args:
             node: whose.
             sensors: its, for what is saved with a command.
-            networks: where scenarios' network settings are; None where there are none.
         """
         self._node = node
-        self._networks = networks
-        self._opening_network = node.items.settings
         self._sensors = sensors
         store = node.bus.store
         self._make_cmd = maker(store, "morai_msgs/SyncModeCmdResponse", "user_id", "frame", "result", "time_step")
@@ -70,13 +66,9 @@ class Services(Part):
         self._make_event = maker(store, "morai_msgs/EventInfo", "option", "ctrl_mode", "gear", "lamps", "set_pause")
         self._make_lamps = maker(store, "morai_msgs/Lamps", "header", "turnSignal", "emergencySignal")
         self._make_result = maker(store, "morai_msgs/SyncModeResultResponse", "result")
-        self._make_load_result = maker(store, "morai_msgs/MoraiSrvResponse", "result")
 
     def bind(self, bindings: Bindings) -> None:
         """What the world has once."""
-        bindings.provide("SyncModeScenarioLoad", "MoraiSyncModeSLSrv", self._load_at_frame)
-        bindings.provide("Service_MoraiSL", "MoraiScenarioLoadSrv", self._load_now)
-        bindings.listen("ScenarioLoad", "ScenarioLoad", partial(self._hear_load, bindings))
         bindings.provide("Service_MoraiVehicleSpec", "MoraiVehicleSpecSrv", self._vehicle_spec)
         bindings.provide("Service_MoraiMapSpec", "MoraiMapSpecSrv", self._map_spec)
         bindings.provide("sim/reset", "rosbridge_sim_msgs/Reset", self._reset)
@@ -101,7 +93,7 @@ class Services(Part):
     # Synchronous mode
 
     def _sync_cmd(self, call: Call, now: float) -> None:
-        request: Any = _request(call)
+        request = request_of(call)
         node, sync = self._node, self._node.sync
         if request.start_sync_mode:
             outcome = sync.start(request.user_id, request.time_step, call.caller, now)
@@ -115,24 +107,29 @@ class Services(Part):
         else:
             call.caller.tell("warning", f"{call.service.name}: {outcome.why}")
         node.follow(outcome, now)
-        _respond(call, self._make_cmd(user_id, node.world.frame, outcome.is_accepted, sync.step_ms))
+        respond(call, self._make_cmd(user_id, node.world.frame, outcome.is_accepted, sync.step_ms))
 
     def _wait_for_tick(self, ego: Ego, call: Call, now: float) -> None:
-        request: Any = _request(call)
-        node, sync = self._node, self._node.sync
+        request, node = request_of(call), self._node
         if node.is_moving:  # a listener of a tick's topics asks for the next one from within
             raise GraphError(f"{call.service.name}: a tick is in progress")
-        outcome = sync.tick(request.user_id, request.frame, node.world.frame, call.caller, now)
-        is_paused = sync.is_paused
-        if Effect.MOVE in outcome.effects:
-            node.tick(now)
-        else:
-            call.caller.tell("warning", f"{call.service.name}: {outcome.why}")
-        frame = node.world.frame
-        _respond(call, self._make_tick(outcome.is_accepted, is_paused, frame, ego.status(), time_text(frame)))
+
+        def answer(result: TickResult) -> None:
+            if call.is_done:  # given up, or the caller has left: perhaps the ego is gone, too
+                return
+            if node.failure is not None:
+                call.refuse(node.failure)
+                return
+            if not result.is_accepted:
+                call.caller.tell("warning", f"{call.service.name}: {result.why}")
+            frame = node.world.frame
+            is_paused, status = result.is_paused, ego.status()
+            respond(call, self._make_tick(result.is_accepted, is_paused, frame, status, time_text(frame)))
+
+        node.ask_tick(request.user_id, request.frame, call.caller, answer, now)
 
     def _sync_ctrl_cmd(self, ego: Ego, call: Call, now: float) -> None:
-        request: Any = _request(call)
+        request = request_of(call)
         name = call.service.name
 
         def read() -> Command:
@@ -150,7 +147,7 @@ class Services(Part):
             self._node.tell_once(call.caller, f"{call.service.name} moves nothing while a recording is replayed")
 
     def _sync_set_gear(self, ego: Ego, call: Call, now: float) -> None:
-        request: Any = _request(call)
+        request = request_of(call)
         caller = call.caller
 
         def read() -> Command:
@@ -165,35 +162,18 @@ class Services(Part):
 
         self._queue(call, read, request.frame, now)
 
-    def _load_at_frame(self, call: Call, now: float) -> None:
-        request: Any = _request(call)
-        caller = call.caller
-
-        def read() -> Command:
-            load, network = self._prepare(request, caller)
-
-            def carry_out(then: float) -> None:
-                try:
-                    self._node.carry_out(load, is_pausing=request.set_pause, now=then, network=network)
-                except DocumentError as error:
-                    _complain(caller, f"{call.service.name}: {error}")
-
-            return carry_out
-
-        self._queue(call, read, request.frame, now)
-
     def _queue(self, call: Call, read: Callable[[], Command], frame: int, now: float) -> None:
         """Have a command wait for its frame, and answer whether it does. It is read only if the mode is on."""
         result = False
         try:
             outcome = self._submit(read, frame, call.caller, now)
         except (PeerError, DocumentError) as error:
-            _complain(call.caller, f"{call.service.name}: {error}")
+            complain(call.caller.tell, f"{call.service.name}: {error}")
         else:
             result = outcome.is_accepted
             if not result:
                 call.caller.tell("warning", f"{call.service.name}: {outcome.why}")
-        _respond(call, self._make_result(result))
+        respond(call, self._make_result(result))
 
     def _submit(self, read: Callable[[], Command], frame: int, caller: Owner, now: float) -> Outcome:
         sync = self._node.sync
@@ -201,11 +181,11 @@ class Services(Part):
         return sync.submit(command, frame, self._node.world.frame, caller, now)
 
     def _add_object(self, call: Call, now: float) -> None:
-        request: Any = _request(call)
+        request = request_of(call)
         self._queue(call, lambda: self._read_add(request, call.caller, call.service.name), request.frame, now)
 
     def _remove_object(self, call: Call, now: float) -> None:
-        request: Any = _request(call)
+        request = request_of(call)
         self._queue(call, lambda: self._read_remove(request, call.caller, call.service.name), request.frame, now)
 
     def _hear_add(self, bindings: Bindings, request: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
@@ -235,7 +215,7 @@ class Services(Part):
             try:
                 uid = self._node.stage.add(model, x=x, y=y, z=z, yaw=math.radians(heading_deg))
             except PeerError as error:
-                _complain(sender, f"{where}: {error}")
+                complain(sender.tell, f"{where}: {error}")
             else:
                 _log.info("added %s with unique_id %d", model.name, uid)
 
@@ -249,7 +229,7 @@ class Services(Part):
                     raise FieldError(f"unique_id {unique_id}: the ego cannot be removed")
                 node.stage.remove(unique_id)
             except PeerError as error:
-                _complain(sender, f"{where}: {error}")
+                complain(sender.tell, f"{where}: {error}")
 
         return remove
 
@@ -265,66 +245,8 @@ class Services(Part):
 
     # Real time
 
-    def _load_now(self, call: Call, now: float) -> None:
-        is_loaded = False
-        try:
-            self._load(_request(call), call.caller, now)
-            is_loaded = True
-        except DocumentError as error:
-            _complain(call.caller, f"{call.service.name}: {error}")
-        _respond(call, self._make_load_result(is_loaded))
-
-    def _hear_load(self, bindings: Bindings, request: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
-        """The same over a topic; as there, synchronous mode does not stand in the way."""
-        try:
-            self._load(request, sender, now)
-        except DocumentError as error:
-            raise GraphError(f"{bindings.topic('ScenarioLoad')}: {error}") from None
-
-    def _load(self, request: Any, caller: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
-        """Load a scenario at once.
-
-        Raises:
-            DocumentError: it cannot be loaded; nothing has changed.
-        """
-        load, network = self._prepare(request, caller)
-        self._node.carry_out(load, is_pausing=request.set_pause, now=now, network=network)
-
-    def _prepare(self, request: Any, caller: Owner) -> tuple[Load, NetworkSettings | None]:  # noqa: ANN401 - a generated struct
-        """Read the scenario that a request names and, if it is wanted, the network settings that belong to it.
-
-        These are laid over those of the start, so what came in between plays no part. Most scenarios have none: then
-        the caller is warned, and all stays as it is.
-
-        Raises:
-            DocumentError: there is no such scenario, or one of both cannot be used.
-        """
-        options = LoadOptions(
-            delete_all=request.delete_all,
-            ego=request.load_ego_vehicle_data,
-            vehicles=request.load_surrounding_vehicle_data,
-            pedestrians=request.load_pedestrian_data,
-            obstacles=request.load_obstacle_data,
-        )
-        has_network = request.load_network_connection_data
-        if not any(
-            (options.delete_all, options.ego, options.vehicles, options.pedestrians, options.obstacles, has_network)
-        ):
-            caller.tell("warning", "nothing to load: delete_all and all load_... are false")
-        load = self._node.stage.prepare(self._node.library.scenario(request.file_name), options)
-        return load, self._read_network(request.file_name, caller) if has_network else None
-
-    def _read_network(self, scenario: str, caller: Owner) -> NetworkSettings | None:
-        found = self._networks.network(scenario) if self._networks is not None else None
-        if found is None:
-            caller.tell("warning", f"{scenario[:80]!r} has no network settings: those in force stay")
-            return None
-        network = found.over(self._opening_network)
-        self._node.items.check(network)
-        return network
-
     def _event_cmd(self, ego: Ego, call: Call, now: float) -> None:
-        request: Any = _request(call)
+        request = request_of(call)
         option = request.option
         # Everything is read before anything is changed.
         ctrl_mode = _ctrl_mode(request.ctrl_mode) if option & _MODE_BIT else None
@@ -341,7 +263,7 @@ class Services(Part):
         sync = self._node.sync
         if option & _PAUSE_BIT:
             self._node.follow(sync.pause() if request.set_pause else sync.resume(), now)
-        _respond(
+        respond(
             call,
             self._make_event(
                 option,
@@ -364,29 +286,13 @@ class Services(Part):
     # Figures
 
     def _vehicle_spec(self, call: Call, _now: float) -> None:
-        request: Any = _request(call)
+        request = request_of(call)
         ego = self._node.find_ego(request.unique_id)
         unique_id = request.unique_id if ego is None else ego.uid
-        _respond(call, self._node.convert.vehicle_spec(self._node.stage.vehicle(unique_id)))
+        respond(call, self._node.convert.vehicle_spec(self._node.stage.vehicle(unique_id)))
 
     def _map_spec(self, call: Call, _now: float) -> None:
-        _respond(call, self._node.convert.map_spec(self._node.stage.road_map))
-
-
-def _request(call: Call) -> Any:  # noqa: ANN401 - a generated struct
-    """What is in the request; every MORAI service wraps one message."""
-    request: Any = call.request
-    return request.request
-
-
-def _respond(call: Call, response: Any) -> None:  # noqa: ANN401 - a generated struct
-    call.answer(call.service.type.response.struct(response))
-
-
-def _complain(owner: Owner, text: str) -> None:
-    """Tell a peer of its mistake where no answer can hold the reason."""
-    owner.tell("error", text)
-    _log.warning("%s", text)
+        respond(call, self._node.convert.map_spec(self._node.stage.road_map))
 
 
 def _nothing(_now: float) -> None:

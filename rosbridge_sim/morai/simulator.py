@@ -6,9 +6,11 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.morai.captures import Archive
 from rosbridge_sim.morai.crossings import Crossings
 from rosbridge_sim.morai.inputs import Inputs
+from rosbridge_sim.morai.loads import Loads
 from rosbridge_sim.morai.network_settings import Networks
 from rosbridge_sim.morai.node import Node, NodeSettings
 from rosbridge_sim.morai.part import Part
+from rosbridge_sim.morai.reading import AtOnce, Reader
 from rosbridge_sim.morai.replays.recorded import Recordings
 from rosbridge_sim.morai.replays.replay import Replay
 from rosbridge_sim.morai.scenarios.scenario import Scenario
@@ -31,6 +33,7 @@ def make_node(
     archive: Archive | None = None,
     recordings: Recordings | None = None,
     networks: Networks | None = None,
+    reader: Reader | None = None,
 ) -> Node:
     """The simulator with its opening scene, on the bus; the arguments and errors are those of `Node`.
 
@@ -43,6 +46,7 @@ def make_node(
         archive: where sensors' data is saved; None where there is no place for it.
         recordings: where those come from that are to be replayed; None for nowhere.
         networks: where scenarios' network settings are; None where there are none.
+        reader: reads what clients load; None has everybody wait meanwhile.
 
     Raises:
         DocumentError: the scenario does not fit its map, or the network settings do not fit.
@@ -55,7 +59,8 @@ def make_node(
             States(node),
             Crossings(node),
             sensors,
-            Services(node, sensors, networks),
+            Loads(node, reader or AtOnce(), networks),
+            Services(node, sensors),
             Inputs(node),
             Replay(node, recordings),
         ]

@@ -4,6 +4,8 @@ A load is prepared first (map, links, options: all that can go wrong in a docume
 wholly: whoever finds it refused finds the world as it was. Frames go on counting, and so do the traffic lights unless
 the scenario says where in their cycles they are or comes with another map.
 
+What takes long is read first: `find_map` and `Library` touch nothing of the world, so another thread may call them.
+
 Ids never repeat. A scenario's own ids (`UNIQUEID`) are kept where nobody can have had them before; the second load of
 the same file gets new ones. The first ego is 0 always: a new car under the old name.
 """
@@ -28,13 +30,16 @@ __all__ = [
     "DEFAULT_MAP",
     "FIRST_EGO",
     "FIRST_UID",
+    "MAX_EGOS",
     "MAX_ENTITIES",
     "MAX_FILE_UID",
     "WHOLE",
+    "FoundMap",
     "Library",
     "Load",
     "LoadOptions",
     "Stage",
+    "find_map",
 ]
 
 DEFAULT_MAP: Final = "track"
@@ -49,6 +54,9 @@ FIRST_UID: Final = 1
 MAX_FILE_UID: Final = 2**30
 """A document's ids are kept up to here, so that a single one cannot use up all there are."""
 
+MAX_EGOS: Final = 32
+"""Egos at once. Each has a dozen topics and services of its own."""
+
 MAX_ENTITIES: Final = 20_000
 """What may stand in the world at once: twice what one step is made for."""
 
@@ -59,7 +67,10 @@ _log = logging.getLogger("rosbridge_sim.morai")
 
 
 class Library(Protocol):
-    """Where scenarios and maps come from; the shell reads them from the disk."""
+    """Where scenarios and maps come from; the shell reads them from the disk.
+
+    Its methods may be called from several threads at once. What they return is shared: it must not be changed.
+    """
 
     def scenario(self, name: str) -> Scenario:
         """The scenario that a client names.
@@ -74,6 +85,38 @@ class Library(Protocol):
         Raises:
             DocumentError: there is none, or it cannot be used.
         """
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundMap:
+    """A map under the name that a scenario asks for.
+
+    Attributes:
+        name: as the scenario has it.
+        road_map: the map, or the built-in one that serves in its place.
+        why: why it is the built-in one; empty if it is not.
+    """
+
+    name: str
+    road_map: RoadMap
+    why: str = ""
+
+
+def find_map(library: Library, name: str) -> FoundMap:
+    """The map of that name, or the built-in one where it cannot be used.
+
+    Raises:
+        DocumentError: the built-in one cannot be used either.
+    """
+    why = ""
+    try:
+        road_map = library.map(name)
+    except DocumentError as error:
+        if name == DEFAULT_MAP:
+            raise
+        why = str(error)
+        road_map = library.map(DEFAULT_MAP)
+    return FoundMap(name, road_map, why)
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +198,7 @@ class Stage:
         self._speed_limits = speed_limits
         self._next_uid = FIRST_UID
         self._map_name = scenario.map_name or DEFAULT_MAP
-        self.road_map = self._find_map(self._map_name)
+        self.road_map = _told(find_map(library, self._map_name))
         opening = self.prepare(scenario, WHOLE)
         if not opening.egos:
             _log.info("scenario %s has no ego: one stands at the origin", scenario.name)
@@ -173,15 +216,30 @@ class Stage:
         self._next_uid = FIRST_UID
         self.carry_out(self._opening)
 
-    def prepare(self, scenario: Scenario, options: LoadOptions) -> Load:
+    @property
+    def found_map(self) -> FoundMap:
+        """The map in use, under the name that it was asked for as."""
+        return FoundMap(self._map_name, self.road_map)
+
+    def prepare(
+        self, scenario: Scenario, options: LoadOptions, *, own_map: FoundMap | None = None, base: FoundMap | None = None
+    ) -> Load:
         """All that a load needs and that can go wrong.
+
+        Args:
+            scenario: what is to be loaded.
+            options: what of it.
+            own_map: the map that it names, if that was found already.
+            base: the map that it stands on if it names none, or this one; None for the one in use.
 
         Raises:
             DocumentError: the scenario does not fit its map.
         """
-        map_name, road_map = self._map_name, self.road_map
+        base = base or self.found_map
+        map_name, road_map = base.name, base.road_map
         if scenario.map_name is not None and scenario.map_name != map_name:
-            map_name, road_map = scenario.map_name, self._find_map(scenario.map_name)
+            found = own_map or find_map(self._library, scenario.map_name)
+            map_name, road_map = found.name, _told(found)
         placed = place_on_roads(scenario, road_map.roads)
         for note in placed.notes:
             _log.info("scenario %s: %s", placed.name, note)
@@ -308,18 +366,6 @@ class Stage:
         if self.is_replaying:
             raise FieldError("refused while a recording is replayed")
 
-    def _find_map(self, name: str) -> RoadMap:
-        try:
-            road_map = self._library.map(name)
-        except DocumentError as error:
-            if name == DEFAULT_MAP:
-                raise
-            _log.warning("%s; the built-in map %s serves in its place", error, DEFAULT_MAP)
-            road_map = self._library.map(DEFAULT_MAP)
-        for note in road_map.notes:
-            _log.info("map %s: %s", road_map.name, note)
-        return road_map
-
     def _populate(self, load: Load) -> int:
         """Remove and spawn; return the next id.
 
@@ -344,6 +390,15 @@ class Stage:
         for spawn, uid in zip(load.others, uids, strict=True):
             _spawn(world, spawn, uid, spawn.gear)
         return next_uid
+
+
+def _told(found: FoundMap) -> RoadMap:
+    """The map itself, after the log was told what is to be known of it."""
+    if found.why:
+        _log.warning("%s; the built-in map %s serves in its place", found.why, DEFAULT_MAP)
+    for note in found.road_map.notes:
+        _log.info("map %s: %s", found.road_map.name, note)
+    return found.road_map
 
 
 def _set_phase(world: World, start: PhaseStart) -> None:

@@ -5,18 +5,19 @@ the same thing, when a number is odd or when a client dies; every stand-in answe
 accident. Here each answer is one row: a state, an event, and what follows. `TABLE` is what runs, what the tests
 walk over and what a diagram can be drawn from.
 
-The states are three, each with a paused twin, because a pause is somebody else's wish (the event service, a
+The states are four. Three have a paused twin, because a pause is somebody else's wish (the event service, a
 scenario that asks for it) and must survive a change of master:
 
-    FREE    real time drives the world
-    OPEN    synchronous, nobody is master: the world stands until somebody starts (`--start sync`,
-            `--sync-on-loss wait`)
-    LED     synchronous, one user id is master: the world moves by that id's ticks alone
+    FREE     real time drives the world
+    OPEN     synchronous, nobody is master: the world stands until somebody starts (`--start sync`,
+             `--sync-on-loss wait`)
+    LED      synchronous, one user id is master: the world moves by that id's ticks alone
+    WAITING  as LED, and ticks of the master wait for a command of their frames that is still being read
 
 An event is what was said together with *who* said it: `TICK_BY_OTHER` rather than a tick and an `if`. The
 methods of `Sync` only find out which event it is; the table decides; the outcome holds the effects. Some effects
-are bookkeeping that `Sync` does at once (LEAD, RELEASE, DROP, QUEUE); the rest the caller carries out (MOVE, FLOW,
-ANNOUNCE). No other file moves the state.
+are bookkeeping that `Sync` does at once (LEAD, RELEASE, DROP, QUEUE); the rest the caller carries out (MOVE, WAIT,
+REFUSE, FLOW, ANNOUNCE). No other file moves the state.
 
 The decisions, and why:
 
@@ -28,16 +29,24 @@ The decisions, and why:
 - A command waits for its frame and is carried out before that frame is computed; one whose frame is not in the
   future goes before the next one. Among those of one frame the order of arrival holds. They are bounded in number
   and in reach, because a peer that never ticks must not fill the memory.
+- A command may have to be read from a disk first (a scenario). It takes its place in the order when it arrives, and
+  is *ready* later. A tick is one whole: it waits before its first frame if a command of any of its frames is not
+  ready, so no client ever sees the world in the middle of a tick. Ticks that come meanwhile wait behind it, each with
+  the time step that was in force when it came. Commands that come meanwhile are placed as if the ticks that wait had
+  been carried out: a slow disk changes nothing but the time that it takes.
+- A pause, the end of the mode and a reset refuse the ticks that wait: the world never moves against a later word.
 - Anybody may send commands while the mode is on: the wire gives them no user id.
 - The master is an id, not a connection: several clients may use it. They are its *holders*. The lease is theirs:
   when the last of them leaves, or when all have been silent for `lease` seconds, the mode is lost and `on_loss` says
-  what becomes of the world. Whatever still waited dies with the mode it was meant for.
+  what becomes of the world. Whatever still waited dies with the mode it was meant for. A holder whose input the server
+  holds back cannot speak: its silence does not count.
 - Ids are made from a counter, so that two runs give the same ones.
 """
 
 from __future__ import annotations
 
 import heapq
+from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, IntEnum
@@ -51,6 +60,7 @@ __all__ = [
     "MAX_WAITING",
     "NO_MASTER",
     "OF_A_MASTER",
+    "OF_WAITING",
     "TABLE",
     "Effect",
     "Event",
@@ -84,10 +94,11 @@ class State(IntEnum):
     OPEN_PAUSED = 3
     LED = 4
     LED_PAUSED = 5
+    WAITING = 6
 
 
 NO_MASTER: Final = frozenset({State.FREE, State.FREE_PAUSED, State.OPEN, State.OPEN_PAUSED})
-_ON: Final = frozenset({State.OPEN, State.OPEN_PAUSED, State.LED, State.LED_PAUSED})
+_ON: Final = frozenset(State) - {State.FREE, State.FREE_PAUSED}
 _PAUSED: Final = frozenset({State.FREE_PAUSED, State.OPEN_PAUSED, State.LED_PAUSED})
 
 
@@ -110,6 +121,10 @@ class Event(IntEnum):
     LOSS_TO_RUN = 13  # the lease has ended; the world is to run, pause, or wait for the next master
     LOSS_TO_PAUSE = 14
     LOSS_TO_WAIT = 15
+    TICK_EARLY = 16  # the master's, and a command of one of its frames is not ready
+    TURN = 17  # the first tick that waits can be carried out; others wait behind it
+    LAST_TURN = 18  # the same, and it is the only one
+    RESET = 19  # the world has begun anew
 
 
 OF_A_MASTER: Final = frozenset(
@@ -118,6 +133,7 @@ OF_A_MASTER: Final = frozenset(
         Event.STOP_BY_MASTER,
         Event.TICK_BY_MASTER,
         Event.TICK_MISFIT,
+        Event.TICK_EARLY,
         Event.LOSS_TO_RUN,
         Event.LOSS_TO_PAUSE,
         Event.LOSS_TO_WAIT,
@@ -125,13 +141,17 @@ OF_A_MASTER: Final = frozenset(
 )
 """Events that take a master to happen: the table has no row for them in the states of `NO_MASTER`."""
 
+OF_WAITING: Final = frozenset({Event.TURN, Event.LAST_TURN})
+"""Events that take a tick that waits: the table has rows for them in WAITING alone."""
+
 
 class Effect(Enum):
     """What follows from an event.
 
     Of these `Sync` itself does: LEAD (the caller is master, with this time step), RELEASE (nobody is master), DROP
-    (what waits is forgotten), QUEUE (the command waits). The caller does: MOVE (compute the frames of one tick),
-    FLOW (real time counts from now on), ANNOUNCE (SyncModeInfo has changed).
+    (the commands that wait are forgotten), QUEUE (the command waits). The caller does: MOVE (compute the frames of one
+    tick), WAIT (the tick waits for its turn, see `take_turn`), REFUSE (the ticks that wait are refused), FLOW (real
+    time counts from now on), ANNOUNCE (SyncModeInfo has changed).
     """
 
     LEAD = "lead"
@@ -139,6 +159,8 @@ class Effect(Enum):
     DROP = "drop"
     QUEUE = "queue"
     MOVE = "move"
+    WAIT = "wait"
+    REFUSE = "refuse"
     FLOW = "flow"
     ANNOUNCE = "announce"
 
@@ -191,6 +213,7 @@ TABLE: Final[Mapping[State, Mapping[Event, Outcome]]] = {
         Event.COMMAND_TOO_MANY: _no(State.FREE, _OFF),
         Event.PAUSE: _yes(State.FREE_PAUSED),
         Event.RESUME: _yes(State.FREE),
+        Event.RESET: _yes(State.FREE, Effect.DROP),
     },
     State.FREE_PAUSED: {
         Event.START_BY_OTHER: _yes(State.LED_PAUSED, Effect.LEAD, Effect.ANNOUNCE),
@@ -202,6 +225,7 @@ TABLE: Final[Mapping[State, Mapping[Event, Outcome]]] = {
         Event.COMMAND_TOO_MANY: _no(State.FREE_PAUSED, _OFF),
         Event.PAUSE: _yes(State.FREE_PAUSED),
         Event.RESUME: _yes(State.FREE, Effect.FLOW),
+        Event.RESET: _yes(State.FREE_PAUSED, Effect.DROP),
     },
     State.OPEN: {
         Event.START_BY_OTHER: _yes(State.LED, Effect.LEAD, Effect.ANNOUNCE),
@@ -213,6 +237,7 @@ TABLE: Final[Mapping[State, Mapping[Event, Outcome]]] = {
         Event.COMMAND_TOO_MANY: _no(State.OPEN, _TOO_MANY),
         Event.PAUSE: _yes(State.OPEN_PAUSED),
         Event.RESUME: _yes(State.OPEN),
+        Event.RESET: _yes(State.OPEN, Effect.DROP),
     },
     State.OPEN_PAUSED: {
         Event.START_BY_OTHER: _yes(State.LED_PAUSED, Effect.LEAD, Effect.ANNOUNCE),
@@ -224,6 +249,7 @@ TABLE: Final[Mapping[State, Mapping[Event, Outcome]]] = {
         Event.COMMAND_TOO_MANY: _no(State.OPEN_PAUSED, _TOO_MANY),
         Event.PAUSE: _yes(State.OPEN_PAUSED),
         Event.RESUME: _yes(State.OPEN),
+        Event.RESET: _yes(State.OPEN_PAUSED, Effect.DROP),
     },
     State.LED: {
         Event.START_BY_MASTER: _yes(State.LED, Effect.LEAD, Effect.ANNOUNCE),
@@ -242,6 +268,8 @@ TABLE: Final[Mapping[State, Mapping[Event, Outcome]]] = {
         Event.LOSS_TO_RUN: _yes(State.FREE, Effect.RELEASE, Effect.DROP, Effect.FLOW, Effect.ANNOUNCE),
         Event.LOSS_TO_PAUSE: _yes(State.FREE_PAUSED, Effect.RELEASE, Effect.DROP, Effect.ANNOUNCE),
         Event.LOSS_TO_WAIT: _yes(State.OPEN, Effect.RELEASE, Effect.DROP, Effect.ANNOUNCE),
+        Event.TICK_EARLY: _yes(State.WAITING, Effect.WAIT),
+        Event.RESET: _yes(State.LED, Effect.DROP),
     },
     State.LED_PAUSED: {
         Event.START_BY_MASTER: _yes(State.LED_PAUSED, Effect.LEAD, Effect.ANNOUNCE),
@@ -260,6 +288,32 @@ TABLE: Final[Mapping[State, Mapping[Event, Outcome]]] = {
         Event.LOSS_TO_RUN: _yes(State.FREE_PAUSED, Effect.RELEASE, Effect.DROP, Effect.ANNOUNCE),
         Event.LOSS_TO_PAUSE: _yes(State.FREE_PAUSED, Effect.RELEASE, Effect.DROP, Effect.ANNOUNCE),
         Event.LOSS_TO_WAIT: _yes(State.OPEN_PAUSED, Effect.RELEASE, Effect.DROP, Effect.ANNOUNCE),
+        Event.TICK_EARLY: _no(State.LED_PAUSED, _IS_PAUSED),
+        Event.RESET: _yes(State.LED_PAUSED, Effect.DROP),
+    },
+    State.WAITING: {
+        Event.START_BY_MASTER: _yes(State.WAITING, Effect.LEAD, Effect.ANNOUNCE),
+        Event.START_BY_OTHER: _no(State.WAITING, _TAKEN),
+        Event.START_MISFIT: _no(State.WAITING, _MISFIT),
+        Event.STOP_BY_MASTER: _yes(
+            State.FREE, Effect.RELEASE, Effect.DROP, Effect.REFUSE, Effect.FLOW, Effect.ANNOUNCE
+        ),
+        Event.STOP_BY_OTHER: _no(State.WAITING, _TAKEN),
+        Event.TICK_BY_MASTER: _yes(State.WAITING, Effect.WAIT),
+        Event.TICK_BY_OTHER: _no(State.WAITING, _TAKEN),
+        Event.TICK_MISFIT: _no(State.WAITING, _NOT_NEXT),
+        Event.TICK_EARLY: _yes(State.WAITING, Effect.WAIT),
+        Event.TURN: _yes(State.WAITING, Effect.MOVE),
+        Event.LAST_TURN: _yes(State.LED, Effect.MOVE),
+        Event.COMMAND: _yes(State.WAITING, Effect.QUEUE),
+        Event.COMMAND_TOO_FAR: _no(State.WAITING, _TOO_FAR),
+        Event.COMMAND_TOO_MANY: _no(State.WAITING, _TOO_MANY),
+        Event.PAUSE: _yes(State.LED_PAUSED, Effect.REFUSE, Effect.ANNOUNCE),
+        Event.RESUME: _yes(State.WAITING),
+        Event.LOSS_TO_RUN: _yes(State.FREE, Effect.RELEASE, Effect.DROP, Effect.REFUSE, Effect.FLOW, Effect.ANNOUNCE),
+        Event.LOSS_TO_PAUSE: _yes(State.FREE_PAUSED, Effect.RELEASE, Effect.DROP, Effect.REFUSE, Effect.ANNOUNCE),
+        Event.LOSS_TO_WAIT: _yes(State.OPEN, Effect.RELEASE, Effect.DROP, Effect.REFUSE, Effect.ANNOUNCE),
+        Event.RESET: _yes(State.LED, Effect.DROP, Effect.REFUSE),
     },
 }
 """Every state and every event that can happen in it."""
@@ -273,7 +327,7 @@ C = TypeVar("C")
 class Sync(Generic[C]):
     """The mode of one world. The frame count is the world's: it is an argument wherever it matters.
 
-    A `holder` is whatever stands for a peer; it must be hashable.
+    A `holder` is whatever stands for a peer; it must be hashable, and so must a command that is not ready.
 
     Attributes:
         state: where in the table we are.
@@ -311,6 +365,9 @@ class Sync(Generic[C]):
         self._heard_at = 0.0
         self._waiting: list[tuple[int, int, C]] = []  # a heap of (frame, order of arrival, command)
         self._num_arrived = 0
+        self._unready: dict[C, int] = {}  # commands that wait and are not ready, with their frames
+        self._ticks: deque[int] = deque()  # how many frames each tick that waits is to move
+        self._mute: Counter[object] = Counter()  # peers whose input is held back, and how often
 
     @property
     def is_on(self) -> bool:
@@ -329,8 +386,8 @@ class Sync(Generic[C]):
 
     @property
     def can_send_tick(self) -> bool:
-        """Whether a tick of the master would be carried out now."""
-        return self.state is State.LED
+        """Whether a tick of the master would be accepted now."""
+        return self.state is State.LED or self.state is State.WAITING
 
     @property
     def num_frames(self) -> int:
@@ -343,6 +400,11 @@ class Sync(Generic[C]):
         return len(self._waiting)
 
     @property
+    def num_ticks(self) -> int:
+        """How many ticks wait for their turn."""
+        return len(self._ticks)
+
+    @property
     def num_holders(self) -> int:
         """How many peers have used the master's id."""
         return len(self._holders)
@@ -351,6 +413,8 @@ class Sync(Generic[C]):
     def lease_due(self) -> float | None:
         """When `expire` would find the master silent for too long [s]; None if silence does not matter now."""
         if self._lease is None or self.state in NO_MASTER:
+            return None
+        if any(holder in self._holders for holder in self._mute):
             return None
         return self._heard_at + self._lease
 
@@ -394,16 +458,38 @@ class Sync(Generic[C]):
             now: monotonic time [s].
 
         Returns:
-            The outcome; with MOVE in its effects compute `num_frames` frames, each after what `due` gives for it.
+            The outcome; with MOVE in its effects compute `num_frames` frames, each after what `due` gives for it. With
+            WAIT call `take_turn` whenever a command has become ready or was withdrawn.
         """
         if not self._is_master(user_id):
             return self._follow(Event.TICK_BY_OTHER)
         self._hear(holder, now)
-        if self._is_strict and named != frame + self.num_frames:
+        end = frame + sum(self._ticks) + self.num_frames
+        if self._is_strict and named != end:
             return self._follow(Event.TICK_MISFIT)
-        return self._follow(Event.TICK_BY_MASTER)
+        outcome = self._follow(Event.TICK_EARLY if self._is_early(end) else Event.TICK_BY_MASTER)
+        if Effect.WAIT in outcome.effects:
+            self._ticks.append(self.num_frames)
+        return outcome
 
-    def submit(self, command: C, named: int, frame: int, holder: object, now: float) -> Outcome:
+    def take_turn(self, frame: int) -> int:
+        """Let the first tick that waits have its turn, if all commands of its frames are ready.
+
+        Args:
+            frame: the world's.
+
+        Returns:
+            How many frames to compute, as for MOVE; 0 if no tick can be carried out now.
+        """
+        if not self._ticks or self._is_early(frame + self._ticks[0]):
+            return 0
+        num_frames = self._ticks.popleft()
+        self._follow(Event.TURN if self._ticks else Event.LAST_TURN)
+        return num_frames
+
+    def submit(
+        self, command: C, named: int, frame: int, holder: object, now: float, *, is_ready: bool = True
+    ) -> Outcome:
         """Have a command wait for the frame it names, or for the next one if that is past.
 
         Args:
@@ -412,9 +498,11 @@ class Sync(Generic[C]):
             frame: the world's.
             holder: the peer who sends it; anybody may.
             now: monotonic time [s].
+            is_ready: it can be carried out. Else no tick computes its frame before `ready` or `withdraw`.
         """
         if holder in self._holders:
             self._heard_at = now
+        frame += sum(self._ticks)
         if named > frame + MAX_AHEAD:
             return self._follow(Event.COMMAND_TOO_FAR)
         if len(self._waiting) >= MAX_WAITING:
@@ -422,8 +510,33 @@ class Sync(Generic[C]):
         outcome = self._follow(Event.COMMAND)
         if Effect.QUEUE in outcome.effects:
             self._num_arrived += 1
-            heapq.heappush(self._waiting, (max(named, frame + 1), self._num_arrived, command))
+            due = max(named, frame + 1)
+            heapq.heappush(self._waiting, (due, self._num_arrived, command))
+            if not is_ready:
+                self._unready[command] = due
         return outcome
+
+    def ready(self, command: C) -> None:
+        """Take note that a command that was not ready can be carried out; one that was dropped is no error."""
+        self._unready.pop(command, None)
+
+    def withdraw(self, command: C) -> None:
+        """Forget a command that was not ready; one that was dropped is no error."""
+        if self._unready.pop(command, None) is not None:
+            self._waiting = [entry for entry in self._waiting if entry[2] is not command]
+            heapq.heapify(self._waiting)
+
+    def mute(self, holder: object) -> None:
+        """Take note that a peer's input is held back: its silence does not count before as many calls of `unmute`."""
+        self._mute[holder] += 1
+
+    def unmute(self, holder: object, now: float) -> None:
+        """Take note that a peer may speak again."""
+        self._mute[holder] -= 1
+        if self._mute[holder] <= 0:
+            del self._mute[holder]
+        if holder in self._holders:
+            self._heard_at = now
 
     def due(self, frame: int) -> list[C]:
         """Take out the commands to be carried out before `frame` is computed, in their order."""
@@ -432,12 +545,13 @@ class Sync(Generic[C]):
             due.append(heapq.heappop(self._waiting)[2])
         return due
 
-    def forget(self) -> None:
+    def forget(self) -> Outcome:
         """The world has begun anew: what waits was meant for frames of the old one. The mode stays as it is."""
-        self._waiting.clear()
+        outcome = self._follow(Event.RESET)
         self._num_arrived = 0
         if self.state in NO_MASTER:
             self._num_ids = 0
+        return outcome
 
     def pause(self) -> Outcome:
         """Stand still; the mode stays as it is."""
@@ -478,4 +592,11 @@ class Sync(Generic[C]):
             self._holders.clear()
         if Effect.DROP in outcome.effects:
             self._waiting.clear()
+            self._unready.clear()
+        if Effect.REFUSE in outcome.effects:
+            self._ticks.clear()
         return outcome
+
+    def _is_early(self, end: int) -> bool:
+        """Whether a command of a frame up to this one is not ready."""
+        return bool(self._unready) and min(self._unready.values()) <= end

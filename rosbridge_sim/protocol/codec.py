@@ -18,6 +18,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Generator, Iterator, Mapping
+from itertools import islice
 from typing import Any, Protocol, TypeVar
 
 import msgspec
@@ -48,6 +49,12 @@ LONG = 64 * 1024
 
 MAX_OPS = 10_000
 """Ops that one frame may hold: each is done by itself, but what is glued together should be a handful."""
+_ANSWER_OP = re.compile(r'"op"\s{0,8}:\s{0,8}"(service_response|action_result)"')
+_ANSWER_ID = re.compile(r'"id"\s{0,8}:\s{0,8}"((?:service_request|action_goal):[^"\\]{1,300})"')
+_MAX_ANSWER_IDS = 100
+_NAMED = 2_000
+"""Characters at both ends of an unreadable frame in which its op and its id are looked for."""
+
 
 _decode = msgspec.json.Decoder(Op).decode
 _skip = msgspec.json.Decoder(msgspec.Raw).decode
@@ -58,7 +65,7 @@ _TRAILING = re.compile(r"trailing characters \(byte (\d+)\)")
 """How `msgspec` says that a value has ended and something follows; a test holds it to these words."""
 
 _SPACE, _BYTE_SPACE = re.compile(r"[ \t\r\n]*"), re.compile(rb"[ \t\r\n]*")
-_ID = re.compile(rb'"id"\s*:\s*"([\x20-\x21\x23-\x5b\x5d-\x7e]{1,200})"')
+_ID = re.compile(r'"id"\s*:\s*"([\x20-\x21\x23-\x5b\x5d-\x7e]{1,200})"')
 _BODIES = frozenset(name for op in OPS.values() for name in op.bodies)
 
 _CLASSES: dict[str, tuple[type, ...]] = {
@@ -145,7 +152,8 @@ def decode_frame(frame: bytes) -> Iterator[Op | FrameError | None]:
     if len(frame) >= LONG:
         too_much = yield from _too_heavy(frame)
         if too_much is not None:
-            yield FrameError(f"Received a frame that is too heavy: {too_much}", _shown_id(frame))
+            error = FrameError(f"Received a frame that is too heavy: {too_much}")
+            yield _name(error, _ends(frame))
             return
         yield None
     op = decode_quickly(frame)
@@ -170,18 +178,12 @@ def _too_heavy(frame: bytes) -> Generator[None, None, str | None]:
     return None
 
 
-def _shown_id(frame: bytes) -> str | None:
-    """The id of a frame that is not decoded, where it stands at the beginning, as clients write it."""
-    match = _ID.search(frame[:1_000])
-    return None if match is None else match[1].decode("ascii")
-
-
 def _decode_slowly(frame: bytes) -> Iterator[Op | FrameError]:
     """Read a frame that holds glued objects, the words NaN or Infinity, or a mistake."""
     try:
         frame.decode()
     except UnicodeDecodeError as error:
-        yield FrameError(f"Received a frame that is neither JSON text nor UTF-8: {error}")
+        yield _name(FrameError(f"Received a frame that is neither JSON text nor UTF-8: {error}"), _ends(frame))
         return
     view = memoryview(frame)
     position = _end_of(_BYTE_SPACE.match(frame))
@@ -196,7 +198,7 @@ def _decode_slowly(frame: bytes) -> Iterator[Op | FrameError]:
         try:
             end = _end_of_value(view[position:])
         except FrameError as error:
-            yield error
+            yield _name(error, _ends(view[position:]))
             return
         if end is None:
             yield from _scan_words(frame, position, num_ops)
@@ -238,7 +240,7 @@ def _read_op(part: memoryview) -> Op | FrameError:
             return op_from_value(json.loads(bytes(part)))
         return op_from_value(_outline(part))
     except FrameError as error:
-        return error
+        return _name(error, _ends(part))
     except RecursionError:
         return FrameError("Received a message that is nested too deeply")
     except ValueError as error:  # integers of thousands of digits
@@ -280,20 +282,45 @@ def _scan_words(frame: bytes, start: int, num_ops: int) -> Iterator[Op | FrameEr
         try:
             value, position = _scanner.raw_decode(text, position)
         except RecursionError:
-            yield FrameError("Received a message that is nested too deeply")
+            yield _name(FrameError("Received a message that is nested too deeply"), _ends(text[position:]))
             return
         except ValueError as error:  # JSONDecodeError, and integers of thousands of digits
-            yield FrameError(f"Received a frame that is not valid JSON: {error}. The frame: {_shorten(text)}")
+            problem = FrameError(f"Received a frame that is not valid JSON: {error}. The frame: {_shorten(text)}")
+            yield _name(problem, _ends(text[position:]))
             return
         try:
             yield op_from_value(value)
         except FrameError as error:
+            name = value.get("op") if isinstance(value, dict) else None
+            error.op = name if isinstance(name, str) else None
             yield error
         position = _end_of(_SPACE.match(text, position))
         num_ops += 1
         if num_ops > MAX_OPS:
             yield FrameError(f"Received a frame with more than {MAX_OPS:,} ops; the rest of it is dropped")
             return
+
+
+def _name(error: FrameError, text: str) -> FrameError:
+    """The error, with the op and the id that an unreadable answer of a provider names: somebody waits for it.
+
+    The ids of calls and goals are ours, so they are known wherever they stand; two different ones are none.
+    """
+    op = _ANSWER_OP.search(text)
+    ids = {found[1] for found in islice(_ANSWER_ID.finditer(text), _MAX_ANSWER_IDS)}
+    if op is not None:
+        error.op = op[1]
+        error.op_id = ids.pop() if len(ids) == 1 else None
+    elif error.op_id is None and (match := _ID.search(text)) is not None:
+        error.op_id = match[1]
+    return error
+
+
+def _ends(text: bytes | memoryview | str) -> str:
+    """Both ends of a text that is not decoded, where clients write its op and its id."""
+    if isinstance(text, str):
+        return text[:_NAMED] + text[-_NAMED:]
+    return (bytes(text[:_NAMED]) + bytes(text[-_NAMED:])).decode("latin-1")
 
 
 def op_from_value(value: Any) -> Op:  # noqa: ANN401 - any JSON value

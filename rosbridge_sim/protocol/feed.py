@@ -17,14 +17,14 @@ burst arrives. Time is an argument; whoever calls `deliver` asks `due` when to c
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from rosbridge_sim.errors import FrameError
-from rosbridge_sim.protocol.ops import Subscribe
+from rosbridge_sim.protocol.ops import Id, Subscribe
+from rosbridge_sim.protocol.smallest import Smallest
 
-__all__ = ["COMPRESSIONS", "Pace", "Qos", "Terms", "merge_terms", "read_qos", "read_terms"]
+__all__ = ["COMPRESSIONS", "MergedTerms", "Pace", "Qos", "Terms", "read_qos", "read_terms"]
 
 COMPRESSIONS = ("none", "png", "cbor", "cbor-raw")
 """From the weakest claim to the strongest."""
@@ -112,16 +112,57 @@ def read_qos(qos: dict[str, object] | None) -> Qos:
     )
 
 
-def merge_terms(terms: Iterable[Terms]) -> Terms:
-    """The terms of a feed from those of its subscriptions, of which there is at least one."""
-    each = list(terms)
-    sizes = [t.fragment_size for t in each if t.fragment_size is not None]
-    return Terms(
-        interval=min(t.interval for t in each),
-        queue_length=min(MAX_QUEUE, max(t.queue_length for t in each)),
-        fragment_size=min(sizes, default=None),
-        compression=max((t.compression for t in each), key=COMPRESSIONS.index),
-    )
+class MergedTerms:
+    """The terms of a feed from those of its subscriptions, which come and go; each change costs a logarithm.
+
+    Attributes:
+        by_id: the terms of each subscription.
+    """
+
+    __slots__ = ("_compressions", "_intervals", "_lengths", "_sizes", "by_id")
+
+    def __init__(self) -> None:
+        self.by_id: dict[Id, Terms] = {}
+        self._intervals = Smallest()
+        self._lengths = Smallest()
+        self._sizes = Smallest()
+        self._compressions = Smallest()
+
+    def put(self, sub_id: Id, terms: Terms | None) -> None:
+        """Put one subscription on other terms, or end it with None."""
+        old = self.by_id.pop(sub_id, None) if terms is None else self.by_id.get(sub_id)
+        if old is not None:
+            for bag, number in self._numbers(old):
+                bag.remove(number)
+        if terms is not None:
+            self.by_id[sub_id] = terms
+            for bag, number in self._numbers(terms):
+                bag.add(number)
+
+    def merged(self) -> Terms:
+        """The terms of the feed; there is at least one subscription."""
+        interval, length, compression = self._intervals.get(), self._lengths.get(), self._compressions.get()
+        assert interval is not None
+        assert length is not None
+        assert compression is not None
+        size = self._sizes.get()
+        return Terms(
+            interval=interval,
+            queue_length=min(MAX_QUEUE, -int(length)),
+            fragment_size=None if size is None else int(size),
+            compression=COMPRESSIONS[-int(compression)],
+        )
+
+    def _numbers(self, terms: Terms) -> list[tuple[Smallest, float]]:
+        """What the terms add to each bag; negative where the largest counts."""
+        numbers = [
+            (self._intervals, terms.interval),
+            (self._lengths, -terms.queue_length),
+            (self._compressions, -COMPRESSIONS.index(terms.compression)),
+        ]
+        if terms.fragment_size is not None:
+            numbers.append((self._sizes, terms.fragment_size))
+        return numbers
 
 
 class Pace(Generic[T]):

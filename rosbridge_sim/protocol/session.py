@@ -14,7 +14,7 @@ from collections.abc import Callable, Generator, Iterator
 
 import orjson
 
-from rosbridge_sim.errors import FrameError, PeerError
+from rosbridge_sim.errors import EncodingError, FrameError, PeerError
 from rosbridge_sim.protocol.codec import (
     LONG,
     Encoded,
@@ -27,7 +27,7 @@ from rosbridge_sim.protocol.codec import (
     status_frame,
 )
 from rosbridge_sim.protocol.encodings import cbor_head, cbor_raw_frame, decode_cbor, is_cbor
-from rosbridge_sim.protocol.feed import Pace, Terms, merge_terms
+from rosbridge_sim.protocol.feed import MergedTerms, Pace, Terms
 from rosbridge_sim.protocol.flow import BinaryFrame, LateFrames, Outbox
 from rosbridge_sim.protocol.fragments import Defragmenter, Pieces
 from rosbridge_sim.protocol.ops import Fragment, Id, Op, Png
@@ -47,6 +47,8 @@ class Session:
         level: remarks up to this one are sent; `error` until the peer asks otherwise.
         num_received, num_refused: frames in, and those among them that held something that is no op.
         num_sent: messages of topics that went into the outbox.
+        on_unsent: hears of a spelling of a topic whose message waited and then could not be encoded.
+        on_lost_answer: hears of what is no op but should have been the answer to a call or the end of a goal.
     """
 
     def __init__(
@@ -73,6 +75,8 @@ class Session:
         self.num_received = 0
         self.num_refused = 0
         self.num_sent = 0
+        self.on_lost_answer: Callable[[FrameError], None] = lambda _error: None
+        self.on_unsent: Callable[[str, EncodingError], None] = lambda _spelling, _error: None
         self._alarm = alarm
         self._is_talkative = is_talkative
         self._on_refused = on_refused
@@ -154,6 +158,8 @@ class Session:
 
     def _refuse(self, error: FrameError) -> None:
         self.num_refused += 1
+        if error.op in {"service_response", "action_result"}:
+            self.on_lost_answer(error)
         if self._on_refused is None:
             self.remark("error", str(error), error.op_id)
         else:
@@ -208,7 +214,10 @@ class Session:
         """
         due = float("inf")
         for feed in list(self._waiting):
-            feed.flush(now, stamp_ns)
+            try:
+                feed.flush(now, stamp_ns)
+            except EncodingError as error:
+                self.on_unsent(feed.spelling, error)
             turn = feed.pace.due()
             if turn is None:
                 self._waiting.pop(feed, None)
@@ -232,12 +241,13 @@ class Feed:
         ids: the terms of each subscription.
     """
 
-    __slots__ = ("_head", "_is_plain", "_is_warned", "_session", "_terms", "ids", "pace", "spelling")
+    __slots__ = ("_head", "_is_plain", "_is_warned", "_merged", "_session", "_terms", "ids", "pace", "spelling")
 
     def __init__(self, session: Session, spelling: str) -> None:
         self.spelling = spelling
         self.pace: Pace[Encoded] = Pace()
-        self.ids: dict[Id, Terms] = {}
+        self._merged = MergedTerms()
+        self.ids = self._merged.by_id
         self._session = session
         self._terms = Terms()
         self._is_plain = True
@@ -246,14 +256,14 @@ class Feed:
 
     def set_terms(self, sub_id: Id, terms: Terms | None) -> None:
         """Put one subscription on other terms, or end it with None; one stays at least."""
-        if terms is None:
-            self.ids.pop(sub_id, None)
-        else:
-            self.ids[sub_id] = terms
-        merged = self._terms = merge_terms(self.ids.values())
+        self._is_warned = False
+        self._merged.put(sub_id, terms)
+        merged = self._merged.merged()
+        if merged == self._terms:  # what waits is not to be copied for each of many subscriptions
+            return
+        self._terms = merged
         self.pace.set_terms(merged)
         self._is_plain = merged.compression == "none" and merged.fragment_size is None
-        self._is_warned = False
         is_binary = merged.compression.startswith("cbor")
         self._head = cbor_head(self.spelling) if is_binary else publish_head(self.spelling)
         if merged.queue_length and merged.interval == 0.0:
@@ -276,7 +286,11 @@ class Feed:
             self.send(message, stamp_ns)
 
     def send(self, message: Encoded, stamp_ns: int) -> None:
-        """Send a message, in the encoding that was asked for; where it has none in it, the listener is told once."""
+        """Send a message, in the encoding that was asked for; where it has none in it, the listener is told once.
+
+        Raises:
+            EncodingError: it cannot be written, by a bug of ours.
+        """
         session = self._session
         if self._is_plain:
             session.num_sent += 1
@@ -284,6 +298,8 @@ class Feed:
             return
         try:
             frame = self._encode(message, stamp_ns)
+        except EncodingError:
+            raise
         except PeerError as error:
             if not self._is_warned:
                 self._is_warned = True

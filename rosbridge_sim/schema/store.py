@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from rosbridge_sim.errors import DefinitionError, TypeNameError, UnknownPackageError
+from rosbridge_sim.errors import DefinitionError, EncodingError, PeerError, TypeNameError, UnknownPackageError
 from rosbridge_sim.schema.check import ROS1, ROS2, Leniency
 from rosbridge_sim.schema.compile import ActionType, Encoders, MessageType, OpaqueType, ServiceType, compile_message
 from rosbridge_sim.schema.names import (
@@ -66,16 +66,33 @@ class Message:
 
     @property
     def json(self) -> bytes:
-        """The JSON text of the value."""
+        """The JSON text of the value.
+
+        Raises:
+            EncodingError: it cannot be written.
+        """
         if self._json is None:
-            self._json = self.type.encode_json(self.value)
+            try:
+                self._json = self.type.encode_json(self.value)
+            except Exception as error:
+                raise self._failure("JSON", error) from error
         return self._json
 
     @property
     def cbor(self) -> bytes:
-        """The value as a CBOR map."""
+        """The value as a CBOR map.
+
+        Raises:
+            FieldError: it does not fit its type.
+            EncodingError: it cannot be written.
+        """
         if self._cbor is None:
-            self._cbor = self.type.encode_cbor(self.value)
+            try:
+                self._cbor = self.type.encode_cbor(self.value)
+            except PeerError:
+                raise
+            except Exception as error:
+                raise self._failure("CBOR", error) from error
         return self._cbor
 
     @property
@@ -84,10 +101,19 @@ class Message:
 
         Raises:
             FieldError: the type is unknown here, so its bytes are too.
+            EncodingError: it cannot be written.
         """
         if self._raw is None:
-            self._raw = self.type.encode_raw(self.value)
+            try:
+                self._raw = self.type.encode_raw(self.value)
+            except PeerError:
+                raise
+            except Exception as error:
+                raise self._failure("cbor-raw", error) from error
         return self._raw
+
+    def _failure(self, encoding: str, error: Exception) -> EncodingError:
+        return EncodingError(f"{self.type.name} cannot be written as {encoding}: {error!r:.200}")
 
     def framed(self, head: bytes) -> bytes:
         """`head`, the JSON text, and a closing brace; kept for the next listener, who mostly wants the same."""

@@ -27,6 +27,7 @@ from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.morai.items import ListedItem
 from rosbridge_sim.morai.network_settings import NetworkSettings
 from rosbridge_sim.morai.node import Node, NodeSettings
+from rosbridge_sim.morai.reading import Reader
 from rosbridge_sim.morai.releases import LENIENCY, SPEED_LIMITS, choose_profile
 from rosbridge_sim.morai.replays.recorded import Recordings
 from rosbridge_sim.morai.simulator import make_node
@@ -40,6 +41,7 @@ from rosbridge_sim.shell.kinds import URLS
 from rosbridge_sim.shell.log_limits import LineLimiter
 from rosbridge_sim.shell.networks import DiskNetworks
 from rosbridge_sim.shell.quota import DataQuota, in_thread
+from rosbridge_sim.shell.reading import ThreadReader
 from rosbridge_sim.shell.replays import DiskRecordings
 from rosbridge_sim.shell.reports import TOPICS, Reports
 from rosbridge_sim.shell.server import Server, ServerLimits
@@ -99,6 +101,7 @@ class Simulator:
         self._recorder: Recorder | None = None
         self._recordings: DiskRecordings | None = None
         self._quota: DataQuota | None = None
+        self._reader: ThreadReader | None = None
         self._stopping: asyncio.Task[None] | None = None
 
     @property
@@ -115,12 +118,14 @@ class Simulator:
 
     @property
     def num_bugs(self) -> int:
-        """Faults of ours: frames that could not be handled, and one more if the world has failed."""
+        """Faults of ours: frames and loads that could not be handled, and one more if the world has failed."""
         if self._server is None or self._clockwork is None:
             return 0
         num_frames = self._server.num_bugs + sum(attachment.num_bugs for attachment in self.attachments)
+        num_loads = self._reader.num_bugs if self._reader is not None else 0
         is_standing = self.node is not None and self.node.failure is not None
-        return num_frames + (self._clockwork.is_failed or is_standing)
+        num_guarded = self.bus.guard.num_faults if self.bus is not None else 0
+        return num_frames + num_loads + num_guarded + (self._clockwork.is_failed or is_standing)
 
     async def __aenter__(self) -> Self:
         await self.start()
@@ -156,16 +161,17 @@ class Simulator:
         Rosapi(bus, limits.policy)
         loop = asyncio.get_running_loop()
         recordings = DiskRecordings(settings.data_dir, texts, loop)
+        reader = ThreadReader(loop)
         republisher = Republisher(bus)
         node: Node | None = None
         if settings.world:
             self._quota = DataQuota(
                 settings.data_dir, settings.data_quota, settings.data_quota_files, aside=in_thread(loop)
             )
-            node = _make_node(bus, settings, recordings, self._quota)
+            node = _make_node(bus, settings, recordings, reader, self._quota)
         clocks: list[Clock] = [republisher] if node is None else [node, republisher]
         clockwork = Clockwork(loop, bus, clocks, self._give_up)
-        recordings.on_done = clockwork.look
+        recordings.on_done = reader.on_done = clockwork.look
         server = Server(bus, limits, clockwork.look)
         if node is not None:
             server.why_unhealthy = lambda: node.failure
@@ -184,7 +190,7 @@ class Simulator:
         self._limiter.start()
         self.descriptors = DescriptorWatch(loop)
         self._reports = Reports(bus, server, loop)
-        self._recordings = recordings
+        self._recordings, self._reader = recordings, reader
         self.bus, self.node, self._server, self._clockwork = bus, node, server, clockwork
         if settings.listen and settings.token is None and not server.is_loopback:
             _log.warning("%s wants no token: whoever reaches it is let in; --token sets one", self.url)
@@ -224,6 +230,8 @@ class Simulator:
             self._quota.stop()
         if self.descriptors is not None:
             self.descriptors.stop()
+        if self._reader is not None:
+            self._reader.stop()
         if self._reports is not None:
             self._reports.stop()
         if self._server is not None:
@@ -261,10 +269,16 @@ def list_items(settings: Settings) -> list[ListedItem]:
     Rosapi(bus)
     Republisher(bus)
     built_in = replace(settings, scenario=Settings().scenario, scenario_path=(), map=None)
-    return list(_make_node(bus, built_in, None).items.listing())
+    return list(_make_node(bus, built_in, None, None).items.listing())
 
 
-def _make_node(bus: Bus, settings: Settings, recordings: Recordings | None, quota: DataQuota | None = None) -> Node:
+def _make_node(
+    bus: Bus,
+    settings: Settings,
+    recordings: Recordings | None,
+    reader: Reader | None,
+    quota: DataQuota | None = None,
+) -> Node:
     library = DiskLibrary(settings.scenario_path, settings.map)
     profile = choose_profile(
         settings.profile,
@@ -296,6 +310,7 @@ def _make_node(bus: Bus, settings: Settings, recordings: Recordings | None, quot
         archive=DiskArchive(settings.data_dir, quota),
         recordings=recordings,
         networks=DiskNetworks(settings.data_dir),
+        reader=reader,
     )
 
 

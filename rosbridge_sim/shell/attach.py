@@ -119,6 +119,7 @@ class Attachment:
         """Dial, from now on and for ever."""
         self.mirror.on_attached = self._note_attached
         self.mirror.on_lines = self._look
+        self.mirror.on_failure = self._fail
         self._look()
 
     async def stop(self) -> None:
@@ -130,6 +131,13 @@ class Attachment:
             await asyncio.gather(*(carrier.stop() for carrier in carriers))
         if not self.attached.done():
             self.attached.cancel()
+
+    def _fail(self, error: Exception) -> None:
+        """Something that was done for the bridge has failed by a bug of ours: connect anew, and go on."""
+        self.num_bugs += 1
+        _log.error("%s: a failure of ours; its connections are made anew", self.url, exc_info=error)
+        for carrier in self._carriers.values():
+            carrier.cut()
 
     def _note_attached(self) -> None:
         if not self.attached.done():
@@ -160,7 +168,10 @@ class _Carrier:
         self._loop = asyncio.get_running_loop()
         self._socket: DialedSocket | None = None
         self._is_woken = False
+        self._is_going_on = False
+        self._is_reading = True
         self._is_stopped = False
+        line.on_released = self._schedule
         self._lost_at: float | None = None
         self._task = self._loop.create_task(self._keep())
 
@@ -190,6 +201,11 @@ class _Carrier:
         self._carry()
         await asyncio.wait([heard, self._task], timeout=LAST_WORD, return_when=asyncio.FIRST_COMPLETED)
         heard.cancel()
+
+    def cut(self) -> None:
+        """End the connection at once; another one will be made."""
+        if self._socket is not None:
+            self._socket.transport.abort()
 
     def let_go(self) -> None:
         """The line is not wanted any more: `stop`, beside what else happens."""
@@ -227,6 +243,7 @@ class _Carrier:
             return False, why_not(self._url, error, PATIENCE, flag="attach", token="?token=... in its URL")  # noqa: S106
         self._tell_connected()
         self._socket = dialed
+        self._is_reading = True
         dialed.on_room = self._carry
         try:
             self._mirror.connected(self._line, self._wake, self._carry, self._loop.time())
@@ -296,11 +313,35 @@ class _Carrier:
             self._mirror.note(logging.INFO, text, self._loop.time())
 
     def _receive(self, message: bytes) -> None:
+        self._handle(lambda now: self._mirror.receive(self._line, message, now))
+
+    def _schedule(self) -> None:
+        """Go on in the next turn with what waits in the line."""
+        if not self._is_going_on:
+            self._is_going_on = True
+            self._loop.call_soon(self._go_on)
+
+    def _go_on(self) -> None:
+        self._is_going_on = False
+        self._handle(lambda now: self._mirror.go_on(self._line, now))
+
+    def _handle(self, work: Callable[[float], bool]) -> None:
+        """Do one turn's worth of what came; read nothing more while too much of it waits."""
         try:
-            self._mirror.receive(self._line, message, self._loop.time())
+            is_more = work(self._loop.time())
         except Exception:  # noqa: BLE001 - our own bug: this message is lost, everybody goes on
             self._attachment.num_bugs += 1
             _log.exception("a frame of %s could not be handled", self._attachment.url)
+            is_more = True
+        if is_more:
+            self._schedule()
+        dialed = self._socket
+        if dialed is not None and self._is_reading is self._line.is_full:
+            self._is_reading = not self._is_reading
+            if self._is_reading:
+                dialed.transport.resume_reading()
+            else:
+                dialed.transport.pause_reading()
         self._on_change()
 
     def _wake(self) -> None:

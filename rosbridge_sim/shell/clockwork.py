@@ -99,12 +99,19 @@ class Clockwork:
             if due is not None and due <= now:
                 self._bus.expire(now)
                 for clock in self._clocks:
-                    clock.advance(now)
+                    self._advance(clock, now)
                 due = self._next_due(now)
         except Exception as error:  # noqa: BLE001 - our own bug, whatever it is
             self._fail(error)
         else:
             self._arm(now, due)
+
+    def _advance(self, clock: Clock, now: float) -> None:
+        """Give a clock its turn; one that can end alone does, if it fails."""
+        try:
+            clock.advance(now)
+        except Exception as error:  # noqa: BLE001 - our own bug
+            self._bus.guard.blame(clock, error)
 
     def _next_due(self, now: float) -> float | None:
         due = self._bus.next_deadline()

@@ -229,6 +229,15 @@ class Recorder:
             else:
                 _log.info("recorded %d messages into %s", self.scribe.num_messages, self._path)
 
+    def fail(self, error: Exception) -> None:
+        """See `Guarded`: the recording ends, and what was written stays as it is."""
+        _log.error(
+            "the recording has ended by a bug of ours; `rosbridge-sim bag repair` makes it readable", exc_info=error
+        )
+        if self._is_on:
+            self._leave()
+            self.scribe.abort()
+
     # What he listens to
 
     def _look(self, topic: Topic) -> None:

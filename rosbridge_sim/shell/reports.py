@@ -54,13 +54,17 @@ class Reports:
         self._clients = self._advertise(clients, "rosbridge_sim_msgs/Clients", is_exclusive=True)
         self._log = _LogTopic(self, self._advertise(log, _LOG_TYPES[bus.store.ros]), bus.store.ros, loop)
         logging.getLogger("rosbridge_sim").addHandler(self._log)
-        server.on_clients = self.tell_clients
+        self._entries: dict[Client, Any] = {}  # generated structs
+        self._soon: asyncio.Handle | None = None
+        server.on_clients = self.tell_clients_soon
         self._timer = loop.call_later(PERIOD, self._tick)
-        self.tell_clients()
+        self._tell_clients()
 
     def stop(self) -> None:
         """Say nothing more."""
         self._timer.cancel()
+        if self._soon is not None:
+            self._soon.cancel()
         logging.getLogger("rosbridge_sim").removeHandler(self._log)
 
     def tell(self, level: str, text: str) -> None:
@@ -70,16 +74,22 @@ class Reports:
         """Send a message made from its fields."""
         self._bus.publish(self, topic, Message(topic.type, self._struct(topic)(**fields)), self._loop.time())
 
-    def tell_clients(self) -> None:
-        """Somebody has come or gone."""
+    def tell_clients_soon(self) -> None:
+        """Tell in the next turn of the loop who is connected: once, however many come and go in this one."""
+        if self._soon is None:
+            self._soon = self._loop.call_soon(self._tell_clients)
+
+    def _tell_clients(self) -> None:
+        self._soon = None
         store = self._bus.store
-        client_struct = store.message("rosbridge_msgs/ConnectedClient").struct
-        clients = [
-            client_struct(ip_address=client.host, connection_time=store.time_value(client.connected_ns))
-            for client in self._server.clients
-        ]
-        self.publish(self._count, data=len(clients))
-        self.publish(self._connected, clients=clients)
+        known = self._entries
+        for client in self._server.clients:
+            if client not in known:
+                make = store.message("rosbridge_msgs/ConnectedClient").struct
+                known[client] = make(ip_address=client.host, connection_time=store.time_value(client.connected_ns))
+        self._entries = {client: known[client] for client in self._server.clients}
+        self.publish(self._count, data=len(self._entries))
+        self.publish(self._connected, clients=list(self._entries.values()))
 
     def stamp(self) -> Any:  # noqa: ANN401 - a generated struct
         """A header with the time of day: these topics are about this process, not about the world in it."""

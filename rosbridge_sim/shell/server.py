@@ -170,6 +170,8 @@ class Client:
         self._has_output = False
         self._is_in_line = False
         socket.on_room = self.carry
+        self.peer.on_failure = self._fail
+        self.peer.on_released = lambda: self._get_in_line(had_turn=False)
         if not socket.is_proven or limits.access.max_rate is not None:
             self._post_warden(limits.access)
 
@@ -208,7 +210,7 @@ class Client:
             self._regret_frame()
             return True
         if work is None:
-            return True
+            return not self.peer.is_held
         if len(message) >= LARGE_FRAME:
             self._watch.note_large_frame()
         self._work = work
@@ -229,9 +231,9 @@ class Client:
                 self._regret_frame()
                 self._work = None
                 break
-            if perf_counter() >= self._until:
+            if self.peer.is_held or perf_counter() >= self._until:
                 return False
-        return True
+        return not self.peer.is_held
 
     def _regret_frame(self) -> None:
         self._watch.count_bug()
@@ -260,7 +262,8 @@ class Client:
         self._get_in_line(had_turn=had_turn)
 
     def _get_in_line(self, *, had_turn: bool) -> None:
-        if not self._is_in_line:
+        is_waiting = self._has_output or (self._has_input and not self.peer.is_held)
+        if is_waiting and not self._is_in_line:
             self._is_in_line = True
             self._turns.wait(self, had_turn=had_turn)
 
@@ -270,9 +273,9 @@ class Client:
         if self._has_output:
             self._has_output = False
             self.carry()
-        if self._has_input and self._do_steps():
+        if self._has_input and not self.peer.is_held and self._do_steps():
             self._has_input = self.socket.go_on(until)
-        self._is_in_line = self._has_input or self._has_output
+        self._is_in_line = self._has_output or (self._has_input and not self.peer.is_held)
         return self._is_in_line
 
     # Out
@@ -293,10 +296,25 @@ class Client:
     def _flush(self) -> None:
         self._alarm = None
         self._alarm_due = _NEVER
-        self.peer.flush(self.socket.loop.time())
+        try:
+            self.peer.flush(self.socket.loop.time())
+        except Exception as error:  # noqa: BLE001 - our own bug, in what is this client's alone
+            self._fail(error)
+
+    def _fail(self, error: Exception) -> None:
+        """Close this client alone, with code 1011: something that was done for it has failed by a bug of ours."""
+        if self._closing is not None:
+            return
+        self._watch.count_bug()
+        _log.error("%s: closed, because of a failure of ours", self.peer.address, exc_info=error)
+        self._start_closing(CloseCode.INTERNAL_ERROR, "the server failed on this connection; its log says why")
+        try:
+            self.leave()
+        except Exception:  # noqa: BLE001 - the same failure, perhaps; the connection's end tries again
+            _log.exception("%s: what it held could not be given up", self.peer.address)
 
     def leave(self) -> None:
-        """Take the client off the bus, whatever was on its way to it."""
+        """Take the client off the bus, whatever was on its way to it. Twice is no error."""
         for timer in (self._alarm, self._deadline):
             if timer is not None:
                 timer.cancel()
@@ -307,6 +325,13 @@ class Client:
 
     def carry(self) -> None:
         """Hand what waits to the transport, for as long as it takes it, and about as much as one turn has time for."""
+        try:
+            self._carry()
+        except Exception as error:  # noqa: BLE001 - our own bug, in what is this client's alone
+            self.outbox.close()
+            self._fail(error)
+
+    def _carry(self) -> None:
         self._is_woken = False
         socket, outbox = self.socket, self.outbox
         if socket.protocol.state is not State.OPEN:
@@ -459,17 +484,25 @@ class Server:
         client = Client(socket, self._bus, self._limits, self._turns, self)
         peer = client.peer
         self.clients[client] = None
-        self.on_clients()
+        self._try(self.on_clients)
         _log.info("%s connected; %d connected now", peer.address, len(self.clients))
         try:
             socket.listen(client)
             await socket.wait_closed()
         finally:
             del self.clients[client]
-            self.on_clients()
-            client.leave()
+            self._try(client.leave)
+            self._try(self.on_clients)
             self._on_change()
             _log.info("%s left; %d connected now", peer.address, len(self.clients))
+
+    def _try(self, act: Callable[[], None]) -> None:
+        """Do something whose failure must not keep the rest from being done."""
+        try:
+            act()
+        except Exception:  # noqa: BLE001 - our own bug, whatever it is
+            self.num_bugs += 1
+            _log.exception("something failed as a client came or went; the rest goes on")
 
     def count_bug(self) -> None:
         """See `ClientWatch`."""

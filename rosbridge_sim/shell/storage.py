@@ -17,6 +17,7 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.maps.mgeo import MAP_FILES, RoadMap, read_map
 from rosbridge_sim.morai.scenarios.scenario import Scenario, read_scenario
 from rosbridge_sim.schema.parse import parse_action, parse_message, parse_service
+from rosbridge_sim.shell.document_cache import DocumentCache
 from rosbridge_sim.shell.sources import looks_like_path
 
 __all__ = [
@@ -201,12 +202,16 @@ MAX_LISTED = 20
 MAX_NAME = 200
 """Characters of a scenario's name."""
 
+MIN_AGE = 2.0
+"""A scenario file that was changed later than this may change again without its time of change telling so [s]: FAT
+counts in steps of two seconds. Programs write a scenario, load it and write the next one to the same file."""
+
 PLAIN_NAME = re.compile(r"(?!\.+$)[^\x00-\x1f\x7f<>:\"/\\|?*]+")
 """What names one file or folder on every system, MORAI's own included."""
 
 
 class DiskLibrary:
-    """Scenarios and maps by name."""
+    """Scenarios and maps by name. Those that were used last are kept for as long as their files stay as they are."""
 
     def __init__(self, scenario_folders: Sequence[str | Path] = (), own_map: str | None = None) -> None:
         """A library that reads each document when it is asked for.
@@ -220,6 +225,7 @@ class DiskLibrary:
         """
         self._folders = [Path(folder) for folder in scenario_folders]
         self._own_map = own_map
+        self._cache = DocumentCache()
         for folder in self._folders:
             if not folder.is_dir():
                 raise DocumentError(f"{folder}: expected a folder with scenarios; there is none")
@@ -233,7 +239,10 @@ class DiskLibrary:
         Raises:
             DocumentError: no such scenario, a name that leads out of the folders, or a file that cannot be used.
         """
-        return read_scenario(*self._read_scenario(self._find_scenario(name)))
+        path = self._find_scenario(name)
+        return self._cache.get(
+            "scenario", path, [path], lambda: read_scenario(*self._read_scenario(path)), min_age=MIN_AGE
+        )
 
     def opening_scenario(self, name: str) -> Scenario:
         """The scenario that the person who starts the server names: as above, or any file.
@@ -279,7 +288,8 @@ class DiskLibrary:
             DocumentError: no such map, or a file that cannot be used.
         """
         folder = self.map_folder(name)
-        return read_map(read_folder(folder), str(folder))
+        files = [folder / name for name in _map_files(folder)]
+        return self._cache.get("map", folder, files, lambda: read_map(read_folder(folder), str(folder)))
 
     def map_folder(self, name: str) -> Path:
         """Where the map of that name is, or the one that stands in for all.
@@ -327,4 +337,8 @@ def _find_scenario(folder: Path, parts: tuple[str, ...]) -> Path | None:
 
 def read_folder(folder: Path) -> dict[str, bytes]:
     """Name -> content of the files of a map that are read; a city's folder holds many more, and large ones."""
-    return {name: _read(folder / name, MAX_DOCUMENT_SIZE) for name in MAP_FILES if (folder / name).exists()}
+    return {name: _read(folder / name, MAX_DOCUMENT_SIZE) for name in _map_files(folder)}
+
+
+def _map_files(folder: Path) -> list[str]:
+    return [name for name in MAP_FILES if (folder / name).exists()]

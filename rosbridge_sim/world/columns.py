@@ -178,10 +178,11 @@ class Columns:
         self._floats, self._ints, self._bools = _blocks(n)
         self._bind(n)
 
-    def _grow(self) -> None:
-        blocks = _blocks(2 * self.n)
+    def _grow(self, num_rows: int) -> None:
+        """Have blocks for so many rows at least, and for many more: growing costs each row a constant amount."""
+        blocks = _blocks(max(2 * self.n, num_rows))
         for new, old in zip(blocks, (self._floats, self._ints, self._bools), strict=True):
-            new[:, : self.n] = old
+            new[:, : self.n] = old[:, : self.n]
         self._floats, self._ints, self._bools = blocks
 
     def _bind(self, n: int) -> None:

@@ -60,9 +60,18 @@ MUCH: Final = 1.5
 """In a larger one, cells are as large as the usual entity needs. A few may be larger by far, and are compared with
 everybody."""
 
-MAX_PAIRS: Final = 1 << 18
-"""Pairs of others than egos that are compared for one list. More is a heap of hundreds of cars in one place: of that
-a part is judged."""
+MAX_PAIRS: Final = 1 << 16
+PAIRS_EACH: Final = 8
+MAX_NEAR: Final = 1 << 14
+NEAR_EACH: Final = 1
+"""Pairs that are compared coarsely for one list, and pairs that it is made of: so many at least, and so many for each
+entity. 20,000 cars in a jam, bumper to bumper, need 90,000 and 20,000. More is a heap: of that a part is judged, all
+pairs of an ego and then half as many others, of those with few partners first. So a heap in one place takes no contact
+from those elsewhere, and costs a step no more than a jam does."""
+
+MAX_TURNS: Final = 1 << 17
+"""Pieces of turning pairs that are judged in a step, about 10 ms: 500 pairs at `MAX_PIECES`. With more pairs the pieces
+are fewer, and so coarser."""
 
 COLUMN: Final = 1 << 32
 """From a cell to its eastern neighbour, in numbers of cells; to its northern one it is 1."""
@@ -209,7 +218,8 @@ class Watch:
         stray = np.abs(heading[1] - heading[0]) / self._chord
         if np.count_nonzero(stray > 1.0):
             is_turning = (stray > 1.0).any(axis=0)
-            num = min(MAX_PIECES, math.ceil(stray.max()))
+            most = max(1, MAX_TURNS // np.count_nonzero(is_turning))
+            num = min(MAX_PIECES, most, math.ceil(stray.max()))
             is_hit[is_turning] = self._judge_turning(poses[..., is_turning], is_turning, num)
         if not np.count_nonzero(is_hit):
             return NO_CONTACTS
@@ -295,32 +305,66 @@ def _near_pairs(place: FloatArray, span: FloatArray, is_car: BoolArray, is_ego: 
         place: (2, k) middles of the rectangles, east and north [m].
         span: (2, k) half of their sides [m].
         is_car: (k,) bool.
-        is_ego: (k,) bool: of these no pair is left out, whatever `MAX_PAIRS` says.
+        is_ego: (k,) bool: their pairs come before all others where there are too many.
 
     Returns:
         (2, m) indices, the lower one first, in rising order.
     """
     k = place.shape[1]
+    most = max(MAX_PAIRS, PAIRS_EACH * k)
     widest = span.max(axis=0)
     usual = np.partition(widest, k - 1 - MAX_WIDE)[k - 1 - MAX_WIDE]
     is_wide = widest > MUCH * usual
-    pairs, is_whole = _near_of_both(place, span, is_car, is_wide)
-    if not is_whole:
-        pairs, _ = _near_of_both(place, span, is_car, is_wide | is_ego)
+    pairs = _near_of_both(place, span, is_car, is_wide, most)
+    is_heap = pairs is None
+    if pairs is None:
+        is_wide[is_ego.nonzero()[0][: most // k]] = True
+        pairs = _near_of_both(place, span, is_car, is_wide, most // 4, is_heap=True)
+        assert pairs is not None
     low, high = np.minimum(pairs[0], pairs[1]), np.maximum(pairs[0], pairs[1])
     order = (low * k + high).argsort()
-    return np.stack([low[order], high[order]])
+    pairs = np.stack([low[order], high[order]])
+    most = max(MAX_NEAR, NEAR_EACH * k)
+    if pairs.shape[1] <= most // 2 or (pairs.shape[1] <= most and not is_heap):
+        return pairs
+    return _thin_out(pairs, is_ego, most)
 
 
-def _near_of_both(place: FloatArray, span: FloatArray, is_car: BoolArray, is_wide: BoolArray) -> tuple[IntArray, bool]:
-    """The same in no order, and whether it is the whole of them: the wide against everybody, the rest by cells."""
+def _thin_out(pairs: IntArray, is_ego: BoolArray, most: int) -> IntArray:
+    """Return `most` pairs of egos at most and half as many others, of those with few partners first; in their order."""
+    has_ego = is_ego[pairs[0]] | is_ego[pairs[1]]
+    is_kept: BoolArray = has_ego & (has_ego.cumsum() <= most)
+    others = (~has_ego).nonzero()[0]
+    num_partners = np.bincount(pairs[:, others].ravel())
+    is_kept[others[num_partners[pairs[:, others]].sum(axis=0).argsort(kind="stable")[: most // 2]]] = True
+    return np.ascontiguousarray(pairs[:, is_kept])
+
+
+def _find_share(count: IntArray, most: int) -> int:
+    """Return the largest share such that all together take `most` at most, where each takes its share or its count."""
+    low, high = 0, most
+    while low < high:
+        share = (low + high + 1) // 2
+        if np.minimum(count, share).sum() <= most:
+            low = share
+        else:
+            high = share - 1
+    return low
+
+
+def _near_of_both(
+    place: FloatArray, span: FloatArray, is_car: BoolArray, is_wide: BoolArray, most: int, *, is_heap: bool = False
+) -> IntArray | None:
+    """The same in no order, the wide against everybody, the rest by cells; see `_near_by_cells`."""
     rest = (~is_wide).nonzero()[0]
-    pairs, is_whole = _near_by_cells(place[:, rest], span[:, rest], is_car[rest])
+    pairs = _near_by_cells(place[:, rest], span[:, rest], is_car[rest], most, is_heap=is_heap)
+    if pairs is None:
+        return None
     pairs = rest[pairs]
     wide = is_wide.nonzero()[0]
     if len(wide):
         pairs = np.concatenate([pairs, _near_of_wide(place, span, is_car, wide)], axis=1)
-    return pairs, is_whole
+    return pairs
 
 
 def _near_of_wide(place: FloatArray, span: FloatArray, is_car: BoolArray, wide: IntArray) -> IntArray:
@@ -333,27 +377,33 @@ def _near_of_wide(place: FloatArray, span: FloatArray, is_car: BoolArray, wide: 
     return np.stack([wide[i], j])
 
 
-def _near_by_cells(place: FloatArray, span: FloatArray, is_car: BoolArray) -> tuple[IntArray, bool]:
-    """By a grid whose cells are as large as the largest two need; each pair once. Not the whole beyond `MAX_PAIRS`."""
-    column, line = np.floor(place / (2.0 * span.max(initial=1.0))).astype(np.int64)
+def _near_by_cells(
+    place: FloatArray, span: FloatArray, is_car: BoolArray, most: int, *, is_heap: bool
+) -> IntArray | None:
+    """By a grid whose cells are as large as the largest two need; each pair once.
+
+    At most so many are compared. More give None or, in a heap, as many of each one's as there is room for; then the
+    nearest ones in the east-west direction come first, for most of a heap's cell is not near.
+    """
+    column, line = np.floor(place / (2.0 * span.max(axis=1, initial=1.0)[:, None])).astype(np.int64)
     number = column * COLUMN + line
-    order = number.argsort(kind="stable")
+    order = np.lexsort((place[0], number)) if is_heap else number.argsort(kind="stable")
     number = number[order]
     # Partners: whoever comes later in the same cell or stands in the one north of it, and the three cells east.
     here = np.arange(len(number))
     starts = np.stack([here + 1, number.searchsorted(number + (COLUMN - 1), side="left")])
     ends = number.searchsorted(np.stack([number + 1, number + (COLUMN + 1)]), side="right")
     count = (ends - starts).ravel()
+    if count.sum() > most:
+        if not is_heap:
+            return None
+        np.minimum(count, _find_share(count, most), out=count)
     total = count.cumsum()
-    is_whole = bool(len(total) == 0 or total[-1] <= MAX_PAIRS)
-    if not is_whole:
-        count[total > MAX_PAIRS] = 0
-        total = count.cumsum()
     owner = np.tile(here, 2).repeat(count)
     partner = np.arange(len(owner)) + (starts.ravel() - (total - count)).repeat(count)
     (x, y), (x_span, y_span) = place[:, order], span[:, order]
     is_near = np.abs(x[owner] - x[partner]) <= x_span[owner] + x_span[partner]
     owner, partner = owner[is_near], partner[is_near]
     is_near = np.abs(y[owner] - y[partner]) <= y_span[owner] + y_span[partner]
-    pairs = order[np.stack([owner[is_near], partner[is_near]])]
-    return pairs[:, is_car[pairs].any(axis=0)], is_whole
+    pairs: IntArray = order[np.stack([owner[is_near], partner[is_near]])]
+    return pairs[:, is_car[pairs].any(axis=0)]

@@ -38,9 +38,9 @@ import numpy as np
 
 from rosbridge_sim.world.block import Block
 from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
-from rosbridge_sim.world.state import MAX_SPEED, BoolArray, Gear, Kind, Mode, World, check_pose
+from rosbridge_sim.world.state import MAX_COORDINATE, MAX_SPEED, BoolArray, Gear, Kind, Mode, World, check_pose
 
-__all__ = ["command", "drive", "place_ghost", "shift", "show_ghosts", "teleport", "turn_wheels"]
+__all__ = ["command", "drive", "place_ghost", "place_ghosts", "shift", "show_ghosts", "teleport", "turn_wheels"]
 
 MAX_COMMAND_ACCEL = 100.0  # beyond any brake; keeps the controller's sums finite [m/s^2]
 STANDSTILL = 0.1  # a gear change takes hold below this speed [m/s]
@@ -219,6 +219,29 @@ def place_ghost(
     world.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
     world.roll[row], world.pitch[row] = roll, pitch
     _set_ghost(world, row, is_ghost=True)
+
+
+def place_ghosts(world: World, rows: IntArray, poses: FloatArray) -> None:
+    """Do the same as `place_ghost` for many rows at once; none of them comes twice.
+
+    Args:
+        world: written in place.
+        rows: (m,) of anybody.
+        poses: (7, m) x, y, z [m], yaw [rad], speed [m/s], roll, pitch [rad].
+
+    Raises:
+        ValueError: a figure is not finite or out of bounds. Nothing has moved.
+    """
+    x, y, z, yaw, speed, roll, pitch = poses
+    limits = np.array(
+        [MAX_COORDINATE, MAX_COORDINATE, MAX_COORDINATE, MAX_COORDINATE, MAX_SPEED, *[MAX_COORDINATE] * 2]
+    )
+    if not (np.abs(poses) <= limits[:, None]).all():
+        raise ValueError("poses: expected finite numbers within the bounds of the world")
+    world.place_all(rows, x=x, y=y, z=z, yaw=yaw, speed=speed)
+    world.roll[rows], world.pitch[rows] = roll, pitch
+    world.is_ghost[rows] = True
+    world.touch()
 
 
 def show_ghosts(world: World, rows: IntArray, columns: Sequence[str], values: FloatArray) -> None:

@@ -27,6 +27,7 @@ __all__ = [
     "nearest_on_polyline",
     "point_at",
     "quaternion",
+    "ranges",
     "to_body",
     "to_map",
     "turn",
@@ -231,3 +232,10 @@ def _nearest(points: FloatArray, px: FloatArray, py: FloatArray) -> Nearest:
         x0[segment] + part * dx[segment],
         y0[segment] + part * dy[segment],
     )
+
+
+def ranges(start: IntArray, count: IntArray) -> IntArray:
+    """`start[0], start[0] + 1, ...` for `count[0]` numbers, then the same for the next, end to end."""
+    end = np.cumsum(count)
+    total = int(end[-1]) if len(end) else 0
+    return np.asarray(np.arange(total, dtype=np.int64) + np.repeat(start - (end - count), count))

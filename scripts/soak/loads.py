@@ -43,6 +43,9 @@ PARTS = ("load_surrounding_vehicle_data", "load_pedestrian_data", "load_obstacle
 
 LISTS = ("npc_list", "pedestrian_list", "obstacle_list")
 
+EGO_TYPE = -1
+"""Of a further ego in the list of vehicles: it is none of a scenario's."""
+
 Frame = dict[str, Any]
 
 
@@ -103,7 +106,9 @@ class Listener:
         data = self._socket.recv(PATIENCE)
         frame: Frame = json.loads(data) if isinstance(data, str) else {"op": "cbor"}
         if frame.get("topic") == "/Object_topic":
-            self.ids = [[entry["unique_id"] for entry in frame["msg"][name]] for name in LISTS]
+            self.ids = [
+                [entry["unique_id"] for entry in frame["msg"][name] if entry["type"] != EGO_TYPE] for name in LISTS
+            ]
         elif frame["op"] == "status":
             self.num_told[frame["level"]] += 1
         return frame

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NoReturn
 
 import pytest
-from hypothesis import settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, invariant, rule
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, UnknownPackageError
-from rosbridge_sim.graph.bus import MAX_CALLS, TYPE_MEMORY, Answer, Bus, Call, Owner, Topic, resolve
+from rosbridge_sim.graph.actions import Action
+from rosbridge_sim.graph.bus import MAX_CALLS, MAX_STALE, TYPE_MEMORY, Answer, Bus, Call, Owner, Topic, resolve
 from rosbridge_sim.schema.store import Message
 from tests.graph.room import make_bus, make_store
 
@@ -168,6 +169,99 @@ def test_what_one_publisher_latched_is_not_pushed_out_by_another() -> None:
     assert topic.latched == [four]  # it is still what was said last
     bus.publish(third, topic, two, 0.0)
     assert topic.latched == [two]
+
+
+class PlainTopic:
+    """What latching means: all advertisements are looked at after each change."""
+
+    def __init__(self) -> None:
+        self.publishers: dict[Owner, dict[object, int]] = {}
+        self.depth = 0
+        self.kept: dict[Owner, list[Message]] = {}
+
+    def advertise(self, owner: Owner, key: object, depth: int) -> None:
+        self.publishers.setdefault(owner, {})[key] = depth
+        self._settle()
+
+    def unadvertise(self, owner: Owner, key: object) -> None:
+        keys = self.publishers.get(owner, {})
+        for each in list(keys) if key is None else [key]:
+            keys.pop(each, None)
+        if owner in self.publishers and not keys:
+            del self.publishers[owner]
+            if self.publishers:
+                self.kept.pop(owner, None)
+        self._settle()
+
+    def publish(self, owner: Owner, message: Message) -> None:
+        if not self.depth:
+            return
+        if owner not in self.kept:
+            self.kept = {one: old for one, old in self.kept.items() if one in self.publishers}
+        self.kept[owner] = [*self.kept.pop(owner, ()), message][-self.depth :]
+
+    def _settle(self) -> None:
+        if self.publishers:
+            self.depth = max(depth for keys in self.publishers.values() for depth in keys.values())
+            self.kept = {one: old[-self.depth :] for one, old in self.kept.items() if self.depth}
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 2), st.sampled_from(["advertise", "unadvertise", "publish"]), st.integers(0, 3)),
+        max_size=40,
+    )
+)
+def test_a_topic_keeps_as_many_messages_of_each_publisher_as_the_one_that_asks_for_most(
+    changes: list[tuple[int, str, int]],
+) -> None:
+    bus, owners, plain = make_bus(), [Somebody() for _ in range(3)], PlainTopic()
+    topic = bus.advertise(Somebody(), "/t", STRING)
+    bus.leave(next(iter(topic.publishers)), 0.0)
+    for i, (who, what, number) in enumerate(changes):
+        owner = owners[who]
+        if what == "advertise":
+            bus.advertise(owner, "/t", STRING, depth=number, key=i % 3)
+            plain.advertise(owner, i % 3, number)
+        elif what == "unadvertise":
+            bus.unadvertise(owner, "/t", 0.0, key=number or None)
+            plain.unadvertise(owner, number or None)
+        elif owner in topic.publishers:
+            message = text(bus, str(i))
+            bus.publish(owner, topic, message, 0.0)
+            plain.publish(owner, message)
+        assert (topic.publishers, topic.depth) == (plain.publishers, plain.depth)
+        assert [(one, list(messages)) for one, messages in topic.kept.items()] == list(plain.kept.items())
+
+
+def test_ended_calls_do_not_wait_for_a_deadline_that_is_far_away() -> None:
+    bus, provider, caller = make_bus(), Somebody(), Somebody()
+    bus.provide(provider, "/add", ADD, provider.hold)
+    bus.call(caller, "/add", {}, caller.answers.append, now=0.0, timeout=5.0)
+    for _ in range(10 * MAX_STALE):
+        bus.call(caller, "/add", {}, caller.answers.append, now=0.0, timeout=1e9)
+        provider.calls.pop().refuse("no")
+    assert len(bus._deadlines) <= 2 * MAX_STALE
+    bus.expire(5.0)
+    assert caller.answers[-1].values == "Timeout exceeded while waiting for service response"
+    assert provider.calls[0].request is None
+    assert bus.next_deadline() is None
+
+
+def test_who_leaves_costs_nothing_for_the_actions_of_others() -> None:
+    bus, provider, other = make_bus(), Somebody(), Somebody()
+    for number in range(3):
+        bus.actions.provide(provider, f"/a{number}", "action_tutorials_interfaces/Fibonacci", print, print)
+    bus.actions.withdraw(provider, "/a0")
+
+    class Unwalked(dict[str, Action]):
+        def values(self) -> NoReturn:
+            raise AssertionError("all actions were gone through")
+
+    bus.actions.by_name = Unwalked(bus.actions.by_name)
+    bus.leave(other, 0.0)
+    bus.leave(provider, 0.0)
+    assert len(bus.actions.by_name) == 0
 
 
 def test_who_only_overhears_is_no_listener_but_hears() -> None:

@@ -13,8 +13,9 @@ import pytest
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.bus import Bus, Call, Owner, Topic
 from rosbridge_sim.graph.findings import MAX_LINES, PERIOD
-from rosbridge_sim.graph.line import MARK, PATIENCE, Line
-from rosbridge_sim.graph.mirror import SURVEYS, Mirror
+from rosbridge_sim.graph.line import MARK, MAX_WAITING, PATIENCE, Line
+from rosbridge_sim.graph.mirror import OPS_PER_TURN, SURVEYS, Mirror
+from rosbridge_sim.graph.owner import hold
 from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.protocol.credit import WINDOW
@@ -35,6 +36,7 @@ class Car:
         self.heard: list[object] = []
         self.callers: list[Owner] = []
         self.refusal = ""
+        self.on_call: Callable[[Call], None] = lambda _call: None
         self.state = bus.advertise(self, "/state", "std_msgs/Int32", is_exclusive=True, is_on_demand=True)
         self.plate = bus.advertise(self, "/plate", "std_msgs/String", depth=1, is_exclusive=True)
         bus.subscribe(self, "/pedal", self._hear, type_name="std_msgs/Float64")
@@ -56,6 +58,7 @@ class Car:
 
     def _honk(self, call: Call, _now: float) -> None:
         self.callers.append(call.caller)
+        self.on_call(call)
         if self.refusal:
             raise GraphError(self.refusal)
         request: Any = call.request
@@ -755,3 +758,112 @@ def test_pieces_that_nobody_asked_for_are_put_together(stand: Stand) -> None:
 def test_what_a_program_there_would_be_told_is_logged(stand: Stand, lines: Callable[[], list[str]]) -> None:
     stand.receive({"op": "publish", "topic": "/pedal", "msg": {"data": -1.0}})
     assert any("is told: [warning] the pedal goes down only" in line for line in lines())
+
+
+# What has to wait
+
+
+class Slow:
+    """Holds whoever calls the car, until a test says that it is over."""
+
+    def __init__(self, car: Car) -> None:
+        self.releases: list[Callable[[], None]] = []
+        self._car = car
+        car.on_call = self._hold
+
+    def _hold(self, call: Call) -> None:
+        self.releases.append(hold(call.caller))
+
+    def end(self) -> None:
+        self.releases.pop(0)()
+
+
+HONK: Frame = {"op": "call_service", "service": "/honk", "id": "service_request:/honk:1", "args": {"data": True}}
+
+
+def pedal(value: float) -> Frame:
+    return {"op": "publish", "topic": "/pedal", "msg": {"data": value}}
+
+
+def test_what_comes_behind_a_call_that_takes_its_time_waits_on_its_line(stand: Stand) -> None:
+    slow = Slow(stand.car)
+    released: list[Line] = []
+    stand.line.on_released = lambda: released.append(stand.line)
+    stand.receive(pedal(0.1))
+    stand.receive(HONK)
+    stand.receive(pedal(0.2))
+    stand.receive(HONK)
+    stand.receive(pedal(0.3))
+    assert stand.car.heard == [0.1]
+    for heard in ([0.1, 0.2], [0.1, 0.2, 0.3]):
+        slow.end()
+        assert released.pop() is stand.line
+        assert stand.mirror.go_on(stand.line, 0.0) is False
+        assert stand.car.heard == heard
+
+
+def test_held_line_still_hears_how_far_the_far_side_has_got(stand: Stand) -> None:
+    slow = Slow(stand.car)
+    stand.receive(HONK)
+    stand.flood()
+    stand.pump()
+    assert stand.far.ops("publish")[-1]["msg"] == {"data": 4_999}
+    assert stand.line.outbox.dropped.total() == 0
+    slow.end()
+
+
+def test_other_lines_go_on_while_one_is_held() -> None:
+    stand = Stand(has_line_each=True)
+    stand.attach()
+    slow = Slow(stand.car)
+    horn, pedals = stand.mirror.lines["service /honk"], stand.mirror.lines["input /pedal"]
+    stand.mirror.receive(horn, json.dumps(HONK).encode(), 0.0)
+    assert (horn.is_held, pedals.is_held) == (True, False)
+    stand.mirror.receive(pedals, json.dumps(pedal(0.5)).encode(), 0.0)
+    assert stand.car.heard == [0.5]
+    slow.end()
+
+
+def test_socket_that_is_lost_takes_with_it_what_waited_and_the_next_one_is_not_held(stand: Stand) -> None:
+    slow = Slow(stand.car)
+    stand.receive(HONK)
+    stand.receive(pedal(0.1))
+    stand.cut()
+    stand.attach()
+    stand.receive(pedal(0.2))
+    assert stand.car.heard == [0.2]
+    stand.receive(HONK)
+    slow.end()  # that of the socket before
+    stand.receive(pedal(0.3))
+    assert stand.car.heard == [0.2]
+    slow.end()
+    stand.mirror.go_on(stand.line, 0.0)
+    assert stand.car.heard == [0.2, 0.3]
+
+
+def test_mirror_that_has_left_does_nothing_of_what_waited(stand: Stand) -> None:
+    slow = Slow(stand.car)
+    stand.receive(HONK)
+    stand.receive(pedal(0.1))
+    stand.mirror.leave(0.0)
+    slow.end()
+    assert stand.mirror.go_on(stand.line, 0.0) is False
+    assert stand.car.heard == []
+
+
+def test_long_backlog_is_done_in_turns_and_stops_the_reading_before_it_grows_without_end(stand: Stand) -> None:
+    slow = Slow(stand.car)
+    stand.receive(HONK)
+    num = 0
+    while not stand.line.is_full:
+        stand.receive({**pedal(num), "note": "x" * 10_000})
+        num += 1
+    assert MAX_WAITING / 11_000 < num < MAX_WAITING / 10_000 + 1
+    slow.end()
+    assert stand.mirror.go_on(stand.line, 0.0) is True
+    assert len(stand.car.heard) == OPS_PER_TURN
+    assert stand.line.is_full
+    while stand.mirror.go_on(stand.line, 0.0):
+        pass
+    assert stand.car.heard == list(range(num))
+    assert not stand.line.is_full

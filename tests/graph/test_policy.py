@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph import bus as bus_module
+from rosbridge_sim.graph import parameters
 from rosbridge_sim.graph.bus import TYPE_MEMORY, Bus
 from rosbridge_sim.graph.peer import MAX_ID, Peer
 from rosbridge_sim.graph.policy import OPEN, Policy, Rule
-from rosbridge_sim.graph.rosapi import MAX_PARAMETER_CHARS, Rosapi
+from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from tests.graph.room import make_store
@@ -264,10 +265,11 @@ def test_lists_hold_what_the_client_could_use(join: Join) -> None:
 def guarded(bus: Bus, join: Join) -> Client:
     """A client under whose feet lies a parameter that it may not use."""
     client = join(Policy(parameter=Rule(deny=("/key", "/robot/key*"))))
-    bus.parameters.update({"/key": "k"})
+    bus.parameters.put("/key", '"k"', client.peer)
     for name in ("/robot/name", "/robot/size/x"):
         client.learns("set_param", name=name, value="1")
-    bus.parameters.update({"/robot/key": "k", "/robot/keys/a": "k"})
+    for name in ("/robot/key", "/robot/keys/a"):
+        bus.parameters.put(name, '"k"', client.peer)
     return client
 
 
@@ -293,7 +295,10 @@ def test_reading_a_namespace_leaves_the_parameters_as_they_are(bus: Bus, join: J
     client.learns("set_param", name="/a/b", value='{"c": {"d": 1}}')
     client.learns("set_param", name="/a/b/c/e", value="2")
     assert json.loads(client.learns("get_param", name="/a")["value"]) == {"b": {"c": {"d": 1, "e": 2}}}
-    assert bus.parameters == {"/a/b": {"c": {"d": 1}}, "/a/b/c/e": 2}
+    assert [(name, json.loads(bus.parameters.text(name))) for name in bus.parameters] == [
+        ("/a/b", {"c": {"d": 1}}),
+        ("/a/b/c/e", 2),
+    ]
 
 
 # Limits
@@ -305,18 +310,25 @@ def test_a_value_that_could_not_be_written_again_is_refused(bus: Bus, join: Join
         answer = client.calls("/rosapi/set_param", name="/deep", value="[" * depth + "]" * depth)
         assert answer["result"] is False
     client.learns("set_param", name="/" + "a/" * 100 + "b", value="[" * 200 + "]" * 200)
+    assert client.learns("get_param", name="/a")["value"] == '{"a":' * 99 + '{"b":' + "[" * 200 + "]" * 200 + "}" * 100
+    client.learns("delete_param", name="/a")
+    client.learns("set_param", name="/" + "a/" * 99 + "a", value="{}")  # has to be merged with its namespace
+    client.learns("set_param", name="/" + "a/" * 100 + "b", value="[" * 200 + "]" * 200)
     assert client.calls("/rosapi/get_param", name="/a")["values"] == "The value is nested too deeply"
-    assert len(bus.parameters) == 1
+    assert len(bus.parameters) == 2
 
 
-def test_parameters_together_are_bounded(join: Join) -> None:
-    client = join(OPEN)
-    half = json.dumps("x" * (MAX_PARAMETER_CHARS // 2))
+def test_parameters_together_are_bounded(join: Join, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parameters, "MAX_PARAMETER_BYTES", 1_000)
+    client, other, third = join(OPEN), join(OPEN), join(OPEN)
+    half = json.dumps("x" * 490)
     client.learns("set_param", name="/a", value=half)
     client.learns("set_param", name="/a", value=half)  # in place of the other
-    assert "at most" in client.calls("/rosapi/set_param", name="/b", value=half)["values"]
+    assert "of one client can have at most" in client.calls("/rosapi/set_param", name="/b", value=half)["values"]
+    other.learns("set_param", name="/b", value=half)
+    assert "together can have at most" in third.calls("/rosapi/set_param", name="/c", value=half)["values"]
     client.learns("delete_param", name="/a")
-    client.learns("set_param", name="/b", value=half)
+    third.learns("set_param", name="/c", value=half)
 
 
 def test_a_reason_that_could_not_be_written_again_is_no_reason_to_wait_for_ever(join: Join) -> None:

@@ -497,3 +497,22 @@ def test_extreme_rates_arm_no_timer_that_cannot_be() -> None:
     assert due is not None
     assert stage.now < due <= stage.now + 3600.0
     assert len(who.places()) == 4
+
+
+def test_more_transforms_than_are_kept_are_refused_before_they_are_read() -> None:
+    stage = Stage()
+    sender, asker = Somebody(stage), Somebody(stage)
+    name = asker.ask("a")
+    asker.listen(name)
+    good = written("map", "a", at(1.0))
+    with pytest.raises(GraphError, match="expected at most 1000 transforms"):
+        sender.publish(*[good] * 1_001)
+    assert asker.places() == []
+    sender.publish(good)
+    assert asker.places() == [("a", 1.0)]
+
+
+def test_more_frames_than_can_be_asked_for_are_refused_before_they_are_read() -> None:
+    stage = Stage()
+    answer = Somebody(stage).call(*[""] * (MAX_PAIRS + 1))
+    assert (answer.is_ok, answer.values) == (False, f"source_frames: expected at most {MAX_PAIRS}, got {MAX_PAIRS + 1}")

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from rosbridge_sim.graph import rosapi
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi import Rosapi
 from tests.graph.room import make_bus, make_peer
@@ -86,6 +87,16 @@ def test_time_is_the_buss(bus: Bus) -> None:
     assert ask(bus, "get_time") == {"time": {"secs": 12, "nsecs": 34}}
 
 
+def test_definitions_beyond_a_bound_are_left_out(busy: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = ask(busy, "topics_and_raw_types")
+    monkeypatch.setattr(rosapi, "MAX_RAW_CHARS", len(whole["typedefs_full_text"][0]))
+    short = ask(busy, "topics_and_raw_types")
+    assert (short["topics"], short["types"]) == (whole["topics"], whole["types"])
+    first, second = short["typedefs_full_text"]
+    assert first == whole["typedefs_full_text"][0]
+    assert second.startswith("# omitted")
+
+
 def test_parameters(bus: Bus) -> None:
     assert ask(bus, "get_param", name="/a/x", default="7")["value"] == "7"
     assert ask(bus, "get_param", name="/a/x", default="seven")["value"] == '"seven"'
@@ -108,7 +119,7 @@ def test_a_parameter_that_is_no_json_is_refused_in_rosapis_words(bus: Bus) -> No
     answer = call(bus, "set_param", name="/a", value="text")
     assert answer["result"] is False
     assert "must be a JSON-formatted string" in answer["values"]
-    assert bus.parameters == {}
+    assert len(bus.parameters) == 0
 
 
 def test_deleting_what_is_not_there_is_refused(bus: Bus) -> None:

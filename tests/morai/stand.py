@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Answer, Bus, Owner, Topic
 from rosbridge_sim.morai.maps.mgeo import Projection, RoadMap
 from rosbridge_sim.morai.network_settings import ItemKind, NetworkSettings, read_choices
 from rosbridge_sim.morai.node import NodeSettings
+from rosbridge_sim.morai.reading import Reader
 from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.morai.replays.recorded import Recordings
 from rosbridge_sim.morai.scenarios.scenario import Scenario, read_scenario
@@ -25,6 +26,7 @@ from tests.morai.maps import ROADRUNNER, read
 __all__ = [
     "ALL",
     "SCENARIOS",
+    "ByHand",
     "Client",
     "Drawer",
     "Networks",
@@ -117,6 +119,33 @@ class Shelf:
             projection = Projection(is_tm=True, central_latitude=38.0, central_meridian=127.0, false_easting=200_000.0)
             return RoadMap(name, projection, (0.0, 0.0, 0.0), _roads(name))
         raise DocumentError(f"no map {name!r}")
+
+
+T = TypeVar("T")
+
+
+class ByHand:
+    """A reader whose outcomes are handed over when a test says so.
+
+    Attributes:
+        waiting: functions of `now` that hand over what was asked for, in the order in which it was asked for.
+    """
+
+    def __init__(self) -> None:
+        self.waiting: list[Callable[[float], None]] = []
+
+    def read(self, work: Callable[[], T], then: Callable[[T | DocumentError, float], None], now: float) -> None:
+        del now
+        outcome: T | DocumentError
+        try:
+            outcome = work()
+        except DocumentError as error:
+            outcome = error
+        self.waiting.append(lambda now: then(outcome, now))
+
+    def hand_over(self, i: int = 0, *, now: float = 0.0) -> None:
+        """Hand over one of those that wait."""
+        self.waiting.pop(i)(now)
 
 
 def put_egos(*indices: int) -> dict[str, Any]:
@@ -264,6 +293,7 @@ class Stand:
         *,
         release: str = "22.R2",
         recordings: Recordings | None = None,
+        reader: Reader | None = None,
         network: Mapping[str, Any] | None = None,
         **settings: Any,  # noqa: ANN401 - NodeSettings' own fields
     ) -> None:
@@ -283,6 +313,7 @@ class Stand:
             archive=self.drawer,
             recordings=recordings,
             networks=self.networks,
+            reader=reader,
         )
         self.now = 100.0
         self._num_clients = 0

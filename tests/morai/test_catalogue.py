@@ -76,3 +76,8 @@ def test_every_body_is_one_piece(model: Model) -> None:
     assert body.length == pytest.approx(body.front_overhang + body.wheelbase + body.rear_overhang)
     assert 0.0 < body.width <= 2.5
     assert 0.0 < body.height <= 4.0
+
+
+def test_a_name_that_is_too_long_is_no_models() -> None:
+    assert find_model("2016_Hyundai_Ioniq") is not None
+    assert find_model("2016_Hyundai_Ioniq" + " " * 10_000) is None

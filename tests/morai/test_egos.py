@@ -8,9 +8,8 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError
-from rosbridge_sim.morai.node import MAX_EGOS
 from rosbridge_sim.morai.releases import Profile
-from rosbridge_sim.morai.stage import FIRST_EGO
+from rosbridge_sim.morai.stage import FIRST_EGO, MAX_EGOS
 from rosbridge_sim.world.state import Kind
 from tests.morai.stand import ALL, Client, Stand, rates
 
@@ -329,3 +328,10 @@ def test_many_comings_and_goings_of_egos_leave_nothing() -> None:
     stand.bus.expire(stand.now + 1_000.0)
     assert len(stand.bus.services) == before[1]
     assert len(stand.bus.topics) <= before[0]
+
+
+def test_a_longer_list_than_there_can_be_egos_is_refused_before_it_is_read() -> None:
+    stand = Stand()
+    with pytest.raises(FieldError, match=f"there are {MAX_EGOS} egos at most, got {MAX_EGOS + 1} entries"):
+        put(stand.client(), *[7] * (MAX_EGOS + 1))
+    assert len(stand.node.egos) == 1

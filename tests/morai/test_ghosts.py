@@ -9,7 +9,7 @@ import pytest
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.morai.ghosts import WINDOW
-from rosbridge_sim.morai.stage import FIRST_EGO, MAX_FILE_UID
+from rosbridge_sim.morai.stage import FIRST_EGO, MAX_ENTITIES, MAX_FILE_UID
 from tests.morai.stand import ALL, Client, Stand
 
 GHOST = "morai_msgs/GhostMessage"
@@ -286,3 +286,11 @@ def test_lamps_are_seen_in_the_answer_of_the_event_service() -> None:
         with pytest.raises(FieldError, match=r"lamps\."):
             client.send("/lamps", "morai_msgs/Lamps", **wrong)
     assert client.ask("/Service_MoraiEventCmd", option=0)["lamps"]["turnSignal"] == 1
+
+
+def test_more_vehicles_than_the_world_holds_are_refused_before_they_are_read() -> None:
+    stand = Stand()
+    before = stand.world.digest()
+    with pytest.raises(FieldError, match=f"the world holds 20,000 at most, got {MAX_ENTITIES + 1:,} vehicles"):
+        stand.client().send("/NpcGhost_Topic", "morai_msgs/NpcGhostCmd", npc_list=[{}] * (MAX_ENTITIES + 1))
+    assert stand.world.digest() == before

@@ -11,7 +11,10 @@ import pytest
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.morai.catalogue import find_model
 from rosbridge_sim.morai.releases import FIELD
+from rosbridge_sim.morai.replays.recorded import MAX_ENTRIES
 from rosbridge_sim.morai.replays.replay_table import OF_A_BAG, OF_A_SOURCE, TABLE, Effect, Event, State
+from rosbridge_sim.morai.stage import MAX_ENTITIES
+from rosbridge_sim.schema.store import Message
 from tests.morai.stand import ALL, Client, Stand, put_egos
 from tests.morai.tape import Tape
 
@@ -722,3 +725,15 @@ def test_figure_that_is_none_is_told_to_its_sender(stand: Stand) -> None:
         with pytest.raises(FieldError, match="hold no numbers"):
             player.send(INFO, "morai_msgs/ReplayInfo", **info)
     assert not stand.node.stage.is_replaying
+
+
+@pytest.mark.parametrize("num", [MAX_ENTITIES + 1, MAX_ENTRIES + 1])
+def test_a_message_of_more_objects_than_the_world_holds_is_refused(num: int) -> None:
+    stand = Stand()
+    topic = stand.bus.advertise(stand.client(), INFO, "morai_msgs/ReplayInfo")
+    value: Any = topic.type.check({"npc_list": [{}]}, 0)
+    value.npc_list *= num
+    before = stand.world.digest()
+    with pytest.raises(FieldError, match=f"{INFO}: the world holds 20,000 at most, got {num:,} objects"):
+        stand.bus.publish(stand.client(), topic, Message(topic.type, value), 0.0)
+    assert stand.world.digest() == before

@@ -17,6 +17,7 @@ from rosbridge_sim.morai.sync import (
     MAX_WAITING,
     NO_MASTER,
     OF_A_MASTER,
+    OF_WAITING,
     TABLE,
     Effect,
     Event,
@@ -33,12 +34,34 @@ def a_sync(state: State, *, on_loss: str = "run", is_strict: bool = False) -> Sy
     """A Sync brought into `state` by what peers can do; its master, if any, is `boss`, held by ME."""
     is_on = state in (State.OPEN, State.OPEN_PAUSED)
     sync: Sync[str] = Sync(is_on=is_on, on_loss=on_loss, lease=5.0, is_strict=is_strict)  # type: ignore[arg-type]
-    if state in (State.LED, State.LED_PAUSED):
+    if state in (State.LED, State.LED_PAUSED, State.WAITING):
         sync.start("boss", 40, ME, 0.0)
     if state in (State.FREE_PAUSED, State.OPEN_PAUSED, State.LED_PAUSED):
         sync.pause()
+    if state is State.WAITING:
+        sync.submit("scenario", FRAME + 1, FRAME, YOU, 0.0, is_ready=False)
+        sync.tick("boss", FRAME + 2, FRAME, ME, 0.0)
     assert sync.state is state
     return sync
+
+
+def is_possible(state: State, event: Event) -> bool:
+    """Whether an event can happen in a state: some take a master, some a tick that waits."""
+    if event in OF_WAITING:
+        return state is State.WAITING
+    return event not in OF_A_MASTER or state not in NO_MASTER
+
+
+def tick(sync: Sync[str]) -> Outcome:
+    """A tick of the master that all commands are ready for."""
+    sync.ready("scenario")
+    return sync.tick("boss", FRAME + sync.num_frames, FRAME, ME, 1.0)
+
+
+def tick_early(sync: Sync[str]) -> Outcome:
+    """A tick of the master before which a command is still being read."""
+    sync.submit("another", FRAME + 1, FRAME, YOU, 1.0, is_ready=False)
+    return sync.tick("boss", FRAME + sync.num_frames, FRAME, ME, 1.0)
 
 
 def crowded(sync: Sync[str]) -> Sync[str]:
@@ -53,17 +76,19 @@ ACTS: dict[Event, Callable[[Sync[str]], Outcome | None]] = {
     Event.START_MISFIT: lambda s: s.start("boss", 30, ME, 1.0),
     Event.STOP_BY_MASTER: lambda s: s.stop("boss"),
     Event.STOP_BY_OTHER: lambda s: s.stop("rival"),
-    Event.TICK_BY_MASTER: lambda s: s.tick("boss", FRAME + s.num_frames, FRAME, ME, 1.0),
+    Event.TICK_BY_MASTER: tick,
+    Event.TICK_EARLY: tick_early,
     Event.TICK_BY_OTHER: lambda s: s.tick("rival", FRAME + 1, FRAME, YOU, 1.0),
     Event.TICK_MISFIT: lambda s: s.tick("boss", FRAME, FRAME, ME, 1.0),
     Event.COMMAND: lambda s: s.submit("go", FRAME + 1, FRAME, YOU, 1.0),
-    Event.COMMAND_TOO_FAR: lambda s: s.submit("go", FRAME + MAX_AHEAD + 1, FRAME, YOU, 1.0),
+    Event.COMMAND_TOO_FAR: lambda s: s.submit("go", FRAME + MAX_AHEAD + 3, FRAME, YOU, 1.0),
     Event.COMMAND_TOO_MANY: lambda s: crowded(s).submit("go", FRAME + 1, FRAME, YOU, 1.0),
     Event.PAUSE: lambda s: s.pause(),
     Event.RESUME: lambda s: s.resume(),
     Event.LOSS_TO_RUN: lambda s: s.leave(ME),
     Event.LOSS_TO_PAUSE: lambda s: s.leave(ME),
     Event.LOSS_TO_WAIT: lambda s: s.leave(ME),
+    Event.RESET: lambda s: s.forget(),
 }
 ON_LOSS = {Event.LOSS_TO_RUN: "run", Event.LOSS_TO_PAUSE: "pause", Event.LOSS_TO_WAIT: "wait"}
 
@@ -71,8 +96,10 @@ ON_LOSS = {Event.LOSS_TO_RUN: "run", Event.LOSS_TO_PAUSE: "pause", Event.LOSS_TO
 @pytest.mark.parametrize("state", State)
 @pytest.mark.parametrize("event", Event)
 def test_every_state_meets_every_event_as_the_table_says(state: State, event: Event) -> None:
-    if event in OF_A_MASTER and state in NO_MASTER:
-        assert event not in TABLE[state]  # it takes a master
+    if event in OF_WAITING:
+        return  # see below
+    if not is_possible(state, event):
+        assert event not in TABLE[state]
         return
     sync = a_sync(state, on_loss=ON_LOSS.get(event, "run"), is_strict=event is Event.TICK_MISFIT)
     before = (sync.master_id, sync.step_ms)
@@ -87,16 +114,40 @@ def test_every_state_meets_every_event_as_the_table_says(state: State, event: Ev
     check_invariants(sync)
 
 
+def test_ticks_that_wait_take_their_turns_once_their_commands_are_ready() -> None:
+    sync = a_sync(State.WAITING)
+    sync.tick("boss", 0, FRAME, ME, 1.0)
+    assert (sync.num_ticks, sync.take_turn(FRAME)) == (2, 0)
+    sync.ready("scenario")
+    assert sync.take_turn(FRAME) == 2
+    assert sync.state is TABLE[State.WAITING][Event.TURN].state
+    check_invariants(sync)
+    assert sync.due(FRAME + 1) == ["scenario"]
+    assert sync.take_turn(FRAME + 2) == 2
+    assert sync.state is TABLE[State.WAITING][Event.LAST_TURN].state
+    check_invariants(sync)
+    assert sync.take_turn(FRAME + 4) == 0
+
+
 def test_the_table_has_no_row_that_cannot_happen() -> None:
     assert {(s, e) for s, rows in TABLE.items() for e in rows} == {
-        (s, e) for s in State for e in Event if not (s in NO_MASTER and e in OF_A_MASTER)
+        (s, e) for s in State for e in Event if is_possible(s, e)
     }
 
 
 @pytest.mark.parametrize("state", State)
 def test_only_an_accepted_tick_of_the_master_moves_the_world(state: State) -> None:
     movers = {event for event, outcome in TABLE[state].items() if Effect.MOVE in outcome.effects}
-    assert movers == ({Event.TICK_BY_MASTER} if state is State.LED else set())
+    allowed = {State.LED: {Event.TICK_BY_MASTER}, State.WAITING: {Event.TURN, Event.LAST_TURN}}
+    assert movers == allowed.get(state, set())
+
+
+@pytest.mark.parametrize("state", State)
+def test_ticks_wait_in_one_state_alone_and_are_refused_whenever_it_ends_without_them(state: State) -> None:
+    for event, outcome in TABLE[state].items():
+        assert (Effect.WAIT not in outcome.effects) or outcome.state is State.WAITING
+        ends = state is State.WAITING is not outcome.state and Effect.MOVE not in outcome.effects
+        assert (Effect.REFUSE in outcome.effects) == ends, event
 
 
 @pytest.mark.parametrize("state", State)
@@ -111,6 +162,7 @@ def check_invariants(sync: Sync[str]) -> None:
     assert (sync.num_holders > 0) is has_master
     assert sync.is_on or sync.num_waiting == 0
     assert sync.num_waiting <= MAX_WAITING
+    assert (sync.num_ticks > 0) is (sync.state is State.WAITING)
     assert sync.step_ms % FRAME_MS == 0
     assert 0 < sync.step_ms <= MAX_STEP_MS
     assert sync.num_frames == sync.step_ms // FRAME_MS
@@ -134,7 +186,27 @@ class AnyOrder(RuleBasedStateMachine):
         self.now = 0.0
         self.frame = 50
         self.waiting: list[tuple[int, str]] = []
+        self.unready: dict[str, int] = {}
+        self.ticks: list[int] = []
         self.num_sent = 0
+
+    @property
+    def end(self) -> int:
+        """The frame on which the ticks that wait will end."""
+        return self.frame + sum(self.ticks)
+
+    def drop(self) -> None:
+        self.waiting.clear()
+        self.unready.clear()
+        self.ticks.clear()
+
+    def move(self, num_frames: int) -> None:
+        for _ in range(num_frames):
+            self.frame += 1
+            due = [c for f, c in self.waiting if f == self.frame]
+            assert self.sync.due(self.frame) == due
+            assert not self.unready.keys() & due
+            self.waiting = [(f, c) for f, c in self.waiting if f > self.frame]
 
     @rule(user_id=IDS, step=STEPS, peer=PEERS)
     def start(self, user_id: str, step: int, peer: str) -> None:
@@ -151,7 +223,7 @@ class AnyOrder(RuleBasedStateMachine):
         outcome = self.sync.stop(user_id)
         assert outcome.is_accepted == (not master or user_id == master)
         if outcome.is_accepted:
-            self.waiting.clear()
+            self.drop()
             assert not self.sync.is_on
 
     @rule(user_id=IDS, offset=OFFSETS, peer=PEERS)
@@ -159,25 +231,56 @@ class AnyOrder(RuleBasedStateMachine):
         may = bool(user_id) and user_id == self.sync.master_id and not self.sync.is_paused
         outcome = self.sync.tick(user_id, max(0, self.frame + offset), self.frame, peer, self.now)
         assert outcome.is_accepted == may
-        if Effect.MOVE in outcome.effects:
-            for _ in range(self.sync.num_frames):
-                self.frame += 1
-                assert self.sync.due(self.frame) == [c for f, c in self.waiting if f == self.frame]
-                self.waiting = [(f, c) for f, c in self.waiting if f > self.frame]
+        if may:
+            num_frames = self.sync.num_frames
+            is_early = any(due <= self.end + num_frames for due in self.unready.values())
+            waits = bool(self.ticks) or is_early
+            assert outcome.effects == ((Effect.WAIT,) if waits else (Effect.MOVE,))
+            if waits:
+                self.ticks.append(num_frames)
+            else:
+                self.move(num_frames)
 
-    @rule(offset=OFFSETS, peer=PEERS)
-    def submit(self, offset: int, peer: str) -> None:
+    @rule()
+    def take_turn(self) -> None:
+        num_frames = self.sync.take_turn(self.frame)
+        can_go = bool(self.ticks) and all(due > self.frame + self.ticks[0] for due in self.unready.values())
+        assert num_frames == (self.ticks.pop(0) if can_go else 0)
+        self.move(num_frames)
+
+    @rule(is_usable=st.booleans())
+    def read(self, *, is_usable: bool) -> None:
+        """What has been read for longest is there, or is not to be had."""
+        command = next(iter(self.unready), "dropped long ago")
+        self.unready.pop(command, None)
+        if is_usable:
+            self.sync.ready(command)
+        else:
+            self.sync.withdraw(command)
+            self.waiting = [(f, c) for f, c in self.waiting if c != command]
+
+    @rule()
+    def reset(self) -> None:
+        self.sync.forget()
+        self.drop()
+        self.frame = 0
+
+    @rule(offset=OFFSETS, peer=PEERS, is_ready=st.booleans())
+    def submit(self, offset: int, peer: str, *, is_ready: bool) -> None:
         self.num_sent += 1
-        command = f"command {self.num_sent}"
-        outcome = self.sync.submit(command, self.frame + offset, self.frame, peer, self.now)
-        assert outcome.is_accepted == (self.sync.is_on and offset <= MAX_AHEAD)
+        command, named = f"command {self.num_sent}", self.frame + offset
+        outcome = self.sync.submit(command, named, self.frame, peer, self.now, is_ready=is_ready)
+        assert outcome.is_accepted == (self.sync.is_on and named <= self.end + MAX_AHEAD)
         if outcome.is_accepted:
-            self.waiting.append((max(self.frame + offset, self.frame + 1), command))
+            self.waiting.append((max(named, self.end + 1), command))
+            if not is_ready:
+                self.unready[command] = self.waiting[-1][0]
 
     @rule()
     def pause(self) -> None:
         is_on = self.sync.is_on
         self.sync.pause()
+        self.ticks.clear()
         assert self.sync.is_paused
         assert self.sync.is_on == is_on
 
@@ -199,7 +302,7 @@ class AnyOrder(RuleBasedStateMachine):
 
     def after_loss(self, outcome: Outcome | None) -> None:
         if outcome is not None:
-            self.waiting.clear()
+            self.drop()
             assert self.sync.is_on
             assert self.sync.master_id == ""
 
@@ -207,6 +310,7 @@ class AnyOrder(RuleBasedStateMachine):
     def rules_hold(self) -> None:
         check_invariants(self.sync)
         assert self.sync.num_waiting == len(self.waiting)
+        assert self.sync.num_ticks == len(self.ticks)
 
 
 AnyOrder.TestCase.settings = settings(
@@ -298,6 +402,45 @@ def test_silence_ends_the_lease_and_any_word_of_a_holder_renews_it() -> None:
     assert sync.expire(19.0) is not None
     assert sync.state is State.FREE_PAUSED
     assert sync.expire(100.0) is None
+
+
+def test_silence_does_not_count_while_a_holder_is_held_back() -> None:
+    sync: Sync[str] = Sync(lease=5.0)
+    sync.start("a", 20, ME, 10.0)
+    sync.mute(YOU)  # no holder
+    assert sync.lease_due == 15.0
+    sync.mute(ME)
+    sync.mute(ME)
+    assert sync.lease_due is None
+    assert sync.expire(100.0) is None
+    sync.unmute(ME, 100.0)
+    assert sync.expire(200.0) is None
+    sync.unmute(ME, 200.0)
+    assert sync.lease_due == 205.0
+    sync.unmute(YOU, 204.0)
+    assert sync.expire(205.0) is not None
+
+
+def test_tick_waits_with_the_time_step_of_its_arrival_and_strict_frames_count_it() -> None:
+    sync: Sync[str] = Sync(is_strict=True)
+    sync.start("a", 40, ME, 0.0)
+    sync.submit("scenario", 12, 10, ME, 0.0, is_ready=False)
+    assert sync.tick("a", 12, 10, ME, 0.0).effects == (Effect.WAIT,)
+    sync.start("a", 100, YOU, 0.0)
+    assert not sync.tick("a", 15, 10, YOU, 0.0).is_accepted
+    assert sync.tick("a", 17, 10, YOU, 0.0).is_accepted
+    sync.ready("scenario")
+    assert (sync.take_turn(10), sync.take_turn(12), sync.take_turn(17)) == (2, 5, 0)
+
+
+def test_tick_before_the_frame_of_a_scenario_that_is_being_read_does_not_wait() -> None:
+    sync: Sync[str] = Sync()
+    sync.start("a", 40, ME, 0.0)
+    sync.submit("scenario", 13, 10, ME, 0.0, is_ready=False)
+    assert sync.tick("a", 0, 10, ME, 0.0).effects == (Effect.MOVE,)
+    assert sync.tick("a", 0, 12, ME, 0.0).effects == (Effect.WAIT,)
+    sync.withdraw("scenario")
+    assert (sync.take_turn(12), sync.due(13)) == (2, [])
 
 
 def test_a_pause_outlives_its_master() -> None:

@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterable
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import FrameError
-from rosbridge_sim.protocol.feed import MAX_DEPTH, MAX_QUEUE, Pace, Qos, Terms, merge_terms, read_qos, read_terms
+from rosbridge_sim.protocol.feed import (
+    COMPRESSIONS,
+    MAX_DEPTH,
+    MAX_QUEUE,
+    MergedTerms,
+    Pace,
+    Qos,
+    Terms,
+    read_qos,
+    read_terms,
+)
 from rosbridge_sim.protocol.ops import Subscribe
 
 
@@ -94,17 +105,53 @@ def test_no_two_leave_within_an_interval_and_none_is_lost_untold(
         assert left[-1][1] == len(arrivals) - 1
 
 
-def test_terms_merge() -> None:
-    merged = merge_terms(
-        [
-            Terms(interval=1.0, queue_length=1, fragment_size=500, compression="png"),
-            Terms(interval=0.5, queue_length=7, compression="cbor"),
-            Terms(interval=2.0, fragment_size=200),
-        ]
+def merge_terms(terms: Iterable[Terms]) -> Terms:
+    """The plain meaning of merged terms: all are looked at."""
+    each = list(terms)
+    sizes = [t.fragment_size for t in each if t.fragment_size is not None]
+    return Terms(
+        interval=min(t.interval for t in each),
+        queue_length=min(MAX_QUEUE, max(t.queue_length for t in each)),
+        fragment_size=min(sizes, default=None),
+        compression=max((t.compression for t in each), key=COMPRESSIONS.index),
     )
-    assert merged == Terms(interval=0.5, queue_length=7, fragment_size=200, compression="cbor")
-    assert merge_terms([Terms(compression="cbor"), Terms(compression="cbor-raw")]).compression == "cbor-raw"
-    assert merge_terms([Terms(queue_length=10**9)]).queue_length == MAX_QUEUE
+
+
+def merged(*terms: Terms) -> Terms:
+    together = MergedTerms()
+    for i, each in enumerate(terms):
+        together.put(i, each)
+    return together.merged()
+
+
+def test_terms_merge() -> None:
+    assert merged(
+        Terms(interval=1.0, queue_length=1, fragment_size=500, compression="png"),
+        Terms(interval=0.5, queue_length=7, compression="cbor"),
+        Terms(interval=2.0, fragment_size=200),
+    ) == Terms(interval=0.5, queue_length=7, fragment_size=200, compression="cbor")
+    assert merged(Terms(compression="cbor"), Terms(compression="cbor-raw")).compression == "cbor-raw"
+    assert merged(Terms(queue_length=10**9)).queue_length == MAX_QUEUE
+
+
+SOME_TERMS = st.builds(
+    Terms,
+    interval=st.sampled_from([0.0, 0.1, 1.0, 2.5]),
+    queue_length=st.integers(0, 5),
+    fragment_size=st.none() | st.integers(1, 5),
+    compression=st.sampled_from(COMPRESSIONS),
+)
+
+
+@given(st.lists(st.tuples(st.integers(0, 8), st.none() | SOME_TERMS), max_size=60))
+def test_terms_that_come_and_go_in_any_order_merge_like_those_that_are_left(
+    changes: list[tuple[int, Terms | None]],
+) -> None:
+    together = MergedTerms()
+    for sub_id, terms in changes:
+        together.put(sub_id, terms)
+        if together.by_id:
+            assert together.merged() == merge_terms(together.by_id.values())
 
 
 def test_terms_of_a_subscribe() -> None:

@@ -6,6 +6,9 @@ import json
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+import pytest
+
+from rosbridge_sim.errors import FrameError
 from rosbridge_sim.protocol.feed import Terms
 from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.protocol.ops import Advertise, Op, Subscribe
@@ -97,3 +100,36 @@ def test_messages_answers_and_calls() -> None:
         {"op": "service_response", "service": "/s", "values": {"data": "hi"}, "result": True},
         {"op": "call_service", "service": "/s", "id": "service_request:/s:1", "args": {"data": "hi"}},
     ]
+
+
+@pytest.mark.parametrize("op", ["[]", "{}", "7", "null", '["service_response"]'])
+def test_an_op_whose_name_is_no_text_is_refused(op: str) -> None:
+    session = make_session()
+    lost: list[FrameError] = []
+    session.on_lost_answer = lost.append
+    assert session.receive(f'{{"op":{op},"id":"1"}}'.encode(), 0.0) == []
+    assert [frame["id"] for frame in said(session)] == ["1"]
+    assert lost == []
+
+
+@pytest.mark.parametrize(
+    ("frame", "op", "op_id"),
+    [
+        ('{"op":"service_response","id":"service_request:/s:1","values":{', "service_response", "service_request:/s:1"),
+        ('{"op":"action_result","id":"action_goal:/a:1","values":{', "action_result", "action_goal:/a:1"),
+        ('{"op":"service_response","values":[', "service_response", None),
+        (
+            '{"op":"service_response","values":{"id":"service_request:/s:2"},"id":"service_request:/s:1"',
+            "service_response",
+            None,
+        ),
+        ('{"op":"service_response","id":"1","service":"/s"}', "service_response", "1"),
+    ],
+)
+def test_an_unreadable_answer_says_as_far_as_it_can_whose_it_is(frame: str, op: str, op_id: str | None) -> None:
+    session = make_session()
+    lost: list[FrameError] = []
+    session.on_lost_answer = lost.append
+    glued = '{"op":"call_service","service":"/x","id":"service_request:/s:9"}' + frame
+    assert len(session.receive(glued.encode(), 0.0)) == 1
+    assert [(error.op, error.op_id) for error in lost] == [(op, op_id)]

@@ -14,10 +14,12 @@ from websockets.asyncio.server import ServerConnection, serve
 
 from rosbridge_sim import DocumentError, Simulator
 from rosbridge_sim.graph import mirror
+from rosbridge_sim.morai.loads import Loads
 from rosbridge_sim.shell.app import AddressError
 from rosbridge_sim.shell.attach import is_own_address
 from tests.conftest import Connect
 from tests.far_side.server import FarSide
+from tests.morai.stand import ByHand
 from tests.support import PATIENCE, Client
 
 TOKEN = "sesame"  # noqa: S105 - opens nothing
@@ -106,6 +108,31 @@ async def test_command_on_a_bridge_drives(connect: Connect) -> None:
         await client.send("publish", topic="/ctrl_cmd", msg={"longlCmdType": 1, "accel": 1.0})
         await client.subscribe("/Ego_topic")
         await client.message_where("/Ego_topic", lambda ego: ego["velocity"]["x"] > 0.1)
+
+
+@pytest.mark.slow
+async def test_flood_behind_a_load_is_not_read_before_the_load_has_taken_effect(connect: Connect) -> None:
+    async with gateway() as bridge, attached(bridge.url) as sim:
+        assert sim.node is not None
+        loads = next(part for part in sim.node._parts if isinstance(part, Loads))
+        reader = loads._reader = ByHand()
+        (line,) = sim.attachments[0].mirror.lines.values()
+        client = await connect(bridge.url)
+        await lead(client)
+        await client.send("publish", topic="/ScenarioLoad", type="morai_msgs/ScenarioLoad", msg={"file_name": "town"})
+        request = {"user_id": "me", "frame": 0}
+        for _ in range(2):
+            for i in range(64):  # 1 MiB
+                args = {"request": {**request, "user_id": "x" * 2**14}}
+                await client.send("call_service", service="/SyncModeWaitForTick", id=f"early {i}", args=args)
+        await until(lambda: line.is_full)
+        assert reader.waiting
+        await client.send("call_service", service="/SyncModeWaitForTick", id="last", args={"request": request})
+        assert sim.node.world.frame == 0
+        reader.hand_over(now=asyncio.get_running_loop().time())
+        answer = await client.take("service_response", id="last")
+        assert (answer["values"]["response"]["tick_status"], sim.num_bugs) == (True, 0)
+        assert not line.waiting
 
 
 async def test_latched_topics_are_there_for_those_who_come_late(connect: Connect) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import logging
 from collections.abc import AsyncIterator
@@ -10,6 +11,9 @@ from contextlib import AsyncExitStack
 import pytest_asyncio
 
 from rosbridge_sim.shell.app import Simulator
+from rosbridge_sim.shell.reports import Reports
+from rosbridge_sim.shell.server import Server, ServerLimits
+from tests.graph.room import make_bus
 from tests.support import Client, mask, open_raw
 
 
@@ -30,6 +34,23 @@ async def test_who_is_connected_is_latched_and_follows_each_change(sim: Simulato
         (entry,) = (await first.message("/connected_clients"))["clients"]
         assert entry["ip_address"] == "127.0.0.1"
         assert entry["connection_time"]["secs"] > 1_700_000_000
+
+
+async def test_changes_in_one_turn_of_the_loop_are_told_once() -> None:
+    bus = make_bus()
+    server = Server(bus, ServerLimits(), lambda: None)
+    reports = Reports(bus, server, asyncio.get_running_loop())
+    counts: list[int] = []
+    bus.subscribe(reports, "/client_count", lambda _topic, message, _sender, _now: counts.append(message.value.data))
+    for _ in range(100):
+        server.on_clients()
+    assert counts == []
+    await asyncio.sleep(0)
+    assert counts == [0]
+    server.on_clients()
+    reports.stop()
+    await asyncio.sleep(0)
+    assert counts == [0]
 
 
 async def test_the_log_is_a_topic_and_clients_may_write_there_too(sim: Simulator) -> None:

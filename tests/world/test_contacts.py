@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 from rosbridge_sim.world import contacts
 from rosbridge_sim.world.contacts import LIFE, SMALL
 from rosbridge_sim.world.dynamics import command, teleport
+from rosbridge_sim.world.geometry import BoolArray, ComplexArray, do_boxes_meet
 from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
 
@@ -352,14 +354,75 @@ def test_lists_leave_nobody_out(num: int, size: float) -> None:
     assert num_seen > 100
 
 
+def heap(num: int, *, ego: int = -1) -> World:
+    """So many cars in one place."""
+    world = World()
+    for i in range(num):
+        world.spawn(Kind.EGO if i == ego else Kind.VEHICLE, CAR, name="x", x=0.0, y=0.0)
+    return world
+
+
+def count_judged(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many pairs of boxes are judged, at each call from now on."""
+    judged: list[int] = []
+
+    def count(first: ComplexArray, *rest: Any) -> BoolArray:  # noqa: ANN401 - handed on
+        judged.append(first.size)
+        return do_boxes_meet(first, *rest)
+
+    monkeypatch.setattr(contacts, "do_boxes_meet", count)
+    return judged
+
+
 @pytest.mark.slow
 def test_a_heap_costs_bounded_memory_and_leaves_out_no_ego() -> None:
-    world = World()
-    for i in range(1_200):
-        world.spawn(Kind.EGO if i == 600 else Kind.VEHICLE, CAR, name="x", x=0.0, y=0.0)
+    world = heap(1_200, ego=600)
     step(world)
     assert np.count_nonzero((world.contacts == 601).any(axis=1)) == 1_199
-    assert len(world.contacts) < contacts.MAX_PAIRS + 9 * 1_200
+    assert len(world.contacts) < 1_200 + contacts.MAX_NEAR // 2
+
+
+def test_a_heap_takes_no_contact_from_those_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(contacts, "MAX_PAIRS", 400)
+    monkeypatch.setattr(contacts, "MAX_NEAR", 200)
+    judged = count_judged(monkeypatch)
+    world = heap(200)
+    elsewhere = []
+    for x, y in ((50.0, 0.0), (-50.0, 0.0), (0.0, 50.0), (0.0, -50.0)):
+        uids = [world.spawn(Kind.VEHICLE, CAR, name="x", x=x + i, y=y) for i in range(2)]
+        elsewhere.append((uids[0], uids[1]))
+    other = World()
+    other.restore(world.snapshot())
+    for _ in range(LIFE + 2):
+        step(world)
+        step(other)
+        assert set(elsewhere) <= set(pairs(world))
+        assert len(world.contacts) > 50
+        assert world.contacts.tolist() == other.contacts.tolist()
+    assert max(judged) <= 208 // 2  # all pairs would be 19,904
+
+
+def test_many_that_turn_at_once_are_judged_in_coarser_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(contacts, "MAX_TURNS", 1_000)
+    judged = count_judged(monkeypatch)
+    world = heap(20)
+
+    def spin() -> None:
+        world.yaw[:] = np.where(world.yaw > 0.0, 0.0, 3.0)
+
+    step(world, spin)
+    step(world, spin)
+    assert len(world.contacts) == 190
+    assert 190 < max(judged) <= 1_000  # each in 256 pieces would be 48,640
+
+
+def test_where_there_is_no_room_for_all_pairs_the_egos_come_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(contacts, "MAX_PAIRS", 400)
+    monkeypatch.setattr(contacts, "MAX_NEAR", 200)
+    world = heap(199, ego=150)
+    for _ in range(2):
+        step(world)
+        assert np.count_nonzero((world.contacts == 151).any(axis=1)) == 198
 
 
 def test_rows_and_restores_change_nothing() -> None:

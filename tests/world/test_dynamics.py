@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rosbridge_sim.world.dynamics import command, drive, place_ghost, shift, teleport, turn_wheels
+from rosbridge_sim.world.dynamics import command, drive, place_ghost, place_ghosts, shift, teleport, turn_wheels
 from rosbridge_sim.world.geometry import arc_lengths, nearest_on_polyline, point_at, to_body
 from rosbridge_sim.world.state import DT, STICTION, Body, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
@@ -632,3 +632,42 @@ def test_a_pure_pursuit_driver_keeps_the_rear_axle_on_a_winding_road(kmh: float)
         pytest.fail("the end of the road was not reached")
     assert world.speed[0] == pytest.approx(kmh / 3.6)
     assert worst < 0.3
+
+
+def test_many_ghosts_at_once_are_as_one_by_one() -> None:
+    path = np.array([[0.0, 0.0], [50.0, 0.0], [50.0, 50.0]])
+    worlds = World(), World()
+    for world in worlds:
+        world.spawn(Kind.EGO, Body(), name="ego", x=0.0, y=0.0)
+        world.spawn(Kind.VEHICLE, Body(), name="a", x=0.0, y=0.0, speed=3.0, path=path)
+        world.spawn(Kind.VEHICLE, Body(), name="b", x=9.0, y=0.0, speed=3.0)
+        step(world)
+    one, other = worlds
+    poses = np.array(
+        [
+            [1.0, 2.0, 3.0, math.pi, 4.0, 0.1, 0.2],
+            [-1.0, 5.0, 0.0, -10.0, -4.0, 0.0, 0.0],
+            [1e6, 5.0, 0.0, 3.13, 0.0, 0.0, 0.3],
+        ]
+    )
+    for row, (x, y, z, yaw, speed, roll, pitch) in enumerate(poses.tolist()):
+        place_ghost(one, row, x=x, y=y, z=z, yaw=yaw, speed=speed, roll=roll, pitch=pitch)
+    place_ghosts(other, np.array([0, 1, 2]), poses.T)
+    for _ in range(3):
+        assert one.digest() == other.digest()
+        step(one)
+        step(other)
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, 1e300])
+def test_a_ghost_beyond_all_bounds_moves_none_of_them(wrong: float) -> None:
+    world = World()
+    for i in range(2):
+        world.spawn(Kind.VEHICLE, Body(), name="x", x=10.0 * i, y=0.0)
+    before = world.digest()
+    for figure in range(7):
+        poses = np.zeros((7, 2))
+        poses[figure, 1] = wrong
+        with pytest.raises(ValueError, match="expected finite numbers"):
+            place_ghosts(world, np.array([0, 1]), poses)
+    assert world.digest() == before

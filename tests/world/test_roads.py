@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rosbridge_sim.world.block_grid import REACH, BlockGrid
 from rosbridge_sim.world.geometry import FloatArray
-from rosbridge_sim.world.roads import TURN_COST, Roads
+from rosbridge_sim.world.roads import BESIDE, CROWD, TURN_COST, Roads
 
 
 def straight(*corners: tuple[float, float], z: float = 0.0) -> FloatArray:
@@ -234,3 +235,74 @@ def test_roads_that_differ_anywhere_have_another_digest() -> None:
 
     assert digest() == digest()
     assert len({digest(), digest(51.0), digest(limit=9.0), digest(is_stop=True)}) == 4
+
+
+def slow_within(roads: Roads, x: FloatArray, y: FloatArray, radius: FloatArray) -> list[tuple[int, int]]:
+    """Who is near which lane, with a look at all lanes: the judge of the fast one."""
+    found = []
+    for i, place in enumerate(zip(x.tolist(), y.tolist(), strict=True)):
+        for lane in range(len(roads)):
+            line = roads.points[roads.first[lane] : roads.first[lane + 1], :2]
+            a, way = line[:-1], np.diff(line, axis=0)
+            size = np.hypot(way[:, 0], way[:, 1])
+            full = ((place - a) * way).sum(axis=1) / size
+            along = np.clip(full, 0.0, size)
+            lateral = np.abs((place - a)[:, 1] * way[:, 0] - (place - a)[:, 0] * way[:, 1]) / size
+            distance = np.hypot(full - along, lateral)
+            if ((distance <= radius[i]) & (distance - lateral < BESIDE)).any():
+                found.append((i, lane))
+    return found
+
+
+def web(num: int, size: float) -> Roads:
+    """Bent lanes at random, some of many blocks."""
+    rng = np.random.default_rng(2)
+    lines = []
+    for i in range(num):
+        angle = np.cumsum(rng.normal(0.0, 0.1, 100 if i % 3 else 5)) + rng.uniform(-3.0, 3.0)
+        step = rng.uniform(0.3, 4.0)
+        steps = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=-1) * step
+        lines.append(np.cumsum(steps, axis=0) + np.append(rng.uniform(-size, size, 2), 0.0))
+    return make(*lines)
+
+
+@pytest.mark.parametrize("size", [100.0, 5_000.0])
+def test_lanes_near_places_are_those_that_a_look_at_all_lanes_finds(size: float) -> None:
+    roads, rng = web(12, size), np.random.default_rng(3)
+    beside = roads.points[rng.integers(0, len(roads.points), 40), :2] + rng.normal(0.0, 6.0, (40, 2))
+    x, y = np.concatenate([beside, rng.uniform(-size, size, (20, 2)), [[1e9, -1e9]]]).T
+    num_found = 0
+    for most in (3.0, 15.9, 16.0, 60.0):
+        radius = rng.uniform(0.0, most, len(x))
+        who, places = roads.within(x, y, radius)
+        assert list(zip(who.tolist(), places.lane.tolist(), strict=True)) == slow_within(roads, x, y, radius)
+        num_found += len(who)
+    assert num_found > 60
+
+
+def test_a_crowd_in_one_place_hides_nobody_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    roads = make(*(straight((0, i), (500, i)) for i in range(4)))
+    x, y = np.full(1_000, 250.0), np.zeros(1_000)
+    x[::100] = np.arange(10) * 20.0
+    monkeypatch.setattr("rosbridge_sim.world.roads.MAX_SEGMENTS", 1_000)
+    who, _ = roads.within(x, y, np.full(1_000, 5.0))
+    seen = set(who.tolist())
+    assert set(range(0, 1_000, 100)) <= seen
+    assert len(seen) == 10 + CROWD
+    monkeypatch.setattr("rosbridge_sim.world.roads.CROWD", 1_000)
+    who, _ = roads.within(x, y, np.full(1_000, 5.0))
+    assert len(set(who.tolist())) == 250  # of four segments each
+
+
+def test_a_grid_of_very_long_blocks_stays_small() -> None:
+    rng = np.random.default_rng(4)
+    low = rng.uniform(-1e5, 1e5, (50, 2))
+    high = low + rng.uniform(1e4, 1e5, (50, 2))
+    grid = BlockGrid(low, high)
+    assert len(grid._block) <= 16 * 51
+    place = rng.uniform(-2e5, 2e5, (200, 2))
+    owner, block = grid.find(place)
+    found = set(zip(owner.tolist(), block.tolist(), strict=True))
+    for i, here in enumerate(place):
+        is_in = np.all((here >= low - REACH) & (here <= high + REACH), axis=1)
+        assert {(i, box) for box in np.flatnonzero(is_in).tolist()} <= found

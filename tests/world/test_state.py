@@ -345,3 +345,42 @@ def test_teleporting_off_a_path_frees_it() -> None:
     assert (world.x[row], world.y[row]) == (1.1, 2.0)
     world.remove(1)
     assert len(world) == 0
+
+
+@pytest.mark.parametrize("num_free", [0, 3])
+def test_room_for_many_changes_nothing_but_the_cost(num_free: int) -> None:
+    one, other = World(), World()
+    for world in (one, other):
+        for i in range(40):
+            world.spawn(Kind.VEHICLE, Body(), name="x", x=10.0 * i, y=0.0)
+        for uid in range(5, 5 + num_free):
+            world.remove(uid)
+    with one.room_for(100):
+        assert one.n == 140 - num_free
+        for world in (one, other):
+            for i in range(90):
+                world.spawn(Kind.VEHICLE, Body(), name="y", x=10.0 * i, y=5.0, yaw=4.0)
+    assert one.n == other.n == 130 - num_free
+    for _ in range(2):
+        assert one.digest() == other.digest()
+        step(one)
+        step(other)
+
+
+def test_room_that_is_not_used_is_given_back() -> None:
+    world = World()
+    world.spawn(Kind.VEHICLE, Body(), name="x", x=0.0, y=0.0)
+    before = world.digest()
+    with pytest.raises(ValueError, match="x"), world.room_for(1_000):
+        world.spawn(Kind.VEHICLE, Body(), name="x", x=math.nan, y=0.0)
+    assert (world.n, world.digest()) == (1, before)
+
+
+def test_long_names_are_not_kept_beyond_their_entities() -> None:
+    world = World()
+    tracemalloc.start()
+    for i in range(20):
+        world.remove(world.spawn(Kind.VEHICLE, Body(), name=f"{i}" * 1_000_000, x=0.0, y=0.0))
+    size, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert size < 1_000_000

@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -103,9 +104,12 @@ class Puppets:
         here = dict.fromkeys(cast)
         for actor in [actor for actor in self._uids if actor not in here]:
             world.remove(self._uids.pop(actor))
-        for i, actor in zip(chosen, cast, strict=True):
-            if actor not in self._uids:
-                self._bring(actor, *scene.values[:2, i].tolist())
+        new = [(i, actor) for i, actor in zip(chosen, cast, strict=True) if actor not in self._uids]
+        if new:
+            with world.room_for(max(0, min(len(new), MAX_ENTITIES - len(world)))):
+                for i, actor in new:
+                    if actor not in self._uids:  # it may be there twice
+                        self._bring(actor, *scene.values[:2, i].tolist())
         placed = [i for i, actor in zip(chosen, cast, strict=True) if actor in self._uids]
         if placed:
             rows = np.array([world.row(self._uids[scene.cast[i]]) for i in placed])
@@ -140,11 +144,17 @@ def _body_of(actor: Actor) -> Body:
     """The body of its model, in the recorded size; a vehicle that nobody knows has the proportions of the usual car."""
     model = find_model(actor.name)
     like = (model if model is not None and model.kind is actor.kind else default_model(actor.kind)).body
-    length, width, height = actor.size
+    return _resize(like, actor.kind, actor.size)
+
+
+@lru_cache(maxsize=1024)
+def _resize(like: Body, kind: Kind, size: tuple[float, float, float]) -> Body:
+    """Another body of another length, width and height; the usual one where they make none."""
+    length, width, height = size
     try:
         if (length, width, height) == (like.length, like.width, like.height):
             return like
-        if actor.kind is not Kind.VEHICLE:
+        if kind is not Kind.VEHICLE:
             return Body.box(length, width, height)
         scale = length / like.length
         return replace(

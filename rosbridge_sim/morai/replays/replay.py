@@ -22,6 +22,7 @@ from rosbridge_sim.morai.replays.recorded import Reading, Recordings
 from rosbridge_sim.morai.replays.recording import Recording
 from rosbridge_sim.morai.replays.replay_command import Command, Result, read_command
 from rosbridge_sim.morai.replays.replay_table import TABLE, Effect, Event, Outcome, State
+from rosbridge_sim.morai.stage import MAX_ENTITIES
 from rosbridge_sim.world.geometry import quaternion
 from rosbridge_sim.world.state import STEP_NS
 
@@ -369,7 +370,8 @@ class Replay(Part):
         """A client tells what it replays.
 
         Raises:
-            FieldError: a figure that is no number or beyond all bounds. Nothing has changed.
+            FieldError: more objects than the world can hold, or a figure that is no number or beyond all bounds.
+                Nothing has changed.
         """
         node, topic = self._node, self._bindings.topic("ReplayInfo_topic")
         why = TABLE[self.state][Event.MESSAGE].why
@@ -383,6 +385,9 @@ class Replay(Part):
         if why:
             node.tell_once(sender, f"{topic} is ignored: {why}")
             return
+        num = len(message.npc_list) + len(message.pedestrian_list) + len(message.obstacle_list)
+        if num > MAX_ENTITIES:
+            raise FieldError(f"{topic}: the world holds {MAX_ENTITIES:,} at most, got {num:,} objects")
         reading = Reading(topic, node.convert)
         reading.take_pedals(message, (0, 0))
         reading.take_objects(message, (0, 0))

@@ -1,0 +1,80 @@
+"""What is done when something fails by a bug of ours, or of a library below us: only the one concerned is hurt.
+
+    a message cannot be encoded     it is dropped for that encoding and its publisher is told; nobody is closed
+    what belongs to one owner       that owner alone ends (`Guarded.fail`): a client is closed with code 1011, a bridge
+    fails                           is dialled anew, a recording ends; everybody else goes on
+    anything else                   it is logged and counted, and the rest goes on; or it is raised, where the caller
+                                    answers for it
+
+Everything is logged with its traceback, a failure of encoding once for each type and reason, and counted.
+"""
+
+from __future__ import annotations
+
+import logging
+from typing import Protocol, runtime_checkable
+
+from rosbridge_sim.errors import EncodingError
+
+__all__ = ["Guard", "Guarded"]
+
+MAX_TOLD = 1_000
+"""Failures of encoding that are remembered, so that each is logged once; beyond them they are only counted."""
+
+_log = logging.getLogger("rosbridge_sim.graph")
+
+
+@runtime_checkable
+class Guarded(Protocol):
+    """An owner, or another part of the whole, that can end alone."""
+
+    def fail(self, error: Exception) -> None:
+        """End, because something that was done for it has failed. Must not raise, and may be called again."""
+
+
+class Guard:
+    """Counts and logs the failures of one bus.
+
+    Attributes:
+        num_faults: failures in all.
+        num_unencoded: messages among them that could not be encoded, each counted for each listener.
+    """
+
+    def __init__(self) -> None:
+        self.num_faults = 0
+        self.num_unencoded = 0
+        self._told: set[tuple[str, str]] = set()
+
+    def blame(self, concerned: object, error: Exception) -> None:
+        """End the one whose state has failed.
+
+        Args:
+            concerned: an owner of the bus.
+            error: the failure.
+
+        Raises:
+            Exception: `error` itself, where nobody can end alone: the caller answers for it.
+        """
+        if not isinstance(concerned, Guarded):
+            raise error
+        self.num_faults += 1
+        concerned.fail(error)
+
+    def note(self, what: str, error: Exception) -> None:
+        """Log and count a failure that concerns nobody else."""
+        self.num_faults += 1
+        _log.error("%s has failed; this is a bug of ours, and the rest goes on", what, exc_info=error)
+
+    def note_encoding(self, where: str, error: EncodingError) -> None:
+        """Log and count a message that could not be encoded for a listener.
+
+        Args:
+            where: the topic or service.
+            error: the failure; its cause is what the encoder raised.
+        """
+        self.num_unencoded += 1
+        self.num_faults += 1
+        told = (where, str(error))
+        if told not in self._told and len(self._told) < MAX_TOLD:
+            self._told.add(told)
+            _log.error("%s: a message is dropped: %s", where, error, exc_info=error)

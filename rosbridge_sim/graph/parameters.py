@@ -1,0 +1,340 @@
+"""The parameter server: JSON values by absolute name, and the namespaces that their names make.
+
+A value is kept as JSON text, so it costs the bytes that it has and no Python objects. The names are kept in order, so
+a namespace is a slice of them. Everything that one client can ask for in a loop is bounded, in number and in bytes:
+for all clients together, and for each client half of that, so that no client can use up what is there.
+A parameter outlives its client; from then on it counts for all together only.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, insort
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, Final
+
+import orjson
+
+from rosbridge_sim.errors import GraphError
+from rosbridge_sim.graph.owner import Owner
+
+__all__ = ["MAX_NAMESPACES", "MAX_PARAMETERS", "MAX_PARAMETER_BYTES", "MAX_VALUE_PARTS", "Parameters", "merge"]
+
+MAX_PARAMETERS: Final = 100_000
+"""Parameters kept; a client that sets names in a loop is told, and memory stays bounded."""
+
+MAX_PARAMETER_BYTES: Final = 16 * 2**20
+"""Names and JSON texts of all parameters together; a robot's description, the longest that is usual, has a million."""
+
+MAX_NAMESPACES: Final = 20_000
+"""Namespaces with a parameter below them. Each costs a microsecond when the whole tree is read, so 20 ms in all."""
+
+MAX_VALUE_PARTS: Final = 200_000
+"""Commas and brackets of one value that is no string: that many elements are parsed in 10 ms. Parameters are settings;
+arrays of data belong on a topic."""
+
+MAX_MERGED: Final = 10_000
+MAX_MERGED_BYTES: Final = 2**20
+"""What is read of a namespace in which a name is a value and a namespace as well: there, values have to be parsed."""
+
+FEW: Final = 100
+"""So many names are taken out of the list one by one, at 30 us each in the longest; for more it is made anew."""
+
+OVERHEAD: Final = 400
+"""What a parameter costs beside its name and its text: the entries of the tables, measured [bytes]."""
+
+
+@dataclass(eq=False, slots=True)
+class _Account:
+    """What one client has set: parameters, namespaces and bytes."""
+
+    num: int = 0
+    num_namespaces: int = 0
+    num_bytes: int = 0
+
+
+@dataclass(slots=True)
+class _Entry:
+    """One parameter.
+
+    Attributes:
+        folder: its namespace; empty for the root.
+        member: as it stands in the JSON object of its namespace: `"name":value`.
+        skip: where the value begins in `member`.
+        serial: rises with each new name.
+        account: of the client that set it.
+    """
+
+    folder: str
+    member: bytes
+    skip: int
+    serial: int
+    account: _Account
+
+
+@dataclass(slots=True)
+class _Folder:
+    """One namespace: how many parameters and namespaces stand in it, and who made it."""
+
+    name: str
+    num: int
+    account: _Account
+
+
+class Parameters:
+    """All parameters of one bus."""
+
+    def __init__(self) -> None:
+        self._entries: dict[str, _Entry] = {}
+        self._names: list[str] = []
+        self._folders: dict[str, _Folder] = {}
+        self._accounts: dict[Owner, _Account] = {}
+        self._num_bytes = 0
+        self._serial = 0
+        self._read: tuple[tuple[str, int], str] | None = None  # the namespace that was read last, and its text
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    def __iter__(self) -> Iterator[str]:
+        """The names, in order."""
+        return iter(self._names)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._entries
+
+    def num_held(self, owner: Owner) -> int:
+        """Memory of the parameters that an owner has set [bytes]."""
+        account = self._accounts.get(owner)
+        return account.num_bytes + OVERHEAD * (account.num + account.num_namespaces) if account else 0
+
+    def put(self, name: str, value: str, owner: Owner) -> None:
+        """Set a parameter.
+
+        Args:
+            name: absolute.
+            value: JSON text.
+            owner: the client that sets it.
+
+        Raises:
+            orjson.JSONDecodeError: the value is no JSON text.
+            GraphError: the value is too large or nested too deeply, or there is no more room. Nothing has changed.
+        """
+        text = _normalise(value)
+        old = self._entries.get(name)
+        folder, _, last = name.rpartition("/")
+        key = orjson.dumps(last) + b":"
+        size = _size(name, text)
+        account = self._accounts.get(owner) or _Account()
+        self._check_room(name, size, old, account)
+        if old is None:
+            self._check_namespaces(folder, account)
+            insort(self._names, name)
+            self._hold_folder(folder, account)
+            self._serial += 1
+        else:
+            self._settle(old.account, -1, -_size(name, old.member[old.skip :]))
+        self._accounts[owner] = account
+        self._settle(account, 1, size)
+        serial = self._serial if old is None else old.serial
+        shared = self._folders[folder].name if folder else ""
+        self._entries[name] = _Entry(shared, key + text, len(key), serial, account)
+        self._read = None
+
+    def remove(self, names: list[str]) -> None:
+        """Forget parameters that are set."""
+        for name in names:
+            entry = self._entries.pop(name)
+            self._settle(entry.account, -1, -_size(name, entry.member[entry.skip :]))
+            self._release_folder(entry.folder)
+        if len(names) <= FEW:
+            for name in names:
+                del self._names[bisect_left(self._names, name)]
+        else:
+            self._names = [name for name in self._names if name in self._entries]
+        self._read = None
+
+    def disown(self, owner: Owner) -> None:
+        """Forget who set the parameters of an owner that has left; they stay."""
+        self._accounts.pop(owner, None)
+
+    def text(self, name: str) -> str:
+        """The value of a parameter that is set, as JSON text."""
+        entry = self._entries[name]
+        return entry.member[entry.skip :].decode()
+
+    def below(self, prefix: str) -> list[str]:
+        """The names that begin with a prefix, in order; the prefix ends with a slash."""
+        return self._names[slice(*self._range(prefix))]
+
+    def has_below(self, prefix: str, admits: Callable[[str], bool]) -> bool:
+        """Whether a name that is admitted begins with a prefix, which ends with a slash."""
+        start, end = self._range(prefix)
+        return any(admits(self._names[i]) for i in range(start, end))
+
+    def tree(self, namespace: str, names: list[str]) -> str:
+        """The JSON text of a namespace.
+
+        Its names are nested as in ROS 1: `/a` of `/a/b` = 1 is {"b": 1}.
+
+        Args:
+            namespace: absolute.
+            names: those in it that are to be read.
+
+        Raises:
+            GraphError: a name is a value and a namespace as well, and there is too much to be merged.
+        """
+        key = (namespace, len(names))  # one policy holds for all clients, so as many names are the same names
+        if self._read is None or self._read[0] != key:
+            self._read = (key, self._make_tree(namespace.rstrip("/"), names))
+        return self._read[1]
+
+    def _make_tree(self, root: str, names: list[str]) -> str:
+        entries = self._entries
+        members: dict[str, list[bytes]] = {root: []}
+        for name in names:
+            entry = entries[name]
+            found = members.get(entry.folder)
+            if found is None:
+                found = members[entry.folder] = []
+            found.append(entry.member)
+        inner: dict[str, list[str]] = {}
+        to_place = list(members)
+        for folder in to_place:
+            if folder == root:
+                continue
+            parent = folder.rpartition("/")[0]
+            inner.setdefault(parent, []).append(folder)
+            if parent not in members:
+                members[parent] = []
+                to_place.append(parent)
+        is_both = [folder for folder in to_place if folder != root and folder in entries]
+        if is_both and not set(names).isdisjoint(is_both):
+            return self._merge(root, names)
+        return _join(root, members, inner)
+
+    def _merge(self, root: str, names: list[str]) -> str:
+        entries = [(name, self._entries[name]) for name in names]
+        if len(names) > MAX_MERGED or sum(len(entry.member) for _, entry in entries) > MAX_MERGED_BYTES:
+            raise GraphError(
+                f"Namespace {root or '/'} has a name that is a value and a namespace as well, and too much in it to be"
+                f" merged: expected {MAX_MERGED} parameters and {MAX_MERGED_BYTES} bytes at most. Read its parts"
+            )
+        entries.sort(key=lambda each: each[1].serial)
+        values = {name[len(root) + 1 :]: orjson.loads(entry.member[entry.skip :]) for name, entry in entries}
+        try:
+            return orjson.dumps(merge(values)).decode()
+        except orjson.JSONEncodeError:
+            raise GraphError("The value is nested too deeply") from None
+
+    def _range(self, prefix: str) -> tuple[int, int]:
+        """Where the names with a prefix stand; the prefix ends with a slash, after which comes the digit 0."""
+        return bisect_left(self._names, prefix), bisect_left(self._names, prefix[:-1] + "0")
+
+    # Bounds
+
+    def _check_room(self, name: str, size: int, old: _Entry | None, account: _Account) -> None:
+        old_size = 0 if old is None else _size(name, old.member[old.skip :])
+        is_own = old is not None and old.account is account
+        for num, num_bytes, part, whose in (
+            (len(self._entries) + (old is None), self._num_bytes + size - old_size, 1, "together"),
+            (account.num + (not is_own), account.num_bytes + size - old_size * is_own, 2, "of one client"),
+        ):
+            if num > MAX_PARAMETERS // part:
+                raise GraphError(f"Parameter {name}: at most {MAX_PARAMETERS // part} parameters {whose} can be kept")
+            if num_bytes > MAX_PARAMETER_BYTES // part:
+                raise GraphError(
+                    f"Parameter {name}: all parameters {whose} can have at most {MAX_PARAMETER_BYTES // part} bytes,"
+                    " names included"
+                )
+
+    def _check_namespaces(self, folder: str, account: _Account) -> None:
+        num = 0
+        while folder and folder not in self._folders:
+            num += 1
+            folder = folder.rpartition("/")[0]
+        for now, part, whose in ((len(self._folders), 1, "together"), (account.num_namespaces, 2, "of one client")):
+            if num and now + num > MAX_NAMESPACES // part:
+                raise GraphError(f"At most {MAX_NAMESPACES // part} namespaces of parameters {whose} can be kept")
+
+    def _settle(self, account: _Account, num: int, num_bytes: int) -> None:
+        account.num += num
+        account.num_bytes += num_bytes
+        self._num_bytes += num_bytes
+
+    def _hold_folder(self, name: str, account: _Account) -> None:
+        while name:
+            folder = self._folders.get(name)
+            if folder is not None:
+                folder.num += 1
+                return
+            self._folders[name] = _Folder(name, 1, account)
+            account.num_namespaces += 1
+            name = name.rpartition("/")[0]
+
+    def _release_folder(self, name: str) -> None:
+        while name:
+            folder = self._folders[name]
+            folder.num -= 1
+            if folder.num:
+                return
+            del self._folders[name]
+            folder.account.num_namespaces -= 1
+            name = name.rpartition("/")[0]
+
+
+def merge(values: dict[str, Any]) -> dict[str, Any]:
+    """Values by relative name as values by path: `b/c` = 1 is {"b": {"c": 1}}. The values stay as they are."""
+    root: dict[str, Any] = {}
+    own = {id(root)}  # what was made here may be written; all else is a parameter's value
+    for name, value in values.items():
+        *path, last = name.split("/")
+        node = root
+        for part in path:
+            inner = node.get(part)
+            if id(inner) not in own:
+                node[part] = dict(inner) if isinstance(inner, dict) else {}
+                own.add(id(node[part]))
+            node = node[part]
+        node[last] = value
+    return root
+
+
+def _normalise(value: str) -> bytes:
+    """JSON text as it is kept, without white space.
+
+    Raises:
+        orjson.JSONDecodeError: it is none.
+        GraphError: it has too many elements, or is nested too deeply to be written again though it could be read.
+    """
+    if not value.lstrip().startswith('"'):
+        num = value.count(",") + value.count("[") + value.count("{")
+        if num > MAX_VALUE_PARTS:
+            raise GraphError(f"The value has too many elements: expected {MAX_VALUE_PARTS} at most, got about {num}")
+    try:
+        return orjson.dumps(orjson.loads(value))
+    except orjson.JSONEncodeError:
+        raise GraphError("The value is nested too deeply") from None
+
+
+def _size(name: str, text: bytes) -> int:
+    return len(name.encode()) + len(text)
+
+
+def _join(root: str, members: dict[str, list[bytes]], inner: dict[str, list[str]]) -> str:
+    """The text of a tree, in one walk: texts of inner objects are not copied at each level."""
+    out: list[bytes] = []
+    to_write: list[bytes | str] = [root]
+    while to_write:
+        piece = to_write.pop()
+        if isinstance(piece, bytes):
+            out.append(piece)
+            continue
+        out.append(b"{")
+        out.append(b",".join(members[piece]))
+        to_write.append(b"}")
+        folders = inner.get(piece, ())
+        for i, folder in enumerate(folders):
+            comma = b"," if members[piece] or i < len(folders) - 1 else b""
+            to_write += (folder, comma + orjson.dumps(folder.rpartition("/")[2]) + b":")
+    return b"".join(out).decode()

@@ -1,0 +1,30 @@
+"""How a handler of a MORAI service reads its request, answers it, and says what is wrong."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+from rosbridge_sim.graph.bus import Call
+from rosbridge_sim.graph.owner import Tell
+
+__all__ = ["complain", "request_of", "respond"]
+
+_log = logging.getLogger("rosbridge_sim.morai")
+
+
+def request_of(call: Call) -> Any:  # noqa: ANN401 - a generated struct
+    """What is in the request; every MORAI service wraps one message."""
+    request: Any = call.request
+    return request.request
+
+
+def respond(call: Call, response: Any) -> None:  # noqa: ANN401 - a generated struct
+    """Answer with one message, wrapped as in the request."""
+    call.answer(call.service.type.response.struct(response))
+
+
+def complain(tell: Tell, text: str) -> None:
+    """Tell a peer of its mistake where no answer can hold the reason."""
+    tell("error", text)
+    _log.warning("%s", text)

@@ -1,0 +1,292 @@
+"""The part of a node that loads scenarios: `/ScenarioLoad`, `/Service_MoraiSL` and `/SyncModeScenarioLoad`.
+
+A load is read by the `Reader`, which may take its time, and what it leads to happens in one piece, later:
+
+- A load *now* takes effect when it has been read. Its client is held until then, so whatever that client has sent
+  behind it meets the new scene; all others go on, and in real time so does the world. It takes effect even if its
+  client has left: a program may publish `/ScenarioLoad` and end. After a reset it fails.
+- A load *at a frame* takes its place among the commands of that frame when it comes, and the world waits for it in that
+  frame (see `sync.py`). Its client is held until it has been read, since the answer says whether it can be used.
+
+A scenario that names no map stands on the map in use: for a load now the one at the time when it takes effect, for a
+load at a frame the one at the time when it came. So the outcome does not depend on how long the reading took.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from rosbridge_sim.errors import DocumentError, GraphError, PeerError
+from rosbridge_sim.graph.bus import Call, Owner
+from rosbridge_sim.graph.owner import teller
+from rosbridge_sim.morai.answers import complain, request_of, respond
+from rosbridge_sim.morai.bindings import Bindings
+from rosbridge_sim.morai.convert import maker
+from rosbridge_sim.morai.network_settings import Networks, NetworkSettings
+from rosbridge_sim.morai.part import Part
+from rosbridge_sim.morai.reading import Reader
+from rosbridge_sim.morai.scenarios.scenario import Scenario
+from rosbridge_sim.morai.stage import FoundMap, Library, Load, LoadOptions, find_map
+from rosbridge_sim.world.network import Network
+
+if TYPE_CHECKING:
+    from rosbridge_sim.morai.node import Node
+
+__all__ = ["Loads"]
+
+_WAS_RESET = "the simulation was reset before the scenario was read; load it again"
+_FAILED = "the server failed on the scenario; its log says why"
+
+_log = logging.getLogger("rosbridge_sim.morai")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Documents:
+    """All that was read for a load.
+
+    Attributes:
+        scenario: what is to be loaded.
+        own_map: the map that it names; None if it names none.
+        network: its network settings; None if they are not wanted, or there are none.
+    """
+
+    scenario: Scenario
+    own_map: FoundMap | None
+    network: NetworkSettings | None
+
+
+class _AtFrame:
+    """A load that waits for its frame, as a command of synchronous mode.
+
+    Attributes:
+        carry_out: does it; None until it has been read.
+    """
+
+    def __init__(self) -> None:
+        self.carry_out: Callable[[float], None] | None = None
+
+    def __call__(self, now: float) -> None:
+        assert self.carry_out is not None, "no tick moves past a command that is not ready"
+        self.carry_out(now)
+
+
+class Loads(Part):
+    """The part of a node that loads scenarios."""
+
+    def __init__(self, node: Node, reader: Reader, networks: Networks | None) -> None:
+        """Nothing is being read.
+
+        Args:
+            node: whose part it is.
+            reader: reads the documents.
+            networks: where scenarios' network settings are; None where there are none.
+        """
+        self._node = node
+        self._reader = reader
+        self._networks = networks
+        self._opening_network = node.items.settings
+        self._epoch = 0  # how often the world has begun anew
+        store = node.bus.store
+        self._make_result = maker(store, "morai_msgs/SyncModeResultResponse", "result")
+        self._make_load_result = maker(store, "morai_msgs/MoraiSrvResponse", "result")
+
+    def bind(self, bindings: Bindings) -> None:
+        """What the world has once."""
+        bindings.provide("SyncModeScenarioLoad", "MoraiSyncModeSLSrv", self._load_at_frame)
+        bindings.provide("Service_MoraiSL", "MoraiScenarioLoadSrv", self._load_now)
+        bindings.listen("ScenarioLoad", "ScenarioLoad", partial(self._hear_load, bindings))
+
+    def forget(self) -> None:
+        """The world has begun anew: a load from before must not change it."""
+        self._epoch += 1
+
+    # At a frame
+
+    def _load_at_frame(self, call: Call, now: float) -> None:
+        request, node = request_of(call), self._node
+        sync, base = node.sync, node.stage.found_map
+        command = _AtFrame()
+        outcome = sync.submit(command, request.frame, node.world.frame, call.caller, now, is_ready=False)
+        if not outcome.is_accepted:
+            call.caller.tell("warning", f"{call.service.name}: {outcome.why}")
+            respond(call, self._make_result(False))  # noqa: FBT003 - the message's one field
+            return
+
+        def finish(documents: _Documents | DocumentError, now: float) -> None:
+            is_usable = False
+            try:
+                load, network = self._prepare(request, documents, call.caller, base)
+                command.carry_out = partial(self._carry_out, call, load, network, is_pausing=request.set_pause)
+                is_usable = True
+            except (PeerError, DocumentError) as error:
+                complain(call.caller.tell, f"{call.service.name}: {error}")
+            finally:
+                (sync.ready if is_usable else sync.withdraw)(command)
+                respond(call, self._make_result(is_usable))
+                node.take_turns(now)
+
+        self._read(request, call.caller, base, finish, now)
+
+    def _carry_out(
+        self, call: Call, load: Load, network: NetworkSettings | None, now: float, *, is_pausing: bool
+    ) -> None:
+        """A load's frame has come."""
+        try:
+            self._node.carry_out(load, is_pausing=is_pausing, now=now, network=network)
+        except DocumentError as error:
+            complain(call.caller.tell, f"{call.service.name}: {error}")
+
+    # Now
+
+    def _load_now(self, call: Call, now: float) -> None:
+        def end(error: PeerError | DocumentError | None) -> None:
+            if error is not None:
+                complain(call.caller.tell, f"{call.service.name}: {error}")
+            respond(call, self._make_load_result(error is None))
+
+        self._start(request_of(call), call.caller, end, now)
+
+    def _hear_load(self, bindings: Bindings, request: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+        """The same over a topic; as there, synchronous mode does not stand in the way."""
+        topic, tell = bindings.topic("ScenarioLoad"), teller(sender)
+        is_here = True
+        refusal: GraphError | None = None
+
+        def end(error: PeerError | DocumentError | None) -> None:
+            nonlocal refusal
+            if error is None:
+                return
+            refusal = GraphError(f"{topic}: {error}")
+            if not is_here:
+                complain(tell, str(refusal))
+
+        self._start(request, sender, end, now)
+        is_here = False
+        if refusal is not None:
+            raise refusal
+
+    def _start(
+        self,
+        request: Any,  # noqa: ANN401 - a generated struct
+        caller: Owner,
+        end: Callable[[PeerError | DocumentError | None], None],
+        now: float,
+    ) -> None:
+        """Load a scenario as soon as it has been read."""
+        epoch = self._epoch
+
+        def finish(documents: _Documents | DocumentError, now: float) -> None:
+            problem: PeerError | DocumentError | None = GraphError(_FAILED)
+            try:
+                if self._epoch != epoch:
+                    raise GraphError(_WAS_RESET)
+                load, network = self._prepare(request, documents, caller, self._node.stage.found_map)
+                self._node.carry_out(load, is_pausing=request.set_pause, now=now, network=network)
+                problem = None
+            except (PeerError, DocumentError) as error:
+                problem = error
+            finally:
+                end(problem)
+
+        self._read(request, caller, self._node.stage.found_map, finish, now)
+
+    # Both
+
+    def _read(
+        self,
+        request: Any,  # noqa: ANN401 - a generated struct
+        caller: Owner,
+        base: FoundMap,
+        finish: Callable[[_Documents | DocumentError, float], None],
+        now: float,
+    ) -> None:
+        """Have the documents read that a request names, and hold its client meanwhile."""
+        if not any((request.delete_all, *_parts(request), request.load_network_connection_data)):
+            caller.tell("warning", "nothing to load: delete_all and all load_... are false")
+        node, name = self._node, request.file_name
+        networks = self._networks if request.load_network_connection_data else None
+        is_done = False
+        release: Callable[[float], None] | None = None
+
+        def then(outcome: _Documents | DocumentError, now: float) -> None:
+            nonlocal is_done
+            is_done = True
+            try:
+                finish(outcome, now)
+            finally:
+                if release is not None:
+                    release(now)
+
+        self._reader.read(lambda: _read_documents(node.library, networks, name, base), then, now)
+        if not is_done:
+            release = node.hold(caller)
+
+    def _prepare(
+        self,
+        request: Any,  # noqa: ANN401 - a generated struct
+        documents: _Documents | DocumentError,
+        caller: Owner,
+        base: FoundMap,
+    ) -> tuple[Load, NetworkSettings | None]:
+        """The load that a request asks for and, if they are wanted, the network settings that belong to it.
+
+        These are laid over those of the start, so what came in between plays no part. Most scenarios have none: then
+        the caller is warned, and all stays as it is.
+
+        Raises:
+            DocumentError: there is no such scenario, or one of both cannot be used.
+            GraphError: the world has failed.
+        """
+        if self._node.failure is not None:  # it has come to that while the scenario was read
+            raise GraphError(self._node.failure)
+        if isinstance(documents, DocumentError):
+            raise documents
+        ego, vehicles, pedestrians, obstacles = _parts(request)
+        options = LoadOptions(
+            delete_all=request.delete_all, ego=ego, vehicles=vehicles, pedestrians=pedestrians, obstacles=obstacles
+        )
+        load = self._node.stage.prepare(documents.scenario, options, own_map=documents.own_map, base=base)
+        network = None
+        if documents.network is not None:
+            network = documents.network.over(self._opening_network)
+            self._node.items.check(network)
+        elif request.load_network_connection_data:
+            caller.tell("warning", f"{request.file_name[:80]!r} has no network settings: those in force stay")
+        return load, network
+
+
+def _parts(request: Any) -> tuple[bool, bool, bool, bool]:  # noqa: ANN401 - a generated struct
+    """Whether the ego, vehicles, pedestrians and obstacles are to be loaded."""
+    return (
+        request.load_ego_vehicle_data,
+        request.load_surrounding_vehicle_data,
+        request.load_pedestrian_data,
+        request.load_obstacle_data,
+    )
+
+
+def _read_documents(library: Library, networks: Networks | None, name: str, base: FoundMap) -> _Documents:
+    """Read a scenario and what belongs to it; in a thread of its own, as a rule.
+
+    Args:
+        library: has the scenario and its map.
+        networks: has its network settings; None if they are not wanted.
+        name: of the scenario, as the client says.
+        base: the map in use, which is not read again.
+
+    Raises:
+        DocumentError: one of them cannot be used.
+    """
+    scenario = library.scenario(name)
+    own_map = None
+    if scenario.map_name is not None:
+        own_map = base if scenario.map_name == base.name else find_map(library, scenario.map_name)
+    if any(vehicle.driver is not None for vehicle in scenario.vehicles):
+        # What drivers need to know of a map is made once and costs as much as reading it. If the world makes it in the
+        # same moment, either copy will do.
+        (own_map or base).road_map.roads.derived(Network)
+    return _Documents(scenario, own_map, networks.network(name) if networks is not None else None)

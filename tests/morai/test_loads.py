@@ -1,0 +1,580 @@
+"""Loads that take their time: in their place in their client's order, while everybody else goes on."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+import hypothesis.strategies as st
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.peer import Peer
+from rosbridge_sim.morai.reading import AtOnce, Reader
+from rosbridge_sim.morai.sync import State
+from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
+from rosbridge_sim.protocol.session import Session
+from tests.morai.stand import ALL, SCENARIOS, ByHand, Stand
+
+Frame = dict[str, Any]
+
+LOAD, LOAD_AT = "/Service_MoraiSL", "/SyncModeScenarioLoad"
+CROWD, PARKED = 6, 1
+"""How many are in the world after these scenarios."""
+
+
+class Wire:
+    """A client whose frames all come at once, as from a socket: it stops where its peer is held.
+
+    Attributes:
+        peer: its peer.
+    """
+
+    def __init__(self, bus: Bus) -> None:
+        self._outbox = Outbox(OutboxLimits(), lambda: None, lambda: None)
+        self.peer = Peer(bus, Session(self._outbox, lambda _due: None))
+        self.peer.on_released = self._go_on
+        self._backlog: deque[bytes] = deque()
+        self.now = 0.0
+
+    def send(self, **op: object) -> None:
+        self._backlog.append(json.dumps(op).encode())
+        self._go_on()
+
+    def call(self, service: str, **request: object) -> None:
+        self.send(op="call_service", service=service, id=service, args={"request": request})
+
+    def load(self, name: str = "parked", **more: object) -> None:
+        self.call(LOAD, file_name=name, **ALL, **more)
+
+    def load_at(self, frame: int, name: str = "parked", **more: object) -> None:
+        self.call(LOAD_AT, file_name=name, frame=frame, **ALL, **more)
+
+    def start(self, user_id: str = "me", time_step: int = 20) -> None:
+        self.call("/SyncModeCmd", user_id=user_id, start_sync_mode=True, time_step=time_step)
+
+    def stop(self, user_id: str = "me") -> None:
+        self.call("/SyncModeCmd", user_id=user_id, start_sync_mode=False)
+
+    def tick(self, user_id: str = "me") -> None:
+        self.call("/SyncModeWaitForTick", user_id=user_id)
+
+    def _go_on(self) -> None:
+        while self._backlog and not self.peer.is_held:
+            self.peer.receive(self._backlog.popleft(), self.now)
+
+    @property
+    def frames(self) -> list[bytes]:
+        """All that it was sent since the last look."""
+        return [bytes(frame) for frame in self._outbox.take(2**40)]
+
+    def answers(self) -> list[tuple[str, Any]]:
+        """(service, what its response says) of each answer since the last look."""
+        found = []
+        for frame in map(json.loads, self.frames):
+            if frame["op"] == "service_response":
+                assert frame["result"], frame
+                response = frame["values"].get("response", frame["values"])
+                told = response.get("result", (response.get("tick_status"), response.get("frame")))
+                found.append((frame["service"], told))
+        return found
+
+
+class Set:
+    """A simulator, a reader that is worked by hand, and clients."""
+
+    def __init__(self, reader: Reader | None = None, **options: Any) -> None:  # noqa: ANN401 - the stand's own
+        self.reader = ByHand()
+        self.stand = Stand(reader=reader or self.reader, **options)
+        self.world, self.sync = self.stand.world, self.stand.node.sync
+
+    def wire(self) -> Wire:
+        return Wire(self.stand.bus)
+
+    def master(self, **options: Any) -> Wire:  # noqa: ANN401 - those of the call
+        wire = self.wire()
+        wire.start(**options)
+        wire.answers()
+        return wire
+
+
+TICK = "/SyncModeWaitForTick"
+
+
+# Now
+
+
+@pytest.mark.parametrize("way", ["service", "topic"])
+def test_what_a_client_sends_behind_a_load_meets_the_new_scene(way: str) -> None:
+    one = Set()
+    client = one.master()
+    if way == "service":
+        client.load()
+    else:
+        client.send(
+            op="publish", topic="/ScenarioLoad", type="morai_msgs/ScenarioLoad", msg={"file_name": "parked", **ALL}
+        )
+    client.tick()
+    client.call("/Service_MoraiEventCmd", option=0)
+    assert client.answers() == []
+    assert (len(one.world), one.world.frame) == (CROWD, 0)
+    one.reader.hand_over()
+    assert (len(one.world), one.world.frame) == (PARKED, 1)
+    assert [service for service, _ in client.answers()] == [*[LOAD][: way == "service"], TICK, "/Service_MoraiEventCmd"]
+
+
+def test_others_go_on_while_a_scenario_is_read() -> None:
+    one = Set()
+    loader, other = one.wire(), one.wire()
+    loader.load()
+    one.stand.run(0.1)
+    assert one.world.frame >= 5
+    other.call("/Service_MoraiEventCmd", option=0)
+    other.start()
+    other.tick()
+    assert [service for service, _ in other.answers()] == ["/Service_MoraiEventCmd", "/SyncModeCmd", TICK]
+    frame = one.world.frame
+    one.reader.hand_over()
+    assert (len(one.world), one.world.frame) == (PARKED, frame)
+    assert loader.answers() == [(LOAD, True)]
+
+
+def test_loads_of_one_client_are_read_one_after_the_other() -> None:
+    one = Set()
+    client = one.wire()
+    client.load("parked")
+    client.load("elsewhere")
+    client.load("crowd")
+    for _ in range(3):
+        assert len(one.reader.waiting) == 1
+        one.reader.hand_over()
+    assert client.answers() == [(LOAD, True)] * 3
+    assert one.stand.node.stage.loaded.name == "crowd"
+    assert not client.peer.is_held
+
+
+@pytest.mark.parametrize("way", ["service", "topic"])
+def test_load_that_fails_says_why_and_lets_its_client_go_on(way: str, caplog: pytest.LogCaptureFixture) -> None:
+    one = Set()
+    client = one.wire()
+    before = one.world.digest()
+    if way == "service":
+        client.load("lost")
+    else:
+        message = {"file_name": "lost", **ALL}
+        client.send(op="publish", id="p1", topic="/ScenarioLoad", type="morai_msgs/ScenarioLoad", msg=message)
+    client.call("/Service_MoraiEventCmd", option=0)
+    one.reader.hand_over()
+    status, *others = [json.loads(frame) for frame in client.frames]
+    assert (status["op"], status["level"]) == ("status", "error")
+    assert status.get("id") == (None if way == "service" else "p1")
+    assert "no link 'no such link'" in status["msg"]
+    assert status["msg"] in caplog.text
+    assert others[-1]["service"] == "/Service_MoraiEventCmd"
+    if way == "service":
+        assert others[0]["values"]["response"] == {"result": False}
+    assert one.world.digest() == before
+
+
+@pytest.mark.parametrize("way", ["service", "topic"])
+def test_load_of_a_client_that_has_left_takes_effect_and_leaves_nothing_behind(way: str) -> None:
+    one = Set()
+    client = one.wire()
+    if way == "service":
+        client.load()
+    else:
+        message = {"file_name": "parked", **ALL}
+        client.send(op="publish", topic="/ScenarioLoad", type="morai_msgs/ScenarioLoad", msg=message)
+    client.tick()
+    client.peer.leave(0.0)
+    one.reader.hand_over()
+    assert len(one.world) == PARKED
+    assert client.answers() == []
+    assert not client.peer.is_held
+    assert client.peer not in one.stand.bus.owners()
+
+
+def test_load_that_a_reset_overtakes_fails() -> None:
+    one = Set()
+    client, other = one.wire(), one.wire()
+    client.load()
+    client.call("/Service_MoraiEventCmd", option=0)
+    other.send(op="call_service", service="/sim/reset")
+    before = one.world.digest()
+    one.reader.hand_over()
+    status, answer, after = [json.loads(frame) for frame in client.frames]
+    assert "the simulation was reset before the scenario was read" in status["msg"]
+    assert answer["values"]["response"] == {"result": False}
+    assert after["service"] == "/Service_MoraiEventCmd"
+    assert one.world.digest() == before
+
+
+def test_scenario_without_a_map_stands_on_the_map_that_is_there_when_it_comes_into_the_world() -> None:
+    one = Set()
+    first, second = one.wire(), one.wire()
+    first.load("parked")  # names no map
+    second.load("elsewhere")
+    one.reader.hand_over(1)
+    road_map = one.stand.node.stage.road_map
+    assert road_map.name == "hills"
+    one.reader.hand_over(0)
+    assert one.stand.node.stage.road_map is road_map
+    assert one.stand.node.stage.loaded.name == "parked"
+
+
+def test_load_that_is_given_up_by_its_caller_still_holds_what_comes_behind_it() -> None:
+    one = Set()
+    client = one.master()
+    client.send(op="call_service", service=LOAD, timeout=1.0, args={"request": {"file_name": "parked", **ALL}})
+    client.tick()
+    one.stand.bus.expire(2.0)
+    (refusal,) = [json.loads(frame) for frame in client.frames]
+    assert (refusal["result"], one.world.frame) == (False, 0)
+    one.reader.hand_over()
+    assert (len(one.world), one.world.frame) == (PARKED, 1)
+
+
+class Broken:
+    """A reader that hands over what no reader may."""
+
+    def read(self, work: Callable[[], Any], then: Callable[[Any, float], None], now: float) -> None:
+        del work
+        then("no documents", now)
+
+
+@pytest.mark.parametrize("load", [Wire.load, lambda wire: wire.load_at(1)], ids=["now", "at a frame"])
+def test_fault_of_ours_answers_the_caller_and_holds_nobody(load: Callable[[Wire], None]) -> None:
+    one = Set(Broken())
+    client = one.master()
+    with pytest.raises(AttributeError):
+        load(client)
+    assert [told for _, told in client.answers()] == [False]
+    client.tick()
+    assert client.answers() == [(TICK, (True, 1))]
+
+
+def test_master_that_is_held_does_not_lose_its_lease() -> None:
+    one = Set(sync_lease=1.0)
+    client = one.master()
+    client.load()
+    client.now = 30.0
+    client.tick()
+    one.stand.node.advance(20.0)
+    assert one.stand.node.next_due(20.0) is None
+    one.reader.hand_over(now=30.0)
+    assert client.answers() == [(LOAD, True), (TICK, (True, 1))]
+    assert one.stand.node.next_due(30.0) == 31.0
+    one.stand.node.advance(31.0)
+    assert one.sync.state is State.FREE
+
+
+# At a frame
+
+
+def test_load_at_a_frame_is_answered_once_it_is_known_whether_it_can_be_used() -> None:
+    one = Set()
+    client = one.master()
+    client.load_at(1)
+    client.load_at(2, "lost")
+    client.load_at(2, "nothing")
+    client.tick()
+    client.tick()
+    for _ in range(3):
+        one.reader.hand_over()
+    assert client.answers() == [
+        (LOAD_AT, True),
+        (LOAD_AT, False),
+        (LOAD_AT, False),
+        (TICK, (True, 1)),
+        (TICK, (True, 2)),
+    ]
+    assert len(one.world) == PARKED
+    assert one.sync.num_waiting == 0
+
+
+def test_tick_waits_for_the_load_of_its_frame_and_its_caller_waits_with_it() -> None:
+    one = Set()
+    master, loader, other = one.master(), one.wire(), one.wire()
+    loader.load_at(2)
+    master.tick()
+    master.tick()
+    master.call("/Service_MoraiEventCmd", option=0)
+    assert master.answers() == [(TICK, (True, 1))]
+    assert one.sync.num_ticks == 1
+    other.call("/Service_MoraiEventCmd", option=0)
+    assert len(other.answers()) == 1
+    one.reader.hand_over()
+    assert loader.answers() == [(LOAD_AT, True)]
+    assert [service for service, _ in master.answers()] == [TICK, "/Service_MoraiEventCmd"]
+    assert (one.world.frame, len(one.world)) == (2, PARKED)
+    assert one.sync.state is State.LED
+
+
+def test_tick_of_many_frames_is_one_whole_that_waits_before_its_first_frame() -> None:
+    one = Set()
+    master, loader = one.master(time_step=100), one.wire()
+    loader.load_at(4)
+    master.tick()
+    assert one.world.frame == 0
+    one.reader.hand_over()
+    assert master.answers() == [(TICK, (True, 5))]
+    assert len(one.world) == PARKED
+
+
+def test_tick_goes_on_without_a_load_that_fails() -> None:
+    one = Set()
+    master, loader = one.master(), one.wire()
+    loader.load_at(1, "lost")
+    master.tick()
+    one.reader.hand_over()
+    status, answer = [json.loads(frame) for frame in loader.frames]
+    assert "no link" in status["msg"]
+    assert answer["values"]["response"] == {"result": False}
+    assert master.answers() == [(TICK, (True, 1))]
+    assert len(one.world) == CROWD
+
+
+def test_tick_waits_for_all_loads_of_its_frame_and_they_take_effect_in_the_order_in_which_they_came() -> None:
+    one = Set()
+    master, first, second = one.master(), one.wire(), one.wire()
+    first.load_at(1, "elsewhere")
+    second.load_at(1, "crowd")
+    master.tick()
+    one.reader.hand_over(1)
+    assert master.answers() == []
+    assert second.answers() == [(LOAD_AT, True)]
+    one.reader.hand_over()
+    assert master.answers() == [(TICK, (True, 1))]
+    assert one.stand.node.stage.loaded.name == "crowd"
+
+
+def test_ticks_of_all_who_use_the_masters_id_wait_in_their_order() -> None:
+    one = Set()
+    masters, loader = [one.master(), one.wire(), one.wire()], one.wire()
+    loader.load_at(1)
+    loader_2 = one.wire()
+    loader_2.load_at(3, "crowd")
+    for master in masters:
+        master.tick()
+    masters[0].tick()
+    one.reader.hand_over()
+    assert [master.answers() for master in masters] == [[(TICK, (True, 1))], [(TICK, (True, 2))], []]
+    assert one.sync.num_ticks == 2
+    one.reader.hand_over()
+    assert [master.answers() for master in masters] == [[(TICK, (True, 4))], [], [(TICK, (True, 3))]]
+
+
+def test_tick_of_a_caller_that_has_left_is_carried_out_if_its_id_has_another_holder() -> None:
+    one = Set()
+    first, second, loader = one.master(), one.wire(), one.wire()
+    second.tick()
+    second.answers()
+    loader.load_at(2)
+    first.tick()
+    second.tick()
+    first.peer.leave(0.0)
+    one.reader.hand_over()
+    assert (first.answers(), second.answers()) == ([], [(TICK, (True, 3))])
+    assert not one.sync._mute
+
+
+def test_last_holder_that_leaves_while_its_tick_waits_ends_the_mode() -> None:
+    one = Set(sync_on_loss="wait")
+    master, loader = one.master(), one.wire()
+    loader.load_at(1)
+    master.tick()
+    master.peer.leave(0.0)
+    assert one.sync.state is State.OPEN
+    one.reader.hand_over()
+    assert loader.answers() == [(LOAD_AT, True)], "it was accepted, and dropped with the mode"
+    assert (one.world.frame, len(one.world)) == (0, CROWD)
+    assert not one.sync._mute
+
+
+def pause(wire: Wire) -> None:
+    wire.call("/Service_MoraiEventCmd", option=8, set_pause=True)
+
+
+def reset(wire: Wire) -> None:
+    wire.send(op="call_service", service="/sim/reset")
+
+
+@pytest.mark.parametrize(
+    ("act", "state", "why"),
+    [
+        (pause, State.LED_PAUSED, "the simulation was paused"),
+        (Wire.stop, State.FREE, "synchronous mode has ended"),
+        (reset, State.LED, "the simulation was reset"),
+    ],
+)
+def test_pause_stop_and_reset_refuse_the_tick_that_waits(act: Callable[[Wire], None], state: State, why: str) -> None:
+    one = Set()
+    master, loader, other = one.master(), one.wire(), one.wire()
+    master.tick()
+    loader.load_at(2)
+    master.send(op="set_level", level="warning")
+    master.tick()
+    master.call("/Service_MoraiEventCmd", option=0)
+    master.answers()
+    act(other)
+    assert one.sync.state is state
+    told, refused, after = [json.loads(frame) for frame in master.frames]
+    assert why in told["msg"]
+    response = refused["values"]["response"]
+    assert response["tick_status"] is False
+    assert response["pause_status"] is (act is pause)
+    assert response["frame"] == one.world.frame == (0 if act is reset else 1)
+    assert after["service"] == "/Service_MoraiEventCmd"
+    one.reader.hand_over()
+    assert loader.answers() == [(LOAD_AT, True)]
+    assert one.sync.num_waiting == (1 if act is pause else 0)
+
+
+def test_lease_of_a_master_whose_tick_waits_does_not_end() -> None:
+    one = Set(sync_lease=1.0)
+    master, loader = one.master(), one.wire()
+    loader.load_at(1)
+    master.tick()
+    one.stand.node.advance(50.0)
+    one.reader.hand_over(now=50.0)
+    assert master.answers() == [(TICK, (True, 1))]
+    assert one.stand.node.next_due(50.0) == 51.0
+
+
+def test_scenario_for_the_first_frame_may_be_read_before_there_is_a_master() -> None:
+    one = Set(start="sync")
+    loader, master = one.wire(), one.wire()
+    loader.load_at(1)
+    master.start()
+    master.tick()
+    master.answers()
+    assert one.world.frame == 0
+    one.reader.hand_over()
+    assert master.answers() == [(TICK, (True, 1))]
+    assert len(one.world) == PARKED
+
+
+def test_load_at_a_frame_that_cannot_wait_is_refused_unread() -> None:
+    one = Set()
+    client = one.wire()
+    client.load_at(1)
+    client.start()
+    client.load_at(100_000)
+    assert [told for _, told in client.answers()] == [False, True, False]
+    assert one.reader.waiting == []
+
+
+def test_command_that_comes_while_a_tick_waits_is_for_a_frame_behind_it() -> None:
+    one = Set()
+    master, loader, other = one.master(), one.wire(), one.wire()
+    loader.load_at(1, "crowd")
+    master.tick()
+    other.call("/SyncModeCtrlCmd", frame=1, command={"longlCmdType": 1, "accel": 1.0})
+    one.reader.hand_over()
+    assert one.sync.num_waiting == 1
+
+
+# A world that fails meanwhile
+
+
+@pytest.mark.parametrize("mode", ["exit", "serve"])
+def test_ticks_that_wait_are_refused_if_the_first_of_them_fails(mode: str) -> None:
+    one = Set(on_world_failure=mode)
+    first, second, loader = one.master(), one.wire(), one.wire()
+    loader.load_at(1)
+    first.tick()
+    second.tick()
+    one.stand.node._placing.append(lambda: 1 // 0)  # type: ignore[arg-type] # as good a bug as any
+    one.reader.hand_over()
+    assert loader.answers() == [(LOAD_AT, True)]
+    for master in (first, second):
+        (answer,) = [json.loads(frame) for frame in master.frames]
+        assert (answer["result"], answer["values"][:21]) == (False, "the world has failed:")
+        assert not master.peer.is_held
+    assert one.world.frame == 0
+
+
+@pytest.mark.parametrize("load", [Wire.load, lambda wire: wire.load_at(1)], ids=["now", "at a frame"])
+def test_load_into_a_world_that_has_failed_meanwhile_is_refused(load: Callable[[Wire], None]) -> None:
+    one = Set(on_world_failure="serve")
+    master, loader = one.master(), one.wire()
+    load(loader)
+    one.stand.node._fail(ZeroDivisionError("planted"))
+    before = one.world.digest()
+    one.reader.hand_over()
+    answer, told = [json.loads(frame) for frame in loader.frames]
+    assert (answer["result"], answer["values"][:21]) == (False, "the world has failed:")
+    assert "the world has failed" in told["msg"]
+    assert one.world.digest() == before
+    assert not loader.peer.is_held
+    assert master.answers() == []
+
+
+# The same bytes, however long the reading takes
+
+
+ACTS: dict[str, Callable[[Wire, int], None]] = {
+    "tick": lambda wire, _n: wire.tick(),
+    "load": lambda wire, n: wire.load(sorted(SCENARIOS)[n % len(SCENARIOS)]),
+    "load at": lambda wire, n: wire.load_at(n % 4, sorted(SCENARIOS)[n % len(SCENARIOS)], set_pause=n % 11 == 0),
+    "control": lambda wire, n: wire.call(
+        "/SyncModeCtrlCmd", frame=n % 5, command={"longlCmdType": 1, "accel": 0.1 * (n % 10)}
+    ),
+    "start": lambda wire, n: wire.start(time_step=20 * (n % 4)),
+    "stop": lambda wire, _n: wire.stop(),
+    "play": lambda wire, _n: wire.call("/Service_MoraiEventCmd", option=8, set_pause=False),
+    "reset": lambda wire, _n: reset(wire),
+}
+
+
+def run(acts: list[tuple[str, int]], reader: Reader) -> tuple[list[bytes], str]:
+    """All that a client hears that does one thing after the other, and the state in the end."""
+    one = Set(reader, start="sync")
+    client = one.wire()
+    for topic in ("/Ego_topic", "/Object_topic", "/SyncModeInfo"):
+        client.send(op="subscribe", topic=topic)
+    client.send(op="set_level", level="info")
+    client.start()
+    for name, n in acts:
+        ACTS[name](client, n)
+    if isinstance(reader, ByHand):
+        while reader.waiting:
+            reader.hand_over()
+    return client.frames, one.world.digest()
+
+
+@pytest.mark.slow
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.lists(st.tuples(st.sampled_from(sorted(ACTS)), st.integers(0, 60)), max_size=12))
+def test_slow_disk_changes_no_byte_of_what_a_client_hears(acts: list[tuple[str, int]]) -> None:
+    logging.disable(logging.ERROR)
+    try:
+        assert run(acts, ByHand()) == run(acts, AtOnce())
+    finally:
+        logging.disable(logging.NOTSET)
+
+
+def test_slow_disk_changes_no_byte_of_what_a_listener_hears_of_a_master_and_a_loader() -> None:
+    def heard(reader: Reader) -> tuple[list[bytes], str]:
+        one = Set(reader, start="sync")
+        listener = one.stand.client()
+        listener.listen("/Ego_topic", "/Object_topic", "/SyncModeInfo")
+        master = one.master(time_step=60)
+        for i in range(8):
+            loaders = [one.wire(), one.wire()]
+            for j, loader in enumerate(loaders):
+                loader.load_at(3 * i + j + i % 4, ["parked", "elsewhere", "lost", "crowd"][(i + j) % 4])
+            master.tick()
+            if isinstance(reader, ByHand):
+                while reader.waiting:
+                    reader.hand_over(-1)
+            master.call("/SyncModeCtrlCmd", frame=3 * i, command={"longlCmdType": 1, "accel": 0.5})
+        return listener.raw, one.world.digest()
+
+    slow = heard(ByHand())
+    assert len(slow[0]) > 18
+    assert slow == heard(AtOnce())
