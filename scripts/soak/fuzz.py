@@ -68,6 +68,7 @@ MAX_GROWTH = 400.0
 """Memory above that of the idle server [MB]: the outboxes of a few clients that read late, and what they hold."""
 
 DECODER_TESTS = (
+    "tests/protocol/test_any_frame.py",
     "tests/morai/test_any_frame.py",
     "tests/schema/test_any_definition.py",
     "tests/morai/test_any_document.py",

@@ -69,6 +69,7 @@ def explain(text: bytes) -> bool:
     return not told
 
 
+@pytest.mark.slow
 @examples(60)
 @given(name=st.sampled_from(sorted(SCENARIOS)), changes=edits())
 def test_a_scenario_with_odd_values_is_read_or_told(name: str, changes: list[Edit]) -> None:
@@ -108,6 +109,7 @@ def survey(files: dict[str, bytes]) -> bool:
     return True
 
 
+@pytest.mark.slow
 @examples(60)
 @given(name=st.sampled_from(sorted(MAPS)), data=st.data())
 def test_a_map_with_odd_values_is_read_or_told(name: str, data: st.DataObject) -> None:

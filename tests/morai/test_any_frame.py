@@ -10,6 +10,7 @@ from functools import cache
 from typing import NoReturn, get_args
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -142,6 +143,7 @@ def is_refused(data: bytes, heard: list[dict[str, object]]) -> bool:
     return frame.get("level") == "error" or (frame["op"] == "service_response" and frame["result"] is False)
 
 
+@pytest.mark.slow
 @examples(12)
 @given(seed=st.integers(0, 2**32), ros=st.sampled_from(get_args(Generation)))
 def test_whatever_clients_send_nothing_is_raised_and_an_honest_one_is_answered(seed: int, ros: Generation) -> None:

@@ -70,6 +70,7 @@ def test_an_error_about_a_line_without_end_is_short(line: str) -> None:
     assert len(str(caught.value)) < 400
 
 
+@pytest.mark.slow
 @examples(150)
 @given(given_text=edited_texts, ros=st.sampled_from(get_args(Generation)))
 def test_an_odd_definition_is_a_type_or_an_error(

@@ -133,6 +133,7 @@ def test_what_they_start_from_is_good() -> None:
 ros_generations = st.sampled_from([1, 2])
 
 
+@pytest.mark.slow
 @examples(40)
 @given(ros=ros_generations, topics=st.sampled_from(TOPICS), changes=flips())
 def test_a_damaged_bag_is_read_mended_or_told(ros: Generation, topics: tuple[str, ...], changes: list[Flip]) -> None:
@@ -150,7 +151,8 @@ def test_a_damaged_bag_is_read_mended_or_told(ros: Generation, topics: tuple[str
             read(mended)
 
 
-@examples(40)
+@pytest.mark.slow
+@examples(20)
 @given(ros=ros_generations, topic=st.sampled_from(sorted(TYPES)), changes=flips())
 def test_messages_of_odd_bytes_are_read_or_told(ros: Generation, topic: str, changes: list[Flip]) -> None:
     def bend(name: str, raw: bytes) -> bytes:
@@ -163,6 +165,7 @@ def test_messages_of_odd_bytes_are_read_or_told(ros: Generation, topic: str, cha
             skim(damage(raw_of(topic, ros), changes), is_cdr=ros == 2, has_pedals=topic == "/ReplayInfo_topic")
 
 
+@pytest.mark.slow
 @examples(25)
 @given(ros=ros_generations, changes=flips(), lines=st.integers(0, 60))
 def test_a_definition_of_anothers_is_read_or_told(ros: Generation, changes: list[Flip], lines: int) -> None:
@@ -182,6 +185,7 @@ def test_a_definition_of_anothers_is_read_or_told(ros: Generation, changes: list
         read(at / f"a{SUFFIXES[ros]}")
 
 
+@pytest.mark.slow
 @examples(25)
 @given(changes=flips(), column=st.sampled_from(["messages.data", "topics.type", "topics.name", "messages.timestamp"]))
 def test_a_damaged_db3_is_read_or_told(changes: list[Flip], column: str) -> None:
@@ -264,6 +268,7 @@ def read_texts(content: bytes) -> None:
                 assert is_one_line(str(error)), error  # noqa: PT017 - either is right
 
 
+@pytest.mark.slow
 @examples(60)
 @given(changes=flips(), pieces=st.lists(st.tuples(st.floats(0, 1), st.sampled_from(PIECES)), max_size=3))
 def test_odd_settings_are_read_or_told(changes: list[Flip], pieces: list[tuple[float, str]]) -> None:
