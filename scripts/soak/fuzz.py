@@ -73,6 +73,7 @@ DECODER_TESTS = (
     "tests/schema/test_any_definition.py",
     "tests/morai/test_any_document.py",
     "tests/shell/test_any_file.py",
+    "tests/shell/test_any_tool.py",
 )
 """Those that use `tests/mutations.py`."""
 
