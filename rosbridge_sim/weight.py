@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["FULL", "LIGHT", "Bounds", "Weight", "weigh", "weigh_exactly"]
+__all__ = ["FULL", "LIGHT", "Bounds", "Weight", "claim", "weigh", "weigh_exactly"]
 
 _SLICE = 256 * 1024
 """Bytes that are looked at in one go: they stay in the processor's cache; 1 ms of work where texts are left out."""
@@ -130,3 +130,12 @@ def _real_quotes(part: npt.NDArray[np.uint8], *, is_escaped: bool) -> tuple[npt.
     inner = behind[behind < len(part)]
     marks[inner] = 0
     return marks, len(inner) < len(behind)
+
+
+def claim(size: int) -> None:
+    """Raise MemoryError if there is no memory for so many bytes.
+
+    msgspec (0.22) does not look whether it got the memory for a text, and writes to address 0: the process is gone. The
+    text is at most as long as its body, so where this succeeds, that does.
+    """
+    bytearray(size + 64)  # behind the characters, a str of ASCII takes 41 bytes

@@ -1,4 +1,4 @@
-"""A bad line between a client and a server: a TCP proxy that splits, delays, stalls and resets, by a plan.
+"""A bad line between a client and a server: a TCP proxy that splits, delays, stalls, finishes and resets, by a plan.
 
 Each connection has a fate, taken from the plan in the order of the connections; those after its end have a good line. A
 fate is told in bytes and drawn from a seed, so that a plan breaks the same bytes each time, however fast the machine.
@@ -13,9 +13,10 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Literal, Self
 
-from tests.support import PATIENCE
-
 __all__ = ["BrokenProxy", "Fate", "draw_fates"]
+
+PATIENCE = 20.0
+"""How long an event is waited for [s]; here once more, for scripts that use the proxy have no pytest at hand."""
 
 Way = Literal["up", "down"]
 """Towards the server, or towards the client."""
@@ -27,8 +28,10 @@ class Fate:
 
     Attributes:
         piece: the most that is passed on at once [bytes].
-        pause: the longest wait before a piece [s].
+        pause: the longest wait before a piece [s]; what comes meanwhile is joined, up to `piece`.
         reset_at: after so many bytes, both ways together, both ends see a reset.
+        finish_at: after so many bytes towards the server, it sees the end of what the client says (FIN); the way back
+            stays open.
         stall_at: after so many bytes, nothing more is taken on the way `stalled`, while the other goes on.
         seed: of the pieces and pauses.
     """
@@ -36,6 +39,7 @@ class Fate:
     piece: int = 1 << 16
     pause: float = 0.0
     reset_at: int | None = None
+    finish_at: int | None = None
     stall_at: int | None = None
     stalled: Way = "up"
     seed: int = 0
@@ -164,12 +168,19 @@ class _Line:
     async def pass_on(self, way: Way, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Carry one way until an end leaves or the fate strikes."""
         fate = self._fate
+        num_bytes = 0
         try:
             while True:
                 if fate.stall_at is not None and way == fate.stalled and self._num_bytes >= fate.stall_at:
                     self._strike()
                     await asyncio.Event().wait()  # until the other way ends
                 most = self._chance.randint(1, fate.piece)
+                if way == "up" and fate.finish_at is not None:
+                    most = min(most, fate.finish_at - num_bytes)
+                    if most <= 0:
+                        self._strike()
+                        writer.write_eof()
+                        await asyncio.Event().wait()  # until the server has said all
                 if fate.reset_at is not None:
                     most = min(most, fate.reset_at - self._num_bytes)
                 if most <= 0:
@@ -180,6 +191,7 @@ class _Line:
                     return
                 if fate.pause:
                     await asyncio.sleep(self._chance.uniform(0.0, fate.pause))
+                num_bytes += len(data)
                 self._num_bytes += len(data)
                 writer.write(data)
                 await writer.drain()

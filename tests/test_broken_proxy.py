@@ -66,6 +66,14 @@ async def test_a_reset_comes_after_so_many_bytes(echo: int, at: int) -> None:
         assert await talk(proxy, b"well") == b"well", "a good line after the plan"
 
 
+@pytest.mark.parametrize("at", [0, 1, 100])
+async def test_a_finish_ends_one_way_and_all_that_came_before_is_answered(echo: int, at: int) -> None:
+    async with BrokenProxy(echo, [Fate(finish_at=at)]) as proxy:
+        assert await talk(proxy, bytes(200)) == bytes(at)
+        assert proxy.num_ended == 1
+        assert await talk(proxy, b"well") == b"well", "the next connection has nothing to do with it"
+
+
 @pytest.mark.parametrize("way", ["up", "down"])
 async def test_a_stall_stops_one_way_and_stays_connected(echo: int, way: Way) -> None:
     async with BrokenProxy(echo, [Fate(stall_at=0, stalled=way)]) as proxy:

@@ -21,7 +21,8 @@ from typing import Any, Final, Protocol
 from rosbridge_sim.errors import EncodingError, GraphError, PeerError
 from rosbridge_sim.graph.channels import Call, Handle, Service
 from rosbridge_sim.graph.guard import Guard
-from rosbridge_sim.graph.owner import Body, Owner, decode_body, resolve
+from rosbridge_sim.graph.owner import Body, Owner, decode_body, resolve, size_of_body
+from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.schema.compile import ActionType
 from rosbridge_sim.schema.store import Message, Store
 
@@ -93,6 +94,7 @@ class Goal:
     on_feedback: OnFeedback | None
     actions: Actions
     is_done: bool = False
+    num_bytes: int = 0
 
     def report(self, values: object) -> None:
         """Pass feedback on; a struct of the action's feedback type."""
@@ -141,6 +143,9 @@ class _Bus(Protocol):
 
     def withdraw(self, owner: Owner, name: str) -> None:
         """Stop offering it."""
+
+    def account_of(self, owner: Owner) -> Account:
+        """The account that pays for what an owner makes this process hold."""
 
 
 class Actions:
@@ -224,10 +229,13 @@ class Actions:
             held = self._goals.setdefault(caller, {})
             if len(held) >= self.max_goals:
                 raise GraphError(f"Too many goals under way: at most {self.max_goals}")
+            size = size_of_body(request, args)
+            if not self._bus.account_of(caller).take(size):
+                raise GraphError("Too much under way: this client makes the server hold too much")
         except PeerError as error:
             on_outcome(Outcome(is_ok=False, status=GoalStatus.UNKNOWN, values=str(error)))
             return None
-        goal = Goal(action, caller, request, on_outcome, on_feedback, self)
+        goal = Goal(action, caller, request, on_outcome, on_feedback, self, num_bytes=size)
         action.goals[goal] = None
         held[goal] = None
         try:
@@ -243,6 +251,7 @@ class Actions:
 
     def forget(self, goal: Goal) -> None:
         """Strike an ended goal from its caller's list (for `Goal` alone)."""
+        self._bus.account_of(goal.caller).give(goal.num_bytes)
         held = self._goals.get(goal.caller)
         if held is not None:
             held.pop(goal, None)

@@ -27,8 +27,9 @@ from rosbridge_sim.errors import EncodingError, GraphError, PeerError, UnknownPa
 from rosbridge_sim.graph.actions import Actions
 from rosbridge_sim.graph.channels import Answer, Call, Deliver, Handle, OnAnswer, Service, Subscription, Topic
 from rosbridge_sim.graph.guard import Guard
-from rosbridge_sim.graph.owner import Body, Owner, decode_body, resolve
+from rosbridge_sim.graph.owner import Body, Owner, decode_body, resolve, size_of_body
 from rosbridge_sim.graph.parameters import Parameters
+from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.schema.compile import MessageType, OpaqueType
 from rosbridge_sim.schema.store import Message, Store
 
@@ -92,6 +93,8 @@ class Bus:
         on_holdings: called with an owner after it has begun or ceased to publish, to listen or to serve somewhere.
         is_strict: refuse types of packages that nobody knows, in place of relaying them unchecked.
         max_calls: calls that one caller may have in flight, and as many goals.
+        total: what all owners together make this process hold.
+        accounts: those of owners that have a limit, by owner.
         guard: sees to it that a failure of ours hurts as few as possible.
         num_published, num_calls: counters since the start.
     """
@@ -115,6 +118,9 @@ class Bus:
         self.service_timeout = service_timeout
         self.max_calls = max_calls
         self.guard = Guard()
+        self.total = Account()
+        self.accounts: dict[Owner, Account] = {}
+        self._own_account = Account(total=self.total)
         self.num_published = 0
         self.num_calls = 0
         self.topics: dict[str, Topic] = {}
@@ -188,9 +194,11 @@ class Bus:
             Exception: a listener that cannot end alone has failed; the same.
         """
         self.num_published += 1
-        if topic.depth:
-            topic.keep(sender, message)
         problem: Exception | None = None
+        if topic.depth and not topic.keep(sender, message, self.account_of(sender)):
+            problem = GraphError(
+                f"{topic.name}: this client makes the server hold too much; the message is not latched"
+            )
         for subscription in topic.subscriptions:
             try:
                 subscription.deliver(topic, message, sender, now)
@@ -250,6 +258,27 @@ class Bus:
         self._held(subscription.owner).subscriptions.pop(subscription, None)
         self._orphan(topic, now)
         self._tell_holdings(subscription.owner)
+
+    def type_to_publish(self, name: str, type_name: str | None) -> MessageType | OpaqueType:
+        """The type of messages for a topic, whether it is there or not; nothing is changed.
+
+        Args:
+            name: of the topic; may be relative.
+            type_name: in any accepted spelling; None takes the topic's.
+
+        Raises:
+            GraphError: type conflict, or no type given for a topic that nobody has advertised.
+            TypeNameError: the type cannot be had.
+        """
+        topic = self.find_topic(name)
+        if topic is None and type_name is None:
+            raise GraphError(f"Cannot infer topic type for topic {name} as it is not yet advertised")
+        if topic is None or type_name is None:
+            return self._message_type(type_name) if type_name is not None else topic.type  # type: ignore[union-attr] # one is there
+        why = self.type_conflict(name, type_name)
+        if why is not None:
+            raise GraphError(why)
+        return topic.type
 
     def check_type(self, name: str, type_name: str) -> None:
         """Agree to a type for a topic that exists.
@@ -351,10 +380,13 @@ class Bus:
             held = self._held(caller).calls
             if len(held) >= self.max_calls:
                 raise GraphError(f"Too many calls in flight: at most {self.max_calls}")
+            size = size_of_body(request, args)
+            if not self.account_of(caller).take(size):
+                raise GraphError("Too much in flight: this client makes the server hold too much")
         except PeerError as error:
             on_answer(Answer(is_ok=False, values=str(error)))
             return
-        call = Call(service, caller, request, on_answer, self)
+        call = Call(service, caller, request, on_answer, self, num_bytes=size)
         service.calls[call] = None
         held[call] = None
         if timeout is None:
@@ -374,6 +406,7 @@ class Bus:
 
     def forget_call(self, call: Call) -> None:
         """Strike a finished call from its caller's list (for `Call` alone)."""
+        self.account_of(call.caller).give(call.num_bytes)
         held = self._holdings.get(call.caller)
         if held is not None:
             held.calls.pop(call, None)
@@ -394,6 +427,22 @@ class Bus:
             self.hand_over(call, Answer(is_ok=False, values=str(error)))
         except Exception as error:  # noqa: BLE001 - a bug of ours in the caller's own state
             self.guard.blame(call.caller, error)
+
+    # Memory
+
+    def account_of(self, owner: Owner) -> Account:
+        """The account that pays for what an owner makes this process hold."""
+        return self.accounts.get(owner, self._own_account)
+
+    def forget_latched(self, owner: Owner) -> None:
+        """Keep nothing that an owner has published for those who come late."""
+        for topic in list(self.topics.values()):
+            topic.forget_messages_of(owner)
+
+    def forget_orphans(self) -> None:
+        """Keep nothing of publishers that are gone."""
+        for topic in list(self._orphans):
+            topic.forget_messages()
 
     # Time and departure
 
@@ -431,6 +480,7 @@ class Bus:
                 why = f"Service {service.name} was unadvertised: its provider disconnected"
                 self._try("the end of a service", self._drop_service, service, why)
             self._holdings.pop(owner, None)
+        self.accounts.pop(owner, None)
         for watch in tuple(self.watchers):
             self._try("what follows an owner's end", watch, owner, now)
 
@@ -505,7 +555,7 @@ class Bus:
         """Tidy up after an owner that publishes there no longer."""
         topic.on_demand.pop(owner, None)
         if topic.publishers:
-            topic.kept.pop(owner, None)
+            topic.forget_messages_of(owner)
         if topic.owner is owner:
             topic.owner = None
         self._held(owner).published.pop(topic, None)

@@ -5,12 +5,12 @@ A call ends exactly once: it is answered, refused or given up, and whatever come
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
 from rosbridge_sim.graph.owner import Owner
+from rosbridge_sim.protocol.account import Account, HeldMessages
 from rosbridge_sim.protocol.smallest import Smallest
 from rosbridge_sim.schema.compile import MessageType, OpaqueType, ServiceType
 from rosbridge_sim.schema.store import Message
@@ -75,7 +75,7 @@ class Topic:
     publishers: dict[Owner, dict[object, int]] = field(default_factory=dict)
     subscriptions: tuple[Subscription, ...] = ()
     depth: int = 0
-    kept: dict[Owner, deque[Message]] = field(default_factory=dict)
+    kept: dict[Owner, HeldMessages[Message]] = field(default_factory=dict)
     depths: Smallest = field(default_factory=Smallest)
     owner: Owner | None = None
     on_demand: dict[Owner, None] = field(default_factory=dict)
@@ -89,7 +89,7 @@ class Topic:
     @property
     def latched(self) -> list[Message]:
         """What is kept for those who come late: of each publisher the last messages, oldest first."""
-        return [message for messages in self.kept.values() for message in messages]
+        return [message for held in self.kept.values() for message in held.messages()]
 
     @property
     def has_listener(self) -> bool:
@@ -122,21 +122,28 @@ class Topic:
             self.publishers.pop(owner, None)
         self._set_depth()
 
-    def keep(self, sender: Owner, message: Message) -> None:
-        """Keep a message for those who come late."""
-        messages = self.kept.pop(sender, None)
-        if messages is None:
-            messages = deque()
-            self.kept = {owner: old for owner, old in self.kept.items() if owner in self.publishers}
-        messages.append(message)
-        if len(messages) > self.depth:
-            messages.popleft()
-        self.kept[sender] = messages
+    def keep(self, sender: Owner, message: Message, account: Account) -> bool:
+        """Keep a message for those who come late, paid for by an account; return whether there was room for it."""
+        held = self.kept.pop(sender, None)
+        if held is None:
+            held = HeldMessages(account, _size_of)
+            for owner in [owner for owner in self.kept if owner not in self.publishers]:
+                self.forget_messages_of(owner)
+        self.kept[sender] = held
+        held.put(message, self.depth)
+        return len(held) > 0
+
+    def forget_messages_of(self, owner: Owner) -> None:
+        """Keep nothing of one publisher any longer."""
+        held = self.kept.pop(owner, None)
+        if held is not None:
+            held.shorten(0)
 
     def forget_messages(self) -> None:
         """Keep nothing any longer."""
         self.depth = 0
-        self.kept = {}
+        for owner in list(self.kept):
+            self.forget_messages_of(owner)
 
     def _set_depth(self) -> None:
         """Keep as many as the publishers want; without one, what is latched stays for as long as the type does."""
@@ -145,11 +152,15 @@ class Topic:
             return
         depth = -int(smallest)
         if depth < self.depth:  # what was kept is taken off once, so many changes cost no more than the messages did
-            self.kept = {owner: messages for owner, messages in self.kept.items() if depth}
-            for messages in self.kept.values():
-                while len(messages) > depth:
-                    messages.popleft()
+            for held in self.kept.values():
+                held.shorten(depth)
+            if not depth:
+                self.kept = {}
         self.depth = depth
+
+
+def _size_of(message: Message) -> int:
+    return message.num_bytes
 
 
 @dataclass(eq=False, slots=True)
@@ -183,6 +194,7 @@ class Call:
             kept for late answers.
         deadline: when it is given up [s], or None.
         is_done: answered, refused or given up; whatever comes after that is ignored.
+        num_bytes: what its caller's account pays for it [bytes].
     """
 
     service: Service
@@ -192,6 +204,7 @@ class Call:
     bus: _Bookkeeper
     deadline: float | None = None
     is_done: bool = False
+    num_bytes: int = 0
 
     def answer(self, values: object) -> None:
         """End the call with a struct of the service's response type."""

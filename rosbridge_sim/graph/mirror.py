@@ -232,7 +232,8 @@ class Mirror:
             depth = max(item.topic.publishers.get(self._source, {}).values(), default=0)
             line.say("advertise", id=f"advertise:{item.name}", topic=item.name, type=item.type, latch=depth > 0)
             head = publish_head(item.name)
-            for message in item.topic.kept.get(self._source, ()):
+            held = item.topic.kept.get(self._source)
+            for message in held.messages() if held is not None else ():
                 line.offer(item.name, message.framed(head))
 
     def _renounce(self, item: _Item) -> None:

@@ -13,8 +13,20 @@ from rosbridge_sim.errors import FieldError, GraphError
 from rosbridge_sim.protocol.codec import is_absent
 from rosbridge_sim.protocol.ops import ABSENT, Body
 from rosbridge_sim.schema.compile import MessageType, OpaqueType
+from rosbridge_sim.schema.sizes import size_of
 
-__all__ = ["Body", "Correlating", "Holdable", "Owner", "Tell", "decode_body", "hold", "resolve", "teller"]
+__all__ = [
+    "Body",
+    "Correlating",
+    "Holdable",
+    "Owner",
+    "Tell",
+    "decode_body",
+    "hold",
+    "resolve",
+    "size_of_body",
+    "teller",
+]
 
 _NAME = re.compile(r"[^\s\x00-\x1f\x7f]{1,256}")
 
@@ -88,6 +100,20 @@ def resolve(name: str) -> str:
         shown = name if len(name) <= 80 else name[:77] + "..."  # noqa: PLR2004 - a line of a terminal
         raise GraphError(f"{shown!r} is not a valid graph name")
     return name if name[0] == "/" else "/" + name
+
+
+def size_of_body(value: object, body: object) -> int:
+    """Estimate what a decoded body costs while it is held [bytes]."""
+    if isinstance(body, (bytes, msgspec.Raw)):
+        length = memoryview(body).nbytes
+        if length < _SHORT:
+            return _SHORT + 8 * length
+        return size_of(value, length)
+    return size_of(value)
+
+
+_SHORT = 2_000
+"""A body of less text is estimated by its length alone [bytes]: nearly all are."""
 
 
 def decode_body(message_type: MessageType | OpaqueType, body: Body, stamp_ns: int) -> object:

@@ -33,6 +33,7 @@ from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.codec import is_absent
 from rosbridge_sim.protocol.feed import read_qos, read_terms
 from rosbridge_sim.protocol.session import Feed, Session
+from rosbridge_sim.schema.compile import MessageType, OpaqueType
 from rosbridge_sim.schema.store import Message
 
 __all__ = ["NODE_NAME", "FrameWork", "Peer", "Work"]
@@ -283,6 +284,7 @@ class Peer:
         self._performances.clear()
         self._goals.clear()
         self._num_ids = 0
+        self.session.leave()
         self._bus.leave(self, now)
 
     # Topics
@@ -317,23 +319,18 @@ class Peer:
                 del self._publications[spelling]
 
     def _publish(self, op: ops.Publish, now: float) -> None:
-        topic = self._publications.get(op.topic)
-        if topic is None:
-            topic = self._advertise_implicitly(op)
         bus = self._bus
-        message_type = topic.type
+        topic = self._publications.get(op.topic)
+        message_type = self._type_to_publish(op) if topic is None else topic.type
         value = decode_body(message_type, op.msg, bus.stamp_ns)
-        bus.publish(self, topic, Message(message_type, value), now)
+        if topic is None:  # after the message was found right: a wrong one leaves nothing behind
+            topic = self._publications[op.topic] = self._claim(op, message_type.name, _IMPLICIT)
+        bus.publish(self, topic, Message(message_type, value, self.session.frame_length), now)
 
-    def _advertise_implicitly(self, op: ops.Publish) -> Topic:
+    def _type_to_publish(self, op: ops.Publish) -> MessageType | OpaqueType:
         """A publish without an advertise is one, where the type is known or given."""
         self._policy.check_publish(op.topic)
-        known = self._bus.find_topic(op.topic)
-        type_name = op.type or (known and known.type.name)
-        if not type_name:
-            raise GraphError(f"Cannot infer topic type for topic {op.topic} as it is not yet advertised")
-        topic = self._publications[op.topic] = self._claim(op, type_name, _IMPLICIT)
-        return topic
+        return self._bus.type_to_publish(op.topic, op.type or None)
 
     def _subscribe(self, op: ops.Subscribe, _now: float) -> None:
         self._policy.check_subscribe(op.topic)

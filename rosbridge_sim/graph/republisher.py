@@ -196,7 +196,7 @@ class Republisher:
 
         subscription = self._bus.subscribe(self, name, hear, type_name="tf2_msgs/TFMessage", is_idle=True)
         for sender, messages in subscription.topic.kept.items():
-            for message in messages:
+            for message in messages.messages():
                 self._put(message, sender, is_static=is_static)
         return subscription
 

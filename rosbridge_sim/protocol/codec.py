@@ -26,7 +26,7 @@ import orjson
 
 from rosbridge_sim.errors import FrameError
 from rosbridge_sim.protocol.ops import ABSENT, OPS, Body, Id, Op
-from rosbridge_sim.weight import FULL, LIGHT, weigh, weigh_exactly
+from rosbridge_sim.weight import FULL, LIGHT, claim, weigh, weigh_exactly
 
 __all__ = [
     "LONG",
@@ -111,6 +111,10 @@ class Encoded(Protocol):
     """A message whose encodings are made once and shared by all who listen."""
 
     @property
+    def num_bytes(self) -> int:
+        """An estimate of what holding it costs [bytes]."""
+
+    @property
     def json(self) -> bytes:
         """The body as JSON text."""
 
@@ -156,6 +160,7 @@ def decode_frame(frame: bytes) -> Iterator[Op | FrameError | None]:
             yield _name(error, _ends(frame))
             return
         yield None
+        claim(len(frame))
     op = decode_quickly(frame)
     if op is not None:
         if len(frame) >= LONG:  # what it asks for is a long step of its own
@@ -236,15 +241,24 @@ def _read_op(part: memoryview) -> Op | FrameError:
     if op is not None:
         return op
     try:
-        if len(part) < LONG or LIGHT.excess(weigh(part)) is None:
-            return op_from_value(json.loads(bytes(part)))
-        return op_from_value(_outline(part))
+        is_light = len(part) < LONG or LIGHT.excess(weigh(part)) is None
+        return _op_or_error(json.loads(bytes(part)) if is_light else _outline(part))
     except FrameError as error:
         return _name(error, _ends(part))
     except RecursionError:
         return FrameError("Received a message that is nested too deeply")
     except ValueError as error:  # integers of thousands of digits
         return FrameError(f"Received a frame that is not valid JSON: {error}. The frame: {_shorten_bytes(part)}")
+
+
+def _op_or_error(value: object) -> Op | FrameError:
+    """The op that a JSON value spells, or what is wrong with it, with the op that it names."""
+    try:
+        return op_from_value(value)
+    except FrameError as error:
+        name = value.get("op") if isinstance(value, dict) else None
+        error.op = name if isinstance(name, str) else None
+        return error
 
 
 def _outline(part: memoryview) -> dict[str, Any]:
@@ -288,12 +302,7 @@ def _scan_words(frame: bytes, start: int, num_ops: int) -> Iterator[Op | FrameEr
             problem = FrameError(f"Received a frame that is not valid JSON: {error}. The frame: {_shorten(text)}")
             yield _name(problem, _ends(text[position:]))
             return
-        try:
-            yield op_from_value(value)
-        except FrameError as error:
-            name = value.get("op") if isinstance(value, dict) else None
-            error.op = name if isinstance(name, str) else None
-            yield error
+        yield _op_or_error(value)
         position = _end_of(_SPACE.match(text, position))
         num_ops += 1
         if num_ops > MAX_OPS:

@@ -16,11 +16,12 @@ burst arrives. Time is an argument; whoever calls `deliver` asks `due` when to c
 
 from __future__ import annotations
 
-from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from rosbridge_sim.errors import FrameError
+from rosbridge_sim.protocol.account import Account, HeldMessages
 from rosbridge_sim.protocol.ops import Id, Subscribe
 from rosbridge_sim.protocol.smallest import Smallest
 
@@ -100,7 +101,7 @@ def read_qos(qos: dict[str, object] | None) -> Qos:
         if values is None and policy not in {"depth", "deadline", "lifespan"}:
             known = [*QOS_VALUES, "depth", "deadline", "lifespan"]
             raise FrameError(f"{policy!r} is not a valid policy name. Valid options are: {known}")
-        if values is not None and value not in values:
+        if values is not None and (not isinstance(value, str) or value not in values):
             raise FrameError(f"{value!r} is not a valid {policy}. Valid options are: {list(values)}")
     depth = qos.get("depth", 1)
     if not isinstance(depth, int) or isinstance(depth, bool) or depth < 0:
@@ -165,6 +166,11 @@ class MergedTerms:
         return numbers
 
 
+def _nothing(_message: object) -> int:
+    """The cost of a message where nothing is counted."""
+    return 0
+
+
 class Pace(Generic[T]):
     """Throttle and queue of one feed; it holds messages and knows nothing of what they are.
 
@@ -172,21 +178,27 @@ class Pace(Generic[T]):
         num_dropped: messages that never left.
     """
 
-    __slots__ = ("_free_at", "_interval", "_waiting", "num_dropped")
+    __slots__ = ("_free_at", "_interval", "_max_length", "_waiting", "num_dropped")
 
-    def __init__(self) -> None:
+    def __init__(self, account: Account | None = None, size_of: Callable[[T], int] = _nothing) -> None:
+        """Nothing waits, and nothing is throttled.
+
+        Args:
+            account: pays for the messages that wait.
+            size_of: what a message costs [bytes].
+        """
         self._interval = 0.0
         self._free_at = float("-inf")
-        self._waiting: deque[T] = deque(maxlen=0)
+        self._max_length = 0
+        self._waiting = HeldMessages(account or Account(), size_of)
         self.num_dropped = 0
 
     def set_terms(self, terms: Terms) -> None:
         """Go on under new terms; what waits stays as far as the new queue holds it."""
         self._free_at += terms.interval - self._interval
         self._interval = terms.interval
-        kept = deque(self._waiting, maxlen=terms.queue_length)
-        self.num_dropped += len(self._waiting) - len(kept)
-        self._waiting = kept
+        self._max_length = terms.queue_length
+        self.num_dropped += self._waiting.shorten(terms.queue_length)
 
     def admit(self, message: T, now: float) -> bool:
         """Whether this message leaves now; else it waits or is dropped."""
@@ -195,8 +207,7 @@ class Pace(Generic[T]):
         if now >= self._free_at and not self._waiting:
             self._free_at = now + self._interval
             return True
-        self.num_dropped += len(self._waiting) == self._waiting.maxlen
-        self._waiting.append(message)
+        self.num_dropped += self._waiting.put(message, self._max_length) if self._max_length else 1
         return False
 
     def due(self) -> float | None:
@@ -209,4 +220,12 @@ class Pace(Generic[T]):
             return None
         # counted from when it was due, so that a late timer does not slow the feed; after a stall, from now
         self._free_at = max(self._free_at + self._interval, now)
-        return self._waiting.popleft()
+        return self._waiting.pop()
+
+    def forget(self) -> None:
+        """Drop what waits: nobody will ask for it."""
+        self._waiting.shorten(0)
+
+    def waiting(self) -> list[T]:
+        """The messages that wait, oldest first."""
+        return self._waiting.messages()

@@ -11,7 +11,7 @@ the hard limit, the peer is beyond help and its connection is to be closed.
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -159,6 +159,11 @@ class Outbox:
             waiting.popleft()
             self.num_bytes -= size
         return taken
+
+    def frames(self) -> Iterator[tuple[int, int]]:
+        """Identity and size of each frame that waits: several outboxes may hold the same one [bytes]."""
+        for _, frame, size in self._frames:
+            yield id(frame), size
 
     def close(self) -> None:
         """Forget everything: nobody will take it any more."""

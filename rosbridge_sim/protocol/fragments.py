@@ -13,6 +13,7 @@ from collections.abc import Iterator
 import orjson
 
 from rosbridge_sim.errors import FrameError
+from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.ops import Fragment
 
 __all__ = ["Defragmenter", "Pieces"]
@@ -25,6 +26,9 @@ MAX_PIECES = 10_000
 
 MAX_AGE = 60.0
 """A message is forgotten when no piece of it has come for so long [s]; rosbridge_suite waits ten minutes."""
+
+_OVERHEAD = 150
+"""What a piece costs beside its characters: the text, the number and the entry of a table [bytes]."""
 
 MIN_SIZE = 10
 """A smaller fragment_size is taken for this one [characters]: each one in a frame of its own helps nobody."""
@@ -80,12 +84,18 @@ class Pieces:
         return pieces
 
 
+def _size_of(text: str) -> int:
+    """What a piece costs in memory at most [bytes]."""
+    return _OVERHEAD + len(text) * (1 if text.isascii() else 4)
+
+
 class _Partial:
-    __slots__ = ("last_at", "num_chars", "pieces", "total")
+    __slots__ = ("last_at", "num_bytes", "num_chars", "pieces", "total")
 
     def __init__(self, total: int) -> None:
         self.total = total
         self.pieces: dict[int, str] = {}
+        self.num_bytes = 0
         self.num_chars = 0
         self.last_at = 0.0
 
@@ -93,15 +103,17 @@ class _Partial:
 class Defragmenter:
     """The fragmented messages of one client that are not whole yet."""
 
-    __slots__ = ("_max_chars", "_partials")
+    __slots__ = ("_account", "_max_chars", "_partials")
 
-    def __init__(self, max_chars: int) -> None:
+    def __init__(self, max_chars: int, account: Account | None = None) -> None:
         """Nothing under way.
 
         Args:
             max_chars: of all pieces that wait together.
+            account: pays for them.
         """
         self._max_chars = max_chars
+        self._account = account or Account()
         self._partials: dict[object, _Partial] = {}
 
     def add(self, op: Fragment, now: float) -> bytes | None:
@@ -111,11 +123,11 @@ class Defragmenter:
             FrameError: the piece contradicts those before, or a bound is passed; the message is forgotten.
         """
         for old in list(self._expired(now)):
-            del self._partials[old]
+            self._drop(old)
         total, num = op.total, op.num
         # rosbridge_suite sends 3.4 for three pieces
         if not math.isfinite(total) or not math.isfinite(num) or not 0 <= num < math.floor(total) <= MAX_PIECES:
-            self._partials.pop(op.id, None)
+            self._drop(op.id)
             raise FrameError(f"fragment: num {num} of total {total} is not possible (at most {MAX_PIECES})", op.id)
         partial = self._partials.get(op.id)
         if partial is None:
@@ -123,20 +135,35 @@ class Defragmenter:
                 raise FrameError(f"fragment: at most {MAX_OPEN} messages may be under way at once", op.id)
             partial = self._partials[op.id] = _Partial(math.floor(total))
         elif partial.total != math.floor(total) or int(num) in partial.pieces:
-            del self._partials[op.id]
+            self._drop(op.id)
             raise FrameError(f"fragment: piece {num} of {total} does not go with those before", op.id)
+        size = _size_of(op.data)
+        if not self._account.take(size):
+            self._drop(op.id)
+            raise FrameError("fragment: this client makes the server hold too much; the message is forgotten", op.id)
         partial.pieces[int(num)] = op.data
         partial.num_chars += len(op.data)
+        partial.num_bytes += size
         partial.last_at = now
         if sum(p.num_chars for p in self._partials.values()) > self._max_chars:
-            del self._partials[op.id]
+            self._drop(op.id)
             raise FrameError(f"fragment: the pieces that wait have more than {self._max_chars} characters", op.id)
         if len(partial.pieces) < partial.total:
             return None
-        del self._partials[op.id]
+        self._drop(op.id)
         whole = "".join(partial.pieces[i] for i in range(partial.total))
         # JavaScript counts in UTF-16 and may cut a surrogate pair in two; a half that stays alone is a mistake
         return whole.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "replace").encode()
+
+    def forget(self) -> None:
+        """Forget all that is not whole: its sender is gone."""
+        for key in list(self._partials):
+            self._drop(key)
+
+    def _drop(self, key: object) -> None:
+        partial = self._partials.pop(key, None)
+        if partial is not None:
+            self._account.give(partial.num_bytes)
 
     def _expired(self, now: float) -> Iterator[object]:
         return (key for key, partial in self._partials.items() if partial.last_at + MAX_AGE < now)

@@ -15,6 +15,7 @@ from collections.abc import Callable, Generator, Iterator
 import orjson
 
 from rosbridge_sim.errors import EncodingError, FrameError, PeerError
+from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.codec import (
     LONG,
     Encoded,
@@ -44,7 +45,9 @@ class Session:
 
     Attributes:
         outbox: what is on its way to the peer.
+        account: pays for what the peer makes us hold.
         level: remarks up to this one are sent; `error` until the peer asks otherwise.
+        frame_length: of the frame in hand, if it is not a plain one [bytes]; else 0.
         num_received, num_refused: frames in, and those among them that held something that is no op.
         num_sent: messages of topics that went into the outbox.
         on_unsent: hears of a spelling of a topic whose message waited and then could not be encoded.
@@ -59,6 +62,7 @@ class Session:
         max_frame_size: int = 16 * 2**20,
         is_talkative: bool = True,
         on_refused: Callable[[FrameError], None] | None = None,
+        account: Account | None = None,
     ) -> None:
         """A session at its start.
 
@@ -69,9 +73,11 @@ class Session:
             is_talkative: whether remarks are sent at all (an option for clients that choke on them).
             on_refused: hears of what is no op, in place of the peer: for a session with a server, which has no ear for
                 remarks.
+            account: pays for what the peer makes us hold; None is one without a limit.
         """
         self.outbox = outbox
         self.level = LEVELS["error"]
+        self.frame_length = 0
         self.num_received = 0
         self.num_refused = 0
         self.num_sent = 0
@@ -81,7 +87,8 @@ class Session:
         self._is_talkative = is_talkative
         self._on_refused = on_refused
         self._max_frame_size = max_frame_size
-        self._defragmenter = Defragmenter(max_frame_size)
+        self.account = Account() if account is None else account
+        self._defragmenter = Defragmenter(max_frame_size, self.account)
         self._num_fragmented = 0
         self._waiting: dict[Feed, None] = {}
 
@@ -92,6 +99,7 @@ class Session:
 
         Nearly every frame is of that kind, and costs half a microsecond here.
         """
+        self.frame_length = 0
         if len(frame) < LONG:
             op = decode_quickly(frame)
             if op is not None and type(op) is not Fragment and type(op) is not Png:
@@ -110,6 +118,7 @@ class Session:
             An op, or None after a slice of work without one: others may have their turn in between.
         """
         self.num_received += 1
+        self.frame_length = len(frame)
         for op in self._decode(frame):
             if isinstance(op, (Fragment, Png)):
                 yield from self._unwrap(op, now)
@@ -226,10 +235,25 @@ class Session:
         if self._waiting:
             self._alarm(due)
 
+    def waiting(self) -> Iterator[tuple[int, int]]:
+        """Identity and size of each message that waits for its turn: several sessions may hold the same one."""
+        for feed in self._waiting:
+            for message in feed.pace.waiting():
+                yield id(message), message.num_bytes
+
+    def leave(self) -> None:
+        """Forget what is held for a peer that is gone."""
+        self._defragmenter.forget()
+
     def drop_feed(self, feed: Feed) -> None:
         """Forget what waits in a feed that has ended."""
+        feed.pace.forget()
         self._waiting.pop(feed, None)
         self.outbox.bursts.pop(feed.spelling, None)
+
+
+def _size_of(message: Encoded) -> int:
+    return message.num_bytes
 
 
 class Feed:
@@ -245,7 +269,7 @@ class Feed:
 
     def __init__(self, session: Session, spelling: str) -> None:
         self.spelling = spelling
-        self.pace: Pace[Encoded] = Pace()
+        self.pace: Pace[Encoded] = Pace(session.account, _size_of)
         self._merged = MergedTerms()
         self.ids = self._merged.by_id
         self._session = session

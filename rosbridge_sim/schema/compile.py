@@ -31,7 +31,7 @@ from rosbridge_sim.schema.cbor import CborWriters, encode_plain
 from rosbridge_sim.schema.check import Dialect, Leniency, Shape, Slot, check, round32, round32_list
 from rosbridge_sim.schema.names import Generation, ros2_names
 from rosbridge_sim.schema.parse import Definition, Field
-from rosbridge_sim.weight import LIGHT, weigh
+from rosbridge_sim.weight import LIGHT, claim, weigh
 
 if TYPE_CHECKING:
     from rosbridge_sim.schema.wire import RosWire
@@ -48,6 +48,9 @@ _NO_LIMIT: Final = 2**63
 
 _REFUSALS = (msgspec.DecodeError, ValueError, OverflowError, RecursionError)
 """What the fast way may raise; bad UTF-8 is a ValueError."""
+
+_LARGE: Final = 2**20
+"""A body from here on may hold a text for which no memory is left [bytes]; below, Python itself has hardly any more."""
 
 
 class MessageType:
@@ -88,7 +91,10 @@ class MessageType:
 
         Raises:
             FieldError: it is no JSON, or does not fit the type.
+            MemoryError: there is none for it.
         """
+        if len(body) > _LARGE:
+            claim(len(body))
         try:
             value = self._decode(body)
             if self._after is not None:

@@ -25,6 +25,7 @@ from rosbridge_sim.schema.names import (
     split_name,
 )
 from rosbridge_sim.schema.parse import Definition, Field, parse_action, parse_message, parse_service
+from rosbridge_sim.schema.sizes import size_of
 from rosbridge_sim.schema.standard import PACKAGES, ros2_text, standard_names, standard_text
 from rosbridge_sim.schema.typedefs import full_text
 
@@ -50,11 +51,18 @@ class Message:
     Attributes:
         type: its type.
         value: a struct of it, or the bare object of an unknown type; not changed any more.
+
+    Args:
+        message_type: its type.
+        value: see above.
+        text_length: of the JSON text that it was decoded from, if it was [bytes].
     """
 
-    __slots__ = ("_cbor", "_framed", "_head", "_json", "_raw", "_shared", "type", "value")
+    __slots__ = ("_cbor", "_framed", "_head", "_json", "_raw", "_shared", "_size", "_text_length", "type", "value")
 
-    def __init__(self, message_type: MessageType | OpaqueType, value: Any) -> None:  # noqa: ANN401 - a generated struct
+    def __init__(self, message_type: MessageType | OpaqueType, value: Any, text_length: int = 0) -> None:  # noqa: ANN401 - a generated struct
+        self._size = 0
+        self._text_length = text_length
         self.type = message_type
         self.value = value
         self._json: bytes | None = None
@@ -63,6 +71,13 @@ class Message:
         self._head = b""
         self._framed = b""
         self._shared: dict[object, Any] | None = None
+
+    @property
+    def num_bytes(self) -> int:
+        """An estimate of what holding it costs [bytes]."""
+        if not self._size:
+            self._size = size_of(self.value, self._text_length)
+        return self._size
 
     @property
     def json(self) -> bytes:

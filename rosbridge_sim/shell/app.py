@@ -39,6 +39,7 @@ from rosbridge_sim.shell.clockwork import Clock, Clockwork
 from rosbridge_sim.shell.descriptors import DescriptorWatch
 from rosbridge_sim.shell.kinds import URLS
 from rosbridge_sim.shell.log_limits import LineLimiter
+from rosbridge_sim.shell.memory_budget import default_budget
 from rosbridge_sim.shell.networks import DiskNetworks
 from rosbridge_sim.shell.quota import DataQuota, in_thread
 from rosbridge_sim.shell.reading import ThreadReader
@@ -356,6 +357,8 @@ def _limits(settings: Settings) -> ServerLimits:
         ping_timeout=settings.ping_timeout,
         is_compressing=settings.compression,
         is_talkative=settings.status,
+        client_memory=settings.client_memory,
+        memory_budget=settings.memory_budget or default_budget(),
         outbox=_outbox_limits(settings),
         access=Access(
             token=settings.token,

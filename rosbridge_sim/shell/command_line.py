@@ -1,13 +1,15 @@
 """What all commands of the command line share: how they are run and end, their help, their flags and numbers.
 
-Code 0: done. Code 1: whoever was asked says no. Code 2: a mistake in the command line, or no rosbridge to talk to. A
-command that has no end of its own ends well by Ctrl-C (0); another one was cut off (130). A reader that has had enough
-(`| head`) is no mistake. The tools themselves are imported once it is known which one is wanted.
+Code 0: done. Code 1: whoever was asked says no. Code 2: a mistake in the command line, no rosbridge to talk to, or an
+output that takes nothing (a full disk). A command that has no end of its own ends well by Ctrl-C (0); another one was
+cut off (130). A reader that has had enough (`| head`) is no mistake. The tools themselves are imported once it is known
+which one is wanted.
 """
 
 from __future__ import annotations
 
 import argparse
+import errno
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -27,6 +29,9 @@ __all__ = ["Options", "add_definitions", "add_json", "choice_of", "group_of", "m
 INTERRUPTED = 130
 """What a shell reports of a program that Ctrl-C has ended."""
 
+_OUTPUT_LOST = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""Errors of a disk, and of a terminal that is gone."""
+
 Options = argparse.Namespace
 
 
@@ -41,6 +46,7 @@ def run_command(parser: argparse.ArgumentParser, argv: Sequence[str]) -> int:
     try:
         parser.parse_args(argv, options)
         code: int = options.run(options)
+        sys.stdout.flush()
     except RefusedError as error:
         note(str(error))
         return 1
@@ -51,9 +57,22 @@ def run_command(parser: argparse.ArgumentParser, argv: Sequence[str]) -> int:
         end: int = options.end
         return end
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left to flush has nowhere to go
+        _drop_output()
         return 0
+    except OSError as error:
+        if error.errno not in _OUTPUT_LOST or error.filename is not None:  # a write to stdout has no file's name
+            raise
+        _drop_output()
+        note(f"the output cannot be written: {os.strerror(error.errno).lower()}")
+        return 2
     return code
+
+
+def _drop_output() -> None:
+    """Lead stdout nowhere, so that what is left in its buffer does not fail again at the end of the process."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
 
 
 # What they have in common

@@ -118,6 +118,7 @@ class Reports:
             frames_refused=session.num_refused + client.peer.num_errors,
             messages_sent=session.num_sent,
             bytes_sent=client.num_bytes_sent,
+            bytes_held=client.num_bytes_held,
             bytes_waiting=outbox.num_bytes + client.socket.transport.get_write_buffer_size(),
             dropped_topics=[topic for topic, _ in dropped],
             dropped_counts=[count for _, count in dropped],

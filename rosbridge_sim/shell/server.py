@@ -18,7 +18,7 @@ import logging
 import ssl
 import time
 import zlib
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from http import HTTPStatus
@@ -35,17 +35,22 @@ from websockets.protocol import State
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer, Work
 from rosbridge_sim.graph.policy import OPEN, Policy
+from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.shell.access import Access, Warden
 from rosbridge_sim.shell.direct import DirectSocket
 from rosbridge_sim.shell.inflate import Deflated, LateDeflate, LateDeflateFactory, inflate
 from rosbridge_sim.shell.memory import LARGE_FRAME, MemoryReturn
+from rosbridge_sim.shell.memory_budget import MemoryBudget
 from rosbridge_sim.shell.turns import Turns
 
 __all__ = ["Client", "Server", "ServerLimits", "quiet"]
 
 _log = logging.getLogger("rosbridge_sim.server")
+
+MAX_REASON = 120
+"""Characters of a reason in a close frame, which has room for 123 bytes (RFC 6455 section 5.5)."""
 
 MAX_CARRIED = 2 * 2**20
 """Bytes that are handed to one transport in one turn: some 1 ms. The rest goes in later turns."""
@@ -75,6 +80,8 @@ class ServerLimits:
         is_compressing: accept permessage-deflate from clients that offer it.
         is_talkative: send status frames.
         outbox: what a client may leave unread.
+        client_memory: what one client may make the server hold, apart from its outbox [bytes].
+        memory_budget: the same for all clients together, their outboxes included [bytes]; None is no limit.
         access: who may connect, and how fast a client may talk.
         policy: what a client may do.
         tls_timeout, open_timeout: for the TLS handshake, and for the request after it [s].
@@ -85,6 +92,8 @@ class ServerLimits:
     ping_timeout: float | None = 20.0
     is_compressing: bool = False
     is_talkative: bool = True
+    client_memory: int = 256 * 2**20
+    memory_budget: int | None = None
     outbox: OutboxLimits = field(default_factory=OutboxLimits)
     access: Access = field(default_factory=Access)
     policy: Policy = OPEN
@@ -146,12 +155,18 @@ class Client:
         self.socket = socket
         self.outbox = Outbox(limits.outbox, self._wake, self.carry)
         session = Session(
-            self.outbox, self._set_alarm, max_frame_size=limits.max_frame_size, is_talkative=limits.is_talkative
+            self.outbox,
+            self._set_alarm,
+            max_frame_size=limits.max_frame_size,
+            is_talkative=limits.is_talkative,
+            account=Account(limits.client_memory, bus.total),
         )
         self.host = str(socket.remote_address[0]) if socket.remote_address else ""
         self.connected_ns = time.time_ns()
         self.num_bytes_sent = 0
         self.peer = Peer(bus, session, _address_of(socket), limits.policy)
+        self._bus = bus
+        bus.accounts[self.peer] = session.account
         self._begin_frame: Callable[[bytes, float], Work | None] = self.peer.begin
         self._access = limits.access
         self._max_frame_size = limits.max_frame_size
@@ -191,6 +206,32 @@ class Client:
             self._deadline.cancel()
         if self._access.max_rate is None:
             self._begin_frame = self.peer.begin
+
+    # Memory, as a `Holder`
+
+    @property
+    def name(self) -> str:
+        """Where it comes from."""
+        return self.peer.address
+
+    @property
+    def num_bytes_held(self) -> int:
+        """What the server holds for it: in its account, its outbox, its socket, and as parameters [bytes]."""
+        waiting = self.outbox.num_bytes + self.socket.transport.get_write_buffer_size() + self.socket.num_bytes_held
+        return waiting + self.peer.session.account.num_bytes + self._bus.parameters.num_held(self.peer)
+
+    def shared(self) -> Iterator[tuple[int, int]]:
+        """The frames and messages that wait, which others may wait for, too."""
+        yield from self.outbox.frames()
+        yield from self.peer.session.waiting()
+
+    def evict(self, reason: str) -> None:
+        """Close it at once with code 1008, and let go of all it holds."""
+        self.peer.session.remark("error", reason)
+        self.carry()
+        self._start_closing(CloseCode.POLICY_VIOLATION, reason[:MAX_REASON])
+        self._bus.forget_latched(self.peer)
+        self.leave()
 
     # In, as the `Receiver` of its socket
 
@@ -427,6 +468,7 @@ class Server:
         self._on_change = on_change
         self._turns: Turns | None = None
         self._memory: MemoryReturn | None = None
+        self._budget: MemoryBudget | None = None
         self._server: WebSocketServer | None = None
         self._sockets: dict[_Socket, None] = {}
         self.is_loopback = False
@@ -440,6 +482,8 @@ class Server:
         limits = self._limits
         loop = asyncio.get_running_loop()
         self._turns, self._memory = Turns(loop, self._on_change), MemoryReturn(loop)
+        if limits.memory_budget is not None:
+            self._budget = MemoryBudget(loop, self._bus, lambda: list(self.clients), limits.memory_budget)
         self._server = await serve(
             self._serve,
             host,
@@ -466,8 +510,9 @@ class Server:
 
     async def stop(self) -> None:
         """Close every connection with code 1001 and stop listening; takes a second and a half at most."""
-        if self._memory is not None:
-            self._memory.stop()
+        for part in (self._memory, self._budget):
+            if part is not None:
+                part.stop()
         if self._server is not None:
             self._server.close()
             try:

@@ -272,6 +272,19 @@ class Settings:
     outbox_limit: int = _flag(
         64 * 2**20, _WIRE, size(1024, 16 * _GIB), "a client that leaves more unread is closed (1008)"
     )
+    client_memory: int = _flag(
+        256 * 2**20,
+        _WIRE,
+        size(2**20, 64 * _GIB),
+        "what one client may make the server hold: throttle queues, latched messages, calls in flight, parts of frames",
+    )
+    memory_budget: int | None = _flag(
+        None,
+        _WIRE,
+        or_none(size(2**20, 1024 * _GIB), "auto"),
+        "what all clients together may; beyond it the one that holds most is closed [half of the machine's or"
+        " container's memory]",
+    )
     ping_interval: float | None = _flag(20.0, _WIRE, seconds(_DAY), "between pings")
     ping_timeout: float | None = _flag(20.0, _WIRE, seconds(_DAY), "a ping unanswered for so long closes")
     compression: bool = _flag(

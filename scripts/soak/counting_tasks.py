@@ -1,15 +1,16 @@
 #!/usr/bin/env python3
-"""`rosbridge-sim` that says how many tasks its event loop has, whenever it is asked.
+"""`rosbridge-sim` that says how many tasks its event loop and how many objects its memory has, whenever it is asked.
 
     python scripts/soak/counting_tasks.py DESCRIPTOR serve --port 0
 
-Nothing outside a process can count its tasks. The descriptor is a socket: for each byte that comes there, the number
-goes back, a line each. Everything else is the command line as it is.
+Nothing outside a process can count them. The descriptor is a socket: for each byte that comes there, a line with both
+numbers goes back; for a `!`, garbage is collected first. Everything else is the command line as it is.
 """
 
 from __future__ import annotations
 
 import asyncio
+import gc
 import socket
 import sys
 from pathlib import Path
@@ -32,8 +33,11 @@ class _Counting(app.Simulator):
         asyncio.get_running_loop().add_reader(self.channel, self._answer)
 
     def _answer(self) -> None:
-        if self.channel.recv(100):
-            self.channel.send(b"%d\n" % len(asyncio.all_tasks()))
+        asked = self.channel.recv(100)
+        if asked:
+            if asked == b"!":
+                gc.collect()
+            self.channel.send(b"%d %d\n" % (len(asyncio.all_tasks()), sys.getallocatedblocks()))
         else:  # the other end is gone, and would be readable for ever
             asyncio.get_running_loop().remove_reader(self.channel)
 

@@ -77,7 +77,8 @@ class Figures:
     Attributes:
         memory: resident [MB].
         descriptors, threads: of the process.
-        tasks: of its event loop; 0 where the server is not asked.
+        tasks: of its event loop.
+        objects: blocks of memory that Python has given to small objects.
         cpu: time so far [s].
     """
 
@@ -85,6 +86,7 @@ class Figures:
     descriptors: int
     threads: int
     tasks: int
+    objects: int
     cpu: float
 
 
@@ -101,7 +103,6 @@ class WatchedServer:
         self,
         log: Path,
         *flags: str,
-        limits: Mapping[int, int] | None = None,
         is_log_piped: bool = False,
     ) -> None:
         """Start it and wait until it listens.
@@ -109,7 +110,6 @@ class WatchedServer:
         Args:
             log: where its stderr goes.
             flags: after `serve --port 0`.
-            limits: resource limits of the process (`resource.RLIMIT_...`), set once it listens.
             is_log_piped: carry its stderr to the file ourselves, so that no limit on files counts it.
 
         Raises:
@@ -137,8 +137,6 @@ class WatchedServer:
             raise SoakError(self.log.strip() or f"it said {line!r} and no reason")
         self.url = line.rpartition(" ")[2].strip()
         self.port = int(self.url.rpartition(":")[2])
-        for kind, value in (limits or {}).items():
-            resource.prlimit(self.pid, kind, (value, value))
 
     def __enter__(self) -> Self:
         return self
@@ -163,23 +161,32 @@ class WatchedServer:
         """The exit code; None while it runs."""
         return self._process.poll()
 
-    def figures(self) -> Figures:
+    def figures(self, *, is_collected: bool = False) -> Figures:
         """What it costs now.
+
+        Args:
+            is_collected: collect garbage first, which holds the server up for some ten milliseconds.
 
         Raises:
             SoakError: it runs no longer.
         """
         if not self.is_alive:
             raise self._ending()
-        fields = dict(line.split(":", 1) for line in Path(f"/proc/{self.pid}/status").read_text().splitlines())
+        fields = self._status()
         times = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
+        tasks, objects = self._count(b"!" if is_collected else b"?")
         return Figures(
             memory=int(fields["VmRSS"].split()[0]) / 1024,
             descriptors=len(list(Path(f"/proc/{self.pid}/fd").iterdir())),
             threads=int(fields["Threads"]),
-            tasks=self._count_tasks(),
+            tasks=tasks,
+            objects=objects,
             cpu=(int(times[11]) + int(times[12])) / os.sysconf("SC_CLK_TCK"),  # proc(5): utime and stime
         )
+
+    def address_space(self) -> int:
+        """What RLIMIT_AS counts [bytes]."""
+        return int(self._status()["VmSize"].split()[0]) * 1024
 
     def open_files(self) -> Counter[str]:
         """What its descriptors lead to, sockets and pipes without their numbers."""
@@ -190,8 +197,9 @@ class WatchedServer:
         return found
 
     def limit(self, kind: int, value: int) -> None:
-        """Set a resource limit (`resource.RLIMIT_...`) of the running process."""
-        resource.prlimit(self.pid, kind, (value, value))
+        """Set a resource limit (`resource.RLIMIT_...`) of the running process; -1 takes it away again."""
+        hard = resource.prlimit(self.pid, kind)[1]
+        resource.prlimit(self.pid, kind, (value if value >= 0 else hard, hard))
 
     def stop(self) -> int:
         """Ask it to stop, and wait; the exit code.
@@ -219,15 +227,20 @@ class WatchedServer:
             if pipe is not None:
                 pipe.close()
 
-    def _count_tasks(self) -> int:
+    def _status(self) -> dict[str, str]:
+        lines = Path(f"/proc/{self.pid}/status").read_text().splitlines()
+        return dict(line.split(":", 1) for line in lines)
+
+    def _count(self, question: bytes) -> tuple[int, int]:
         self._counts.settimeout(PATIENCE)
         try:
-            self._counts.send(b"?")
-            return int(self._counts.recv(100))
+            self._counts.send(question)
+            tasks, objects = map(int, self._counts.recv(100).split())
         except TimeoutError:
             raise SoakError(f"the server's loop has not turned for {PATIENCE:.0f} s") from None
         except (OSError, ValueError):  # the other end is closed
             raise self._ending() from None
+        return tasks, objects
 
     def _ending(self) -> SoakError:
         with suppress(subprocess.TimeoutExpired):

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
 
+from scripts.soak.faults import CASES, SHORT, Case, run_case
 from scripts.soak.mixed import soak
 
 pytestmark = pytest.mark.slow
 
 
 async def test_eight_kinds_of_clients_come_and_go_and_leave_nothing_behind(tmp_path: Path) -> None:
-    report = await soak(4.0, 1, tmp_path, num_lines=1, longest_life=1.5)
+    report = await soak(4.0, 1, tmp_path, num_lines=1, longest_life=1.5, max_stall=None)
     assert report.faults == []
     kinds = {name.removeprefix("lives of ") for name in report.num if name.startswith("lives of ")}
     assert len(kinds) == 10, "services and actions have two sides"
     for what in ("messages heard", "messages in CBOR", "commands", "ticks", "calls answered", "goals", "load"):
         assert report.num[what], f"no {what} in the whole run"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of another process and /dev/full are Linux's")
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.__name__)
+async def test_a_fault_of_line_disk_or_machine_is_told_and_passes(tmp_path: Path, case: Case) -> None:
+    assert (await run_case(case, tmp_path, SHORT)).faults == []

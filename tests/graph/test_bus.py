@@ -231,7 +231,7 @@ def test_a_topic_keeps_as_many_messages_of_each_publisher_as_the_one_that_asks_f
             bus.publish(owner, topic, message, 0.0)
             plain.publish(owner, message)
         assert (topic.publishers, topic.depth) == (plain.publishers, plain.depth)
-        assert [(one, list(messages)) for one, messages in topic.kept.items()] == list(plain.kept.items())
+        assert [(one, held.messages()) for one, held in topic.kept.items()] == list(plain.kept.items())
 
 
 def test_ended_calls_do_not_wait_for_a_deadline_that_is_far_away() -> None:

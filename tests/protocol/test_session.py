@@ -35,6 +35,7 @@ class Body:
     json = b'{"data":"hi"}'
     cbor = b"\xa1\x64data\x62hi"
     raw = b"\2\0\0\0hi"
+    num_bytes = 100
 
     def framed(self, head: bytes) -> bytes:
         return head + self.json + b"}"
@@ -107,7 +108,7 @@ def test_an_op_whose_name_is_no_text_is_refused(op: str) -> None:
     session = make_session()
     lost: list[FrameError] = []
     session.on_lost_answer = lost.append
-    assert session.receive(f'{{"op":{op},"id":"1"}}'.encode(), 0.0) == []
+    assert receive(session, f'{{"op":{op},"id":"1"}}'.encode()) == []
     assert [frame["id"] for frame in said(session)] == ["1"]
     assert lost == []
 
@@ -131,5 +132,5 @@ def test_an_unreadable_answer_says_as_far_as_it_can_whose_it_is(frame: str, op: 
     lost: list[FrameError] = []
     session.on_lost_answer = lost.append
     glued = '{"op":"call_service","service":"/x","id":"service_request:/s:9"}' + frame
-    assert len(session.receive(glued.encode(), 0.0)) == 1
+    assert len(receive(session, glued.encode())) == 1
     assert [(error.op, error.op_id) for error in lost] == [(op, op_id)]

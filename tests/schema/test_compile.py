@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from typing import Any
 
 import msgspec
@@ -15,6 +17,7 @@ from rosbridge_sim.errors import FieldError
 from rosbridge_sim.schema.compile import _REFUSALS, MessageType, OpaqueType, _parse_json
 from tests.schema.making import make
 from tests.schema.strategies import STAMP_NS, bodies, broken_texts, every_type, odd_bodies, values
+from tests.support import ROOT
 
 # Encoding
 
@@ -174,3 +177,35 @@ def test_what_an_opaque_type_accepts_it_can_encode(depth: int) -> None:
 def test_types_show_their_names() -> None:
     assert repr(OpaqueType("who/Knows")) == "OpaqueType(who/Knows)"
     assert repr(make("int32 i")) == "MessageType(p/T)"
+
+
+# A text without the memory for it
+
+
+STARVED = """
+import resource
+from pathlib import Path
+from rosbridge_sim.errors import FieldError
+from rosbridge_sim.shell.storage import read_definitions
+from rosbridge_sim.schema.store import Store
+
+string = Store(read_definitions("22.R2")).message("std_msgs/String")
+body = b'{"data":"%s"}' % (b"x" * 15_000_000)
+size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+for left in range(0, 40, 2):
+    resource.setrlimit(resource.RLIMIT_AS, (size + left * 2**20, -1))
+    try:
+        print(len(string.decode_json(body, 0).data))
+    except MemoryError:
+        print("no memory")
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits the address space of a process")
+def test_text_without_the_memory_for_it_is_a_memory_error_and_no_crash() -> None:
+    done = subprocess.run([sys.executable, "-c", STARVED], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    seen = done.stdout.split("\n")
+    assert seen[0] == "no memory"
+    assert seen[19] == "15000000"

@@ -280,3 +280,23 @@ def test_log_is_one_line_for_each_event_whatever_a_client_writes(serve: Serve) -
         select.select([client], [], [], PATIENCE)
     for line in server.log.splitlines():
         assert line.isprintable()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("env", [{}, {"PYTHONUNBUFFERED": "1"}])
+def test_output_that_takes_nothing_is_one_line_and_code_2(env: dict[str, str]) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "rosbridge_sim", "schema", "show", "std_msgs/String"],
+            cwd=ROOT,
+            env={**os.environ, **env},
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert (done.returncode, done.stderr) == (
+        2,
+        "rosbridge-sim: the output cannot be written: no space left on device\n",
+    )
