@@ -247,11 +247,13 @@ def sort_keys(kind: type[Document], value: object) -> tuple[Counter[str], Counte
 
 
 def keys_beside(kind: type[Document], path: str) -> list[str]:
-    """The keys that could be read where `sort_keys` found that path."""
-    *way, _ = [part.removesuffix("[]") for part in path.split(".")]
-    for part in filter(None, way):
-        inner = _kind_within(kind.model_fields[part].annotation)
-        assert inner is not None, "it was found by this way"
+    """Return the keys that could be read where `sort_keys` found that path."""
+    for part in path.split("."):
+        # A list may stand within a list. The last key is none that is read, and may have points in it.
+        field = kind.model_fields.get(part.rstrip("[]"))
+        inner = None if field is None else _kind_within(field.annotation)
+        if inner is None:
+            break
         kind = inner
     return list(kind.model_fields)
 

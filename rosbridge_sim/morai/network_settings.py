@@ -166,8 +166,15 @@ def split_prefix(name: str) -> tuple[str, str]:
 
 
 def path_text(path: tuple[str, ...]) -> str:
-    """A path of keys as TOML writes it."""
-    return ".".join(key if re.fullmatch(r"[\w-]+", key, re.ASCII) else f'"{key}"' for key in path)
+    """Return a path of keys as TOML writes it; of a long key, the beginning."""
+    return ".".join(map(_key_text, path))
+
+
+def _key_text(key: str) -> str:
+    short = key if len(key) <= MAX_NAME else key[:MAX_NAME] + "..."
+    if re.fullmatch(r"[\w-]+", key, re.ASCII):
+        return short
+    return '"' + "".join(char if char.isprintable() else f"\\u{ord(char):04x}" for char in short) + '"'
 
 
 def read_choices(kind: ItemKind, table: object, place: Place = path_text) -> dict[str, Choice]:

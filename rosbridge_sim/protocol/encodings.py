@@ -20,18 +20,19 @@ import numpy as np
 import pybase64
 
 from rosbridge_sim.errors import FrameError
+from rosbridge_sim.weight import LIGHT
 
 __all__ = ["cbor_head", "cbor_raw_frame", "decode_cbor", "is_cbor"]
 
 MAX_DEPTH = 100
 """Nesting of a CBOR frame; the deepest ROS message of the standard packages has seven levels."""
 
-MAX_ITEMS = 100_000
-"""Maps, lists, texts, byte strings and tags of a frame: 30 ms of the decoder's work."""
+MAX_CONTAINERS, MAX_TEXTS = LIGHT.containers, LIGHT.texts
+"""Maps and lists of a frame, and texts, byte strings and tags: its values are checked field by field in Python."""
 
-MAX_SCALAR_BYTES = 2**20
-"""Bytes of plain numbers and truth values in a frame, one to nine each: 20 ms of the decoder's work. Larger arrays come
-as typed arrays or as bytes, which cost nothing."""
+MAX_SCALAR_BYTES = 2**19
+"""Bytes of plain numbers and truth values in a frame, one to nine each: 60 ms of work where there are nothing but small
+numbers. Larger arrays come as typed arrays or as bytes, which cost nothing."""
 
 _ARRAY_TYPES = {
     64: "u1", 65: ">u2", 66: ">u4", 67: ">u8", 68: "u1", 69: "<u2", 70: "<u4", 71: "<u8",
@@ -80,7 +81,7 @@ def _check_weight(frame: bytes) -> Generator[None, None, None]:
     Raises:
         ValueError: there are too many of them.
     """
-    position = num_items = scalar_bytes = 0
+    position = num_containers = num_texts = scalar_bytes = 0
     while position < len(frame):
         run = _SCALARS.match(frame, position)
         if run is not None:
@@ -95,10 +96,12 @@ def _check_weight(frame: bytes) -> Generator[None, None, None]:
             number = info if head == 1 else int.from_bytes(frame[position + 1 : position + head], "big")
             position += number
         position += head
-        num_items += 1
-        if num_items > MAX_ITEMS:
-            raise ValueError(f"at most {MAX_ITEMS:,} maps, lists and texts are taken")
-        if num_items % _NUM_LOOKED_AT == 0:
+        is_container = major in {4, 5}
+        num_containers += is_container
+        num_texts += not is_container
+        if num_containers > MAX_CONTAINERS or num_texts > MAX_TEXTS:
+            raise ValueError(f"at most {MAX_CONTAINERS:,} maps and lists and {MAX_TEXTS:,} texts are taken")
+        if (num_containers + num_texts) % _NUM_LOOKED_AT == 0:
             yield
 
 

@@ -236,10 +236,12 @@ class _Check:
 
     def message(self, shape: Shape, value: object) -> msgspec.Struct:
         """A nested or root message; an absent one (`null`) is like one without any fields."""
-        if value is None or value == {}:
+        if value is None:
             return self.default(shape)
-        if not isinstance(value, dict):
+        if not isinstance(value, dict):  # before any comparison: an array compares element by element
             raise _wrong_type(shape.name, value)
+        if not value:
+            return self.default(shape)
         given = {}
         for key, item in value.items():
             if key in shape.slots:
@@ -305,22 +307,28 @@ class _Check:
                 raise
         return values
 
-    def plain_numbers(self, slot: Slot, value: Sequence[Any]) -> list[object] | None:
+    def plain_numbers(self, slot: Slot, value: Sequence[Any]) -> list[object] | NumberArray | None:
         """A long list of numbers of one kind, checked all at once; None where it must be looked at one by one."""
         kind = slot.field.type
         kinds = set(map(type, value))
         if kind in self.dialect.ints and kinds == {int}:
             low, high = self.dialect.ints[kind]
             return list(value) if low <= min(value) and max(value) <= high else None
-        if kind not in {"float32", "float64"} or not kinds <= {int, float}:
+        if kind not in {"float32", "float64"} or not kinds <= {int, float, type(None)}:
             return None
         try:
-            floats = list(map(float, value))
-            if kind == "float64":
-                return floats  # type: ignore[return-value] # a list of objects, all of them floats
-            return round32_list(floats) if all(map(math.isfinite, floats)) else None  # type: ignore[return-value] # same
+            wide = np.array(value, np.float64)  # None is NaN
         except OverflowError:
             return None
+        if kind == "float64":
+            floats: list[object] = wide.tolist()
+            return floats
+        if len(value) < _LONG_ARRAY:
+            is_plain = bool(np.isfinite(wide).all()) and float(np.abs(wide).max()) < MAX_FLOAT32
+            return round32_list(wide.tolist()) if is_plain else None  # type: ignore[return-value] # a list of objects
+        with np.errstate(over="ignore"):
+            narrow = wide.astype(np.float32)
+        return narrow if np.array_equal(np.isinf(narrow), np.isinf(wide)) else None
 
     def numbers(self, slot: Slot, value: NumberArray) -> list[object] | NumberArray:
         """A typed array; a long one stays an array, which all encoders take."""
@@ -332,7 +340,8 @@ class _Check:
         if len(value) < _LONG_ARRAY:
             return self.array(slot, value.tolist())
         if is_float:
-            floats = value.astype(kind)
+            with np.errstate(over="ignore"):  # it is looked for in the next line
+                floats = value.astype(kind)
             if not np.array_equal(np.isfinite(floats), np.isfinite(value)):
                 raise _wrong_value(kind, "a number that is out of its range")
             return floats
@@ -384,7 +393,7 @@ class _Check:
 
     def time(self, kind: str, value: object) -> msgspec.Struct:
         """Two numbers in either spelling; a missing one is 0 and unknown keys mean nothing, as in rosbridge_suite."""
-        if value == "now" and kind == "time":
+        if isinstance(value, str) and value == "now" and kind == "time":
             return self.dialect.time(self.stamp_ns)
         if not isinstance(value, dict):
             raise _wrong_type(kind, value)

@@ -15,6 +15,7 @@ from __future__ import annotations
 import json
 import keyword
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -297,11 +298,18 @@ def _parse_json(name: str, body: bytes | msgspec.Raw, refusal: Exception) -> obj
             )
     try:
         # `json` would guess UTF-16 and 32 from bytes: decoded by us, it is UTF-8 or nothing.
-        return json.loads(bytes(body).decode(), parse_float=_parse_float)
+        text = bytes(body).decode()
+        # A function for each number costs more than all the rest: only where one may be out of range.
+        parse_float = _parse_float if _FAR.search(text) is not None else None
+        return json.loads(text, parse_float=parse_float)
     except (ValueError, OverflowError) as error:
         raise FieldError(f"{name}: the body is no JSON: {error}") from None
     except RecursionError:
         raise FieldError(f"{name}: the body is nested too deeply") from None
+
+
+_FAR = re.compile(r"[eE]\+?[0-9]{3}|[0-9]{300}")
+"""What a number must hold to be beyond what float64 has."""
 
 
 def _parse_float(text: str) -> float:

@@ -49,6 +49,12 @@ MAX_FLOAT32 = 3.4028235677973366e38
 MAX_LENGTH = 1 << 24
 """The longest fixed array: its default value alone would take 128 MB."""
 
+MAX_DIGITS = 18
+"""Of a length in a type: any such number fits an int64; Python refuses to read thousands of digits."""
+
+MAX_TOLD = 300
+"""Characters of an error: it quotes the text, and a line of that may be a megabyte long."""
+
 TYPE_TOKEN = re.compile(
     r"(?P<base>[A-Za-z]\w*(?:/\w+)*)(?:<=(?P<chars>\d+))?(?P<array>\[(?P<bound><=)?(?P<count>\d*)\])?(?=\s)", re.ASCII
 )
@@ -235,6 +241,8 @@ class _Line:
     ros: Generation
 
     def fail(self, at: int, text: str) -> NoReturn:
+        if len(text) > MAX_TOLD:
+            text = text[:MAX_TOLD] + "..."
         raise DefinitionError(self.source, self.number, at + 1, text)
 
     def parse(self) -> Field | Constant | None:
@@ -264,6 +272,9 @@ class _Line:
     def field(self, match: re.Match[str], name: str) -> Field:
         base = self.resolve(match)
         chars = match["chars"]
+        for digits in ("chars", "count"):
+            if len(match[digits] or "") > MAX_DIGITS:
+                self.fail(match.start(digits), f"expected a length of at most {MAX_DIGITS} digits")
         if chars is not None and base not in {"string", "wstring"}:
             self.fail(match.start("chars"), f"only a string can be bounded, not {base}")
         array = None

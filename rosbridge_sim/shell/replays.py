@@ -51,7 +51,7 @@ MAX_LISTED: Final = 20
 _SUFFIXES: Final = ("", ".bag", ".mcap")
 
 _EGO, _OBJECTS, _INFO = (f"morai_msgs/msg/{name}" for name in ("EgoVehicleStatus", "ObjectStatusList", "ReplayInfo"))
-_FURTHER_EGO: Final = re.compile(r"/Ego-(\d+)/")
+_FURTHER_EGO: Final = re.compile(r"/Ego-(\d{1,9})/", re.ASCII)  # more digits are no number of an ego's, but a name
 _USUAL: Final = {_EGO: "/Ego_topic", _OBJECTS: "/Object_topic", _INFO: "/ReplayInfo_topic"}
 
 _BREATH: Final = 100
@@ -320,6 +320,9 @@ def _open(path: Path) -> Iterator[Reader1 | Reader2]:
             " (one that is being written has none yet; `rosbridge-sim bag repair` mends one whose recorder was killed)"
         ) from None
     try:
+        if not all(isinstance(text, str) for one in reader.connections for text in (one.topic, one.msgtype)):
+            # A column of SQLite holds values of any type.
+            raise DocumentError(f"{path.name}: is broken: the name or type of a topic is no text")
         yield reader
     finally:
         reader.close()

@@ -364,12 +364,14 @@ def _add(values: dict[str, object], key: str, value: object, where: str) -> None
 
 
 def _from_file(path: Path) -> dict[str, object]:
+    from rosbridge_sim.morai.network_settings import path_text  # noqa: PLC0415 - as above
+
     text, document = read_toml(path)
     lines = lines_of(text)
     values: dict[str, object] = {}
     for name, value in document.items():
         key = name.replace("_", "-")
-        where = f"{path}{place_of(lines, (name,))}: {name}"
+        where = f"{path}{place_of(lines, (name,))}: {path_text((name,))}"
         if key == "config":
             raise SettingError(f"{where}: a settings file cannot name another one")
         if key in SHORT_FORMS:
@@ -390,7 +392,7 @@ def read_network(path: Path) -> NetworkSettings:
     Raises:
         SettingError: the first mistake.
     """
-    from rosbridge_sim.morai.network_settings import NetworkSettings  # noqa: PLC0415 - as above
+    from rosbridge_sim.morai.network_settings import NetworkSettings, path_text  # noqa: PLC0415 - as above
 
     text, document = read_toml(path)
     lines = lines_of(text)
@@ -403,7 +405,8 @@ def read_network(path: Path) -> NetworkSettings:
             others.append(name)
         else:
             raise SettingError(
-                f"{path}{place_of(lines, (name,))}: {name}: expected {', '.join(_tables())}{hint(name, _tables())}"
+                f"{path}{place_of(lines, (name,))}: {path_text((name,))}: expected {', '.join(_tables())}"
+                f"{hint(name, _tables())}"
             )
     if others:
         _log.info("%s: passed over what is no network setting: %s", path, ", ".join(others))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -30,6 +31,8 @@ def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
         raise SettingError(f"{path}{where}: not valid TOML: {message}") from None
     except RecursionError:
         raise SettingError(f"{path}: nested too deeply") from None
+    except ValueError:  # Python's own limit: tomllib passes on what int() says
+        raise SettingError(f"{path}: expected numbers of at most {sys.get_int_max_str_digits()} digits") from None
 
 
 def _read_text(path: Path) -> str:
@@ -77,7 +80,8 @@ def lines_of(text: str) -> Lines:
     for number, line in enumerate(text.split("\n"), 1):
         try:
             found = list(_paths_of(tomllib.loads(line)))
-        except tomllib.TOMLDecodeError:  # a part of something longer; its beginning may still name a key
+        # A part of something longer may hold anything; its beginning may still name a key.
+        except (ValueError, RecursionError):
             match = re.match(r"\s*[\"']?([\w-]+)[\"']?\s*=", line)
             found = [(match[1],)] if match else []
         if line.lstrip().startswith("[") and found:

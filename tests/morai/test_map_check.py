@@ -101,10 +101,11 @@ def test_figures_of_maps_that_have_next_to_nothing() -> None:
     assert (account["version"], account["lanes"]["num"], account["extent"]["x"]) == (None, 0, [0.0, 0.0])
 
 
-def test_numbers_serve_as_ids() -> None:
+@pytest.mark.parametrize("idx", [5, 5.0, -0.0, 1e30, 2.5])
+def test_numbers_serve_as_ids(idx: float) -> None:
     points = [[0, 0, 0], [9, 0, 0]]
-    link = {"idx": 5, "from_node_idx": 1, "to_node_idx": 2, "points": points, "left_lane_change_dst_link_idx": 5}
-    files = {**ROADRUNNER, "node_set.json": [{"idx": 1}, {"idx": 2}], "link_set.json": [link]}
+    link = {"idx": idx, "from_node_idx": 1.0, "to_node_idx": 2, "points": points, "left_lane_change_dst_link_idx": idx}
+    files = {**ROADRUNNER, "node_set.json": [{"idx": 1.0}, {"idx": 2.0}], "link_set.json": [link]}
     assert list(described(files)["lanes"]["by_link_type"]) == ["none"]
     assert "nodes without a link" not in gaps(files)
     assert "lanes with a left neighbour that is not there" not in gaps(files)

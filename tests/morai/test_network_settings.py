@@ -112,3 +112,7 @@ def test_a_name_is_taken_apart_into_prefix_and_default() -> None:
 
 def test_a_path_is_written_as_in_toml() -> None:
     assert path_text(("services", "/a", "on")) == 'services."/a".on'
+
+
+def test_a_path_of_odd_keys_is_one_short_line() -> None:
+    assert path_text(("a\nb", "x" * 5_000)) == '"a\\u000ab".' + "x" * 200 + "..."

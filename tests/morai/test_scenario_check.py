@@ -145,6 +145,8 @@ def test_keys_are_sorted_into_what_is_read_and_what_is_passed_over() -> None:
     assert "velocityType" in keys_near("vehicleList[].velocityTyp")
     assert keys_near("vehicleList[].initPosition.pos.w") == ["x", "y", "z"]
     assert "vehicleList" in keys_near("version")
+    assert "vehicleList" in keys_near("my.own.key")
+    assert "velocityType" in keys_near("vehicleList[][].velocityTyp")
 
 
 # -- oddities

@@ -5,12 +5,14 @@ Each body goes in as text, so that the fast way answers wherever it can; `test_c
 
 from __future__ import annotations
 
+import contextlib
 import math
+import warnings
 
 import numpy as np
 import orjson
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import FieldError
@@ -18,7 +20,7 @@ from rosbridge_sim.schema.check import Duration, Time, Time2, round32, round32_l
 from rosbridge_sim.schema.compile import MessageType
 from rosbridge_sim.schema.store import Leniency, Store
 from tests.schema.making import decode, make, refusal
-from tests.schema.strategies import shared_store
+from tests.schema.strategies import every_type, shared_store
 
 NOW = Time(12, 340_000_000)
 
@@ -380,3 +382,27 @@ def test_what_float32_cannot_hold_is_refused(value: float) -> None:
         round32(value)
     with pytest.raises(OverflowError):
         round32_list([0.0, 0.0, value])
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    message_type=every_type(),
+    kind=st.sampled_from(["<f8", "<f4", "<f2", "u1", "i1", "<i8", "<u8"]),
+    num=st.sampled_from([0, 1, 2, 5_000]),
+    number=st.sampled_from([0.0, 1.0, 255.0, math.nan, math.inf, 6e4]),
+)
+def test_a_typed_array_in_any_place_is_taken_or_refused(
+    message_type: MessageType, kind: str, num: int, number: float
+) -> None:
+    with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
+        array = np.full(num, number).astype(kind)
+    for name in message_type.shape.slots:
+        for given_value in (array, [array], {"secs": array}):
+            try:
+                value = message_type.check({name: given_value}, 0)
+            except FieldError:
+                continue
+            message_type.encode_json(value)
+            message_type.encode_cbor(value)
+            with contextlib.suppress(FieldError):  # a wide string has no bytes in ROS 2
+                message_type.encode_raw(value)

@@ -25,6 +25,8 @@ from rosbridge_sim.shell.sources import (
 OTHER: dict[str, object] = {
     "host": "::1",
     "port": 8000,
+    "client_memory": 32 * 2**20,
+    "memory_budget": 2**30,
     "ros": 2,
     "certfile": "a.pem",
     "keyfile": "b c.pem",

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from pydantic_core import from_json
+from pydantic import ConfigDict, TypeAdapter
+from pydantic_core import from_json, to_json
 
 from rosbridge_sim.morai.convert import KMH
 from rosbridge_sim.morai.maps.lights import CROSSWALK_FILES, light_type, sort_files
@@ -22,6 +23,9 @@ from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import DT
 
 __all__ = ["UNREAD_FILES", "describe_map", "list_files"]
+
+_ID: Final[TypeAdapter[str]] = TypeAdapter(str, config=ConfigDict(coerce_numbers_to_str=True))
+"""An id as `Document` reads it."""
 
 UNREAD_FILES: Final = (
     "lane_node_set.json",
@@ -83,11 +87,16 @@ def _parse(files: Mapping[str, bytes]) -> _Sets:
 def _name(entry: Entry, key: str = "idx") -> str:
     """An id, as the reader takes it: numbers will do. What is not there is empty."""
     value = entry.get(key)
-    return "" if value is None else str(value)
+    return "" if value is None else _id_of(value)
 
 
 def _names(entry: Entry, key: str) -> list[str]:
-    return [str(value) for value in entry.get(key) or ()]
+    return [_id_of(value) for value in entry.get(key) or ()]
+
+
+def _id_of(value: object) -> str:
+    """Return the text that the reader takes a number for: it writes 7.0 as `7`, and Python does not."""
+    return _ID.validate_json(to_json(value)) if isinstance(value, float) else str(value)
 
 
 def list_files(files: Mapping[str, bytes], names: Iterable[str]) -> list[Entry]:

@@ -1,0 +1,58 @@
+"""What was sent to a server, kept so that it can be sent again."""
+
+from __future__ import annotations
+
+import base64
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from scripts.soak.fuzz_frames import Act
+from scripts.soak.fuzz_server import CONFIGURATIONS, Configuration
+
+__all__ = ["Tape"]
+
+MAX_KEPT = 256 * 2**20
+"""Bytes of acts that are kept for a replay; earlier ones are forgotten."""
+
+
+@dataclass(slots=True)
+class Tape:
+    """What was sent in one round, for a replay.
+
+    Attributes:
+        configuration: of the server.
+        acts: number of the client and its act, in order of time.
+        num_bytes: in all of them.
+    """
+
+    configuration: Configuration
+    acts: list[tuple[int, Act]] = field(default_factory=list)
+    num_bytes: int = 0
+
+    def add(self, client: int, act: Act) -> None:
+        """Keep one more; half of them are forgotten when there are too many."""
+        self.acts.append((client, act))
+        self.num_bytes += len(act.data)
+        if self.num_bytes > MAX_KEPT:
+            del self.acts[: len(self.acts) // 2]
+            self.num_bytes = sum(len(act.data) for _, act in self.acts)
+
+    def write(self, path: Path) -> None:
+        """Write it as JSON lines."""
+        lines = [json.dumps({"configuration": self.configuration.name})]
+        lines += [
+            json.dumps({"client": client, "form": act.form, "data": base64.b64encode(act.data).decode()})
+            for client, act in self.acts
+        ]
+        path.write_text("\n".join(lines) + "\n")
+
+    @classmethod
+    def read(cls, path: Path) -> Tape:
+        """Read what `write` has written."""
+        head, *lines = map(json.loads, path.read_text().splitlines())
+        (configuration,) = (one for one in CONFIGURATIONS if one.name == head["configuration"])
+        tape = cls(configuration)
+        for line in lines:
+            tape.add(line["client"], Act(line["form"], base64.b64decode(line["data"])))
+        return tape

@@ -1,0 +1,32 @@
+"""Random ops of several clients beside an honest one: the short sibling of `scripts/soak/fuzz.py`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scripts.soak.fuzz import Report, fuzz
+from scripts.soak.fuzz_frames import Act
+from scripts.soak.fuzz_server import CONFIGURATIONS, make_data, serving
+from scripts.soak.fuzz_tape import Tape
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["town", "attached"])
+async def test_an_honest_client_notices_nothing_of_those_that_send_anything(tmp_path: Path, name: str) -> None:
+    (configuration,) = (one for one in CONFIGURATIONS if one.name == name)
+    make_data(tmp_path, seed=0, has_recordings=False)
+    report = Report()
+    with serving(configuration, tmp_path) as server:
+        await fuzz(server, Tape(configuration), report, seed="0", num_clients=3, visits=3)
+    assert report.num["visits"] == 9
+    assert report.innocent[0]["calls"] > 0
+
+
+def test_a_tape_is_read_as_it_was_written(tmp_path: Path) -> None:
+    tape = Tape(CONFIGURATIONS[1])
+    tape.add(7, Act("binary", b"\xa1\x61a\x01"))
+    tape.add(8, Act("text", b"{}"))
+    tape.write(tmp_path / "tape.jsonl")
+    assert Tape.read(tmp_path / "tape.jsonl") == tape
