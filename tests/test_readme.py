@@ -155,6 +155,7 @@ def test_every_flag_that_it_names_exists() -> None:
     assert len(flags) > 15
     commands = [["serve"], ["topic", "echo"], ["topic", "pub"], ["service", "call"], ["record"], ["map", "info"]]
     helped = "".join(run([sys.executable, "-m", "rosbridge_sim", *words, "--help"], ROOT) for words in commands)
+    helped += "".join(run([sys.executable, f"scripts/soak/{name}.py", "--help"], ROOT) for name in ("fuzz", "mixed"))
     assert sorted(flag for flag in flags if not re.search(rf"(?<!\w){flag}\b", helped)) == []
 
 

@@ -264,35 +264,42 @@ class Actions:
         try:
             goal.on_feedback(values)
         except EncodingError as error:
-            self._bus.guard.note_encoding(goal.action.name, error)
-            goal.action.owner.tell("error", f"{goal.action.name}: {error}")
+            self._note_encoding(goal.action, error)
         except Exception as error:  # noqa: BLE001 - a bug of ours in the caller's own state
-            self._bus.guard.blame(goal.caller, error)
+            self._bus.guard.contain(goal.caller, error)
 
     def hand_over(self, goal: Goal, outcome: Outcome) -> None:
         """Give a goal's caller its end (for `Goal` alone). One that cannot be encoded is a failure of the goal."""
         try:
             goal.on_outcome(outcome)
-        except EncodingError as error:
-            self._bus.guard.note_encoding(goal.action.name, error)
-            goal.action.owner.tell("error", f"{goal.action.name}: {error}")
-            self.hand_over(goal, Outcome(is_ok=False, status=GoalStatus.UNKNOWN, values=str(error)))
         except Exception as error:  # noqa: BLE001 - as above
-            self._bus.guard.blame(goal.caller, error)
+            if isinstance(error, EncodingError) and outcome.is_ok:
+                self._note_encoding(goal.action, error)
+                self.hand_over(goal, Outcome(is_ok=False, status=GoalStatus.UNKNOWN, values=str(error)))
+            else:
+                self._bus.guard.contain(goal.caller, error)
 
     def ask_to_cancel(self, goal: Goal) -> None:
         """Ask a goal's provider to end it (for `Goal` alone)."""
         try:
             goal.action.cancel(goal)
         except Exception as error:  # noqa: BLE001 - a bug of ours in the provider's own state
-            self._bus.guard.blame(goal.action.owner, error)
+            self._bus.guard.contain(goal.action.owner, error)
 
     def leave(self, owner: Owner) -> None:
         """Cancel the owner's goals, fail those that were sent to it."""
+        attempt = self._bus.guard.attempt
         for goal in list(self._goals.pop(owner, ())):
-            goal.abandon()
+            attempt("the end of a goal", goal.abandon)
         for action in list(self._provided.get(owner, ())):
-            self._drop(action, f"Action {action.name} was unadvertised: its provider disconnected")
+            why = f"Action {action.name} was unadvertised: its provider disconnected"
+            attempt("the end of an action", self._drop, action, why)
+
+    def _note_encoding(self, action: Action, error: EncodingError) -> None:
+        """Log that something of an action cannot be encoded, and tell its provider."""
+        guard = self._bus.guard
+        guard.note_encoding(action.name, error)
+        guard.attempt("a remark to a provider", action.owner.tell, "error", f"{action.name}: {error}")
 
     def _cancel(self, action: Action, call: Call) -> None:
         """Cancel the caller's goals, since ROS 2 asks for it by a call."""

@@ -21,7 +21,6 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import count, takewhile
-from typing import ParamSpec
 
 from rosbridge_sim.errors import EncodingError, GraphError, PeerError, UnknownPackageError
 from rosbridge_sim.graph.actions import Actions
@@ -64,8 +63,6 @@ MAX_REMEMBERED = 10_000
 MAX_STALE = 100
 """Ended calls that may stay among the deadlines; more are taken out once they are half of the list. A deadline may be
 years away, and a call holds its request."""
-
-P = ParamSpec("P")
 
 _log = logging.getLogger("rosbridge_sim.graph")
 
@@ -194,7 +191,8 @@ class Bus:
             Exception: a listener that cannot end alone has failed; the same.
         """
         self.num_published += 1
-        problem: Exception | None = None
+        problem: PeerError | None = None
+        failure: Exception | None = None
         if topic.depth and not topic.keep(sender, message, self.account_of(sender)):
             problem = GraphError(
                 f"{topic.name}: this client makes the server hold too much; the message is not latched"
@@ -208,24 +206,41 @@ class Bus:
             except PeerError as error:
                 problem = problem or error
             except Exception as error:  # noqa: BLE001 - a bug of ours in one listener's own state
-                problem = self._end_alone(subscription.owner, error) or problem
+                failure = self._end_alone(subscription.owner, error, failure)
+        if failure is not None:
+            raise failure
         if problem is not None:
             raise problem
 
-    def _end_alone(self, owner: Owner, error: Exception) -> Exception | None:
-        """End an owner for which something has failed; the error, if it cannot end alone."""
+    def _end_alone(self, owner: Owner, error: Exception, before: Exception | None) -> Exception | None:
+        """End an owner for which something has failed; return the failure to raise, if any: one, the others are noted.
+
+        Args:
+            owner: the listener.
+            error: its failure.
+            before: that of another listener which cannot end alone.
+        """
         try:
             self.guard.blame(owner, error)
         except Exception as raised:  # noqa: BLE001 - the same error
-            return raised
-        return None
+            if before is None:
+                return raised
+            self.guard.note("another listener of the same message", raised)
+        return before
 
     def announce(self, sender: Owner, topic: Topic, message: Message, now: float) -> None:
-        """Publish something of our own: what a listener finds wrong with it is for the log."""
+        """Publish something of our own. What a listener finds wrong with it is for the log, and so is its failure.
+
+        Never raises: nothing that is wrong with a listener is the world's failure.
+        """
         try:
             self.publish(sender, topic, message, now)
+        except EncodingError:
+            pass  # noted already
         except PeerError as error:
             _log.warning("a listener of %s refused a message: %s", topic.name, error)
+        except Exception as error:  # noqa: BLE001 - a listener that cannot end alone
+            self.guard.note(f"a listener of {topic.name}", error)
 
     def subscribe(
         self, owner: Owner, name: str, deliver: Deliver, *, type_name: str | None = None, is_idle: bool = False
@@ -421,12 +436,14 @@ class Bus:
         """Give a call's caller the answer (for `Call` alone). One that cannot be encoded is a refusal."""
         try:
             call.on_answer(answer)
-        except EncodingError as error:
-            self.guard.note_encoding(call.service.name, error)
-            call.service.owner.tell("error", f"{call.service.name}: {error}")
-            self.hand_over(call, Answer(is_ok=False, values=str(error)))
-        except Exception as error:  # noqa: BLE001 - a bug of ours in the caller's own state
-            self.guard.blame(call.caller, error)
+        except Exception as error:  # noqa: BLE001 - a bug of ours
+            if isinstance(error, EncodingError) and answer.is_ok:
+                name, owner = call.service.name, call.service.owner
+                self.guard.note_encoding(name, error)
+                self.guard.attempt("a remark to a provider", owner.tell, "error", f"{name}: {error}")
+                self.hand_over(call, Answer(is_ok=False, values=str(error)))
+            else:  # in the caller's own state
+                self.guard.contain(call.caller, error)
 
     # Memory
 
@@ -460,36 +477,31 @@ class Bus:
     def expire(self, now: float) -> None:
         """Give up the calls whose time is over and forget the topics that nobody has held for a while."""
         while self._deadlines and (self._deadlines[0][0] <= now or self._deadlines[0][2].is_done):
-            self._pop_deadline().refuse("Timeout exceeded while waiting for service response")
+            refuse = self._pop_deadline().refuse
+            self.guard.attempt("a time-out", refuse, "Timeout exceeded while waiting for service response")
         for topic in list(takewhile(lambda topic: _is_over(topic, now), self._orphans)):
-            self._forget(topic)
+            self.guard.attempt("forgetting a topic", self._forget, topic)
 
     def leave(self, owner: Owner, now: float) -> None:
         """Take away all that `owner` holds, answer those who wait for it, tell the watchers. Twice is no error."""
-        self._try("the end of an owner's goals", self.actions.leave, owner)
+        attempt = self.guard.attempt
+        attempt("the end of an owner's goals", self.actions.leave, owner)
         held = self._holdings.get(owner)
         if held is not None:
             for call in list(held.calls):
-                self._try("the end of a call", call.abandon)
+                attempt("the end of a call", call.abandon)
             for subscription in list(held.subscriptions):
-                self._try("the end of a subscription", self.unsubscribe, subscription, now)
+                attempt("the end of a subscription", self.unsubscribe, subscription, now)
             for topic in list(held.published):
-                topic.unadvertise(owner, None)
-                self._try("the end of a publisher", self._drop_publisher, owner, topic, now)
+                attempt("the end of an advertisement", topic.unadvertise, owner, None)
+                attempt("the end of a publisher", self._drop_publisher, owner, topic, now)
             for service in list(held.services):
                 why = f"Service {service.name} was unadvertised: its provider disconnected"
-                self._try("the end of a service", self._drop_service, service, why)
+                attempt("the end of a service", self._drop_service, service, why)
             self._holdings.pop(owner, None)
         self.accounts.pop(owner, None)
         for watch in tuple(self.watchers):
-            self._try("what follows an owner's end", watch, owner, now)
-
-    def _try(self, what: str, act: Callable[P, object], *args: P.args, **kwargs: P.kwargs) -> None:
-        """Do something whose failure must not keep the rest from being done."""
-        try:
-            act(*args, **kwargs)
-        except Exception as error:  # noqa: BLE001 - a bug of ours, whatever it is
-            self.guard.note(what, error)
+            attempt("what follows an owner's end", watch, owner, now)
 
     def owners(self) -> list[Owner]:
         """Everybody who holds anything, in order of arrival."""
@@ -545,11 +557,11 @@ class Bus:
 
     def _tell_of(self, topic: Topic) -> None:
         for tell in tuple(self.on_topic):
-            self._try(f"a look at {topic.name}", tell, topic)
+            self.guard.attempt(f"a look at {topic.name}", tell, topic)
 
     def _tell_holdings(self, owner: Owner) -> None:
         for tell in tuple(self.on_holdings):
-            self._try(f"a look at what {owner.name} holds", tell, owner)
+            self.guard.attempt(f"a look at what {owner.name} holds", tell, owner)
 
     def _drop_publisher(self, owner: Owner, topic: Topic, now: float) -> None:
         """Tidy up after an owner that publishes there no longer."""

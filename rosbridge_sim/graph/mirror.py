@@ -25,7 +25,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final, NoReturn
 
-from rosbridge_sim.errors import FrameError, PeerError
+from rosbridge_sim.errors import EncodingError, FrameError, PeerError
 from rosbridge_sim.graph.bus import Answer, Bus, Owner, Subscription, Topic, decode_body, resolve
 from rosbridge_sim.graph.findings import Findings, Key, names_of
 from rosbridge_sim.graph.line import MARK, Line, Values
@@ -234,7 +234,10 @@ class Mirror:
             head = publish_head(item.name)
             held = item.topic.kept.get(self._source)
             for message in held.messages() if held is not None else ():
-                line.offer(item.name, message.framed(head))
+                try:
+                    line.offer(item.name, message.framed(head))
+                except EncodingError as error:  # that message alone: all else is announced
+                    self._bus.guard.note_encoding(item.name, error)
 
     def _renounce(self, item: _Item) -> None:
         """Say that something ends. rosbridge_suite keeps a service whose provider has gone without a word."""
@@ -344,7 +347,15 @@ class Mirror:
 
     def hold(self) -> Callable[[], None]:
         """See `Holdable`: hold the line whose op is in hand."""
-        return (self._line_in_hand or self.lines[""]).hold()
+        let_go = (self._line_in_hand or self.lines[""]).hold()
+
+        def release() -> None:
+            try:
+                let_go()
+            except Exception as error:  # noqa: BLE001 - a bug of ours in this bridge's own state
+                self._bus.guard.blame(self, error)
+
+        return release
 
     def _do(self, line: Line, op: ops.Op, now: float) -> None:
         if isinstance(op, ops.Publish):

@@ -241,7 +241,14 @@ class Peer:
 
     def tell(self, level: str, text: str) -> None:
         """Remark something that answers no request."""
-        self.session.remark(level, text)
+        self._remark(level, text)
+
+    def _remark(self, level: str, text: str, op_id: ops.Id = None) -> None:
+        """Remark something on behalf of others, who must not hear of a failure of this client's."""
+        try:
+            self.session.remark(level, text, op_id)
+        except Exception as error:  # noqa: BLE001 - a bug of ours in this client's own state
+            self._bus.guard.blame(self, error)
 
     def teller(self) -> Tell:
         """See `Correlating`."""
@@ -249,7 +256,7 @@ class Peer:
 
         def tell(level: str, text: str) -> None:
             self.num_errors += level == "error"
-            self.session.remark(level, text, op_id)
+            self._remark(level, text, op_id)
 
         return tell
 
@@ -269,13 +276,22 @@ class Peer:
                 is_holding = False
                 self._num_holds -= 1
                 if not self._num_holds:
-                    self.on_released()
+                    try:
+                        self.on_released()
+                    except Exception as error:  # noqa: BLE001 - a bug of ours in this client's own state
+                        self._bus.guard.blame(self, error)
 
         return release
 
     def leave(self, now: float) -> None:
         """Take everything of this client's off the bus; twice is no error."""
         self.on_released = _nothing
+        try:
+            self._forget_all()
+        finally:  # whatever is wrong with it: what stays on the bus would fail again with each message
+            self._bus.leave(self, now)
+
+    def _forget_all(self) -> None:
         self._publications.clear()
         for listening in self._listenings.values():
             self.session.drop_feed(listening.feed)
@@ -285,7 +301,6 @@ class Peer:
         self._goals.clear()
         self._num_ids = 0
         self.session.leave()
-        self._bus.leave(self, now)
 
     # Topics
 

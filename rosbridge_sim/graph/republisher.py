@@ -144,8 +144,13 @@ class Republisher:
         """What the bus has to say to the republisher goes into the log."""
         _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)
 
-    def fail(self, error: Exception) -> None:
-        """See `Guarded`: it is gone until a restart; whoever waits for it is told."""
+    def end(self, error: Exception) -> None:
+        """End for good, since it cannot go on with its own timers; whoever waits for it is told.
+
+        A request or a message on which it fails is no reason: it serves all clients, and the sender alone is told then.
+        """
+        if self._is_off:
+            return
         _log.error("the republisher of transforms has failed; it is off until a restart", exc_info=error)
         self._is_off = True
         self._bus.leave(self, 0.0)

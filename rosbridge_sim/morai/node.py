@@ -176,6 +176,7 @@ class Node:
         self._ticks: deque[tuple[OnTick, Callable[[float], None]]] = deque()
         self._pace = Pace()
         self._told: dict[Owner, set[str]] = {}
+        self._departed: list[Owner] = []  # while frames were computed
         self.items = Items(self, bus, settings.network)
         self._outputs = Outputs(self, bus, self.items)
         self._outputs.add("/clock", "rosgraph_msgs/Clock", lambda: self.convert.clock(world.frame))
@@ -248,6 +249,7 @@ class Node:
                 self._compute(now, is_tick=False, is_last=True)
         finally:
             self.is_moving = False
+        self._see_off_departed(now)
         self._outputs.repeat(now)
 
     def next_due(self, now: float) -> float | None:
@@ -339,6 +341,7 @@ class Node:
         finally:
             self.is_moving = False
         self.num_ticks += 1
+        self._see_off_departed(now)
 
     def _compute(self, now: float, *, is_tick: bool, is_last: bool) -> None:
         """Move the world by one frame and show it."""
@@ -407,15 +410,24 @@ class Node:
         self._outputs.update(self._info, info, now)
 
     def _see_off(self, owner: Owner, now: float) -> None:
-        """A peer has left the bus."""
+        """A peer has left the bus; perhaps within a frame, on a message of which its connection has failed."""
         self._told.pop(owner, None)
         if self.failure is not None:
             return
-        for part in self._parts:
-            part.see_off(owner, now)
+        if self.is_moving:
+            self._departed.append(owner)
+            return
+        for part in self._parts:  # whatever one of them fails at, a master that is gone must not keep the world waiting
+            self.bus.guard.attempt("what follows an owner's end", part.see_off, owner, now)
         lost = self.sync.leave(owner)
         if lost is not None:
             self._lose(lost, now)
+
+    def _see_off_departed(self, now: float) -> None:
+        """Do what follows from departures while frames were computed: within a frame nobody comes or goes."""
+        departed, self._departed = self._departed, []
+        for owner in departed:
+            self._see_off(owner, now)
 
     def _lose(self, outcome: Outcome, now: float) -> None:
         _log.warning("the master of synchronous mode is lost; %s", outcome.state.name)

@@ -16,13 +16,11 @@ out, the network settings say.
 from __future__ import annotations
 
 import heapq
-import logging
 from collections.abc import Callable
 from fractions import Fraction
 from itertools import count
 from typing import Any, Final
 
-from rosbridge_sim.errors import PeerError
 from rosbridge_sim.graph.bus import Bus, Owner, Topic
 from rosbridge_sim.morai.items import Item, Items, why_no_topic
 from rosbridge_sim.morai.network_settings import USUAL_RATE, ItemKind, split_prefix
@@ -32,8 +30,6 @@ from rosbridge_sim.world.state import DT
 __all__ = ["Feed", "Kept", "Outputs"]
 
 _FRAME_RATE: Final = 50
-
-_log = logging.getLogger("rosbridge_sim.morai")
 
 
 class _Publisher(Item):
@@ -208,7 +204,7 @@ class Outputs:
         """There is news for a topic that `keep` has made."""
         kept.value = value
         if kept.topic is not None:
-            self.publish(kept.topic, Message(kept.topic.type, value), now)
+            self._bus.announce(self._owner, kept.topic, Message(kept.topic.type, value), now)
 
     def remove(self, prefix: str, now: float) -> None:
         """Publish the topics under a further ego's prefix no longer."""
@@ -233,7 +229,7 @@ class Outputs:
                 continue
             value = feed.make()
             if value is not None:
-                self.publish(topic, Message(topic.type, value), now)
+                self._bus.announce(self._owner, topic, Message(topic.type, value), now)
 
     def show_due(self, frame: int, shown_at: float, now: float) -> None:
         """Publish the world as it stands on the topics whose turn it is, and put what is to be repeated on the list.
@@ -254,14 +250,14 @@ class Outputs:
             if value is None:
                 continue
             message = Message(topic.type, value)
-            self.publish(topic, message, now)
+            self._bus.announce(self._owner, topic, message, now)
             for i in range(1, num):
                 heapq.heappush(self._repeats, (shown_at + i * DT / num, next(self._ticket), feed, message))
 
     def show_now(self, feed: Feed, now: float) -> None:
         """Publish one topic between frames, since there is news; it must have something to say."""
         if feed.topic is not None:
-            self.publish(feed.topic, Message(feed.topic.type, feed.make()), now)
+            self._bus.announce(self._owner, feed.topic, Message(feed.topic.type, feed.make()), now)
 
     @property
     def repeat_due(self) -> float | None:
@@ -274,15 +270,8 @@ class Outputs:
             _, _, feed, message = heapq.heappop(self._repeats)
             topic = feed.topic
             if topic is not None and topic.has_listener:
-                self.publish(topic, message, now)
+                self._bus.announce(self._owner, topic, message, now)
 
     def forget_repeats(self) -> None:
         """Real time has stopped: nothing is repeated."""
         self._repeats.clear()
-
-    def publish(self, topic: Topic, message: Message, now: float) -> None:
-        """Publish one message; a listener's complaint is not the world's business."""
-        try:
-            self._bus.publish(self._owner, topic, message, now)
-        except PeerError as error:
-            _log.warning("a listener of %s refused a message: %s", topic.name, error)

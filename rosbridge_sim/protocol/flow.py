@@ -43,6 +43,10 @@ class LateFrames(Protocol):
         """Do a slice of work; return the frames that it gave, if any: about `max_bytes` in all."""
 
 
+def _ignore(topic: str, error: Exception) -> None:
+    """Nobody hears of messages that could not be made."""
+
+
 @dataclass(frozen=True, slots=True)
 class OutboxLimits:
     """How much a peer may leave unread.
@@ -66,9 +70,11 @@ class Outbox:
         bursts: topic -> newest messages kept, where it is not the limits' burst.
         dropped: topic -> messages forgotten.
         is_overfull: the hard limit is passed; the owner of the socket should close it.
+        on_unmade: called with the topic of a message, and why its frames could not be made; the message is dropped.
     """
 
     __slots__ = (
+        "_begun",
         "_carry",
         "_frames",
         "_limits",
@@ -80,6 +86,7 @@ class Outbox:
         "dropped",
         "is_overfull",
         "num_bytes",
+        "on_unmade",
     )
 
     def __init__(self, limits: OutboxLimits, wake: Callable[[], None], carry: Callable[[], None]) -> None:
@@ -94,6 +101,7 @@ class Outbox:
         self._wake = wake
         self._carry = carry
         self._frames: deque[tuple[str | None, bytes | LateFrames, int]] = deque()
+        self._begun: str | None = None  # the topic of the first frames, if some of them were made already
         self._num_late = 0
         self._trim_at = limits.burst
         self._relieve_at = limits.topic_bytes
@@ -101,6 +109,7 @@ class Outbox:
         self.bursts: dict[str, int] = {}
         self.dropped: Counter[str] = Counter()
         self.is_overfull = False
+        self.on_unmade: Callable[[str, Exception], None] = _ignore
 
     def __len__(self) -> int:
         return len(self._frames)
@@ -138,6 +147,10 @@ class Outbox:
         Returns:
             One frame at least if there is any; but none where the next one is not finished: a slice of the work on it
             was done, and there will be more if it is asked again.
+
+        Raises:
+            Exception: the frames of an answer cannot be made. Whoever waits for it would wait for ever, so the
+                connection should be closed.
         """
         waiting = self._frames
         if self.num_bytes <= max_bytes and not self._num_late:
@@ -148,22 +161,31 @@ class Outbox:
         taken = []
         total = 0
         while waiting and total < max_bytes:
-            _, frame, size = waiting[0]
+            topic, frame, size = waiting[0]
             if isinstance(frame, bytes):
                 taken.append(frame)
                 total += size
-            else:
-                if taken:  # it is work of its own: what was taken goes first
-                    break
+                waiting.popleft()
+                self.num_bytes -= size
+                continue
+            if taken:  # it is work of its own: what was taken goes first
+                break
+            topic = topic or self._begun
+            try:
                 made = frame.take(max_bytes - total)
-                taken += made
-                total += sum(map(len, made))
-                if not frame.is_finished:
-                    waiting[0] = None, frame, size  # begun: the rest of it must not be forgotten
-                    break
-                self._num_late -= 1
-            waiting.popleft()
-            self.num_bytes -= size
+            except Exception as error:
+                if topic is None:
+                    raise
+                self._drop_first(size)
+                self.on_unmade(topic, error)
+                continue
+            taken += made
+            total += sum(map(len, made))
+            if not frame.is_finished:
+                self._begun = topic
+                waiting[0] = None, frame, size  # begun: the rest of it must not be forgotten
+                break
+            self._drop_first(size)
         return taken
 
     def frames(self) -> Iterator[tuple[int, int]]:
@@ -171,9 +193,17 @@ class Outbox:
         for _, frame, size in self._frames:
             yield id(frame) if isinstance(frame, bytes) else frame.identity, size
 
+    def _drop_first(self, size: int) -> None:
+        """Take out the first frames, which were made late or cannot be made."""
+        self._frames.popleft()
+        self._begun = None
+        self._num_late -= 1
+        self.num_bytes -= size
+
     def close(self) -> None:
         """Forget everything: nobody will take it any more."""
         self._frames.clear()
+        self._begun = None
         self._num_late = 0
         self.num_bytes = 0
 

@@ -19,7 +19,7 @@ from struct import error as StructError  # noqa: N812 - the module calls it plai
 
 import pybase64
 
-from rosbridge_sim.errors import FrameError
+from rosbridge_sim.errors import EncodingError, FrameError
 
 __all__ = ["Picture", "PictureFrames", "decode_png"]
 
@@ -175,7 +175,18 @@ class Picture:
         num_bytes: of the text [bytes]; the picture has about as many at most.
     """
 
-    __slots__ = ("_done", "_encoder", "_header", "_height", "_line", "_position", "_text", "frame", "num_bytes")
+    __slots__ = (
+        "_done",
+        "_encoder",
+        "_failure",
+        "_header",
+        "_height",
+        "_line",
+        "_position",
+        "_text",
+        "frame",
+        "num_bytes",
+    )
 
     def __init__(self, text: bytes) -> None:
         """Nothing is made yet.
@@ -185,6 +196,7 @@ class Picture:
         """
         self.frame: bytes | None = None
         self.num_bytes = len(text)
+        self._failure: Exception | None = None
         width = max(1, math.isqrt(len(text) // 3))
         height = max(1, math.ceil(len(text) / 3 / width))
         self._header = _HEADER.pack(width, height, 8, _TRUECOLOUR, 0, 0, 0)
@@ -195,9 +207,22 @@ class Picture:
         self._line, self._height = 3 * width, height
 
     def work(self) -> bool:
-        """Do the next slice; return whether the frame is finished."""
+        """Do the next slice; return whether the frame is finished.
+
+        Raises:
+            EncodingError: a slice has failed, now or before: without it the picture would be another one.
+        """
         if self.frame is not None:
             return True
+        if self._failure is None:
+            try:
+                return self._do_slice()
+            except Exception as error:  # noqa: BLE001 - a bug of ours or of zlib, whatever it is
+                self._failure = error
+                self._done, self._text = [], b""
+        raise EncodingError(f"a picture cannot be made: {self._failure!r:.200}") from self._failure
+
+    def _do_slice(self) -> bool:
         line, height = self._line, self._height
         lines: list[bytes] = []
         taken = 0

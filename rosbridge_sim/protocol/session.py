@@ -50,7 +50,7 @@ class Session:
         frame_length: of the frame in hand, if it is not a plain one [bytes]; else 0.
         num_received, num_refused: frames in, and those among them that held something that is no op.
         num_sent: messages of topics that went into the outbox.
-        on_unsent: hears of a spelling of a topic whose message waited and then could not be encoded.
+        on_unsent: hears of a spelling of a topic whose message could not be encoded after it had waited for its turn.
         on_lost_answer: hears of what is no op but should have been the answer to a call or the end of a goal.
     """
 
@@ -76,6 +76,7 @@ class Session:
             account: pays for what the peer makes us hold; None is one without a limit.
         """
         self.outbox = outbox
+        outbox.on_unmade = self._lose_message
         self.level = LEVELS["error"]
         self.frame_length = 0
         self.num_received = 0
@@ -188,7 +189,11 @@ class Session:
     def answer(
         self, service: str, op_id: Id, values: Encoded | object, *, is_ok: bool, fragment_size: float | None = None
     ) -> None:
-        """Answer a call of the peer's: with a message, or with whatever JSON value says why not."""
+        """Answer a call of the peer's: with a message, or with whatever JSON value says why not.
+
+        Raises:
+            EncodingError: the message cannot be written, by a bug of ours.
+        """
         body = values.json if is_ok else orjson.dumps(values)  # type: ignore[union-attr] # is_ok: Encoded
         self._send(response_frame(service, body, is_ok=is_ok, op_id=op_id), fragment_size)
 
@@ -205,6 +210,15 @@ class Session:
             return frame
         self._num_fragmented += 1
         return Pieces(frame, int(min(size, 2**31)), f"frag:{self._num_fragmented}")
+
+    def _lose_message(self, spelling: str, cause: Exception) -> None:
+        """Tell of a message whose frames could not be made when the peer was to have them."""
+        if isinstance(cause, EncodingError):
+            self.on_unsent(spelling, cause)
+            return
+        error = EncodingError(f"a message cannot be written: {cause!r:.200}")
+        error.__cause__ = cause
+        self.on_unsent(spelling, error)
 
     # Feeds
 

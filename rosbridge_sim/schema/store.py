@@ -63,7 +63,19 @@ class Message:
         text_length: of the JSON text that it was decoded from, if it was [bytes].
     """
 
-    __slots__ = ("_cbor", "_framed", "_head", "_json", "_raw", "_shared", "_size", "text_length", "type", "value")
+    __slots__ = (
+        "_cbor",
+        "_failures",
+        "_framed",
+        "_head",
+        "_json",
+        "_raw",
+        "_shared",
+        "_size",
+        "text_length",
+        "type",
+        "value",
+    )
 
     def __init__(self, message_type: MessageType | OpaqueType, value: Any, text_length: int = 0) -> None:  # noqa: ANN401 - a generated struct
         self._size = 0
@@ -76,6 +88,7 @@ class Message:
         self._head = b""
         self._framed = b""
         self._shared: dict[object, Any] | None = None
+        self._failures: dict[str, Exception] | None = None
 
     @property
     def is_heavy(self) -> bool:
@@ -97,10 +110,7 @@ class Message:
             EncodingError: it cannot be written.
         """
         if self._json is None:
-            try:
-                self._json = self.type.encode_json(self.value)
-            except Exception as error:
-                raise self._failure("JSON", error) from error
+            self._json = self._write("JSON", self.type.encode_json)
         return self._json
 
     @property
@@ -112,12 +122,7 @@ class Message:
             EncodingError: it cannot be written.
         """
         if self._cbor is None:
-            try:
-                self._cbor = self.type.encode_cbor(self.value)
-            except PeerError:
-                raise
-            except Exception as error:
-                raise self._failure("CBOR", error) from error
+            self._cbor = self._write("CBOR", self.type.encode_cbor)
         return self._cbor
 
     @property
@@ -129,16 +134,26 @@ class Message:
             EncodingError: it cannot be written.
         """
         if self._raw is None:
-            try:
-                self._raw = self.type.encode_raw(self.value)
-            except PeerError:
-                raise
-            except Exception as error:
-                raise self._failure("cbor-raw", error) from error
+            self._raw = self._write("cbor-raw", self.type.encode_raw)
         return self._raw
 
-    def _failure(self, encoding: str, error: Exception) -> EncodingError:
-        return EncodingError(f"{self.type.name} cannot be written as {encoding}: {error!r:.200}")
+    def _write(self, encoding: str, encode: Callable[[Any], bytes]) -> bytes:
+        """The value in an encoding. One that has failed is not tried again: a thousand listeners would each pay for it.
+
+        Raises:
+            PeerError: what `encode` says.
+            EncodingError: `encode` has failed, now or before.
+        """
+        failure = None if self._failures is None else self._failures.get(encoding)
+        if failure is None:
+            try:
+                return encode(self.value)
+            except PeerError:
+                raise
+            except Exception as error:  # noqa: BLE001 - a bug of ours or of a library, whatever it is
+                failure = error
+                self._failures = {**(self._failures or {}), encoding: error}
+        raise EncodingError(f"{self.type.name} cannot be written as {encoding}: {failure!r:.200}") from failure
 
     def framed(self, head: bytes) -> bytes:
         """`head`, the JSON text, and a closing brace; kept for the next listener, who mostly wants the same."""
@@ -148,11 +163,18 @@ class Message:
         return self._framed
 
     def shared(self, key: object, make: Callable[[], T]) -> T:
-        """What `make` gives, made once for all who ask with this key: a form in which some listeners want it."""
+        """What `make` gives, made once for all who ask with this key: a form in which some listeners want it.
+
+        Raises:
+            EncodingError: `make` has failed.
+        """
         if self._shared is None:
             self._shared = {}
         if key not in self._shared:
-            self._shared[key] = make()
+            try:
+                self._shared[key] = make()
+            except Exception as error:
+                raise EncodingError(f"{self.type.name} cannot be written: {error!r:.200}") from error
         made: T = self._shared[key]
         return made
 

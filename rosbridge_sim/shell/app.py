@@ -119,11 +119,15 @@ class Simulator:
 
     @property
     def num_bugs(self) -> int:
-        """Faults of ours: frames and loads that could not be handled, and one more if the world has failed."""
+        """Faults of ours: each is in the log with its traceback.
+
+        Frames, loads and replays that could not be handled, what the bus's guard has counted, and one more if the world
+        has failed.
+        """
         if self._server is None or self._clockwork is None:
             return 0
         num_frames = self._server.num_bugs + sum(attachment.num_bugs for attachment in self.attachments)
-        num_loads = self._reader.num_bugs if self._reader is not None else 0
+        num_loads = sum(reader.num_bugs for reader in (self._reader, self._recordings) if reader is not None)
         is_standing = self.node is not None and self.node.failure is not None
         num_guarded = self.bus.guard.num_faults if self.bus is not None else 0
         return num_frames + num_loads + num_guarded + (self._clockwork.is_failed or is_standing)
@@ -235,11 +239,13 @@ class Simulator:
             self._reader.stop()
         if self._reports is not None:
             self._reports.stop()
-        if self._server is not None:
-            await asyncio.gather(self._server.stop(), *(attachment.stop() for attachment in self.attachments))
-        self.close_recording()
-        if self._limiter is not None:
-            self._limiter.stop()
+        try:
+            if self._server is not None:
+                await asyncio.gather(self._server.stop(), *(attachment.stop() for attachment in self.attachments))
+        finally:  # whatever else fails at the end
+            self.close_recording()
+            if self._limiter is not None:
+                self._limiter.stop()
 
     def close_recording(self) -> None:
         """Finish the recording now, whatever else goes on; `stop` does it last. Twice is no error."""

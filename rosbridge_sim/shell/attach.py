@@ -84,7 +84,8 @@ class Attachment:
         attached: done when everything was announced there for the first time.
         connected_at: when the first line got the socket that it has [s], or had last.
         lookup: finds its host, for all lines at once.
-        num_bugs: frames whose handling failed by a fault of ours; each is in the log with its traceback.
+        num_bugs: frames whose handling failed by a fault of ours; each is in the log with its traceback. What the bus's
+            guard has counted is not among them.
     """
 
     def __init__(self, bus: Bus, source: Owner, url: str, limits: AttachLimits, on_change: Callable[[], None]) -> None:
@@ -110,6 +111,7 @@ class Attachment:
         )
         self.lookup = Lookup(urlsplit(url).hostname or "")
         self.connected_at = math.inf
+        self._guard = bus.guard
         self._full_url = url
         self._limits = limits
         self._on_change = on_change
@@ -134,10 +136,16 @@ class Attachment:
 
     def _fail(self, error: Exception) -> None:
         """Something that was done for the bridge has failed by a bug of ours: connect anew, and go on."""
-        self.num_bugs += 1
         _log.error("%s: a failure of ours; its connections are made anew", self.url, exc_info=error)
         for carrier in self._carriers.values():
             carrier.cut()
+
+    def contain(self, act: Callable[[], None]) -> None:
+        """Do something that concerns this bridge alone; if it fails, the connections are made anew."""
+        try:
+            act()
+        except Exception as error:  # noqa: BLE001 - our own bug
+            self._guard.blame(self.mirror, error)
 
     def _note_attached(self) -> None:
         if not self.attached.done():
@@ -351,6 +359,9 @@ class _Carrier:
 
     def _carry(self) -> None:
         """Hand what waits to the transport, for as long as it takes it and the far side keeps up."""
+        self._attachment.contain(self._carry_on)
+
+    def _carry_on(self) -> None:
         self._is_woken = False
         dialed, line = self._socket, self._line
         if dialed is None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from rosbridge_sim.errors import RosbridgeSimError
 from rosbridge_sim.graph.bus import Bus
@@ -37,6 +37,14 @@ class Clock(Protocol):
 
     def advance(self, now: float) -> None:
         """Do what is due by now [s]; nothing if it is too early."""
+
+
+@runtime_checkable
+class Endable(Protocol):
+    """A clock without which everything else can go on."""
+
+    def end(self, error: Exception) -> None:
+        """End for good, because of a failure. From then on `next_due` is None, and `advance` does nothing."""
 
 
 class Clockwork:
@@ -107,16 +115,33 @@ class Clockwork:
             self._arm(now, due)
 
     def _advance(self, clock: Clock, now: float) -> None:
-        """Give a clock its turn; one that can end alone does, if it fails."""
+        """Give a clock its turn."""
         try:
             clock.advance(now)
         except Exception as error:  # noqa: BLE001 - our own bug
-            self._bus.guard.blame(clock, error)
+            self._blame(clock, error)
+
+    def _blame(self, clock: Clock, error: Exception) -> None:
+        """End a clock that has failed, if it can end alone.
+
+        Raises:
+            Exception: `error`, where it cannot: it is the world.
+        """
+        guard = self._bus.guard
+        if isinstance(clock, Endable):
+            guard.num_faults += 1
+            guard.attempt("the end of what has failed", clock.end, error)
+        else:
+            guard.blame(clock, error)
 
     def _next_due(self, now: float) -> float | None:
         due = self._bus.next_deadline()
         for clock in self._clocks:
-            other = clock.next_due(now)
+            try:
+                other = clock.next_due(now)
+            except Exception as error:  # noqa: BLE001 - our own bug
+                self._blame(clock, error)
+                continue
             if due is None or (other is not None and other < due):
                 due = other
         return due

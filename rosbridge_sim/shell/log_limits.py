@@ -105,7 +105,13 @@ class LineLimiter(logging.Filter):
         self.flush()
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Say whether a line is written; it is cut if need be."""
+        """Say whether a line is written; it is cut if need be. Whoever logs something does not fail by that."""
+        try:
+            return self._judge(record)
+        except Exception:  # noqa: BLE001 - such as values that do not fit the text: handlers report that on stderr
+            return True
+
+    def _judge(self, record: logging.LogRecord) -> bool:
         if record.levelno < logging.CRITICAL:
             with self._lock:
                 if not self._admit(record):

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from rosbridge_sim.errors import DocumentError, PeerError
+from rosbridge_sim.errors import DocumentError, EncodingError, PeerError
 from rosbridge_sim.graph.bus import Bus, Owner, Topic
 from rosbridge_sim.graph.policy import Rule
 from rosbridge_sim.schema.check import Shape
@@ -123,23 +123,36 @@ class Scribe:
 
         Raises:
             PeerError: it cannot be written.
+            EncodingError: the same, by a bug of ours or of a library.
             DocumentError: the disk does not take it.
         """
-        recode = self._channels[topic].recode
-        if recode is None:
+        track = self._channels[topic]
+        if track.recode is None:
             self.write_json(topic, message.json, stamp_ns)
-        else:
-            self._write(topic, recode(message.raw), stamp_ns)
+            return
+        raw = message.raw
+        try:
+            recoded = track.recode(raw)
+        except Exception as error:
+            raise _failure(track.type, error) from error
+        self._write(topic, recoded, stamp_ns)
 
     def write_json(self, topic: str, body: bytes, stamp_ns: int) -> None:
         """Add a message that is given as JSON text.
 
         Raises:
             PeerError: it does not fit its type.
+            EncodingError: it cannot be written, by a bug of ours or of a library.
             DocumentError: the disk does not take it.
         """
         message_type = self._channels[topic].type
-        self._write(topic, message_type.encode_raw(message_type.decode_json(body, stamp_ns)), stamp_ns)
+        try:
+            raw = message_type.encode_raw(message_type.decode_json(body, stamp_ns))
+        except PeerError:
+            raise
+        except Exception as error:
+            raise _failure(message_type, error) from error
+        self._write(topic, raw, stamp_ns)
 
     def _write(self, topic: str, raw: bytes, stamp_ns: int) -> None:
         self._bag.write(self._channels[topic].channel, stamp_ns, raw)
@@ -165,6 +178,10 @@ class Scribe:
     def abort(self) -> None:
         """Leave the file as it is."""
         self._bag.abort()
+
+
+def _failure(message_type: MessageType, error: Exception) -> EncodingError:
+    return EncodingError(f"{message_type.name} cannot be written into the bag: {error!r:.200}")
 
 
 class Recorder:
@@ -226,16 +243,22 @@ class Recorder:
                 _log.error("the recording has ended: %s", error)
             except DocumentError as error:
                 _log.error("the recording has no index: %s", error)
+            except Exception as error:  # noqa: BLE001 - our own bug, or the writer's
+                self._bus.guard.note("the end of the recording", error)
+                self.scribe.abort()
             else:
                 _log.info("recorded %d messages into %s", self.scribe.num_messages, self._path)
 
     def fail(self, error: Exception) -> None:
         """See `Guarded`: the recording ends, and what was written stays as it is."""
+        if not self._is_on:
+            return
         _log.error(
             "the recording has ended by a bug of ours; `rosbridge-sim bag repair` makes it readable", exc_info=error
         )
-        if self._is_on:
+        try:
             self._leave()
+        finally:
             self.scribe.abort()
 
     # What he listens to
@@ -248,7 +271,10 @@ class Recorder:
         if self._guard(lambda: self.scribe.add(topic.name, topic.type.name, is_latching=topic.is_latching), topic):
             self._bus.subscribe(self, topic.name, self._write)
             for message in topic.latched:
-                self._write(topic, message, self, 0.0)
+                try:
+                    self._write(topic, message, self, 0.0)
+                except EncodingError as error:
+                    self._bus.guard.note_encoding(topic.name, error)
 
     def _is_wanted(self, topic: Topic) -> bool:
         if self._rule is not None:
@@ -263,13 +289,20 @@ class Recorder:
     # What he writes
 
     def _write(self, topic: Topic, message: Message, _sender: Owner, _now: float) -> None:
-        stamp_ns = self._bus.stamp_ns
-        self._guard(lambda: self.scribe.write(topic.name, message, stamp_ns), topic)
+        if self._is_on:  # a message of the same delivery, or one of several that are latched, may have ended it
+            stamp_ns = self._bus.stamp_ns
+            self._guard(lambda: self.scribe.write(topic.name, message, stamp_ns), topic)
 
     def _guard(self, work: Callable[[], None], topic: Topic | None = None) -> bool:
-        """Do it, and whether it went well. What goes wrong is nobody's business but the recorder's."""
+        """Do it, and return whether it went well. The log says what goes wrong, and nobody else is told.
+
+        Raises:
+            EncodingError: a message cannot be written, by a bug of ours: that concerns its publisher too.
+        """
         try:
             work()
+        except EncodingError:
+            raise
         except PeerError as error:
             if topic is not None and topic not in self._given_up:
                 self._given_up.add(topic)
@@ -285,7 +318,10 @@ class Recorder:
 
     def _tick(self) -> None:
         self._timer = self._loop.call_later(PERIOD, self._tick)
-        self._guard(self.scribe.flush)
+        try:
+            self._guard(self.scribe.flush)
+        except Exception as error:  # noqa: BLE001 - our own bug, or the writer's
+            self._bus.guard.blame(self, error)
 
     def _leave(self) -> None:
         self._is_on = False

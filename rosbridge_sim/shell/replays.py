@@ -65,6 +65,7 @@ class DiskRecordings:
 
     Attributes:
         on_done: called after whoever asked has been told, since the world may have begun to move.
+        num_bugs: recordings that could not be read or used by a fault of ours; each is in the log with its traceback.
     """
 
     def __init__(self, folder: str | Path, texts: Texts, loop: asyncio.AbstractEventLoop) -> None:
@@ -76,6 +77,7 @@ class DiskRecordings:
             loop: where whoever asked is told.
         """
         self.on_done: Callable[[], None] = _nothing
+        self.num_bugs = 0
         self._folder = Path(folder)
         self._texts = texts
         self._loop = loop
@@ -97,25 +99,37 @@ class DiskRecordings:
     def _read(self, path: Path, reading: Reading, then: Then) -> None:
         """In a thread of its own."""
         outcome: Recording | DocumentError
+        is_bug = False
         try:
             outcome = read_recording(path, reading, self._texts, self._breathe)
         except DocumentError as error:
             outcome = error
         except Exception:  # noqa: BLE001 - a bug of ours must not leave the caller without an answer
             _log.exception("%s could not be read; this is a bug of ours", path)
-            outcome = DocumentError(f"{reading.name}: cannot be read; the server's log says why")
+            outcome, is_bug = DocumentError(f"{reading.name}: cannot be read; the server's log says why"), True
         with suppress(RuntimeError):  # the loop is closed
-            self._loop.call_soon_threadsafe(self._deliver, then, outcome)
+            self._loop.call_soon_threadsafe(self._deliver, then, outcome, is_bug)
 
     def _breathe(self) -> None:
         if self._is_stopped.is_set():
             raise DocumentError("the server is stopping")
         time.sleep(0)
 
-    def _deliver(self, then: Then, outcome: Recording | DocumentError) -> None:
-        if not self._is_stopped.is_set():
+    def _deliver(
+        self,
+        then: Then,
+        outcome: Recording | DocumentError,
+        is_bug: bool,  # noqa: FBT001 - asyncio passes by position
+    ) -> None:
+        self.num_bugs += is_bug
+        if self._is_stopped.is_set():
+            return
+        try:
             then(outcome, self._loop.time())
-            self.on_done()
+        except Exception:  # noqa: BLE001 - our own bug: this replay is lost, everybody goes on
+            self.num_bugs += 1
+            _log.exception("a recording could not be used; this is a bug of ours")
+        self.on_done()
 
 
 def _nothing() -> None:

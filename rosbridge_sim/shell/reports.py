@@ -39,13 +39,17 @@ _LEVELS = {
 
 
 class Reports:
-    """The topics on which a server speaks of itself."""
+    """The topics on which a server speaks of itself.
+
+    Attributes:
+        bus: where they are.
+    """
 
     name = NODE_NAME
 
     def __init__(self, bus: Bus, server: Server, loop: asyncio.AbstractEventLoop) -> None:
         """Advertise the topics and follow the server's clients and this process's log, until `stop`."""
-        self._bus = bus
+        self.bus = bus
         self._server = server
         self._loop = loop
         count, connected, clients, log = TOPICS
@@ -72,7 +76,7 @@ class Reports:
 
     def publish(self, topic: Topic, **fields: Any) -> None:  # noqa: ANN401 - each field of its own type
         """Send a message made from its fields."""
-        self._bus.publish(self, topic, Message(topic.type, self._struct(topic)(**fields)), self._loop.time())
+        self.bus.announce(self, topic, Message(topic.type, self._struct(topic)(**fields)), self._loop.time())
 
     def tell_clients_soon(self) -> None:
         """Tell in the next turn of the loop who is connected: once, however many come and go in this one."""
@@ -81,7 +85,7 @@ class Reports:
 
     def _tell_clients(self) -> None:
         self._soon = None
-        store = self._bus.store
+        store = self.bus.store
         known = self._entries
         for client in self._server.clients:
             if client not in known:
@@ -93,22 +97,31 @@ class Reports:
 
     def stamp(self) -> Any:  # noqa: ANN401 - a generated struct
         """A header with the time of day: these topics are about this process, not about the world in it."""
-        store = self._bus.store
+        store = self.bus.store
         return store.message("std_msgs/Header").struct(stamp=store.time_value(time.time_ns()))
 
     def _advertise(self, name: str, type_name: str, *, depth: int = 0, is_exclusive: bool = False) -> Topic:
-        return self._bus.advertise(self, name, type_name, depth=depth, is_exclusive=is_exclusive)
+        return self.bus.advertise(self, name, type_name, depth=depth, is_exclusive=is_exclusive)
 
     def _struct(self, topic: Topic) -> Any:  # noqa: ANN401 - a class that is generated
-        return self._bus.store.message(topic.type.name).struct
+        return self.bus.store.message(topic.type.name).struct
 
     def _tick(self) -> None:
         self._timer = self._loop.call_later(PERIOD, self._tick)
         if self._clients.has_listener:
-            self.publish(self._clients, header=self.stamp(), clients=list(map(self._status, self._server.clients)))
+            self.bus.guard.attempt("the report on clients", self._tell_statuses)
+
+    def _tell_statuses(self) -> None:
+        statuses = []
+        for client in tuple(self._server.clients):
+            try:
+                statuses.append(self._status(client))
+            except Exception as error:  # noqa: BLE001 - a bug of ours in what is that client's alone
+                self.bus.guard.blame(client.peer, error)
+        self.publish(self._clients, header=self.stamp(), clients=statuses)
 
     def _status(self, client: Client) -> Any:  # noqa: ANN401 - a generated struct
-        store = self._bus.store
+        store = self.bus.store
         session, outbox = client.peer.session, client.outbox
         dropped = sorted((topic, count) for topic, count in outbox.dropped.items() if count)
         return store.message("rosbridge_sim_msgs/ClientStatus").struct(
@@ -154,6 +167,8 @@ class _LogTopic(logging.Handler):
                 function=record.funcName or "",
                 line=record.lineno,
             )
+        except Exception as error:  # noqa: BLE001 - who logs something must not fail by that
+            self._reports.bus.guard.note("/rosout", error)
         finally:
             self._is_sending = False
 

@@ -24,7 +24,7 @@ from functools import partial
 from http import HTTPStatus
 from ipaddress import ip_address
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Any, ParamSpec, Protocol
 
 from websockets.asyncio.server import Server as WebSocketServer
 from websockets.asyncio.server import ServerConnection, serve
@@ -46,6 +46,8 @@ from rosbridge_sim.shell.memory_budget import MemoryBudget
 from rosbridge_sim.shell.turns import Turns
 
 __all__ = ["Client", "Server", "ServerLimits", "quiet"]
+
+P = ParamSpec("P")
 
 _log = logging.getLogger("rosbridge_sim.server")
 
@@ -172,6 +174,8 @@ class Client:
         self._max_frame_size = limits.max_frame_size
         self._turns = turns
         self._watch = watch
+        self._guard = bus.guard
+        self._has_failed = False
         self._clock = socket.loop.time
         self._deadline: asyncio.TimerHandle | None = None
         self._is_woken = False
@@ -198,7 +202,7 @@ class Client:
         )
         self._begin_frame = warden.begin
         if not is_proven:
-            self._deadline = loop.call_later(access.patience, warden.expire)
+            self._deadline = loop.call_later(access.patience, self._contain, warden.expire)
 
     def _welcome(self) -> None:
         """The token was shown: no deadline any more, and no warden but for the rate."""
@@ -279,7 +283,8 @@ class Client:
     def _regret_frame(self) -> None:
         self._watch.count_bug()
         _log.exception("a frame of %s could not be handled", self.peer.address)
-        self.peer.tell("error", "The server failed on a message; its log says why")
+        if not self._has_failed:
+            self.peer.tell("error", "The server failed on a message; its log says why")
 
     def inflate(self, message: Deflated) -> Generator[None, None, Work | None]:
         """Inflate a message, in slices, and begin the frame that it holds."""
@@ -310,6 +315,14 @@ class Client:
 
     def work(self, until: float) -> bool:
         """Go on with what was left: frames to make, then frames to read; return whether any is left still."""
+        try:
+            self._work_until(until)
+        except Exception as error:  # noqa: BLE001 - our own bug, in what is this client's alone
+            self._is_in_line = False
+            self._guard.blame(self.peer, error)
+        return self._is_in_line
+
+    def _work_until(self, until: float) -> None:
         self._until = until
         if self._has_output:
             self._has_output = False
@@ -317,7 +330,6 @@ class Client:
         if self._has_input and not self.peer.is_held and self._do_steps():
             self._has_input = self.socket.go_on(until)
         self._is_in_line = self._has_output or (self._has_input and not self.peer.is_held)
-        return self._is_in_line
 
     # Out
 
@@ -337,40 +349,46 @@ class Client:
     def _flush(self) -> None:
         self._alarm = None
         self._alarm_due = _NEVER
+        self._contain(self.peer.flush, self.socket.loop.time())
+
+    def _contain(self, act: Callable[P, object], *args: P.args, **kwargs: P.kwargs) -> None:
+        """Do something that concerns this client alone; if it fails, the client is closed."""
         try:
-            self.peer.flush(self.socket.loop.time())
+            act(*args, **kwargs)
         except Exception as error:  # noqa: BLE001 - our own bug, in what is this client's alone
-            self._fail(error)
+            self._guard.blame(self.peer, error)
 
     def _fail(self, error: Exception) -> None:
         """Close this client alone, with code 1011: something that was done for it has failed by a bug of ours."""
-        if self._closing is not None:
+        if self._has_failed:
             return
-        self._watch.count_bug()
+        self._has_failed = True  # first of all: the log is a topic, and this client may listen to it
         _log.error("%s: closed, because of a failure of ours", self.peer.address, exc_info=error)
-        self._start_closing(CloseCode.INTERNAL_ERROR, "the server failed on this connection; its log says why")
+        try:
+            self._start_closing(CloseCode.INTERNAL_ERROR, "the server failed on this connection; its log says why")
+        except Exception:  # noqa: BLE001 - whatever is wrong with it, it is to go
+            _log.exception("%s: it could not be closed; cut off", self.peer.address)
+            self.socket.transport.abort()
         try:
             self.leave()
-        except Exception:  # noqa: BLE001 - the same failure, perhaps; the connection's end tries again
+        except Exception:  # noqa: BLE001 - the same failure, perhaps; it is off the bus all the same
             _log.exception("%s: what it held could not be given up", self.peer.address)
 
     def leave(self) -> None:
         """Take the client off the bus, whatever was on its way to it. Twice is no error."""
-        for timer in (self._alarm, self._deadline):
-            if timer is not None:
-                timer.cancel()
-        self._turns.leave(self)
-        self._work = None
-        self.outbox.close()
-        self.peer.leave(self.socket.loop.time())
+        try:
+            for timer in (self._alarm, self._deadline):
+                if timer is not None:
+                    timer.cancel()
+            self._turns.leave(self)
+            self._work = None
+            self.outbox.close()
+        finally:
+            self.peer.leave(self.socket.loop.time())
 
     def carry(self) -> None:
         """Hand what waits to the transport, for as long as it takes it, and about as much as one turn has time for."""
-        try:
-            self._carry()
-        except Exception as error:  # noqa: BLE001 - our own bug, in what is this client's alone
-            self.outbox.close()
-            self._fail(error)
+        self._contain(self._carry)
 
     def _carry(self) -> None:
         self._is_woken = False
@@ -414,6 +432,9 @@ class Client:
                 await self.socket.close(code, reason)
         except TimeoutError:
             self.socket.transport.abort()
+        except Exception as error:  # noqa: BLE001 - whatever is wrong with it, it is to go
+            self._guard.note(f"closing the connection of {self.peer.address}", error)
+            self.socket.transport.abort()
 
 
 class _InflatedWork:
@@ -443,7 +464,8 @@ class Server:
         clients: who is connected now, in order of arrival.
         on_clients: called when somebody has come or gone.
         why_unhealthy: asked for `/healthz`: why the server does not do all that it should; None where it does.
-        num_bugs: frames whose handling failed by a fault of ours; each is in the log with its traceback.
+        num_bugs: frames whose handling failed by a fault of ours, and the like; each is in the log with its traceback.
+            What the bus's guard has counted is not among them.
         port: the real port, once started.
         addresses: on which it listens, without the port.
         is_loopback: it can be reached from this machine alone.
@@ -524,7 +546,16 @@ class Server:
                 await self._server.wait_closed()
 
     async def _serve(self, socket: ServerConnection) -> None:
+        """Serve a connection to its end."""
         assert isinstance(socket, _Socket)
+        try:
+            await self._serve_client(socket)
+        except Exception:  # the library closes it with code 1011, and its own words about that are not logged
+            self.num_bugs += 1
+            _log.exception("%s could not be served", _address_of(socket))
+            raise
+
+    async def _serve_client(self, socket: _Socket) -> None:
         assert self._turns is not None, "it listens"
         client = Client(socket, self._bus, self._limits, self._turns, self)
         peer = client.peer
@@ -560,6 +591,14 @@ class Server:
 
     def _process_request(self, connection: ServerConnection, request: Request) -> Response | None:
         """Plain HTTP: None lets the WebSocket handshake go on."""
+        try:
+            return self._judge_request(connection, request)
+        except Exception:  # noqa: BLE001 - our own bug; the library would say the same, but not log it
+            self.num_bugs += 1
+            _log.exception("a request of %s could not be answered", _address_of(connection))
+            return connection.respond(HTTPStatus.INTERNAL_SERVER_ERROR, "The server failed; its log says why\n")
+
+    def _judge_request(self, connection: ServerConnection, request: Request) -> Response | None:
         path = request.path.partition("?")[0]
         if path == "/healthz":
             why = self.why_unhealthy()

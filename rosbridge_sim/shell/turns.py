@@ -29,7 +29,10 @@ class Worker(Protocol):
     """A client that may have work left."""
 
     def work(self, until: float) -> bool:
-        """Go on until that time of `perf_counter` [s], or as long as one op takes; return whether any work is left."""
+        """Go on until that time of `perf_counter` [s], or as long as one op takes; return whether any work is left.
+
+        Must not raise: others would lose their turn.
+        """
 
 
 class Turns:
