@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from scripts.soak import hostile
 from scripts.soak.faults import CASES, SHORT, Case, run_case
 from scripts.soak.mixed import soak
 
@@ -26,3 +27,12 @@ async def test_eight_kinds_of_clients_come_and_go_and_leave_nothing_behind(tmp_p
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.__name__)
 async def test_a_fault_of_line_disk_or_machine_is_told_and_passes(tmp_path: Path, case: Case) -> None:
     assert (await run_case(case, tmp_path, SHORT)).faults == []
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the peak of another process's memory is Linux's")
+@pytest.mark.parametrize("row", hostile.ROWS, ids=lambda row: row.name)
+async def test_a_hostile_frame_costs_bounded_memory_and_no_client_its_connection(
+    tmp_path: Path, row: hostile.Row
+) -> None:
+    seen = await hostile.play(row, tmp_path, repeats=1, settling=0.0, idle=0.1)
+    assert [fault for fault in seen.faults if "rose" in fault or "traceback" in fault] == []
