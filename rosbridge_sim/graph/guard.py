@@ -65,7 +65,7 @@ class Guard:
         except Exception as second:
             if second is error:
                 raise
-            self.note("the end of what has failed", second)  # the log shows the first failure as its context
+            self.note("the end of an owner", second)  # the log shows the first failure as its context
         self.num_faults += 1
 
     def contain(self, concerned: object, error: Exception) -> None:

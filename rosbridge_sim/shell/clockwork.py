@@ -130,7 +130,7 @@ class Clockwork:
         guard = self._bus.guard
         if isinstance(clock, Endable):
             guard.num_faults += 1
-            guard.attempt("the end of what has failed", clock.end, error)
+            guard.attempt("the end of a clock", clock.end, error)
         else:
             guard.blame(clock, error)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -125,3 +126,65 @@ def test_order_is_kept_and_nothing_but_topics_is_lost(frames: list[tuple[str | N
         kept = [i for i in left if frames[i][0] == name]
         assert len(sent) - len(kept) == outbox.dropped[name]
         assert kept[-1:] == sent[-1:]  # the newest is there, whatever went
+
+
+# Frames that are made late
+
+
+class Late:
+    """Three frames that are made one at a time; making one of them may fail."""
+
+    num_bytes = 3
+
+    def __init__(self, letter: str, fails_at: int | None = None) -> None:
+        self._letter = letter
+        self._fails_at = fails_at
+        self._num = 0
+
+    @property
+    def is_finished(self) -> bool:
+        return self._num == 3
+
+    def take(self, _max_bytes: int) -> list[bytes]:
+        if self._num == self._fails_at:
+            raise ZeroDivisionError
+        self._num += 1
+        return [f"{self._letter}{self._num}".encode()]
+
+
+@pytest.mark.parametrize("fails_at", [0, 1, 2])
+def test_message_whose_frames_cannot_be_made_is_dropped_and_told(fails_at: int) -> None:
+    outbox = Socket(OutboxLimits(), is_open=False).outbox
+    told: list[tuple[str, Exception]] = []
+    outbox.on_unmade = lambda topic, error: told.append((topic, error))
+    outbox.send(b"before")
+    outbox.offer("/bad", Late("b", fails_at))
+    outbox.offer("/good", Late("g"))
+    outbox.send(b"after")
+    taken = []
+    while len(outbox):
+        taken += outbox.take(10)
+    made = [b"b1", b"b2"][:fails_at]
+    assert taken == [b"before", *made, b"g1", b"g2", b"g3", b"after"]
+    assert [(topic, type(error)) for topic, error in told] == [("/bad", ZeroDivisionError)]
+    outbox.offer("/t", b"plain")
+    assert (outbox.num_bytes, outbox.take(ALL)) == (5, [b"plain"])
+
+
+@pytest.mark.parametrize("fails_at", [0, 2])
+def test_answer_whose_frames_cannot_be_made_is_not_dropped_in_silence(fails_at: int) -> None:
+    outbox = Socket(OutboxLimits(), is_open=False).outbox
+    outbox.offer("/good", Late("g"))
+    outbox.send(Late("a", fails_at))
+    with pytest.raises(ZeroDivisionError):
+        while len(outbox):
+            outbox.take(10)
+
+
+def test_outbox_that_is_spoken_to_while_a_message_is_dropped_keeps_what_is_said() -> None:
+    outbox = Socket(OutboxLimits(), is_open=False).outbox
+    outbox.on_unmade = lambda _topic, _error: outbox.send(b"said")
+    outbox.offer("/bad", Late("b", 0))
+    outbox.send(b"after")
+    assert outbox.take(ALL) == [b"after", b"said"]
+    assert (len(outbox), outbox.num_bytes) == (0, 0)

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from rosbridge_sim.errors import FrameError
+from rosbridge_sim.errors import EncodingError, FrameError
 from rosbridge_sim.protocol.png import Picture, PictureFrames, decode_png
 from tests.support import finish
 
@@ -92,6 +92,19 @@ def test_two_listeners_share_the_work_on_a_picture() -> None:
         num_alone += 1
     assert num_slices - num_alone in {0, 1}
     assert all(a is b for a, b in pairwise(taken))
+
+
+def test_picture_that_failed_for_one_listener_is_not_sent_without_its_lost_part_to_another() -> None:
+    picture = Picture(long_text(300_000))
+    first, second = PictureFrames(picture), PictureFrames(picture)
+    assert first.take(1) == []
+    encoder, picture._encoder = picture._encoder, None  # type: ignore[assignment] # as good a bug as any
+    with pytest.raises(EncodingError, match="a picture cannot be made: AttributeError"):
+        first.take(1)
+    picture._encoder = encoder
+    for _ in range(2):
+        with pytest.raises(EncodingError, match="a picture cannot be made: AttributeError"):
+            second.take(1)
 
 
 def test_pictures_that_hold_nothing() -> None:

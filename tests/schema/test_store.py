@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from rosbridge_sim.errors import DefinitionError, FieldError, TypeNameError, UnknownPackageError
+from rosbridge_sim.errors import DefinitionError, EncodingError, FieldError, TypeNameError, UnknownPackageError
 from rosbridge_sim.schema.check import Time, Time2
 from rosbridge_sim.schema.compile import OpaqueType
 from rosbridge_sim.schema.store import Leniency, Message, Store
@@ -335,3 +335,16 @@ def test_the_types_of_the_simulator_do_without_rosbags() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=SCHEMAS.parent)
     assert done.stdout.strip() == "False"
+
+
+def test_message_that_could_not_be_written_once_is_not_tried_again() -> None:
+    message_type = shared_store().message("std_msgs/String")
+    message = Message(message_type, message_type.struct(data=object()))
+    for _ in range(2):
+        with pytest.raises(EncodingError, match="std_msgs/String cannot be written as JSON: TypeError") as caught:
+            _ = message.json
+        assert isinstance(caught.value.__cause__, TypeError)
+        message.value.data = "whole"
+    assert message.cbor.endswith(b"whole")
+    with pytest.raises(EncodingError, match="std_msgs/String cannot be written: ZeroDivisionError"):
+        message.shared("a form", lambda: 1 // 0)
