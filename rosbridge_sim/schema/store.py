@@ -45,10 +45,6 @@ _PARTS = ("Goal", "Result", "Feedback")
 """What a text of an action itself defines."""
 
 
-HEAVY = 64 * 1024
-"""A message whose text is as long as this is encoded when its listener's turn has come [bytes]; less takes 5 ms."""
-
-
 class Message:
     """One value of a type, encoded at most once however many listeners it has.
 
@@ -91,11 +87,6 @@ class Message:
         self._failures: dict[str, Exception] | None = None
 
     @property
-    def is_heavy(self) -> bool:
-        """Whether it came as a long text: each encoding of it is work of its own."""
-        return self.text_length >= HEAVY
-
-    @property
     def num_bytes(self) -> int:
         """An estimate of what holding it costs [bytes]."""
         if not self._size:
@@ -110,7 +101,10 @@ class Message:
             EncodingError: it cannot be written.
         """
         if self._json is None:
-            self._json = self._write("JSON", self.type.encode_json)
+            try:  # `_write` has the whole meaning; this is the plain case without its call
+                self._json = self.type.encode_json(self.value)
+            except Exception:  # noqa: BLE001 - it is judged there
+                self._json = self._write("JSON", self.type.encode_json)
         return self._json
 
     @property
