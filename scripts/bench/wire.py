@@ -290,7 +290,8 @@ def _measure(
         pass
     for row in rows:
         command = SERVER if row.is_world else worldless
-        other, run_other = FLOOR, row.floor
+        other: tuple[str, ...] = FLOOR
+        run_other = row.floor
         if against is not None:
             other, run_other = (against, "serve", "--port", "0", *command[len(SERVER) :]), row.server
         measured[row.name] = []
