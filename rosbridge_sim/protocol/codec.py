@@ -44,8 +44,9 @@ __all__ = [
 _SHOWN = 200
 """Characters of a stranger's text that an answer quotes: enough to recognise it, too few to be an amplifier."""
 
-LONG = 64 * 1024
-"""A frame from here on is weighed before it is decoded [bytes]; decoding less takes 5 ms at most."""
+LONG = 16 * 1024
+"""A frame from here on is weighed before it is decoded [bytes]; decoding less takes 5 ms at most, or 40 ms where it
+holds nothing but numbers at the edge of float64."""
 
 MAX_OPS = 10_000
 """Ops that one frame may hold: each is done by itself, but what is glued together should be a handful."""
