@@ -176,6 +176,8 @@ def decode_frame(frame: bytes) -> Iterator[Op | FrameError | None]:
             yield None
         yield op
     else:
+        if len(frame) >= LONG:
+            yield None
         yield from _decode_slowly(frame)
 
 
@@ -192,7 +194,7 @@ def _too_heavy(frame: bytes) -> Generator[None, None, str | None]:
     return None
 
 
-def _decode_slowly(frame: bytes) -> Iterator[Op | FrameError]:
+def _decode_slowly(frame: bytes) -> Iterator[Op | FrameError | None]:
     """Read a frame that holds glued objects, the words NaN or Infinity, or a mistake."""
     try:
         frame.decode()
@@ -217,6 +219,8 @@ def _decode_slowly(frame: bytes) -> Iterator[Op | FrameError]:
         if end is None:
             yield from _scan_words(frame, position, num_ops)
             return
+        if end >= LONG:
+            yield None
         yield _read_op(view[position : position + end])
         position = _end_of(_BYTE_SPACE.match(frame, position + end))
 
@@ -250,8 +254,7 @@ def _read_op(part: memoryview) -> Op | FrameError:
     if op is not None:
         return op
     try:
-        is_light = len(part) < LONG or LIGHT.excess(weigh(part)) is None
-        return _op_or_error(json.loads(bytes(part)) if is_light else _outline(part))
+        return _op_or_error(json.loads(bytes(part)) if len(part) < LONG else _outline(part))
     except FrameError as error:
         return _name(error, _ends(part))
     except RecursionError:
@@ -271,7 +274,7 @@ def _op_or_error(value: object) -> Op | FrameError:
 
 
 def _outline(part: memoryview) -> dict[str, Any]:
-    """The fields of a heavy object: its bodies stay text, what else is long is left out.
+    """The fields of a long object: its bodies stay text, what else is long is left out.
 
     Raises:
         FrameError: it is no object.
