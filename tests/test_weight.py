@@ -70,3 +70,20 @@ def test_an_excess_names_the_limit() -> None:
     assert LIGHT.excess(Weight(15_001, 0, 0)) == "at most 15,000 objects and lists are taken, and it has 15,001"
     assert LIGHT.excess(Weight(0, 60_001, 0)) == "at most 60,000 texts are taken, and it has 60,001"
     assert FULL.excess(Weight(0, 0, 4_500_001)) == "at most 4,500,000 values are taken, and it has 4,500,001"
+
+
+@pytest.mark.parametrize(
+    "number", ["1e308", "-1E+308", "2.5e-310", "1e0308", "0." + "0" * 307 + "5", "9" * 400, "1" + "0" * 90 + "e199"]
+)
+@pytest.mark.parametrize("size", [77, 2**18])
+def test_numbers_at_the_edge_of_float64_are_heavy(number: str, size: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(weight_module, "_SLICE", size)
+    text = ("[" + ",".join([number] * 2_100) + "]").encode()
+    assert FULL.excess(weigh(text)) is not None
+    assert FULL.excess(exactly(text)) is not None
+    assert FULL.excess(exactly(b'"' + text + b'"')) is None
+
+
+@pytest.mark.parametrize("number", ["3.4028235e+38", "1.5e-005", "0.12345678901234567", "-1e-100", "1e199", "9" * 30])
+def test_numbers_that_honest_clients_write_are_light(number: str) -> None:
+    assert FULL.excess(weigh(("[" + ",".join([number] * 10_000) + "]").encode())) is None

@@ -128,6 +128,7 @@ class Bus:
         self._ticket = count()
         self._orphans: dict[Topic, None] = {}
         self._opaque_types: dict[str, OpaqueType] = {}
+        self._tidy_types_at = 0
 
     # Topics
 
@@ -551,8 +552,10 @@ class Bus:
         opaque = self._opaque_types.get(canonical)
         if opaque is None:
             resolve(canonical)  # as long as a name may be
-            if len(self._opaque_types) >= MAX_REMEMBERED:
+            if len(self._opaque_types) >= self._tidy_types_at:
                 self._opaque_types = {t.type.name: t.type for t in self.topics.values() if type(t.type) is OpaqueType}
+                # not again before half as many have come: a look at all topics then costs each type a constant amount
+                self._tidy_types_at = max(MAX_REMEMBERED, len(self._opaque_types) * 3 // 2 + 1)
             opaque = self._opaque_types[canonical] = OpaqueType(canonical)
             _log.warning("%s: its package is unknown; messages of this type are relayed unchecked", canonical)
         return opaque

@@ -48,8 +48,9 @@ _SHOWN = 200
 HEAVY = 64 * 1024
 """A message whose text is as long as this is encoded when its listener's turn has come [bytes]; less takes 5 ms."""
 
-LONG = 64 * 1024
-"""A frame from here on is weighed before it is decoded [bytes]; decoding less takes 5 ms at most."""
+LONG = 16 * 1024
+"""A frame from here on is weighed before it is decoded [bytes]; decoding less takes 5 ms at most, or 40 ms where it
+holds nothing but numbers at the edge of float64."""
 
 MAX_OPS = 10_000
 """Ops that one frame may hold: each is done by itself, but what is glued together should be a handful."""
@@ -167,14 +168,17 @@ def decode_frame(frame: bytes) -> Iterator[Op | FrameError | None]:
             error = FrameError(f"Received a frame that is too heavy: {too_much}")
             yield _name(error, _ends(frame))
             return
-        yield None
         claim(len(frame))
+        if len(frame) >= HEAVY:
+            yield None
     op = decode_quickly(frame)
     if op is not None:
-        if len(frame) >= LONG:  # what it asks for is a long step of its own
+        if len(frame) >= 4 * HEAVY:  # what it asks for is a long step of its own
             yield None
         yield op
     else:
+        if len(frame) >= LONG:
+            yield None
         yield from _decode_slowly(frame)
 
 
@@ -191,7 +195,7 @@ def _too_heavy(frame: bytes) -> Generator[None, None, str | None]:
     return None
 
 
-def _decode_slowly(frame: bytes) -> Iterator[Op | FrameError]:
+def _decode_slowly(frame: bytes) -> Iterator[Op | FrameError | None]:
     """Read a frame that holds glued objects, the words NaN or Infinity, or a mistake."""
     try:
         frame.decode()
@@ -216,6 +220,8 @@ def _decode_slowly(frame: bytes) -> Iterator[Op | FrameError]:
         if end is None:
             yield from _scan_words(frame, position, num_ops)
             return
+        if end >= LONG:
+            yield None
         yield _read_op(view[position : position + end])
         position = _end_of(_BYTE_SPACE.match(frame, position + end))
 
@@ -249,8 +255,7 @@ def _read_op(part: memoryview) -> Op | FrameError:
     if op is not None:
         return op
     try:
-        is_light = len(part) < LONG or LIGHT.excess(weigh(part)) is None
-        return _op_or_error(json.loads(bytes(part)) if is_light else _outline(part))
+        return _op_or_error(json.loads(bytes(part)) if len(part) < LONG else _outline(part))
     except FrameError as error:
         return _name(error, _ends(part))
     except RecursionError:
@@ -270,7 +275,7 @@ def _op_or_error(value: object) -> Op | FrameError:
 
 
 def _outline(part: memoryview) -> dict[str, Any]:
-    """The fields of a heavy object: its bodies stay text, what else is long is left out.
+    """The fields of a long object: its bodies stay text, what else is long is left out.
 
     Raises:
         FrameError: it is no object.

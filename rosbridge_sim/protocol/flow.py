@@ -77,6 +77,7 @@ class Outbox:
         "_begun",
         "_carry",
         "_frames",
+        "_is_relieving",
         "_limits",
         "_num_late",
         "_relieve_at",
@@ -103,6 +104,7 @@ class Outbox:
         self._frames: deque[tuple[str | None, bytes | LateFrames, int]] = deque()
         self._begun: str | None = None  # the topic of the first frames, if some of them were made already
         self._num_late = 0
+        self._is_relieving = False
         self._trim_at = limits.burst
         self._relieve_at = limits.topic_bytes
         self.num_bytes = 0
@@ -166,7 +168,9 @@ class Outbox:
                 waiting.popleft()
                 self.num_bytes -= size
                 continue
-            if taken:  # it is work of its own: what was taken goes first
+            # It is work of its own: what was taken goes first. And it is nothing to do in the turn of whoever has sent
+            # the message, once for each listener.
+            if taken or self._is_relieving:
                 break
             topic = topic or self._begun
             try:
@@ -207,7 +211,11 @@ class Outbox:
 
     def _relieve(self) -> None:
         """Carry what the socket takes; forget topic messages if that was not enough."""
-        self._carry()
+        self._is_relieving = True
+        try:
+            self._carry()
+        finally:
+            self._is_relieving = False
         if len(self._frames) > self._trim_at or self.num_bytes > self._limits.topic_bytes:
             self._trim()
         # not again before as much has come as is left: trimming then costs each frame a constant amount of work

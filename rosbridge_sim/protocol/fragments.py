@@ -16,7 +16,7 @@ from rosbridge_sim.errors import FrameError
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.ops import Fragment
 
-__all__ = ["Defragmenter", "Pieces"]
+__all__ = ["Characters", "Defragmenter", "Pieces"]
 
 MAX_OPEN = 64
 """Fragmented messages that one client may have under way."""
@@ -34,6 +34,38 @@ MIN_SIZE = 10
 """A smaller fragment_size is taken for this one [characters]: each one in a frame of its own helps nobody."""
 
 
+class Characters:
+    """The characters of a long frame, shared by all who get it in pieces; they take no memory of their own in ASCII.
+
+    Attributes:
+        frame: in UTF-8.
+    """
+
+    __slots__ = ("_text", "frame")
+
+    def __init__(self, frame: bytes) -> None:
+        """Nothing is decoded yet.
+
+        Args:
+            frame: JSON text.
+        """
+        self.frame = frame
+        self._text: bytes | str = b""
+
+    def __len__(self) -> int:
+        return len(self._decoded())
+
+    def cut(self, start: int, end: int) -> str:
+        """The characters from `start` on, before `end`."""
+        part = self._decoded()[start:end]
+        return part if isinstance(part, str) else part.decode()
+
+    def _decoded(self) -> bytes | str:
+        if not self._text:
+            self._text = self.frame if self.frame.isascii() else self.frame.decode()
+        return self._text
+
+
 class Pieces:
     """The pieces of a long frame, each made when it is taken: a peer that reads slowly holds the frame and no more.
 
@@ -42,21 +74,20 @@ class Pieces:
         is_finished: all of them were taken.
     """
 
-    __slots__ = ("_frame", "_id", "_num", "_size", "_text", "_total", "is_finished", "num_bytes")
+    __slots__ = ("_id", "_num", "_size", "_text", "_total", "is_finished", "num_bytes")
 
-    def __init__(self, frame: bytes, size: int, message_id: str) -> None:
+    def __init__(self, text: Characters, size: int, message_id: str) -> None:
         """Nothing is made yet.
 
         Args:
-            frame: JSON text.
+            text: of the frame.
             size: longest slice [characters]; more where there would be more than MAX_PIECES of them. A frame that is
                 not longer is its only piece, as it is.
             message_id: not used for another message of this client before.
         """
-        self.num_bytes = len(frame)
+        self.num_bytes = len(text.frame)
         self.is_finished = False
-        self._frame = frame
-        self._text = ""
+        self._text = text
         self._size = max(MIN_SIZE, size)
         self._total = 0
         self._id = message_id
@@ -65,22 +96,21 @@ class Pieces:
     @property
     def identity(self) -> int:
         """See `LateFrames`."""
-        return id(self._frame)
+        return id(self._text.frame)
 
     def take(self, max_bytes: int) -> list[bytes]:
         """Make the next pieces: one at least, and about `max_bytes` in all."""
         if not self._total:
-            self._text = self._frame.decode()
             self._size = max(self._size, math.ceil(len(self._text) / MAX_PIECES))
             self._total = math.ceil(len(self._text) / self._size)
         if self._total <= 1:
             self.is_finished = True
-            return [self._frame]
+            return [self._text.frame]
         pieces: list[bytes] = []
         total = 0
         while self._num < self._total and (total < max_bytes or not pieces):
             start = self._num * self._size
-            data = self._text[start : start + self._size]
+            data = self._text.cut(start, start + self._size)
             piece = {"op": "fragment", "id": self._id, "data": data, "num": self._num, "total": self._total}
             pieces.append(orjson.dumps(piece))
             total += len(pieces[-1])
@@ -157,6 +187,10 @@ class Defragmenter:
             return None
         self._drop(op.id)
         whole = "".join(partial.pieces[i] for i in range(partial.total))
+        try:
+            return whole.encode()
+        except UnicodeEncodeError:
+            pass
         # JavaScript counts in UTF-16 and may cut a surrogate pair in two; a half that stays alone is a mistake
         return whole.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "replace").encode()
 

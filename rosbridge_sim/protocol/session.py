@@ -31,7 +31,7 @@ from rosbridge_sim.protocol.codec import (
 from rosbridge_sim.protocol.encodings import cbor_head, cbor_raw_frame, decode_cbor, is_cbor
 from rosbridge_sim.protocol.feed import MergedTerms, Pace, Terms
 from rosbridge_sim.protocol.flow import BinaryFrame, LateFrames, Outbox
-from rosbridge_sim.protocol.fragments import Defragmenter, Pieces
+from rosbridge_sim.protocol.fragments import Characters, Defragmenter, Pieces
 from rosbridge_sim.protocol.ops import Fragment, Id, Op, Png
 from rosbridge_sim.protocol.png import Picture, PictureFrames, decode_png
 
@@ -124,6 +124,7 @@ class Session:
         for op in self._decode(frame):
             if isinstance(op, (Fragment, Png)):
                 yield from self._unwrap(op, now)
+                yield None  # thousands of pieces may be glued together that make nothing whole
             elif isinstance(op, FrameError):
                 self._refuse(op)
                 yield None
@@ -204,12 +205,21 @@ class Session:
         frame = op_frame(op, {name: body.json for name, body in bodies.items()}, **fields)
         self.outbox.send(frame if fragment_size is None else self.pieces(frame, fragment_size))
 
-    def pieces(self, frame: bytes, size: float | None) -> bytes | LateFrames:
-        """The frame, in pieces if the peer asked for frames of at most `size` characters."""
+    def pieces(
+        self, frame: bytes, size: float | None, share: Callable[[], Characters] | None = None
+    ) -> bytes | LateFrames:
+        """The frame, in pieces if the peer asked for frames of at most `size` characters.
+
+        Args:
+            frame: JSON text.
+            size: None is no limit.
+            share: gives its characters, if others get the same frame.
+        """
         if size is None or size <= 0 or len(frame) <= size:
             return frame
         self._num_fragmented += 1
-        return Pieces(frame, int(min(size, 2**31)), f"frag:{self._num_fragmented}")
+        text = Characters(frame) if share is None else share()
+        return Pieces(text, int(min(size, 2**31)), f"frag:{self._num_fragmented}")
 
     def _lose_message(self, spelling: str, cause: Exception) -> None:
         """Tell of a message whose frames could not be made when the peer was to have them."""
@@ -403,4 +413,8 @@ class Feed:
         frame = message.framed(self._head)
         if terms.compression == "png":
             return PictureFrames(message.shared(("png", self._head), lambda: Picture(frame)))
-        return self._session.pieces(frame, terms.fragment_size)
+        return self._session.pieces(
+            frame,
+            terms.fragment_size,
+            lambda: message.shared(("characters", self._head), lambda: Characters(frame)),
+        )

@@ -206,6 +206,7 @@ class Store:
         self._services: dict[str, ServiceType] = {}
         self._actions: dict[str, ActionType] = {}
         self._spellings: dict[str, str] = {}
+        self._full_texts: dict[str, str] = {}
         self._open: list[str] = []
 
     # Names
@@ -338,7 +339,11 @@ class Store:
         Raises:
             TypeNameError: as for `message`.
         """
-        return full_text(self.message(name).shape)
+        shape = self.message(name).shape
+        text = self._full_texts.get(shape.name)
+        if text is None:
+            text = self._full_texts[shape.name] = full_text(shape)
+        return text
 
     def time_value(self, stamp_ns: int) -> msgspec.Struct:
         """The value of a `time` field at that time [ns]."""

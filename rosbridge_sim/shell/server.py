@@ -397,15 +397,19 @@ class Client:
             outbox.close()
             return
         left = MAX_CARRIED
-        while len(outbox) and not socket.paused:
-            frames = outbox.take(WRITE_SIZE)
+        while (len(outbox) or socket.is_compressing) and not socket.paused:
+            frames: list[bytes] = []
+            if socket.is_compressing:
+                self.num_bytes_sent += socket.send_more()
+            else:
+                frames = outbox.take(WRITE_SIZE)
             if frames:
                 num_bytes = socket.send_messages(frames)
                 if num_bytes >= LARGE_FRAME:
                     self._watch.note_large_frame()
                 self.num_bytes_sent += num_bytes
                 left -= num_bytes
-            if not frames or left <= 0:
+            if not frames or left <= 0 or socket.is_compressing:
                 self._has_output = True
                 self._get_in_line(had_turn=True)
                 break

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph import bus as bus_module
 from rosbridge_sim.graph import parameters
-from rosbridge_sim.graph.bus import TYPE_MEMORY, Bus
+from rosbridge_sim.graph.bus import TYPE_MEMORY, Bus, Topic
 from rosbridge_sim.graph.peer import MAX_ID, Peer
 from rosbridge_sim.graph.policy import OPEN, Policy, Rule
 from rosbridge_sim.graph.rosapi import Rosapi
@@ -427,6 +427,26 @@ def test_topics_and_types_that_nobody_uses_any_more_are_bounded(bus: Bus, monkey
     assert bus._opaque_types["strange_msgs/Kept"] is bus.topics["/kept"].type
     bus.expire(TYPE_MEMORY)
     assert list(bus.topics) == ["/kept"]
+
+
+def test_many_strange_types_in_use_are_not_looked_through_for_each_new_one(
+    bus: Bus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bus_module, "MAX_REMEMBERED", 5)
+    num_looks = 0
+
+    class Topics(dict[str, Topic]):
+        def values(self) -> Any:  # noqa: ANN401 - a view of a dict
+            nonlocal num_looks
+            num_looks += 1
+            return super().values()
+
+    bus.topics = Topics()
+    client = Client(bus, OPEN)
+    for i in range(200):
+        client.says(op="subscribe", topic=f"/t{i}", type=f"strange_msgs/T{i}")
+    assert len(bus._opaque_types) == 200
+    assert num_looks < 15
 
 
 def test_the_name_of_a_strange_type_is_as_long_as_a_name_may_be(bus: Bus) -> None:

@@ -38,7 +38,7 @@ def only_op(frame: bytes) -> Op | FrameError:
 
 
 def slowly(frame: bytes) -> Op | FrameError:
-    (op,) = codec._decode_slowly(frame)
+    (op,) = (op for op in codec._decode_slowly(frame) if op is not None)
     return op
 
 

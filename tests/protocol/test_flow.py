@@ -190,3 +190,15 @@ def test_outbox_that_is_spoken_to_while_a_message_is_dropped_keeps_what_is_said(
     outbox.send(b"after")
     assert outbox.take(ALL) == [b"after", b"said"]
     assert (len(outbox), outbox.num_bytes) == (0, 0)
+
+
+def test_frames_are_not_made_by_the_one_that_adds_them() -> None:
+    taken: list[bytes] = []
+    outbox = Outbox(OutboxLimits(topic_bytes=3), lambda: None, lambda: taken.extend(outbox.take(ALL)))
+    outbox.offer("/t", b"plain")
+    outbox.offer("/t", Late("a"))
+    outbox.offer("/s", Late("b"))
+    assert taken == [b"plain"]
+    while len(outbox):
+        taken += outbox.take(ALL)
+    assert taken == [b"plain", b"a1", b"a2", b"a3", b"b1", b"b2", b"b3"]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from rosbridge_sim.errors import FrameError
 from rosbridge_sim.protocol.codec import decode_frame
-from rosbridge_sim.protocol.fragments import MAX_AGE, MAX_OPEN, MAX_PIECES, MIN_SIZE, Defragmenter, Pieces
+from rosbridge_sim.protocol.fragments import MAX_AGE, MAX_OPEN, MAX_PIECES, MIN_SIZE, Characters, Defragmenter, Pieces
 from rosbridge_sim.protocol.ops import Fragment
 
 
@@ -25,7 +25,7 @@ def read(frame: bytes) -> Fragment:
 
 
 def cut(frame: bytes, size: int, max_bytes: int = 2**30) -> list[bytes]:
-    pieces = Pieces(frame, size, "frag:1")
+    pieces = Pieces(Characters(frame), size, "frag:1")
     frames: list[bytes] = []
     while not pieces.is_finished:
         taken = pieces.take(max_bytes)
@@ -76,7 +76,7 @@ def test_a_short_frame_stays_whole() -> None:
 
 
 def test_pieces_are_made_when_they_are_taken() -> None:
-    pieces = Pieces(b"x" * 1_000_000, 1, "frag:1")
+    pieces = Pieces(Characters(b"x" * 1_000_000), 1, "frag:1")
     assert pieces.num_bytes == 1_000_000
     assert len(pieces.take(1)) == 1
     assert 300 < len(pieces.take(64 * 1024)) < 656
@@ -132,3 +132,13 @@ def test_what_is_never_finished_is_forgotten() -> None:
         defragmenter.add(piece(i, 0, 2, "x"), 0.0)
     assert defragmenter.add(piece("new", 0, 1, "ok"), MAX_AGE + 1.0) == b"ok"
     assert defragmenter.add(piece(0, 1, 2, "late"), MAX_AGE + 1.0) is None
+
+
+def test_pieces_of_one_frame_share_its_characters() -> None:
+    frame = b'{"op":"publish","msg":{"data":"' + b"x" * 10_000 + b'"}}'
+    text = Characters(frame)
+    assert text.cut(0, len(frame)) == frame.decode()
+    assert text._text is frame  # nothing is held beside the frame itself
+    both = [Pieces(text, 1_000, "a"), Pieces(text, 1_000, "b")]
+    joined = ["".join(json.loads(p)["data"] for p in pieces.take(2**30)) for pieces in both]
+    assert joined == [frame.decode()] * 2

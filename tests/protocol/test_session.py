@@ -135,3 +135,10 @@ def test_an_unreadable_answer_says_as_far_as_it_can_whose_it_is(frame: str, op: 
     glued = '{"op":"call_service","service":"/x","id":"service_request:/s:9"}' + frame
     assert len(receive(session, glued.encode())) == 1
     assert [(error.op, error.op_id) for error in lost] == [(op, op_id)]
+
+
+def test_others_have_their_turn_between_pieces_that_make_nothing_whole() -> None:
+    session = make_session()
+    piece = b'{"op":"fragment","id":"f","num":%d,"total":9,"data":"x"}'
+    steps = session.receive(b"".join(piece % i for i in range(8)), 0.0)
+    assert list(steps) == [None] * 8

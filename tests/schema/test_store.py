@@ -295,6 +295,7 @@ def test_full_text_has_each_nested_type_once_and_by_its_full_name() -> None:
         f"\n{border}\nMSG: p/U\np/V v\nstd_msgs/Header h"
         f"\n{border}\nMSG: p/V\nint8 x"
     )
+    assert store.full_text("p/T") is store.full_text("p/msg/T")  # rosapi asks for that of every topic
     with pytest.raises(UnknownPackageError):
         store.full_text("q/T")
 

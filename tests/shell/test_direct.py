@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import random
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from itertools import pairwise
@@ -13,11 +14,12 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from websockets.asyncio.client import connect
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.frames import Frame, Opcode
 
 from rosbridge_sim.protocol.flow import BinaryFrame
-from rosbridge_sim.shell.direct import DirectSocket
+from rosbridge_sim.shell.direct import COMPRESSED_AT_ONCE, DirectSocket
 
 MAX_SIZE = 70_000
 REQUEST = (
@@ -219,3 +221,58 @@ async def test_what_goes_out_is_what_the_library_would_send() -> None:
         writer.write(frame(Opcode.CLOSE, b"\x03\xe8"))
         await reader.read()
         writer.close()
+
+
+@pytest.mark.parametrize("num_pings", [1, 3])
+async def test_the_newest_ping_is_answered_when_there_is_room(num_pings: int) -> None:
+    sockets: list[DirectSocket] = []
+    heard: list[bytes] = []
+    is_heard = asyncio.Event()
+
+    class Once(Ear):
+        def receive(self, message: bytes) -> bool:
+            is_heard.set()
+            return super().receive(message)
+
+    async def handler(socket: ServerConnection) -> None:
+        assert isinstance(socket, DirectSocket)
+        sockets.append(socket)
+        socket.pause_writing()
+        socket.listen(Once(socket, heard, 64))
+        await socket.wait_closed()
+
+    async with serve(handler, "127.0.0.1", 0, create_connection=DirectSocket, compression=None) as server:
+        port = next(iter(server.sockets)).getsockname()[1]
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        pings = b"".join(frame(Opcode.PING, b"%d" % i) for i in range(num_pings))
+        writer.write(REQUEST + pings + frame(Opcode.TEXT, b"behind"))
+        await reader.readuntil(b"\r\n\r\n")
+        await is_heard.wait()
+        assert sockets[0].transport.get_write_buffer_size() == 0
+        sockets[0].resume_writing()
+        pong = Frame(Opcode.PONG, b"%d" % (num_pings - 1)).serialize(mask=False)
+        writer.write(frame(Opcode.CLOSE, b"\x03\xe8"))
+        assert (await reader.read()).startswith(pong)
+        writer.close()
+
+
+async def test_long_messages_are_compressed_slice_by_slice() -> None:
+    noise = random.Random(0).randbytes(3 * COMPRESSED_AT_ONCE + 7)  # noqa: S311 - the same each time
+    sent = [b"", b"first", BinaryFrame(noise), b"x" * 200_000, BinaryFrame(noise[:COMPRESSED_AT_ONCE]), b"last"]
+    sizes: list[int] = []
+
+    async def handler(socket: ServerConnection) -> None:
+        assert isinstance(socket, DirectSocket)
+        socket.listen(Ear(socket, [], 1))
+        sizes.append(socket.send_messages(sent))
+        while socket.is_compressing:
+            sizes.append(socket.send_more())
+        await socket.close()
+
+    async with serve(handler, "127.0.0.1", 0, create_connection=DirectSocket, compression="deflate") as server:
+        port = next(iter(server.sockets)).getsockname()[1]
+        async with connect(f"ws://127.0.0.1:{port}", compression="deflate", proxy=None) as client:
+            heard = [message if isinstance(message, bytes) else message.encode() async for message in client]
+    assert heard == sent
+    assert len(sizes) > sum(map(len, sent)) // (2 * COMPRESSED_AT_ONCE)
+    assert max(sizes) < 2 * COMPRESSED_AT_ONCE + 1_000
