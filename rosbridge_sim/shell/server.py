@@ -359,7 +359,10 @@ class Client:
             self._guard.blame(self.peer, error)
 
     def _fail(self, error: Exception) -> None:
-        """Close this client alone, with code 1011: something that was done for it has failed by a bug of ours."""
+        """Close this client alone, with code 1011: something that was done for it has failed by a bug of ours.
+
+        For the bus's guard, which has an eye on this too.
+        """
         if self._has_failed:
             return
         self._has_failed = True  # first of all: the log is a topic, and this client may listen to it
@@ -369,10 +372,7 @@ class Client:
         except Exception:  # noqa: BLE001 - whatever is wrong with it, it is to go
             _log.exception("%s: it could not be closed; cut off", self.peer.address)
             self.socket.transport.abort()
-        try:
-            self.leave()
-        except Exception:  # noqa: BLE001 - the same failure, perhaps; it is off the bus all the same
-            _log.exception("%s: what it held could not be given up", self.peer.address)
+        self.leave()
 
     def leave(self) -> None:
         """Take the client off the bus, whatever was on its way to it. Twice is no error."""
