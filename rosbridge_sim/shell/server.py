@@ -397,9 +397,9 @@ class Client:
             outbox.close()
             return
         left = MAX_CARRIED
-        while (len(outbox) or socket.is_compressing) and not socket.paused:
+        while (socket.unsent or len(outbox)) and not socket.paused:
             frames: list[bytes] = []
-            if socket.is_compressing:
+            if socket.unsent:
                 self.num_bytes_sent += socket.send_more()
             else:
                 frames = outbox.take(WRITE_SIZE)
@@ -409,7 +409,7 @@ class Client:
                     self._watch.note_large_frame()
                 self.num_bytes_sent += num_bytes
                 left -= num_bytes
-            if not frames or left <= 0 or socket.is_compressing:
+            if not frames or left <= 0 or socket.unsent:
                 self._has_output = True
                 self._get_in_line(had_turn=True)
                 break
