@@ -194,7 +194,7 @@ class Bus:
         self.num_published += 1
         problem: PeerError | None = None
         failure: Exception | None = None
-        if topic.depth and not topic.keep(sender, message, self.account_of(sender)):
+        if topic.depth and not topic.keep(sender, message, self.accounts.get(sender)):
             problem = GraphError(
                 f"{topic.name}: this client makes the server hold too much; the message is not latched"
             )
@@ -396,8 +396,9 @@ class Bus:
             held = self._held(caller).calls
             if len(held) >= self.max_calls:
                 raise GraphError(f"Too many calls in flight: at most {self.max_calls}")
-            size = size_of_body(request, args)
-            if not self.account_of(caller).take(size):
+            # The simulator's own services answer at once, or hold their caller.
+            size = 0 if service.is_exclusive else size_of_body(request, args)
+            if size and not self.account_of(caller).take(size):
                 raise GraphError("Too much in flight: this client makes the server hold too much")
         except PeerError as error:
             on_answer(Answer(is_ok=False, values=str(error)))
@@ -422,7 +423,8 @@ class Bus:
 
     def forget_call(self, call: Call) -> None:
         """Strike a finished call from its caller's list (for `Call` alone)."""
-        self.account_of(call.caller).give(call.num_bytes)
+        if call.num_bytes:
+            self.account_of(call.caller).give(call.num_bytes)
         held = self._holdings.get(call.caller)
         if held is not None:
             held.calls.pop(call, None)

@@ -122,8 +122,14 @@ class Topic:
             self.publishers.pop(owner, None)
         self._set_depth()
 
-    def keep(self, sender: Owner, message: Message, account: Account) -> bool:
-        """Keep a message for those who come late, paid for by an account; return whether there was room for it."""
+    def keep(self, sender: Owner, message: Message, account: Account | None) -> bool:
+        """Keep a message for those who come late; return whether there was room for it.
+
+        Args:
+            sender: who has published it.
+            message: the newest.
+            account: pays for it; None where the sender is a part of this process, which has no limit.
+        """
         held = self.kept.pop(sender, None)
         if held is None:
             held = HeldMessages(account, _size_of)

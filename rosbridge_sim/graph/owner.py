@@ -105,7 +105,7 @@ def resolve(name: str) -> str:
 def size_of_body(value: object, body: object) -> int:
     """Estimate what a decoded body costs while it is held [bytes]."""
     if isinstance(body, (bytes, msgspec.Raw)):
-        length = memoryview(body).nbytes
+        length = len(body)
         if length < _SHORT:
             return _SHORT + 8 * length
         return size_of(value, length)

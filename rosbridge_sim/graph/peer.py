@@ -134,6 +134,7 @@ class Peer:
         address: where it comes from, for people to read.
         num_errors: mistakes it was told of.
         on_failure: called when something that is done for this client has failed by a bug of ours; raises it by itself.
+        num_holds: reasons for its next op to wait; see `hold`.
         on_released: called when the last hold has ended; not after `leave`.
     """
 
@@ -155,7 +156,7 @@ class Peer:
         self.address = address
         self.num_errors = 0
         self.on_released: Callable[[], None] = _nothing
-        self._num_holds = 0
+        self.num_holds = 0
         self._op_id: ops.Id = None  # of the op in hand
         self._bus = bus
         self._policy = policy
@@ -263,19 +264,19 @@ class Peer:
     @property
     def is_held(self) -> bool:
         """Whether the next op has to wait until `on_released` is called."""
-        return self._num_holds > 0
+        return self.num_holds > 0
 
     def hold(self) -> Callable[[], None]:
         """See `Holdable`."""
-        self._num_holds += 1
+        self.num_holds += 1
         is_holding = True
 
         def release() -> None:
             nonlocal is_holding
             if is_holding:
                 is_holding = False
-                self._num_holds -= 1
-                if not self._num_holds:
+                self.num_holds -= 1
+                if not self.num_holds:
                     try:
                         self.on_released()
                     except Exception as error:  # noqa: BLE001 - a bug of ours in this client's own state

@@ -45,10 +45,11 @@ class Bindings:
         Raises:
             TypeNameError: there is no such type.
         """
-        check_open = self._items.check_open
+        items = self._items
 
         def handle_while_open(call: Call, now: float) -> None:
-            check_open()
+            if items.why_closed is not None:
+                items.check_open()
             handle(call, now)
 
         self._add(_Service(name, self.prefix, type_name, handle_while_open), is_everywhere=is_everywhere)

@@ -19,7 +19,7 @@ import logging
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError
 from rosbridge_sim.graph.bus import Bus, Owner
@@ -91,8 +91,7 @@ class NodeSettings:
     on_world_failure: Literal["exit", "serve"] = "exit"
 
 
-@dataclass(frozen=True, slots=True)
-class TickResult:
+class TickResult(NamedTuple):
     """How a tick ended.
 
     Attributes:
@@ -341,7 +340,8 @@ class Node:
         finally:
             self.is_moving = False
         self.num_ticks += 1
-        self._see_off_departed(now)
+        if self._departed:
+            self._see_off_departed(now)
 
     def _compute(self, now: float, *, is_tick: bool, is_last: bool) -> None:
         """Move the world by one frame and show it."""

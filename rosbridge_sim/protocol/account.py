@@ -64,11 +64,11 @@ class HeldMessages(Generic[T]):
 
     __slots__ = ("_account", "_entries", "_size_of")
 
-    def __init__(self, account: Account, size_of: Callable[[T], int]) -> None:
+    def __init__(self, account: Account | None, size_of: Callable[[T], int]) -> None:
         """No messages.
 
         Args:
-            account: pays for them.
+            account: pays for them; None where there is no limit but their number.
             size_of: what a message costs [bytes].
         """
         self._account = account
@@ -84,6 +84,13 @@ class HeldMessages(Generic[T]):
 
     def put(self, message: T, max_length: int) -> int:
         """Add the newest message; return how many were dropped for it, or itself: 1, where there is no room at all."""
+        entries = self._entries
+        if self._account is None:
+            entries.append((message, 0))
+            if len(entries) <= max_length:
+                return 0
+            entries.popleft()
+            return 1
         size = self._size_of(message)
         num_dropped = self.shorten(max_length - 1)
         while not self._account.take(size):
@@ -100,7 +107,8 @@ class HeldMessages(Generic[T]):
     def pop(self) -> T:
         """Take the oldest message out."""
         message, size = self._entries.popleft()
-        self._account.give(size)
+        if self._account is not None:
+            self._account.give(size)
         return message
 
     def shorten(self, max_length: int) -> int:

@@ -29,6 +29,7 @@ from rosbridge_sim.protocol.ops import ABSENT, OPS, Body, Id, Op
 from rosbridge_sim.weight import FULL, LIGHT, claim, weigh, weigh_exactly
 
 __all__ = [
+    "HEAVY",
     "LONG",
     "Encoded",
     "decode_frame",
@@ -43,6 +44,9 @@ __all__ = [
 
 _SHOWN = 200
 """Characters of a stranger's text that an answer quotes: enough to recognise it, too few to be an amplifier."""
+
+HEAVY = 64 * 1024
+"""A message whose text is as long as this is encoded when its listener's turn has come [bytes]; less takes 5 ms."""
 
 LONG = 16 * 1024
 """A frame from here on is weighed before it is decoded [bytes]; decoding less takes 5 ms at most, or 40 ms where it
@@ -110,10 +114,6 @@ T = TypeVar("T")
 
 class Encoded(Protocol):
     """A message whose encodings are made once and shared by all who listen."""
-
-    @property
-    def is_heavy(self) -> bool:
-        """Whether encoding it is long work, to be done when the listener's turn has come."""
 
     @property
     def text_length(self) -> int:

@@ -120,7 +120,7 @@ class Outbox:
         """Add an answer or a remark, which is never forgotten."""
         if not self._frames:
             self._wake()
-        size = self._size_of(frame)
+        size = len(frame) if isinstance(frame, bytes) else self._size_of(frame)
         self._frames.append((None, frame, size))
         self.num_bytes += size
         if self.num_bytes > self._relieve_at:
@@ -137,9 +137,7 @@ class Outbox:
         if len(waiting) > self._trim_at or self.num_bytes > self._relieve_at:
             self._relieve()
 
-    def _size_of(self, frame: bytes | LateFrames) -> int:
-        if isinstance(frame, bytes):
-            return len(frame)
+    def _size_of(self, frame: LateFrames) -> int:
         self._num_late += 1
         return frame.num_bytes
 

@@ -17,6 +17,7 @@ import orjson
 from rosbridge_sim.errors import EncodingError, FrameError, PeerError
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.codec import (
+    HEAVY,
     LONG,
     Encoded,
     decode_frame,
@@ -196,14 +197,13 @@ class Session:
             EncodingError: the message cannot be written, by a bug of ours.
         """
         body = values.json if is_ok else orjson.dumps(values)  # type: ignore[union-attr] # is_ok: Encoded
-        self._send(response_frame(service, body, is_ok=is_ok, op_id=op_id), fragment_size)
+        frame = response_frame(service, body, is_ok=is_ok, op_id=op_id)
+        self.outbox.send(frame if fragment_size is None else self.pieces(frame, fragment_size))
 
     def say(self, op: str, bodies: dict[str, Encoded], fragment_size: float | None = None, **fields: object) -> None:
         """Send any op that is an answer or a request, and so must not be lost."""
-        self._send(op_frame(op, {name: body.json for name, body in bodies.items()}, **fields), fragment_size)
-
-    def _send(self, frame: bytes, fragment_size: float | None) -> None:
-        self.outbox.send(self.pieces(frame, fragment_size))
+        frame = op_frame(op, {name: body.json for name, body in bodies.items()}, **fields)
+        self.outbox.send(frame if fragment_size is None else self.pieces(frame, fragment_size))
 
     def pieces(
         self, frame: bytes, size: float | None, share: Callable[[], Characters] | None = None
@@ -370,7 +370,7 @@ class Feed:
             EncodingError: it cannot be written, by a bug of ours.
         """
         session = self._session
-        if message.is_heavy:
+        if message.text_length >= HEAVY:
             session.num_sent += 1
             session.outbox.offer(self.spelling, _LateMessage(self, message, stamp_ns))
             return

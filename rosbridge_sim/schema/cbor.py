@@ -16,7 +16,7 @@ from typing import Any, Final
 import msgspec
 import numpy as np
 
-from rosbridge_sim.errors import FieldError
+from rosbridge_sim.errors import EncodingError, FieldError
 from rosbridge_sim.schema.check import Shape, Slot
 from rosbridge_sim.schema.source import MAX_INLINE, MAX_STARRED, Source, code_of, count_fields, pack_numbers
 
@@ -86,13 +86,13 @@ class CborWriters:
         """The CBOR map of a value.
 
         Raises:
-            FieldError: the value does not fit its type.
+            EncodingError: the value does not fit its type: a bug, since whoever sends one has it checked.
         """
         out: list[bytes] = []
         try:
             (self._writers.get(shape.name) or self.writer(shape))(value, out)
         except (struct.error, ValueError, TypeError, OverflowError, AttributeError) as error:
-            raise FieldError(f"{shape.name}: cannot be written as CBOR: {error}") from None
+            raise EncodingError(f"{shape.name}: cannot be written as CBOR: {error}") from error
         return b"".join(out)
 
     def writer(self, shape: Shape) -> _Write:

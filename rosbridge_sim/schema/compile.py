@@ -96,10 +96,8 @@ class MessageType:
             FieldError: it is no JSON, or does not fit the type.
             MemoryError: there is none for it.
         """
-        if len(body) > _LARGE:
-            claim(len(body))
         try:
-            if memoryview(body).nbytes >= _COUNTED:
+            if len(body) >= _COUNTED:
                 self._count(body)
             value = self._decode(body)
             if self._after is not None:
@@ -109,7 +107,9 @@ class MessageType:
         return value
 
     def _count(self, body: bytes | msgspec.Raw) -> None:
-        """Refuse a long body that stands for too much."""
+        """Refuse a long body that stands for too much, or for which there is no memory."""
+        if len(body) > _LARGE:
+            claim(len(body))
         if self._skeleton is None:
             self._skeleton = Skeleton(self.shape)
         self._skeleton.check(self.name, body)

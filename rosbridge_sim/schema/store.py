@@ -45,10 +45,6 @@ _PARTS = ("Goal", "Result", "Feedback")
 """What a text of an action itself defines."""
 
 
-HEAVY = 64 * 1024
-"""A message whose text is as long as this is encoded when its listener's turn has come [bytes]; less takes 5 ms."""
-
-
 class Message:
     """One value of a type, encoded at most once however many listeners it has.
 
@@ -88,12 +84,7 @@ class Message:
         self._head = b""
         self._framed = b""
         self._shared: dict[object, Any] | None = None
-        self._failures: dict[str, Exception] | None = None
-
-    @property
-    def is_heavy(self) -> bool:
-        """Whether it came as a long text: each encoding of it is work of its own."""
-        return self.text_length >= HEAVY
+        self._failures: dict[str, EncodingError] | None = None
 
     @property
     def num_bytes(self) -> int:
@@ -118,7 +109,7 @@ class Message:
         """The value as a CBOR map.
 
         Raises:
-            FieldError: it does not fit its type.
+            FieldError: the type is unknown here, and CBOR has nothing for the value.
             EncodingError: it cannot be written.
         """
         if self._cbor is None:
@@ -148,12 +139,15 @@ class Message:
         if failure is None:
             try:
                 return encode(self.value)
+            except EncodingError as error:
+                failure = error
             except PeerError:
                 raise
             except Exception as error:  # noqa: BLE001 - a bug of ours or of a library, whatever it is
-                failure = error
-                self._failures = {**(self._failures or {}), encoding: error}
-        raise EncodingError(f"{self.type.name} cannot be written as {encoding}: {failure!r:.200}") from failure
+                failure = EncodingError(f"{self.type.name}: cannot be written as {encoding}: {error!r:.200}")
+                failure.__cause__ = error
+            self._failures = {**(self._failures or {}), encoding: failure}
+        raise EncodingError(str(failure)) from failure.__cause__
 
     def framed(self, head: bytes) -> bytes:
         """`head`, the JSON text, and a closing brace; kept for the next listener, who mostly wants the same."""
@@ -174,7 +168,7 @@ class Message:
             try:
                 self._shared[key] = make()
             except Exception as error:
-                raise EncodingError(f"{self.type.name} cannot be written: {error!r:.200}") from error
+                raise EncodingError(f"{self.type.name}: cannot be written: {error!r:.200}") from error
         made: T = self._shared[key]
         return made
 

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import msgspec
 
-from rosbridge_sim.errors import FieldError
+from rosbridge_sim.errors import EncodingError, FieldError
 from rosbridge_sim.schema.check import Shape, Slot
 from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.source import MAX_INLINE, MAX_STARRED, Source, code_of, count_fields, pack_numbers
@@ -46,7 +46,8 @@ class RosWire:
         """The bytes of a value; CDR begins with its four bytes of encapsulation.
 
         Raises:
-            FieldError: the value does not fit its type, or nobody agrees on the type's bytes.
+            FieldError: nobody agrees on the type's bytes.
+            EncodingError: the value does not fit its type: a bug, since whoever sends one has it checked.
         """
         write = self._writers.get(shape.name) or self._writer(shape)
         out: list[bytes] = []
@@ -57,7 +58,7 @@ class RosWire:
             else:
                 write(value, out)
         except (struct.error, ValueError, TypeError, OverflowError, AttributeError) as error:
-            raise FieldError(f"{shape.name}: cannot be written as ROS does: {error}") from None
+            raise EncodingError(f"{shape.name}: cannot be written as ROS does: {error}") from error
         return b"".join(out)
 
     def _writer(self, shape: Shape) -> _Write:

@@ -177,7 +177,7 @@ class Simulator:
         clocks: list[Clock] = [republisher] if node is None else [node, republisher]
         clockwork = Clockwork(loop, bus, clocks, self._give_up)
         recordings.on_done = reader.on_done = clockwork.look
-        server = Server(bus, limits, clockwork.look)
+        server = Server(bus, limits, clockwork.turn)
         if node is not None:
             server.why_unhealthy = lambda: node.failure
         if settings.listen:

@@ -90,6 +90,11 @@ class Clockwork:
             self._is_looking = True
             self._loop.call_soon(self._turn)
 
+    def turn(self) -> None:
+        """See what is due at once, at the end of a pass of the loop; a look that is coming will do as well."""
+        if not self._is_looking:
+            self._turn()
+
     def stop(self) -> None:
         """Time stands still from now on."""
         self._is_stopped = True

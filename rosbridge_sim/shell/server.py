@@ -255,7 +255,7 @@ class Client:
             self._regret_frame()
             return True
         if work is None:
-            return not self.peer.is_held
+            return not self.peer.num_holds
         if len(message) >= LARGE_FRAME:
             self._watch.note_large_frame()
         self._work = work

@@ -5,7 +5,7 @@ a slow minute of the machine hits both. Each figure is the median of the rounds,
 highest; the ratio to the floor is the median of the rounds' own ratios, and above 1 the server is the better
 one. Of all figures the CPU time of a delivered message is the one that noise touches least.
 
-    ./.venv/bin/python scripts/bench/wire.py [--rounds N] [--quick] [--only NAME]... [--json FILE]
+    ./.venv/bin/python scripts/bench/wire.py [--rounds N] [--quick] [--only NAME]... [--against PROGRAM] [--json FILE]
 """
 
 from __future__ import annotations
@@ -280,26 +280,32 @@ ROWS = (
 )
 
 
-def _measure(rows: Sequence[Row], rounds: int, seconds: float) -> dict[str, list[tuple[Figures, Figures]]]:
-    """Row -> (server's figures, floor's figures) of each round."""
+def _measure(
+    rows: Sequence[Row], rounds: int, seconds: float, against: str | None
+) -> dict[str, list[tuple[Figures, Figures]]]:
+    """Row -> (server's figures, floor's figures) of each round; `against` is another server in place of the floor."""
     worldless = (*SERVER, "--no-world")
     measured: dict[str, list[tuple[Figures, Figures]]] = {}
     with running(worldless):  # so that no measured start is the first one
         pass
     for row in rows:
         command = SERVER if row.is_world else worldless
+        other: tuple[str, ...] = FLOOR
+        run_other = row.floor
+        if against is not None:
+            other, run_other = (against, "serve", "--port", "0", *command[len(SERVER) :]), row.server
         measured[row.name] = []
         with ExitStack() as stack:
             if not row.is_fresh:
-                server, floor = stack.enter_context(running(command)), stack.enter_context(running(FLOOR))
+                server, floor = stack.enter_context(running(command)), stack.enter_context(running(other))
             for _ in range(rounds):
                 if row.is_fresh:
                     with running(command) as server:
                         ours = row.server(server, seconds)
-                    with running(FLOOR) as floor:
-                        theirs = row.floor(floor, seconds)
+                    with running(other) as floor:
+                        theirs = run_other(floor, seconds)
                 else:
-                    ours, theirs = row.server(server, seconds), row.floor(floor, seconds)
+                    ours, theirs = row.server(server, seconds), run_other(floor, seconds)
                 measured[row.name].append((ours, theirs))
                 print(".", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)
@@ -355,13 +361,16 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=9, help="times each row is measured, server and floor in turn")
     parser.add_argument("--quick", action="store_true", help="3 short rounds")
     parser.add_argument("--only", action="append", metavar="NAME", help="only rows whose name holds this")
+    parser.add_argument(
+        "--against", metavar="PROGRAM", help="another rosbridge-sim in place of the floor, such as one of an old commit"
+    )
     parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures here too")
     args = parser.parse_args()
     rows = [row for row in ROWS if not args.only or any(part in row.name for part in args.only)]
     if not rows:
         parser.error("no such row; there are: " + "; ".join(row.name for row in ROWS))
     rounds, seconds = (3, 0.2) if args.quick else (args.rounds, 0.4)
-    entries = _summary(rows, _measure(rows, rounds, seconds))
+    entries = _summary(rows, _measure(rows, rounds, seconds, args.against))
     print(machine())
     print(f"median (lowest..highest) of {rounds} rounds")
     _print_table(entries)

@@ -122,7 +122,7 @@ def test_message_without_an_encoding_is_dropped_for_it_alone(caplog: pytest.LogC
     say(plain, "subscribe", topic="/t")
     bus.subscribe(last, "/t", last.hear)
     for _ in range(3):
-        with pytest.raises(EncodingError, match=r"std_msgs/String cannot be written as cbor-raw: Fault\(\)"):
+        with pytest.raises(EncodingError, match=r"std_msgs/String: cannot be written as cbor-raw: Fault\(\)"):
             bus.publish(sender, topic, Message(broken, text(bus, "half").value), 0.0)
     bus.publish(sender, topic, text(bus, "whole"), 0.0)
     assert [frame["msg"]["data"] for frame in frames(plain_box)] == last.heard == ["half", "half", "half", "whole"]

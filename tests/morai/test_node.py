@@ -433,6 +433,97 @@ def test_call_in_flight_is_refused_when_the_world_fails() -> None:
     assert [(answer.is_ok, answer.values) for answer in answers] == [(False, WHY)]
 
 
+# A failure that is not the world's
+
+
+class Frail(Client):
+    """A client that leaves at once when something that is done for it fails, as one with a socket does."""
+
+    def fail(self, _error: Exception) -> None:
+        self.leave()
+
+    def break_down(self, topic: str) -> None:
+        """Fail at the next message of a topic."""
+
+        def fail(*_: object) -> None:
+            raise ZeroDivisionError("planted")
+
+        self._bus.subscribe(self, topic, fail)
+
+
+def break_down(*_: object) -> None:
+    raise ZeroDivisionError("planted")
+
+
+@pytest.mark.parametrize("start", ["run", "sync"])
+def test_listener_that_fails_within_a_frame_is_no_failure_of_the_world(start: str) -> None:
+    stand = Stand(start=start)
+    frail, good, part = Frail(stand.bus, "/frail"), stand.client(), stand.client()
+    frail.break_down("/Ego_topic")
+    stand.bus.subscribe(part, "/Ego_topic", break_down)  # this one cannot end alone
+    good.listen("/Ego_topic")
+    if start == "sync":
+        good.start()
+        for _ in range(5):
+            assert good.tick()["tick_status"]
+    else:
+        stand.run(0.1)
+    assert len(good.messages("/Ego_topic")) == stand.world.frame == 5
+    assert stand.node.failure is None
+    assert frail not in stand.bus.owners()
+    assert stand.bus.guard.num_faults == 1 + 5
+
+
+def test_message_of_the_world_that_cannot_be_written_is_no_failure_of_the_world(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    stand = Stand(start="sync")
+    good = stand.client()
+    good.listen("/Ego_topic", "/Object_topic")
+    (feed,) = [feed for feed in stand.node._outputs._feeds if feed.name == "/Ego_topic"]
+    feed.make = object
+    good.start()
+    for _ in range(5):
+        assert good.tick()["tick_status"]
+    assert good.messages("/Ego_topic") == []
+    assert len(good.messages("/Object_topic")) == stand.world.frame == 5
+    assert stand.bus.guard.num_unencoded == stand.bus.guard.num_faults == 5
+    assert [record.getMessage()[:12] for record in caplog.records if record.exc_info] == ["/Ego_topic: "]
+    assert not [record for record in caplog.records if not record.exc_info and record.levelno >= logging.WARNING]
+
+
+@pytest.mark.parametrize(("on_loss", "status"), [("run", False), ("pause", False), ("wait", True)])
+def test_master_that_fails_within_its_tick_leaves_behind_the_last_frame_of_it(on_loss: str, status: bool) -> None:  # noqa: FBT001
+    stand = Stand(sync_on_loss=on_loss)
+    master, watcher = Frail(stand.bus, "/master"), stand.client()
+    watcher.listen("/SyncModeInfo")
+    master.start("a", time_step=100)
+    master.break_down("/Ego_topic")
+    before = len(watcher.messages("/SyncModeInfo"))
+    answers: list[Answer] = []
+    stand.bus.call(
+        master, "/SyncModeWaitForTick", {"request": {"user_id": "a", "frame": 0}}, answers.append, now=stand.now
+    )
+    infos = watcher.messages("/SyncModeInfo")[before:]
+    assert [(info["master_id"], info["status"], info["frame"]) for info in infos] == [
+        *(("a", True, frame) for frame in range(1, 6)),
+        ("", status, 5),
+    ]
+    assert answers == []  # nobody is there to hear it
+    assert stand.node.num_ticks == 1
+    assert stand.node.failure is None
+
+
+def test_master_is_lost_whatever_else_fails_at_its_departure() -> None:
+    stand = Stand(sync_on_loss="run")
+    master = stand.client()
+    master.start("a")
+    stand.node._parts[0].see_off = break_down  # type: ignore[assignment, method-assign] # as good a bug as any
+    master.leave()
+    assert stand.node.sync.master_id == ""
+    assert stand.bus.guard.num_faults == 1
+
+
 class NeverRead:
     """Recordings that take for ever."""
 

@@ -37,7 +37,6 @@ class Body:
     raw = b"\2\0\0\0hi"
     num_bytes = 100
     text_length = 0
-    is_heavy = False
 
     def framed(self, head: bytes) -> bytes:
         return head + self.json + b"}"

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rosbridge_sim.errors import FieldError
+from rosbridge_sim.errors import EncodingError, FieldError
 from rosbridge_sim.schema.cbor import encode_plain, head
 from rosbridge_sim.schema.compile import OpaqueType
 from rosbridge_sim.schema.names import Generation
@@ -128,7 +128,7 @@ def test_messages_too_large_to_be_written_out_in_place_call_each_other() -> None
 )
 def test_a_value_that_does_not_fit_its_type_is_said_to_be_so(fields: dict[str, Any]) -> None:
     t = make("int32 i\nstring s\nfloat64 f\nU u\ntime t\nfloat64[3] a", U="int8 x")
-    with pytest.raises(FieldError, match=r"^p/T: cannot be written as CBOR: "):
+    with pytest.raises(EncodingError, match=r"^p/T: cannot be written as CBOR: "):
         t.encode_cbor(t.struct(**fields))
 
 

@@ -342,10 +342,10 @@ def test_message_that_could_not_be_written_once_is_not_tried_again() -> None:
     message_type = shared_store().message("std_msgs/String")
     message = Message(message_type, message_type.struct(data=object()))
     for _ in range(2):
-        with pytest.raises(EncodingError, match="std_msgs/String cannot be written as JSON: TypeError") as caught:
+        with pytest.raises(EncodingError, match="std_msgs/String: cannot be written as JSON: TypeError") as caught:
             _ = message.json
         assert isinstance(caught.value.__cause__, TypeError)
         message.value.data = "whole"
     assert message.cbor.endswith(b"whole")
-    with pytest.raises(EncodingError, match="std_msgs/String cannot be written: ZeroDivisionError"):
+    with pytest.raises(EncodingError, match="std_msgs/String: cannot be written: ZeroDivisionError"):
         message.shared("a form", lambda: 1 // 0)

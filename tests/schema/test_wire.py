@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rosbridge_sim.errors import FieldError
+from rosbridge_sim.errors import EncodingError, FieldError
 from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.source import MAX_INLINE, MAX_STARRED
 from tests.schema.judges import Rosbags, alike, plain
@@ -122,5 +122,5 @@ def test_numpy_values_are_written(ros: Generation) -> None:
 )
 def test_a_value_that_does_not_fit_its_type_is_said_to_be_so(ros: Generation, fields: dict[str, Any]) -> None:
     t = make("int32 i\nstring s\nfloat32 f\nU u\ntime t\nfloat64[3] a\nuint8[] u8", ros=ros, U="int8 x")
-    with pytest.raises(FieldError, match=r"^p/T: cannot be written as ROS does: "):
+    with pytest.raises(EncodingError, match=r"^p/T: cannot be written as ROS does: "):
         t.encode_raw(t.struct(**fields))

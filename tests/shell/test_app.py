@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 from websockets.exceptions import ConnectionClosed
@@ -252,6 +253,66 @@ async def test_gateway_goes_on_without_a_world_that_has_failed(
         assert "Timeout" in slow["values"]
         assert sim.num_bugs == 1
     assert [record.exc_info is not None for record in caplog.records if record.levelno == logging.CRITICAL] == [True]
+
+
+def break_down(*_: object) -> NoReturn:
+    raise ZeroDivisionError
+
+
+class Stranger:
+    """A listener in the same process, of the program that runs the simulator, which cannot end alone."""
+
+    name = "/stranger"
+
+    def tell(self, level: str, text: str) -> None:
+        """It does not listen."""
+
+
+async def test_failures_of_listeners_within_frames_do_not_end_the_world(
+    connect: Connect, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with Simulator(port=0) as sim:
+        bad, good = await connect(sim.url), await connect(sim.url)
+        for client in (bad, good):
+            await client.subscribe("/Ego_topic")
+        assert sim.bus is not None
+        assert sim._server is not None
+        assert sim._clockwork is not None
+        served = next(iter(sim._server.clients))
+        served.peer._listenings["/Ego_topic"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
+        async with asyncio.timeout(PATIENCE):
+            await bad.socket.wait_closed()
+        assert bad.socket.close_code == 1011
+        assert sim.num_bugs == 1
+        sim.bus.subscribe(Stranger(), "/Ego_topic", break_down)
+        for _ in range(10):
+            await good.message("/Ego_topic")
+        assert sim.num_bugs > 1
+        assert not sim._clockwork.is_failed
+    lines = [record.getMessage() for record in caplog.records if record.exc_info]
+    assert [line for line in lines if line.endswith(": closed, because of a failure of ours")] == lines[:1]
+    assert {line[:35] for line in lines[1:]} == {"a listener of /Ego_topic has failed"}
+
+
+async def test_master_that_fails_on_a_topic_of_its_own_tick_is_lost_and_another_one_leads(connect: Connect) -> None:
+    async with Simulator(port=0, start="sync") as sim:
+        bad, good = await connect(sim.url), await connect(sim.url)
+        for client in (bad, good):
+            await client.subscribe("/Ego_topic")
+        await bad.ask("/SyncModeCmd", user_id="bad", start_sync_mode=True, time_step=60)
+        assert sim._server is not None
+        served = next(iter(sim._server.clients))
+        served.peer._listenings["/Ego_topic"].feed._head = 5  # type: ignore[assignment] # as above
+        await bad.send("call_service", service="/SyncModeWaitForTick", args={"request": {"user_id": "bad", "frame": 3}})
+        async with asyncio.timeout(PATIENCE):
+            await bad.socket.wait_closed()
+        assert bad.socket.close_code == 1011
+        stamps = [(await good.message("/Ego_topic"))["header"]["stamp"]["nsecs"] for _ in range(3)]
+        assert stamps == [20_000_000, 40_000_000, 60_000_000]
+        answer = await good.ask("/SyncModeCmd", user_id="good", start_sync_mode=True, time_step=20)
+        assert answer["result"] is True
+        assert (await good.ask("/SyncModeWaitForTick", user_id="good", frame=0))["tick_status"] is True
+        assert sim.num_bugs == 1
 
 
 async def get(port: int, path: str) -> tuple[int, str]:

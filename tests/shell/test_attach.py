@@ -7,7 +7,7 @@ import json
 import logging
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from typing import Any
+from typing import Any, NoReturn
 
 import pytest
 from websockets.asyncio.server import ServerConnection, serve
@@ -99,6 +99,40 @@ async def test_caller_behind_a_bridge_is_told_that_the_world_has_failed(connect:
         for _ in range(2):
             answer = await client.call("/Service_MoraiVehicleSpec")
             assert (answer["result"], answer["values"][:21]) == (False, "the world has failed:")
+
+
+def break_down(*_: object) -> NoReturn:
+    raise ZeroDivisionError
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seam", ["delivery", "writing"])
+async def test_bridge_that_fails_is_dialled_anew_and_the_other_one_misses_nothing(
+    connect: Connect, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, seam: str
+) -> None:
+    async with gateway() as first, gateway() as second, attached(first.url, second.url) as sim:
+        clients = [await connect(bridge.url) for bridge in (first, second)]
+        for client in clients:
+            await client.subscribe("/Ego_topic")
+        frame = await lead(clients[1])
+        (line,) = sim.attachments[0].mirror.lines.values()
+        with monkeypatch.context() as patch:
+            if seam == "delivery":
+                patch.setattr(line, "offer", break_down)
+            else:
+                patch.setattr(line, "take", break_down)
+            for i in range(1, 4):
+                await clients[1].ask("/SyncModeWaitForTick", user_id="me", frame=frame + i)
+            assert len([await clients[1].message("/Ego_topic") for _ in range(3)]) == 3
+            await until(lambda: not line.is_open)
+        await until(lambda: line.is_ready)
+        await clients[1].ask("/SyncModeWaitForTick", user_id="me", frame=frame + 4)
+        await clients[0].message("/Ego_topic")
+        assert sim.bus is not None
+        assert sim.num_bugs == sim.bus.guard.num_faults >= 1
+        assert sim._clockwork is not None
+        assert not sim._clockwork.is_failed
+    assert any("a failure of ours; its connections are made anew" in line for line in caplog.messages)
 
 
 async def test_command_on_a_bridge_drives(connect: Connect) -> None:

@@ -6,11 +6,13 @@ import asyncio
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import Literal, cast
+from typing import Literal, NoReturn, cast
 
 import pytest
 
 from rosbridge_sim.graph.bus import Answer, Bus
+from rosbridge_sim.graph.mirror import Mirror
+from rosbridge_sim.graph.republisher import Republisher
 from rosbridge_sim.morai.node import NodeSettings
 from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.morai.simulator import make_node
@@ -158,6 +160,74 @@ def test_time_stands_still_after_a_failure_and_it_is_told_once() -> None:
     room.loop.settle()
     assert room.loop.armed == []
     assert room.failures == [None]
+
+
+def break_down(*_: object) -> NoReturn:
+    raise ZeroDivisionError
+
+
+@pytest.mark.parametrize("seam", ["next_due", "advance"])
+def test_republisher_that_fails_ends_and_time_goes_on(seam: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    room = Room()
+    republisher = Republisher(room.bus)
+    monkeypatch.setattr(republisher._actionlib, seam, break_down)
+    republisher._alarm = room.loop.now
+    room.clockwork.add(republisher)
+    room.loop.move_to(1000.02)
+    room.loop.move_to(1000.04)
+    assert room.frame == 2
+    assert not room.clockwork.is_failed
+    assert room.bus.guard.num_faults == 1
+    assert "/republish_tfs" not in room.bus.services
+    assert republisher.next_due(room.loop.now) is None
+
+
+@pytest.mark.parametrize("seam", ["next_due", "advance"])
+def test_bridge_that_fails_is_told_and_time_goes_on(seam: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    room, failures = Room(), list[Exception]()
+    mirror = Mirror(room.bus, room.node, "ws://far")
+    mirror.on_failure = failures.append
+    monkeypatch.setattr(mirror, seam, break_down)
+    room.clockwork.add(mirror)
+    room.loop.move_to(1000.02)
+    room.loop.move_to(1000.04)
+    assert room.frame == 2
+    assert not room.clockwork.is_failed
+    assert failures
+    assert room.bus.guard.num_faults == len(failures)
+
+
+def test_caller_that_fails_on_its_timeout_does_not_stop_the_world() -> None:
+    room = Room()
+    caller, provider = Somebody("/caller"), Somebody("/provider")
+    room.bus.provide(provider, "/silent", "std_srvs/Trigger", lambda _call, _now: None)
+    room.bus.call(caller, "/silent", None, break_down, now=room.loop.now, timeout=0.01)
+    room.clockwork.look()
+    room.loop.settle()
+    room.loop.move_to(1000.01)
+    room.loop.move_to(1000.02)
+    assert room.frame == 1
+    assert not room.clockwork.is_failed
+    assert room.bus.guard.num_faults == 1
+
+
+def test_end_that_fails_does_not_stop_the_world() -> None:
+    room = Room()
+
+    class Broken:
+        def next_due(self, _now: float) -> float:
+            raise ZeroDivisionError
+
+        def advance(self, _now: float) -> None:
+            """Never called."""
+
+        def end(self, _error: Exception) -> None:
+            raise ValueError
+
+    room.clockwork.add(Broken())
+    room.loop.move_to(1000.02)
+    assert room.frame == 1
+    assert not room.clockwork.is_failed
 
 
 @dataclass(eq=False)

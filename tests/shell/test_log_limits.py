@@ -195,3 +195,10 @@ async def test_log_at_level_debug_stays_small_whatever_a_client_sends(serve: Ser
         await client.send("publish", topic="/InsnControl", type="morai_msgs/IntersectionControl", msg={})
     await client.settle()
     assert len(server.log) < 500_000
+
+
+def test_line_whose_values_do_not_fit_does_not_fail_its_writer(
+    limiter: LineLimiter,
+) -> None:
+    record = log.makeRecord(log.name, logging.WARNING, __file__, 1, "%d %d", ("x",), None)
+    assert limiter.filter(record)

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import logging
 import resource
 import shutil
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NoReturn
 
 import pytest
 
 from rosbridge_sim import DocumentError, Simulator
+from rosbridge_sim.schema.store import Message
+from rosbridge_sim.shell.bags import open_bag
+from rosbridge_sim.shell.recording import Recorder, Scribe
 from tests.conftest import Connect
+from tests.graph.room import make_bus
 from tests.shell.bag_reading import Seen, read_bag
 from tests.support import Client
 
@@ -186,3 +192,99 @@ async def test_recorder_is_a_node_that_rosapi_shows(tmp_path: Path, connect: Con
         client = await connect(sim.url)
         details = await client.values("/rosapi/node_details", {"node": "/recorder"})
         assert "/Ego_topic" in details["subscribing"], json.dumps(details)
+
+
+# A failure of ours that belongs to the recording
+
+
+def break_down(*_: object, **__: object) -> NoReturn:
+    raise ZeroDivisionError
+
+
+def failures(caplog: pytest.LogCaptureFixture) -> list[str]:
+    """What the log says of failures, each with its traceback."""
+    return [record.getMessage() for record in caplog.records if record.exc_info]
+
+
+@pytest.mark.parametrize(("ros", "name"), [(1, "a.bag"), (1, "a.mcap"), (2, "a.mcap")])
+async def test_message_that_cannot_be_written_into_the_bag_is_left_out_alone(
+    tmp_path: Path, connect: Connect, caplog: pytest.LogCaptureFixture, ros: Literal[1, 2], name: str
+) -> None:
+    async with Simulator(port=0, world=False, record=tmp_path / name, ros=ros) as sim:
+        client = await connect(sim.url)
+        for topic in ("/bad", "/good"):
+            await client.send("advertise", topic=topic, type="std_msgs/String")
+        await client.settle()
+        assert sim._recorder is not None
+        channels = sim._recorder.scribe._channels
+        channels["/bad"] = replace(channels["/bad"], recode=break_down)
+        for data in ("a", "b"):
+            for topic in ("/bad", "/good"):
+                await client.send("publish", topic=topic, msg={"data": data})
+            told = await client.take("status")
+            assert told["msg"] == "std_msgs/String cannot be written into the bag: ZeroDivisionError()"
+        assert await client.settle() == []
+        assert sim.bus is not None
+        assert sim.bus.guard.num_unencoded == sim.num_bugs == 2
+    assert [one.data for topic, _, one in read_bag(tmp_path / name) if topic == "/good"] == ["a", "b"]
+    assert [line.partition(":")[0] for line in failures(caplog)] == ["/bad"]
+
+
+async def test_latched_message_that_cannot_be_written_keeps_no_topic_from_the_bag(tmp_path: Path) -> None:
+    bus, path = make_bus(), tmp_path / "a.bag"
+    speaker = Recorder.__new__(Recorder)  # any owner
+    topic = bus.advertise(speaker, "/t", "std_msgs/String", depth=3)
+    make = bus.store.message("std_msgs/String").struct
+    for data in ("a", object(), "b"):
+        bus.publish(speaker, topic, Message(topic.type, make(data=data)), 0.0)
+    recorder = Recorder(bus, Scribe(open_bag(path), bus.store), path, loop=asyncio.get_running_loop())
+    recorder.stop()
+    assert [one.data for _, _, one in read_bag(path)] == ["a", "b"]
+    assert bus.guard.num_unencoded == 1
+
+
+@pytest.mark.parametrize("seam", ["write", "flush", "abort"])
+async def test_recording_that_fails_ends_and_the_world_goes_on(
+    tmp_path: Path, connect: Connect, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, seam: str
+) -> None:
+    async with Simulator(port=0, start="sync", record=tmp_path / "a.bag") as sim:
+        client = await connect(sim.url)
+        await client.send("subscribe", topic="/Ego_topic")
+        await drive(client, 2)
+        recorder = sim._recorder
+        assert recorder is not None
+        monkeypatch.setattr(recorder.scribe._bag, "flush" if seam == "flush" else "write", break_down)
+        if seam == "abort":  # its end fails too
+            monkeypatch.setattr(recorder.scribe._bag, "abort", break_down)
+        if seam == "flush":
+            recorder._tick()
+        answer = await client.ask("/SyncModeWaitForTick", user_id="me", frame=3)
+        assert answer["frame"] == 3
+        assert len([await client.message("/Ego_topic") for _ in range(3)]) == 3
+        assert "/recorder" not in (await client.values("/rosapi/nodes"))["nodes"]
+        assert sim.num_bugs == (2 if seam == "abort" else 1)
+        monkeypatch.undo()
+        recorder.scribe.abort()
+    assert "the recording has ended by a bug of ours; `rosbridge-sim bag repair` makes it readable" in failures(caplog)
+    assert len(failures(caplog)) == (2 if seam == "abort" else 1)
+
+
+@pytest.mark.parametrize("seam", ["recording", "server"])
+async def test_end_that_fails_leaves_nothing_else_undone(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, seam: str
+) -> None:
+    sim = Simulator(port=0, world=False, record=tmp_path / "a.bag")
+    await sim.start()
+    assert sim._recorder is not None
+    assert sim._server is not None
+    if seam == "recording":
+        monkeypatch.setattr(sim._recorder.scribe._bag, "close", break_down)
+        await sim.stop()
+        assert failures(caplog) == ["the end of the recording has failed; this is a bug of ours, and the rest goes on"]
+    else:
+        stop = sim._server.stop
+        monkeypatch.setattr(sim._server, "stop", break_down)
+        with pytest.raises(ZeroDivisionError):
+            await sim.stop()
+        assert read_bag(tmp_path / "a.bag") is not None  # it is whole
+        await stop()

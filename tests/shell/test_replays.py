@@ -27,7 +27,7 @@ from rosbridge_sim.shell.recording import Scribe
 from rosbridge_sim.shell.replays import DiskRecordings, find_recording, read_recording
 from rosbridge_sim.shell.storage import read_definitions
 from tests.conftest import Connect
-from tests.support import Client
+from tests.support import PATIENCE, Client
 
 FRAME_NS = 20_000_000
 STATUS = "/sim/process/state/msg/MoraiSimProcStatus"
@@ -360,3 +360,27 @@ async def test_server_that_stops_meanwhile_waits_for_nothing(tmp_path: Path) -> 
     recordings.stop()
     await asyncio.sleep(0)
     assert not taken
+
+
+async def test_what_follows_from_a_recording_may_fail_and_the_next_one_is_read(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    write(tmp_path / "a.bag", {"/Ego_topic": (EGO, ways(1.0))})
+    texts = read_definitions("22.R2")
+    recordings = DiskRecordings(tmp_path, texts, asyncio.get_running_loop())
+    done = asyncio.Event()
+    recordings.on_done = done.set
+    convert = Converter(Store(texts, leniency=LENIENCY))
+
+    def fail(_outcome: object, _now: float) -> None:
+        raise ZeroDivisionError
+
+    taken: list[object] = []
+    for then in (fail, lambda outcome, _now: taken.append(outcome)):
+        recordings.read("a", Reading("a", convert), then)
+        async with asyncio.timeout(PATIENCE):
+            await done.wait()
+        done.clear()
+    assert isinstance(taken.pop(), Recording)
+    assert recordings.num_bugs == 1
+    assert [record.exc_info is not None for record in caplog.records] == [True]

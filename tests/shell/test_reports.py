@@ -8,6 +8,7 @@ import logging
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
 
+import pytest
 import pytest_asyncio
 
 from rosbridge_sim.shell.app import Simulator
@@ -106,3 +107,46 @@ async def test_one_stalled_reader_beside_ten_live_ones_is_counted_and_nobody_els
             assert reader["messages_sent"] == 400
             assert reader["bytes_sent"] > 20_000_000
         writer.transport.abort()
+
+
+async def test_client_that_cannot_be_reported_is_closed_and_the_others_are_reported(sim: Simulator) -> None:
+    async with await Client.open(sim.url) as listener, await Client.open(sim.url) as bad:
+        await listener.subscribe("/sim/clients")
+        await bad.settle()
+        assert sim._server is not None
+        assert sim._reports is not None
+        served = list(sim._server.clients)[1]
+        served.outbox.dropped = None  # type: ignore[assignment] # as good a bug as any
+        sim._reports._tick()
+        (status,) = (await listener.message("/sim/clients"))["clients"]
+        assert status["address"] != served.peer.address
+        await bad.socket.wait_closed()
+        assert bad.socket.close_code == 1011
+        assert sim.num_bugs == 1
+
+
+async def test_listener_of_rosout_that_fails_hurts_neither_the_writer_nor_others(
+    sim: Simulator, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with await Client.open(sim.url) as good, await Client.open(sim.url) as bad:
+        for client in (good, bad):
+            await client.subscribe("/rosout")
+        assert sim._server is not None
+        served = list(sim._server.clients)[1]
+        served.peer._listenings["/rosout"].feed._head = 5  # type: ignore[assignment] # as above
+        logging.getLogger("rosbridge_sim.app").warning("a line")
+        assert (await good.message("/rosout"))["msg"] == "a line"
+        await bad.socket.wait_closed()
+        assert bad.socket.close_code == 1011
+        assert sim.num_bugs == 1
+        assert len([record for record in caplog.records if record.exc_info]) == 1
+
+
+async def test_report_of_a_line_that_fails_does_not_fail_its_writer(sim: Simulator) -> None:
+    async with await Client.open(sim.url) as client:
+        await client.subscribe("/rosout")
+        assert sim._reports is not None
+        sim._reports._log._ros = 3  # type: ignore[assignment] # as above
+        logging.getLogger("rosbridge_sim.app").warning("a line")
+        assert await client.settle() == []
+        assert sim.num_bugs == 1

@@ -7,7 +7,8 @@ import json
 import re
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import AsyncExitStack
+from contextlib import AsyncExitStack, suppress
+from typing import NoReturn
 
 import pytest
 import pytest_asyncio
@@ -16,11 +17,16 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 from websockets.protocol import State
 
+from rosbridge_sim.errors import EncodingError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.protocol import png
 from rosbridge_sim.protocol.flow import OutboxLimits
-from rosbridge_sim.schema.store import Store
+from rosbridge_sim.schema.store import Message, Store
+from rosbridge_sim.shell.access import Access
 from rosbridge_sim.shell.app import Simulator
+from rosbridge_sim.shell.log_limits import PLACE_BURST, TRACEBACK_COST
+from rosbridge_sim.shell.server import Client as Served
 from rosbridge_sim.shell.server import Server, ServerLimits
 from rosbridge_sim.shell.storage import read_definitions
 from tests.support import PATIENCE, Client, mask, open_raw
@@ -368,3 +374,311 @@ async def test_a_port_that_is_taken_is_an_os_error(listen: Listen) -> None:
     second = Server(port.bus, ServerLimits(), lambda: None)
     with pytest.raises(OSError, match="address already in use"):
         await second.start("127.0.0.1", port.server.port)
+
+
+# A failure of ours that belongs to one client
+
+
+def break_down(*_: object) -> NoReturn:
+    """Fail, as no part of the server does on purpose."""
+    raise ZeroDivisionError
+
+
+class Speaker:
+    """A part of the server that publishes, and remembers what it is told."""
+
+    name = "/speaker"
+
+    def __init__(self, port: Port, topic: str = "/t") -> None:
+        self.bus = port.bus
+        self.told: list[str] = []
+        self.topic = port.bus.advertise(self, topic, "std_msgs/String")
+
+    def tell(self, _level: str, text: str) -> None:
+        self.told.append(text)
+
+    def say(self, data: object) -> None:
+        message_type = self.bus.store.message("std_msgs/String")
+        self.bus.publish(self, self.topic, Message(message_type, message_type.struct(data=data)), 0.0)
+
+
+async def connect_two(port: Port) -> tuple[tuple[Client, Served], tuple[Client, Served]]:
+    """A client in which the test breaks something, and another one; each with what the server has of it."""
+    clients = []
+    for _ in range(2):
+        clients.append(await Client.open(port.url))
+        await clients[-1].settle()
+    (first, second), (served_first, served_second) = clients, port.server.clients
+    return (first, served_first), (second, served_second)
+
+
+async def close_code_of(client: Client) -> int | None:
+    """The code with which the server closes a client."""
+    async with asyncio.timeout(PATIENCE):
+        await client.socket.wait_closed()
+    return client.socket.close_code
+
+
+def num_bugs(port: Port) -> int:
+    return port.server.num_bugs + port.bus.guard.num_faults
+
+
+def failures(caplog: pytest.LogCaptureFixture) -> list[str]:
+    """What the log says of failures, each with its traceback."""
+    return [record.getMessage() for record in caplog.records if record.exc_info]
+
+
+async def test_client_that_fails_on_a_message_is_closed_alone(listen: Listen, caplog: pytest.LogCaptureFixture) -> None:
+    port = await listen()
+    (bad, served), (good, _) = await connect_two(port)
+    speaker = Speaker(port)
+    await bad.subscribe("/t")
+    await good.subscribe("/t")
+    served.peer._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
+    for data in ("a", "b", "c"):
+        speaker.say(data)
+    assert [(await good.message("/t"))["data"] for _ in range(3)] == ["a", "b", "c"]
+    assert await close_code_of(bad) == 1011
+    assert bad.socket.close_reason == "the server failed on this connection; its log says why"
+    assert (num_bugs(port), speaker.told) == (1, [])
+    assert [line.partition(": ")[2] for line in failures(caplog)] == ["closed, because of a failure of ours"]
+    assert served.peer not in port.bus.owners()
+    await good.close()
+
+
+async def test_message_that_cannot_be_written_closes_nobody(listen: Listen, caplog: pytest.LogCaptureFixture) -> None:
+    port = await listen()
+    (first, _), (second, _) = await connect_two(port)
+    speaker = Speaker(port)
+    await first.subscribe("/t")
+    await second.subscribe("/t", compression="cbor")
+    for data in ("a", object(), "b", object()):
+        with suppress(EncodingError):
+            speaker.say(data)
+    assert [(await first.message("/t"))["data"] for _ in range(2)] == ["a", "b"]
+    for data in ("a", "b"):
+        assert (await second.read())["$cbor"]["msg"]["data"] == data
+    assert (port.server.num_bugs, port.bus.guard.num_unencoded, port.bus.guard.num_faults) == (0, 4, 4)
+    assert len(failures(caplog)) == 2  # one for each encoding
+    await first.close()
+    await second.close()
+
+
+async def test_picture_that_cannot_be_made_closes_nobody(
+    listen: Listen, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    port = await listen()
+    (first, _), (second, _) = await connect_two(port)
+    speaker = Speaker(port)
+    for client in (first, second):
+        await client.subscribe("/t", compression="png")
+    with monkeypatch.context() as patch:
+        patch.setattr(png, "_file", break_down)
+        speaker.say("a")
+        assert [await client.settle() for client in (first, second)] == [[], []]
+    speaker.say("b")
+    for client in (first, second):
+        assert (await client.read())["op"] == "png"
+        await client.close()
+    assert (port.server.num_bugs, port.bus.guard.num_unencoded) == (0, 2)
+    assert [line.partition(":")[0] for line in failures(caplog)] == ["/t"]
+
+
+async def test_client_that_fails_on_messages_that_waited_is_closed_alone(listen: Listen) -> None:
+    port = await listen()
+    (bad, served), (good, _) = await connect_two(port)
+    speaker = Speaker(port)
+    for client in (bad, good):
+        await client.subscribe("/t", throttle_rate=1, queue_length=10)
+    served.peer._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as above
+    served.peer._listenings["/t"].feed.pace._free_at = served.socket.loop.time() + 0.005  # so that the first one waits
+    for data in ("a", "b", "c"):
+        speaker.say(data)
+    assert [(await good.message("/t"))["data"] for _ in range(3)] == ["a", "b", "c"]
+    assert await close_code_of(bad) == 1011
+    assert num_bugs(port) == 1
+    await good.close()
+
+
+def break_writing(served: Served) -> None:
+    """Have it fail when bytes were handed to its socket."""
+    served.num_bytes_sent = None  # type: ignore[assignment] # as good a bug as any
+
+
+def break_leaving(served: Served) -> None:
+    """Have it fail at a message, and then at giving up what it holds."""
+    served.peer._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as above
+    served.peer._listenings = None  # type: ignore[assignment] # as above
+
+
+def break_outbox(served: Served) -> None:
+    """Have it fail at all that is sent to it."""
+    served.outbox._frames = None  # type: ignore[assignment] # as above
+
+
+@pytest.mark.parametrize("plant", [break_writing, break_leaving, break_outbox])
+async def test_client_that_fails_is_closed_alone_wherever_that_is(
+    listen: Listen, plant: Callable[[Served], None]
+) -> None:
+    port = await listen()
+    (bad, served), (good, _) = await connect_two(port)
+    speaker = Speaker(port)
+    for client in (bad, good):
+        await client.subscribe("/t")
+    await bad.send("advertise_service", service="/s", type="std_srvs/Trigger")
+    await bad.settle()
+    plant(served)
+    speaker.say("a")
+    assert (await good.message("/t"))["data"] == "a"
+    assert await close_code_of(bad) == 1011
+    assert await good.settle() == []
+    assert served.peer not in port.bus.owners()
+    assert "/s" not in port.bus.services
+    assert port.bus.guard.num_faults >= 1
+    assert speaker.told == []
+    await good.close()
+
+
+async def test_provider_that_fails_is_closed_and_its_caller_is_answered(listen: Listen) -> None:
+    port = await listen()
+    (bad, served), (good, _) = await connect_two(port)
+    await bad.send("advertise_service", service="/s", type="std_srvs/Trigger")
+    await bad.settle()
+    served.peer._provisions["/s"].num_calls = None  # type: ignore[assignment] # as above
+    answer = await good.call("/s")
+    assert (answer["result"], answer["values"]) == (False, "The provider failed; the server's log says why")
+    assert await close_code_of(bad) == 1011
+    assert (await good.call("/s"))["values"] == "Service /s does not exist"
+    assert num_bugs(port) == 1
+    await good.close()
+
+
+async def test_client_that_fails_on_a_message_of_its_own_does_nothing_more(listen: Listen) -> None:
+    port = await listen()
+    (bad, served), (good, _) = await connect_two(port)
+    Speaker(port)
+    for client in (bad, good):
+        await client.subscribe("/t")
+    served.peer._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as above
+    head = '{"op":"publish","topic":"/t","msg":{"data":'
+    await bad.send_raw(f'{head}"first"}}}}{head}"behind it"}}}}')
+    assert (await good.message("/t"))["data"] == "first"
+    assert await close_code_of(bad) == 1011
+    assert await good.settle() == []
+    assert num_bugs(port) == 1
+    await good.close()
+
+
+async def test_client_that_cannot_be_told_of_a_failure_is_closed(
+    listen: Listen, caplog: pytest.LogCaptureFixture
+) -> None:
+    port = await listen()
+    (bad, served), (good, _) = await connect_two(port)
+    break_outbox(served)
+    await bad.send("publish", topic="/u", msg={})  # a mistake
+    assert await close_code_of(bad) == 1011
+    assert await good.settle() == []
+    assert num_bugs(port) >= 2  # the remark on the mistake, and the one on that failure
+    assert len(failures(caplog)) >= 2
+    await good.close()
+
+
+@pytest.mark.slow  # what it has not read yet keeps its closing waiting
+async def test_client_that_fails_in_its_turn_does_not_take_those_of_others(listen: Listen) -> None:
+    port = await listen()
+    (bad, served), (good, served_good) = await connect_two(port)
+    releases = [one.peer.hold() for one in (served, served_good)]
+    for client in (bad, good):
+        for name in ("first", "second"):
+            await client.send("call_service", service="/rosapi/get_time", id=name)
+    async with asyncio.timeout(PATIENCE):
+        while not all(one._has_input for one in (served, served_good)):  # noqa: ASYNC110 - what is waited for tells nobody
+            await asyncio.sleep(0)
+    served.socket._receiver = None  # as good a bug as any
+    for release in releases:  # both wait for their turns now, the bad one first
+        release()
+    await good.take("service_response", id="second")
+    assert await close_code_of(bad) == 1011
+    assert num_bugs(port) == 1
+    await good.close()
+
+
+@pytest.mark.parametrize("seam", ["close", "forget"])
+async def test_client_that_cannot_even_be_closed_is_cut_off(
+    listen: Listen, monkeypatch: pytest.MonkeyPatch, seam: str
+) -> None:
+    port = await listen()
+    (bad, served), (good, _) = await connect_two(port)
+    speaker = Speaker(port)
+    for client in (bad, good):
+        await client.subscribe("/t")
+    served.peer._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
+    monkeypatch.setattr(served.socket, seam, break_down)
+    speaker.say("a")
+    assert (await good.message("/t"))["data"] == "a"
+    assert await close_code_of(bad) == 1006
+    assert served.peer not in port.bus.owners()
+    await good.close()
+
+
+async def test_client_whose_wait_for_a_token_fails_is_closed(listen: Listen) -> None:
+    port = await listen(ServerLimits(access=Access(token="sesame", patience=0.01)))  # noqa: S106 - opens nothing
+    client = await Client.open(port.url)
+    async with asyncio.timeout(PATIENCE):
+        while not port.server.clients:  # noqa: ASYNC110 - as above
+            await asyncio.sleep(0)
+    (served,) = port.server.clients
+    served.peer.session.level = None  # type: ignore[assignment] # as good a bug as any
+    assert await close_code_of(client) == 1011
+    assert num_bugs(port) == 1
+
+
+@pytest.mark.slow  # as above
+async def test_connection_that_cannot_be_served_is_told_counted_and_logged(
+    listen: Listen, caplog: pytest.LogCaptureFixture
+) -> None:
+    port = await listen()
+    async with await Client.open(port.url) as good:
+        await good.settle()
+        bus, port.server._bus = port.server._bus, None  # type: ignore[assignment] # as good a bug as any
+        bad = await Client.open(port.url)
+        assert await close_code_of(bad) == 1011
+        port.server._bus = bus
+        assert await good.settle() == []
+    assert port.server.num_bugs == 1
+    assert [line.partition(" ")[2] for line in failures(caplog)] == ["could not be served"]
+
+
+async def test_request_that_fails_and_a_watcher_that_fails_are_counted_and_survived(
+    listen: Listen, caplog: pytest.LogCaptureFixture
+) -> None:
+    port = await listen()
+    port.server.why_unhealthy = break_down
+    assert await port.http("/healthz") == (500, "The server failed; its log says why\n")
+    port.server.on_clients = break_down
+    async with await Client.open(port.url) as client:
+        assert await client.settle() == []
+        assert port.server.num_bugs == 2
+    assert len(failures(caplog)) >= 2
+
+
+@pytest.mark.slow
+async def test_hundred_clients_that_fail_at_once_are_closed_and_the_log_stays_short(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    async with Simulator(port=0, world=False) as sim, AsyncExitStack() as stack:
+        clients = [await stack.enter_async_context(await Client.open(sim.url)) for _ in range(101)]
+        for client in clients:
+            await client.subscribe("/t", type="std_msgs/String")
+        *bad, good = clients
+        assert sim._server is not None
+        for served in list(sim._server.clients)[:-1]:
+            served.peer._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
+        for data in ("a", "b"):
+            await good.send("publish", topic="/t", msg={"data": data})
+            assert (await good.message("/t"))["data"] == data
+        assert {await close_code_of(client) for client in bad} == {1011}
+        assert await good.settle() == []
+        assert sim.num_bugs == 100
+    assert len(failures(caplog)) == PLACE_BURST / TRACEBACK_COST
+    assert any("80 more lines of server.py" in line for line in caplog.messages)
