@@ -125,29 +125,29 @@ def _size_of(text: str) -> int:
 
 
 class _Partial:
-    __slots__ = ("last_at", "num_bytes", "num_chars", "pieces", "total")
+    __slots__ = ("last_at", "num_bytes", "num_text_bytes", "pieces", "total")
 
     def __init__(self, total: int) -> None:
         self.total = total
         self.pieces: dict[int, str] = {}
         self.num_bytes = 0
-        self.num_chars = 0
+        self.num_text_bytes = 0
         self.last_at = 0.0
 
 
 class Defragmenter:
     """The fragmented messages of one client that are not whole yet."""
 
-    __slots__ = ("_account", "_max_chars", "_partials")
+    __slots__ = ("_account", "_max_bytes", "_partials")
 
-    def __init__(self, max_chars: int, account: Account | None = None) -> None:
+    def __init__(self, max_bytes: int, account: Account | None = None) -> None:
         """Nothing under way.
 
         Args:
-            max_chars: of all pieces that wait together.
+            max_bytes: of all pieces that wait together, in UTF-8 [bytes].
             account: pays for them.
         """
-        self._max_chars = max_chars
+        self._max_bytes = max_bytes
         self._account = account or Account()
         self._partials: dict[object, _Partial] = {}
 
@@ -177,12 +177,12 @@ class Defragmenter:
             self._drop(op.id)
             raise FrameError("fragment: this client makes the server hold too much; the message is forgotten", op.id)
         partial.pieces[int(num)] = op.data
-        partial.num_chars += len(op.data)
+        partial.num_text_bytes += len(op.data) if op.data.isascii() else len(op.data.encode(errors="surrogatepass"))
         partial.num_bytes += size
         partial.last_at = now
-        if sum(p.num_chars for p in self._partials.values()) > self._max_chars:
+        if sum(p.num_text_bytes for p in self._partials.values()) > self._max_bytes:
             self._drop(op.id)
-            raise FrameError(f"fragment: the pieces that wait have more than {self._max_chars} characters", op.id)
+            raise FrameError(f"fragment: the pieces that wait have more than {self._max_bytes} bytes", op.id)
         if len(partial.pieces) < partial.total:
             return None
         self._drop(op.id)

@@ -70,7 +70,7 @@ class Session:
         Args:
             outbox: where frames for the peer go.
             alarm: called with a time [s] at which `flush` will have something to do.
-            max_frame_size: longest frame that pieces may make [characters].
+            max_frame_size: longest frame that pieces may make [bytes].
             is_talkative: whether remarks are sent at all (an option for clients that choke on them).
             on_refused: hears of what is no op, in place of the peer: for a session with a server, which has no ear for
                 remarks.

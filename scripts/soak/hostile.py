@@ -17,6 +17,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import base64
+import random
 import sys
 import tempfile
 import zlib
@@ -158,7 +159,7 @@ class Row:
         frames: what the attacker sends, whole WebSocket frames; made before the clock starts.
         before, listeners: ops that go before: of the attacker, and of a listener each.
         flags: of the server.
-        is_compressing: the attacker's messages are compressed.
+        is_compressing: the attacker's messages are compressed, and the listeners' too.
         allowed_ms: for the bystander, above idle.
         kept_mb: what it rightly makes the server keep [MB].
     """
@@ -255,6 +256,30 @@ def parameters() -> list[bytes]:
     return frames
 
 
+def floats(number: bytes) -> bytes:
+    """A list of 16 MB of one number."""
+    head = b'{"op":"publish","topic":"/f","type":"std_msgs/Float64MultiArray","msg":{"data":['
+    return masked(head + (number + b",") * ((LARGEST - 1_000) // (len(number) + 1)) + b"1]}}")
+
+
+def noise() -> bytes:
+    """A String of 14 MB that hardly gets shorter when it is compressed."""
+    text = base64.b64encode(random.Random(0).randbytes(10 * MB)).decode()  # noqa: S311 - the same each time
+    return masked(op(op="publish", topic="/s", msg={"data": text}))
+
+
+def pieces() -> bytes:
+    """Pieces of 64 messages of which none becomes whole."""
+    parts = (op(op="fragment", id=f"f{i % 64}", num=i // 64, total=9_999, data="x" * 200) for i in range(9_999))
+    return masked(b"".join(parts))
+
+
+def many_topics() -> bytes:
+    """Advertisements of as many topics as one client may hold, of a type with a long definition."""
+    kind = "visualization_msgs/MarkerArray"
+    return masked(b"".join(op(op="advertise", topic=f"/many/{i}", type=kind) for i in range(9_900)))
+
+
 SAVE = {"request": {"is_custom_file_name": False, "custom_file_name": "", "file_dir": ""}}
 ROWS: tuple[Row, ...] = (
     Row("16 MB of glued unknown ops", lambda: [masked(glued(ZZZ))]),
@@ -313,6 +338,42 @@ ROWS: tuple[Row, ...] = (
         before=[STRING],
         listeners=[{**LISTEN, "compression": "png"}] * 5,
     ),
+    Row("16 MB of 1e308", lambda: [floats(b"1e308")]),
+    Row("16 MB of integers of 4,000 digits", lambda: [floats(b"1" * 4_000)]),
+    Row("9,999 glued pieces, eight times", lambda: [pieces()] * 8),
+    Row(
+        "MarkerArray of 149,990 {} to a listener of each kind",
+        lambda: [
+            masked(
+                b'{"op":"publish","topic":"/m","type":"visualization_msgs/MarkerArray","msg":{"markers":['
+                + b"{}," * 149_989
+                + b"{}]}}"
+            )
+        ],
+        before=[{"op": "advertise", "topic": "/m", "type": "visualization_msgs/MarkerArray"}],
+        listeners=[
+            {"op": "subscribe", "topic": "/m", "compression": kind} for kind in ("none", "cbor", "cbor-raw", "png")
+        ],
+    ),
+    Row(
+        "16 MB String in pieces to 20 listeners",
+        lambda: [string()],
+        before=[STRING],
+        listeners=[{**LISTEN, "fragment_size": 100_000}] * 20,
+    ),
+    Row(
+        "14 MB of noise to 3 compressing listeners",
+        lambda: [noise()],
+        before=[STRING],
+        listeners=[LISTEN] * 3,
+        flags=("--compression",),
+        is_compressing=True,
+    ),
+    Row(
+        "definitions of 9,900 topics, 20 times",
+        lambda: [many_topics(), calls("/rosapi/topics_and_raw_types", 20)],
+        kept_mb=90.0,  # the topics, and an answer of 16 MB that is still read
+    ),
     Row("19,000 ghosts in one place", lambda: [ghosts()]),
     Row("an honest image of 16 MB to a listener", lambda: [image()],
         before=[{"op": "advertise", "topic": "/s", "type": "sensor_msgs/Image"}],
@@ -339,13 +400,14 @@ async def scene(row: Row, folder: Path) -> AsyncIterator[Scene]:
         bystander = Bystander(server.url)
         attackers: list[Attacker] = []
         try:
-            attacker = await (CompressingAttacker if row.is_compressing else Attacker).open(server.port)
+            kind = CompressingAttacker if row.is_compressing else Attacker
+            attacker = await kind.open(server.port)
             attackers.append(attacker)
             for fields in row.before:
                 await attacker.say(**fields)
             await attacker.settle()
             for fields in row.listeners:
-                attackers.append(await Attacker.open(server.port))
+                attackers.append(await kind.open(server.port))
                 await attackers[-1].say(**fields)
                 await attackers[-1].settle()
             await bystander.waits()

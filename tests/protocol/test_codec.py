@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from rosbridge_sim.errors import FrameError
 from rosbridge_sim.protocol import codec
 from rosbridge_sim.protocol.codec import decode_frame, is_absent, op_frame, publish_head, response_frame, status_frame
-from rosbridge_sim.protocol.ops import OPS, CallService, Id, Op, Publish, Subscribe
+from rosbridge_sim.protocol.ops import OPS, CallService, Fragment, Id, Op, Publish, Subscribe
 
 json_values = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
@@ -154,3 +154,17 @@ def test_ids_are_echoed_unchanged(op_id: Id) -> None:
     echoed = json.loads(response_frame("/s", b'""', is_ok=False, op_id=op_id))["id"]
     assert echoed == op_id
     assert type(echoed) is type(op_id)
+
+
+def test_a_long_piece_may_end_in_half_a_surrogate_pair() -> None:
+    data = "x" * 20_000
+    op = only_op(b'{"op":"fragment","id":"f","num":0,"total":2,"data":"' + data.encode() + b'\\ud83d"}')
+    assert isinstance(op, Fragment)
+    assert op.data == data + "\ud83d"
+
+
+def test_a_long_object_without_an_op_is_not_quoted_in_full() -> None:
+    steps = list(decode_frame(b'{"a":"' + b"x" * 100_000 + b'"}'))
+    assert len(steps) > 2  # others have their turn in between
+    assert "without an op" in str(steps[-1])
+    assert len(str(steps[-1])) < 1_000

@@ -117,7 +117,7 @@ def test_a_contradiction_forgets_the_message_and_the_next_one_is_fine() -> None:
 def test_bounds() -> None:
     defragmenter = Defragmenter(10)
     defragmenter.add(piece("a", 0, 2, "x" * 6), 0.0)
-    with pytest.raises(FrameError, match="more than 10 characters"):
+    with pytest.raises(FrameError, match="more than 10 bytes"):
         defragmenter.add(piece("b", 0, 2, "x" * 6), 0.0)
     assert defragmenter.add(piece("a", 1, 2, "x" * 4), 0.0) == b"x" * 10
     for i in range(MAX_OPEN):
@@ -142,3 +142,9 @@ def test_pieces_of_one_frame_share_its_characters() -> None:
     both = [Pieces(text, 1_000, "a"), Pieces(text, 1_000, "b")]
     joined = ["".join(json.loads(p)["data"] for p in pieces.take(2**30)) for pieces in both]
     assert joined == [frame.decode()] * 2
+
+
+def test_pieces_are_counted_in_bytes() -> None:
+    defragmenter = Defragmenter(100)
+    with pytest.raises(FrameError, match="more than 100 bytes"):
+        defragmenter.add(piece("f", 0, 2, "가" * 34), 0.0)
