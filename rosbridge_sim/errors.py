@@ -72,7 +72,7 @@ class FieldError(PeerError):
 class EncodingError(PeerError):
     """A message that fits its type and cannot be written all the same; the cause is what its encoder raised.
 
-    The bug is ours, yet it belongs to that message: whoever published it is told, and nobody is closed.
+    The bug is ours, yet it concerns that message alone: its publisher is told, and no connection is closed.
     """
 
 

@@ -42,7 +42,7 @@ smaller exponent that takes more than 60 digits in a row, and those count."""
 
 @dataclass(frozen=True, slots=True)
 class Weight:
-    """What a JSON text holds.
+    """Counts of what a JSON text holds.
 
     Attributes:
         containers: structs and lists.

@@ -1,4 +1,4 @@
-"""What is done when something fails by a bug of ours, or of a library below us: only the one concerned is hurt.
+"""Failures of our own code, or of a library below it: only the owner that is concerned is hurt.
 
     a message cannot be encoded     it is dropped for that encoding and its publisher is told; nobody is closed
     what belongs to one owner       that owner alone ends (`Guarded.fail`): a client is closed with code 1011, a bridge

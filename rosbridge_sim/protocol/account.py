@@ -40,7 +40,7 @@ class Account:
         self._total = total
 
     def has_room(self, size: int) -> bool:
-        """Whether so many bytes more can be held."""
+        """Return whether so many bytes more can be held."""
         return self.num_bytes + size <= self._limit
 
     def take(self, size: int) -> bool:

@@ -68,7 +68,7 @@ _split = msgspec.json.Decoder(dict[str, msgspec.Raw]).decode
 _scanner = json.JSONDecoder()
 
 _TRAILING = re.compile(r"trailing characters \(byte (\d+)\)")
-"""How `msgspec` says that a value has ended and something follows; a test holds it to these words."""
+"""Words by which `msgspec` says that a value has ended and something follows; a test holds it to these words."""
 
 _SPACE, _BYTE_SPACE = re.compile(r"[ \t\r\n]*"), re.compile(rb"[ \t\r\n]*")
 _ID = re.compile(r'"id"\s*:\s*"([\x20-\x21\x23-\x5b\x5d-\x7e]{1,200})"')
@@ -140,7 +140,7 @@ class Encoded(Protocol):
         """`head`, the body as JSON text, and a closing brace; the last such frame is kept for the next listener."""
 
     def shared(self, key: object, make: Callable[[], T]) -> T:
-        """What `make` gives, made once for all who ask with this key."""
+        """Return what `make` gives, made once for all who ask with this key."""
 
 
 def decode_quickly(frame: bytes | memoryview) -> Op | None:

@@ -28,7 +28,7 @@ MAX_AGE = 60.0
 """A message is forgotten when no piece of it has come for so long [s]; rosbridge_suite waits ten minutes."""
 
 _OVERHEAD = 150
-"""What a piece costs beside its characters: the text, the number and the entry of a table [bytes]."""
+"""Memory of a piece beside its characters: the text, the number and the entry of a table [bytes]."""
 
 MIN_SIZE = 10
 """A smaller fragment_size is taken for this one [characters]: each one in a frame of its own helps nobody."""
@@ -120,7 +120,7 @@ class Pieces:
 
 
 def _size_of(text: str) -> int:
-    """What a piece costs in memory at most [bytes]."""
+    """Memory of a piece, at most [bytes]."""
     return _OVERHEAD + len(text) * (1 if text.isascii() else 4)
 
 

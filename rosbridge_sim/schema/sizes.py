@@ -1,4 +1,4 @@
-"""What a decoded message costs in memory, estimated in a microsecond or two.
+"""Memory that a decoded message takes, estimated in a microsecond or two.
 
 A list is judged by a few of its elements, because they are of one type; so the estimate is made from the shape of a
 value and not from all of it. It is at least twice the length of the text that the value came from, which bounds what
@@ -15,7 +15,7 @@ import numpy as np
 __all__ = ["size_of"]
 
 _STRUCT, _FIELD, _LIST, _ITEM, _TEXT, _BYTES, _NUMBER, _DICT, _ENTRY = 16, 8, 56, 8, 49, 33, 28, 64, 100
-"""What CPython's objects cost beside what they hold [bytes]; an entry of a dict has a key of its own."""
+"""Memory of CPython's objects beside what they hold [bytes]; an entry of a dict has a key of its own."""
 
 _SAMPLES: Final = 8
 """Elements of a list that are looked at, evenly spread."""

@@ -1,4 +1,4 @@
-"""What a long JSON body would make of a type: its elements are counted before they are decoded.
+"""Cost of a long JSON body: its elements are counted before they are decoded.
 
 `{}` is two characters, and as an element of a MarkerArray it stands for nine structs and four float32, with 400 bytes
 of text for each listener. So the length of a text says little of what it costs. A skeleton of a type has nothing but
@@ -57,11 +57,11 @@ class _Plan:
 
     @property
     def has_lists(self) -> bool:
-        """Whether there is anything to count."""
+        """True where there is anything to count."""
         return bool(self.lists or self.inner)
 
     def cost(self, value: Any) -> int:  # noqa: ANN401 - a struct made above
-        """What the elements of all lists cost."""
+        """Cost of the elements of all lists."""
         total = 0
         for name, each, plan in self.lists:
             elements = getattr(value, name)
@@ -76,7 +76,7 @@ class _Plan:
 
 
 def _cost_of(shape: Shape) -> int:
-    """What a message costs of which nothing is given."""
+    """Cost of a message with nothing but defaults."""
     cost = 1
     for slot in shape.slots.values():
         count = 1 if slot.field.array is None else 0 if slot.field.is_bounded else slot.field.array

@@ -157,7 +157,7 @@ class Message:
         return self._framed
 
     def shared(self, key: object, make: Callable[[], T]) -> T:
-        """What `make` gives, made once for all who ask with this key: a form in which some listeners want it.
+        """Return what `make` gives, made once for all who ask with this key: a form in which some listeners want it.
 
         Raises:
             EncodingError: `make` has failed.

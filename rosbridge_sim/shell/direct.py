@@ -113,7 +113,7 @@ class DirectSocket(ServerConnection):
 
     @property
     def num_bytes_held(self) -> int:
-        """What has come and was not handled yet, and what is to be compressed [bytes]."""
+        """Bytes that have come and were not handled yet, and those that are to be compressed."""
         return len(self._kept) + len(self._message) + sum(map(len, self.unsent))
 
     def listen(self, receiver: Receiver) -> None:

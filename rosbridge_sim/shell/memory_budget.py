@@ -36,10 +36,10 @@ class Holder(Protocol):
 
     @property
     def num_bytes_held(self) -> int:
-        """What it holds, shared bytes in full [bytes]."""
+        """Memory that the server holds for it, shared bytes in full [bytes]."""
 
     def shared(self) -> Iterator[tuple[int, int]]:
-        """What it may share with others: identity and size of each [bytes]."""
+        """Identity and size of each thing that it may share with others [bytes]."""
 
     def evict(self, reason: str) -> None:
         """Close it, with that reason, and let go of all it holds."""
@@ -97,7 +97,7 @@ class MemoryBudget:
             held -= size
 
     def _leftovers(self, holders: list[tuple[int, Holder]]) -> int:
-        """What is held for clients that are gone: latched messages, for a while."""
+        """Memory held for clients that are gone: latched messages, for a while [bytes]."""
         accounts = sum(account.num_bytes for account in self._bus.accounts.values())
         return max(0, self._bus.total.num_bytes - accounts) if holders or accounts else self._bus.total.num_bytes
 

@@ -66,10 +66,10 @@ CLOSE_TIMEOUT = 1.0
 _NEVER = float("inf")
 
 TLS_TIMEOUT = 5.0
-"""How long a TLS handshake may take [s]: two round trips, with a slow phone far away half a second."""
+"""Longest TLS handshake [s]: two round trips, with a slow phone far away half a second."""
 
 OPEN_TIMEOUT = 5.0
-"""How long a client may take from there to its whole request [s]: one packet of a real client."""
+"""Longest time from there to the whole request [s]: one packet of a real client."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +126,7 @@ class _Socket(DirectSocket):
 
 
 class ClientWatch(Protocol):
-    """What a client tells its server."""
+    """Events that a client reports to its server."""
 
     def count_bug(self) -> None:
         """Count a fault of ours that has shown while something was done for a client."""
@@ -215,12 +215,12 @@ class Client:
 
     @property
     def name(self) -> str:
-        """Where it comes from."""
+        """Address of the client, for people to read."""
         return self.peer.address
 
     @property
     def num_bytes_held(self) -> int:
-        """What the server holds for it: in its account, its outbox, its socket, and as parameters [bytes]."""
+        """Memory that the server holds for it: in its account, its outbox, its socket, and as parameters [bytes]."""
         waiting = self.outbox.num_bytes + self.socket.transport.get_write_buffer_size() + self.socket.num_bytes_held
         return waiting + self.peer.session.account.num_bytes + self._bus.parameters.num_held(self.peer)
 

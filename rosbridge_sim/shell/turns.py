@@ -19,10 +19,10 @@ from typing import Protocol
 __all__ = ["Turns", "Worker"]
 
 TURN = 0.002
-"""How long one client may work before others have their turn [s]: some 150 small messages."""
+"""Longest turn of one client, before others have theirs [s]: some 150 small messages."""
 
 ROUND = 0.004
-"""How long all clients may work before the sockets and the world are looked at again [s]: a fifth of a frame."""
+"""Longest round of all clients, before the sockets and the world are looked at again [s]: a fifth of a frame."""
 
 
 class Worker(Protocol):
