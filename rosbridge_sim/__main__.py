@@ -38,10 +38,21 @@ def main() -> int:
     try:
         if name not in _COMMANDS:
             raise SettingError(f"no such command: {name}{hint(name, _COMMANDS)}; --help says what there is")
-        return _COMMANDS[name](argv)
+        code = _COMMANDS[name](argv)
+        sys.stdout.flush()
     except DocumentError as error:
         print(f"rosbridge-sim: {error}", file=sys.stderr)  # noqa: T201 - a person waits for it, no log
         return 2
+    except OSError as error:
+        from rosbridge_sim.shell.command_line import OUTPUT_LOST, drop_output  # noqa: PLC0415 - serve does without
+
+        if error.errno not in OUTPUT_LOST or error.filename is not None:
+            raise
+        drop_output()
+        text = f"rosbridge-sim: the output cannot be written: {os.strerror(error.errno).lower()}"
+        print(text, file=sys.stderr)  # noqa: T201 - as above
+        return 2
+    return code
 
 
 # serve, attach

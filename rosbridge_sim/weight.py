@@ -22,6 +22,9 @@ __all__ = ["FULL", "LIGHT", "Bounds", "Weight", "claim", "weigh", "weigh_exactly
 _SLICE = 256 * 1024
 """Bytes that are looked at in one go: they stay in the processor's cache; 1 ms of work where texts are left out."""
 
+_SHORT, _FEW = 2**20, 500
+"""A text shorter than this with fewer commas and brackets has few numbers, whatever they look like: 14 ms at most."""
+
 _QUOTE, _BACKSLASH, _COMMA, _BRACE, _BRACKET = b'"\\,{['
 _ZERO, _E, _PLUS, _MINUS = b"0e+-"
 _LOWER = 0x20
@@ -93,6 +96,11 @@ def weigh(text: bytes | memoryview) -> Weight:
     Args:
         text: in UTF-8; need not be JSON.
     """
+    if isinstance(text, bytes) and len(text) < _SHORT:  # an image, for one: next to nothing in it counts
+        commas, braces, brackets = (_count_few(text, mark) for mark in (b",", b"{", b"["))
+        if max(commas, braces, brackets) < _FEW:
+            containers = braces + brackets
+            return Weight(containers, 2 * (commas + containers) + 1, commas)  # between two texts stands one of these
     data = np.frombuffer(text, np.uint8)
     containers = quotes = commas = extremes = 0
     for start in range(0, len(data), _SLICE):
@@ -102,6 +110,15 @@ def weigh(text: bytes | memoryview) -> Weight:
         commas += int(np.count_nonzero(part == _COMMA))
         extremes += _count_extremes(data, start, part, None)
     return Weight(containers, quotes // 2, commas, extremes)
+
+
+def _count_few(text: bytes, mark: bytes) -> int:
+    """Count a character up to _FEW; where it is rare that takes a tenth of the time that `bytes.count` takes."""
+    position, num = text.find(mark), 0
+    while position >= 0 and num < _FEW:
+        num += 1
+        position = text.find(mark, position + 1)
+    return num
 
 
 def weigh_exactly(text: bytes | memoryview) -> Iterator[Weight]:

@@ -230,7 +230,7 @@ class Actions:
             if len(held) >= self.max_goals:
                 raise GraphError(f"Too many goals under way: at most {self.max_goals}")
             size = size_of_body(request, args)
-            if not self._bus.account_of(caller).take(size):
+            if size and not self._bus.account_of(caller).take(size):
                 raise GraphError("Too much under way: this client makes the server hold too much")
         except PeerError as error:
             on_outcome(Outcome(is_ok=False, status=GoalStatus.UNKNOWN, values=str(error)))
@@ -251,7 +251,8 @@ class Actions:
 
     def forget(self, goal: Goal) -> None:
         """Strike an ended goal from its caller's list (for `Goal` alone)."""
-        self._bus.account_of(goal.caller).give(goal.num_bytes)
+        if goal.num_bytes:
+            self._bus.account_of(goal.caller).give(goal.num_bytes)
         held = self._goals.get(goal.caller)
         if held is not None:
             held.pop(goal, None)

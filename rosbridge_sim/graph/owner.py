@@ -107,13 +107,13 @@ def size_of_body(value: object, body: object) -> int:
     if isinstance(body, (bytes, msgspec.Raw)):
         length = len(body)
         if length < _SHORT:
-            return _SHORT + 8 * length
+            return 0
         return size_of(value, length)
     return size_of(value)
 
 
 _SHORT = 2_000
-"""A body of less text is estimated by its length alone [bytes]: nearly all are."""
+"""A shorter body is not counted [bytes]: `--max-calls` bounds how many there are, a thousand to 20 MB at most."""
 
 
 def decode_body(message_type: MessageType | OpaqueType, body: Body, stamp_ns: int) -> object:

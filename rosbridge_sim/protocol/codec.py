@@ -45,8 +45,9 @@ __all__ = [
 _SHOWN = 200
 """Characters of a stranger's text that an answer quotes: enough to recognise it, too few to be an amplifier."""
 
-HEAVY = 64 * 1024
-"""A message whose text is as long as this is encoded when its listener's turn has come [bytes]; less takes 5 ms."""
+HEAVY = 256 * 1024
+"""A message whose text is as long as this is encoded when its listener's turn has come [bytes]; less takes 20 ms at
+most, in all encodings together."""
 
 LONG = 16 * 1024
 """A frame from here on is weighed before it is decoded [bytes]; decoding less takes 5 ms at most, or 40 ms where it
@@ -168,11 +169,12 @@ def decode_frame(frame: bytes) -> Iterator[Op | FrameError | None]:
             error = FrameError(f"Received a frame that is too heavy: {too_much}")
             yield _name(error, _ends(frame))
             return
-        yield None
         claim(len(frame))
+        if len(frame) >= HEAVY:
+            yield None
     op = decode_quickly(frame)
     if op is not None:
-        if len(frame) >= LONG:  # what it asks for is a long step of its own
+        if len(frame) >= HEAVY:  # what it asks for is a long step of its own
             yield None
         yield op
     else:

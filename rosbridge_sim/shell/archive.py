@@ -27,6 +27,9 @@ USUAL_FOLDER = "SensorData"
 OWN_NAME = "SaveFile"
 """What MORAI calls the folder of `--data-dir`; a client's path may begin with it."""
 
+_MAX_PART = 200
+"""Characters of a capture's name in that of its unfinished part; a disk takes 255 bytes."""
+
 MAX_PATH = 1_000
 """Characters of a client's path."""
 
@@ -126,16 +129,24 @@ def _missing_folders(wanted: Iterable[Path]) -> list[Path]:
 
 
 def _write(place: Path, name: str, files: Mapping[str, bytes], folders: Sequence[Path], made: list[Path]) -> None:
-    """Make the folders and write all files; `made` tells of those that were begun, should one of them fail."""
+    """Make the folders and write all files; `made` tells of those that were begun, should one of them fail.
+
+    A file gets its name when it is whole: whoever ends this process meanwhile leaves a hidden part, and no half file.
+    """
     free = _find_free(place, name, files)
     for folder in folders:
         folder.mkdir(exist_ok=True)
         made.append(folder)
     for pattern, content in files.items():
         path = place / pattern.format(free)
-        with path.open("xb") as file:
-            made.append(path)
+        part = path.with_name(f".{path.name[:_MAX_PART]}.part")
+        part.unlink(missing_ok=True)  # of a process that was killed
+        with part.open("xb") as file:
+            made.append(part)
             file.write(content)
+        path.hardlink_to(part)  # unlike a renaming, it never takes the place of a file that is there
+        made.append(path)
+        part.unlink()
 
 
 def _find_free(place: Path, name: str, patterns: Mapping[str, bytes]) -> str:

@@ -24,12 +24,22 @@ from rosbridge_sim.shell.tools.text import note
 if TYPE_CHECKING:
     from rosbridge_sim.shell.tools.schema import Choice
 
-__all__ = ["Options", "add_definitions", "add_json", "choice_of", "group_of", "make_number", "run_command"]
+__all__ = [
+    "OUTPUT_LOST",
+    "Options",
+    "add_definitions",
+    "add_json",
+    "choice_of",
+    "drop_output",
+    "group_of",
+    "make_number",
+    "run_command",
+]
 
 INTERRUPTED = 130
 """What a shell reports of a program that Ctrl-C has ended."""
 
-_OUTPUT_LOST = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+OUTPUT_LOST = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 """Errors of a disk, and of a terminal that is gone."""
 
 Options = argparse.Namespace
@@ -57,18 +67,18 @@ def run_command(parser: argparse.ArgumentParser, argv: Sequence[str]) -> int:
         end: int = options.end
         return end
     except BrokenPipeError:
-        _drop_output()
+        drop_output()
         return 0
     except OSError as error:
-        if error.errno not in _OUTPUT_LOST or error.filename is not None:  # a write to stdout has no file's name
+        if error.errno not in OUTPUT_LOST or error.filename is not None:  # a write to stdout has no file's name
             raise
-        _drop_output()
+        drop_output()
         note(f"the output cannot be written: {os.strerror(error.errno).lower()}")
         return 2
     return code
 
 
-def _drop_output() -> None:
+def drop_output() -> None:
     """Lead stdout nowhere, so that what is left in its buffer does not fail again at the end of the process."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, sys.stdout.fileno())

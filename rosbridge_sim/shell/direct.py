@@ -91,6 +91,7 @@ class DirectSocket(ServerConnection):
 
     Attributes:
         on_room: called when the transport takes bytes again.
+        unsent: what `send_more` has still to send, compressed.
     """
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - the library's own arguments
@@ -107,18 +108,13 @@ class DirectSocket(ServerConnection):
         self._is_dropping = False  # nothing of what comes means anything any more
         self._message = bytearray()  # the fragments of a message so far
         self._ping = b""  # the newest one that came while there was no room for an answer
-        self._unsent: deque[bytes] = deque()  # what is to be compressed
+        self.unsent: deque[bytes] = deque()  # what is to be compressed
         self._num_compressed = 0  # bytes of the first of them that are sent
 
     @property
     def num_bytes_held(self) -> int:
         """What has come and was not handled yet, and what is to be compressed [bytes]."""
-        return len(self._kept) + len(self._message) + sum(map(len, self._unsent))
-
-    @property
-    def is_compressing(self) -> bool:
-        """Whether `send_more` has something to send."""
-        return bool(self._unsent)
+        return len(self._kept) + len(self._message) + sum(map(len, self.unsent))
 
     def listen(self, receiver: Receiver) -> None:
         """Hand all messages to a receiver from now on, those first that have come already."""
@@ -153,18 +149,18 @@ class DirectSocket(ServerConnection):
         """Pass over all messages from now on, those held back among them: the connection is closing."""
         self._is_dropping = True
         self._message.clear()
-        self._unsent.clear()
+        self.unsent.clear()
 
     def send_messages(self, messages: Sequence[bytes]) -> int:
         """Hand messages to the transport: `BinaryFrame` as binary, others as text. The connection must be open.
 
-        Where they are compressed it is as many as that takes little time for: see `is_compressing`.
+        Where they are compressed it is as many as that takes little time for: see `unsent`.
 
         Returns:
             How many bytes the transport was given.
         """
         if self.protocol.extensions:
-            self._unsent += messages
+            self.unsent += messages
             return self.send_more()
         transport = self.transport
         parts: list[bytes] = []
@@ -185,8 +181,8 @@ class DirectSocket(ServerConnection):
         """
         protocol = self.protocol
         left = COMPRESSED_AT_ONCE
-        while self._unsent and left > 0:
-            message, start = self._unsent[0], self._num_compressed
+        while self.unsent and left > 0:
+            message, start = self.unsent[0], self._num_compressed
             part = memoryview(message)[start : start + COMPRESSED_AT_ONCE]
             is_last = start + len(part) == len(message)
             if start:
@@ -194,7 +190,7 @@ class DirectSocket(ServerConnection):
             else:
                 (protocol.send_binary if type(message) is BinaryFrame else protocol.send_text)(part, fin=is_last)
             if is_last:
-                self._unsent.popleft()
+                self.unsent.popleft()
             self._num_compressed = 0 if is_last else start + len(part)
             left -= len(part)
         data = b"".join(protocol.data_to_send())
@@ -266,7 +262,7 @@ class DirectSocket(ServerConnection):
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget what cannot be answered any more."""
         self._kept.clear()
-        self._unsent.clear()
+        self.unsent.clear()
         self._ping = b""
         self._has_ended = False
         self._is_dropping = True

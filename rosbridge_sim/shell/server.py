@@ -359,7 +359,10 @@ class Client:
             self._guard.blame(self.peer, error)
 
     def _fail(self, error: Exception) -> None:
-        """Close this client alone, with code 1011: something that was done for it has failed by a bug of ours."""
+        """Close this client alone, with code 1011: something that was done for it has failed by a bug of ours.
+
+        For the bus's guard, which has an eye on this too.
+        """
         if self._has_failed:
             return
         self._has_failed = True  # first of all: the log is a topic, and this client may listen to it
@@ -369,10 +372,7 @@ class Client:
         except Exception:  # noqa: BLE001 - whatever is wrong with it, it is to go
             _log.exception("%s: it could not be closed; cut off", self.peer.address)
             self.socket.transport.abort()
-        try:
-            self.leave()
-        except Exception:  # noqa: BLE001 - the same failure, perhaps; it is off the bus all the same
-            _log.exception("%s: what it held could not be given up", self.peer.address)
+        self.leave()
 
     def leave(self) -> None:
         """Take the client off the bus, whatever was on its way to it. Twice is no error."""
@@ -397,9 +397,9 @@ class Client:
             outbox.close()
             return
         left = MAX_CARRIED
-        while (len(outbox) or socket.is_compressing) and not socket.paused:
+        while (socket.unsent or len(outbox)) and not socket.paused:
             frames: list[bytes] = []
-            if socket.is_compressing:
+            if socket.unsent:
                 self.num_bytes_sent += socket.send_more()
             else:
                 frames = outbox.take(WRITE_SIZE)
@@ -409,7 +409,7 @@ class Client:
                     self._watch.note_large_frame()
                 self.num_bytes_sent += num_bytes
                 left -= num_bytes
-            if not frames or left <= 0 or socket.is_compressing:
+            if not frames or left <= 0 or socket.unsent:
                 self._has_output = True
                 self._get_in_line(had_turn=True)
                 break

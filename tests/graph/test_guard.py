@@ -477,6 +477,33 @@ def test_provider_that_fails_to_cancel_keeps_no_other_goal_from_its_end(kind: Ca
     assert bus.guard.num_faults == 1
 
 
+def test_goal_and_call_that_are_broken_keep_no_others_from_their_end() -> None:
+    bus, cancelled, goals = make_bus(), list[Goal](), list[Goal]()
+    provider, caller = Guest(bus), Guest(bus)
+    bus.actions.provide(provider, "/a", ACTION, goals.append, cancelled.append)
+    bus.provide(provider, "/s", SERVICE, lambda _call, _now: None)
+    for _ in range(2):
+        bus.actions.send(caller, "/a", {"order": 3}, caller.outcomes.append, None)
+        call(bus, caller, timeout=1.0)
+    goals[0].action = None  # type: ignore[assignment] # as good a bug as any
+    next(iter(bus.services["/s"].calls)).service = None  # type: ignore[assignment] # as above
+    bus.expire(1.0)
+    assert len(caller.answers) == 1
+    bus.leave(caller, 0.0)
+    assert cancelled == goals[1:]
+    assert caller not in bus.owners()
+
+
+def test_part_that_fails_to_cancel_a_goal_is_no_fault_of_its_caller(caplog: pytest.LogCaptureFixture) -> None:
+    bus = make_bus()
+    bus.actions.provide(Part(bus), "/a", ACTION, lambda _goal: None, break_down)
+    client, box = make_client(bus)
+    say(client, "send_action_goal", action="/a", action_type=ACTION, id="g", args={"order": 3})
+    say(client, "cancel_action_goal", action="/a", id="g")
+    assert frames(box) == []
+    assert bus.guard.num_faults == len(tracebacks(caplog)) == 1
+
+
 def test_caller_that_fails_on_the_end_of_its_goal_keeps_no_other_from_its_own() -> None:
     bus = make_bus()
     provider, bad, good = Guest(bus), Part(bus), Guest(bus)

@@ -38,7 +38,7 @@ def test_lists_within_single_messages_are_found() -> None:
 
 
 def test_elements_are_counted_before_the_lists_in_them() -> None:
-    markers = {"markers": [{"points": [{}] * 7}] * 2}
+    markers: dict[str, Any] = {"markers": [{"points": [{}] * 7}] * 2}
     flat, whole = Skeleton(STORE.message("visualization_msgs/MarkerArray").shape).costs(orjson.dumps(markers))
     assert flat == cost("visualization_msgs/MarkerArray", {"markers": [{}] * 2})
     assert whole == flat + 14

@@ -188,3 +188,15 @@ def test_the_log_names_the_folder_once(root: Path, caplog: pytest.LogCaptureFixt
         for name in ("a", "b", "c"):
             archive.save(name, "shot", FILES)
     assert caplog.messages == [f"sensor data saved in {root / 'a'}"]
+
+
+def test_a_part_that_a_killed_process_left_behind_is_no_hindrance(root: Path) -> None:
+    place = root / "SensorData"
+    place.mkdir(parents=True)
+    outside = root.parent / "outside"
+    outside.write_bytes(b"precious")
+    (place / ".GPS_one.csv.part").symlink_to(outside)
+    DiskArchive(root).save("", "one", FILES)
+    assert tree(root) == ["SensorData/Ego-2/BOXES_one.txt", "SensorData/GPS_one.csv"]
+    assert (place / "GPS_one.csv").read_bytes() == FILES["GPS_{}.csv"]
+    assert outside.read_bytes() == b"precious"

@@ -285,10 +285,13 @@ def test_log_is_one_line_for_each_event_whatever_a_client_writes(serve: Serve) -
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.parametrize("env", [{}, {"PYTHONUNBUFFERED": "1"}])
-def test_output_that_takes_nothing_is_one_line_and_code_2(env: dict[str, str]) -> None:
+@pytest.mark.parametrize(
+    "words", [["schema", "show", "std_msgs/String"], ["--print-config"], ["--port", "0", "--log-level", "error"]]
+)
+def test_output_that_takes_nothing_is_one_line_and_code_2(env: dict[str, str], words: list[str]) -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
-            [sys.executable, "-m", "rosbridge_sim", "schema", "show", "std_msgs/String"],
+            [sys.executable, "-m", "rosbridge_sim", *words],
             cwd=ROOT,
             env={**os.environ, **env},
             stdout=full,

@@ -265,7 +265,7 @@ async def test_long_messages_are_compressed_slice_by_slice() -> None:
         assert isinstance(socket, DirectSocket)
         socket.listen(Ear(socket, [], 1))
         sizes.append(socket.send_messages(sent))
-        while socket.is_compressing:
+        while socket.unsent:
             sizes.append(socket.send_more())
         await socket.close()
 

@@ -142,6 +142,22 @@ async def test_listener_of_rosout_that_fails_hurts_neither_the_writer_nor_others
         assert len([record for record in caplog.records if record.exc_info]) == 1
 
 
+async def test_client_that_fails_on_the_line_about_its_own_failure_ends_once(
+    sim: Simulator, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with await Client.open(sim.url) as client:
+        await client.subscribe("/rosout")
+        await client.subscribe("/t", type="std_msgs/String")
+        assert sim._server is not None
+        (served,) = sim._server.clients
+        for listening in served.peer._listenings.values():
+            listening.feed._head = 5  # type: ignore[assignment] # as above
+        await client.send("publish", topic="/t", msg={"data": "x"})
+        await client.socket.wait_closed()
+        assert client.socket.close_code == 1011
+        assert len([record for record in caplog.records if record.exc_info]) == 1
+
+
 async def test_report_of_a_line_that_fails_does_not_fail_its_writer(sim: Simulator) -> None:
     async with await Client.open(sim.url) as client:
         await client.subscribe("/rosout")
