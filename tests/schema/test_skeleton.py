@@ -19,8 +19,7 @@ def decode(name: str, body: dict[str, Any]) -> Any:  # noqa: ANN401 - a generate
 
 
 def cost(name: str, body: dict[str, Any]) -> int:
-    plan = Skeleton(STORE.message(name).shape)._plan
-    return plan.cost(Skeleton(STORE.message(name).shape)._decode(orjson.dumps(body)))
+    return max(Skeleton(STORE.message(name).shape).costs(orjson.dumps(body)), default=0)
 
 
 def test_a_marker_costs_its_structs_and_the_float32_of_its_colour() -> None:
@@ -36,6 +35,13 @@ def test_lists_within_single_messages_are_found() -> None:
     assert cost("moveit_msgs/RobotState", body) > 0 if "moveit_msgs" in STORE.packages() else True
     layout = {"layout": {"dim": [{}] * 5}, "data": []}
     assert cost("std_msgs/Float32MultiArray", layout) == 5
+
+
+def test_elements_are_counted_before_the_lists_in_them() -> None:
+    markers: dict[str, Any] = {"markers": [{"points": [{}] * 7}] * 2}
+    flat, whole = Skeleton(STORE.message("visualization_msgs/MarkerArray").shape).costs(orjson.dumps(markers))
+    assert flat == cost("visualization_msgs/MarkerArray", {"markers": [{}] * 2})
+    assert whole == flat + 14
 
 
 def test_a_type_without_lists_costs_nothing_to_count() -> None:
