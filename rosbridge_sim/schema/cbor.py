@@ -15,6 +15,7 @@ from typing import Any, Final
 
 import msgspec
 import numpy as np
+import numpy.typing as npt
 
 from rosbridge_sim.errors import EncodingError, FieldError
 from rosbridge_sim.schema.check import Shape, Slot
@@ -267,11 +268,51 @@ def _write_plain(value: object, out: list[bytes]) -> None:
             out.append(_text(key))
             _write_plain(item, out)
     elif isinstance(value, (list, tuple)):
-        out.append(head(_ARRAY, len(value)))
-        for item in value:
-            _write_plain(item, out)
+        _write_list(value, out)
     else:
         _write_array(value, out)
+
+
+def _write_list(values: Sequence[Any], out: list[bytes]) -> None:
+    out.append(head(_ARRAY, len(values)))
+    numbers = _plain_numbers(values) if len(values) >= _MANY else None
+    if numbers is not None:
+        out.append(numbers)
+        return
+    for item in values:
+        _write_plain(item, out)
+
+
+_MANY: Final = 64
+"""From so many numbers on, numpy writes them ten times as fast as a loop does."""
+
+
+def _plain_numbers(values: Sequence[Any]) -> bytes | None:
+    """The items of a long list of integers or of floats, all of one width; None where it holds anything else."""
+    kinds = set(map(type, values))
+    if kinds == {float}:
+        return _items(0xFB, np.array(values, ">f8"))
+    if kinds != {int}:
+        return None
+    try:
+        numbers = np.array(values, np.int64)
+    except OverflowError:  # some have 64 bits and no sign: one by one
+        return None
+    is_negative = numbers < 0
+    sizes = np.where(is_negative, -1 - numbers, numbers)
+    largest = int(sizes.max())
+    width = next(width for width in (1, 2, 4, 8) if largest < 1 << 8 * width)
+    first = {1: 24, 2: 25, 4: 26, 8: 27}[width]
+    heads = np.where(is_negative, first | _NEGATIVE << 5, first).astype(np.uint8)
+    return _items(heads, sizes.astype(f">u{width}"))
+
+
+def _items(heads: Any, numbers: npt.NDArray[Any]) -> bytes:  # noqa: ANN401 - one for all, or an array
+    """Each number behind its first byte."""
+    items = np.empty(len(numbers), np.dtype([("head", np.uint8), ("number", numbers.dtype)]))
+    items["head"] = heads
+    items["number"] = numbers
+    return items.tobytes()
 
 
 def _write_array(value: object, out: list[bytes]) -> None:

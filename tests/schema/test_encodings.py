@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 from functools import cache
 
+import cbor2
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import FieldError
+from rosbridge_sim.schema.cbor import encode_plain
 from rosbridge_sim.schema.check import Shape
 from rosbridge_sim.schema.compile import MessageType
 from rosbridge_sim.schema.names import Generation
@@ -76,3 +78,16 @@ def test_what_cbor_says_is_accepted_back(data: st.DataObject) -> None:
     value = data.draw(wild_values(message_type))
     again = message_type.check(read_cbor(message_type.encode_cbor(value)), STAMP_NS)
     assert repr(again) == repr(value)
+
+
+@given(
+    st.lists(st.integers(-(2**63), 2**63 - 1), min_size=64, max_size=80)
+    | st.lists(st.integers(-300, 300), min_size=64, max_size=80)
+    | st.lists(st.integers(0, 2**64 - 1), min_size=64, max_size=80)
+    | st.lists(st.floats(allow_nan=False), min_size=64, max_size=80)
+    | st.lists(st.floats(allow_nan=False) | st.integers(-5, 5) | st.booleans(), min_size=64, max_size=80)
+)
+def test_long_lists_of_numbers_of_unknown_types_say_the_same_in_cbor(values: list[float]) -> None:
+    decoded = cbor2.loads(encode_plain({"data": values}))["data"]
+    assert decoded == values
+    assert list(map(type, decoded)) == list(map(type, values))
