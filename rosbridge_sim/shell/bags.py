@@ -131,13 +131,13 @@ def _readable(path: Path) -> Iterator[None]:
 
 def _why_gone(path: Path, file: BinaryIO) -> str | None:
     """Why the file that is written is not the one at `path`; None where it is."""
-    held = os.fstat(file.fileno())
     try:
         there = path.stat()
     except FileNotFoundError:
         there = None
     except OSError:  # a folder that may not be searched any more tells nothing about the file
         return None
+    held = os.fstat(file.fileno())  # after the look at the path: a file that goes in between has no name left here
     if there is not None and os.path.samestat(held, there):
         return None
     if held.st_nlink == 0:
