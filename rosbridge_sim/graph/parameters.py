@@ -35,18 +35,18 @@ arrays of data belong on a topic."""
 
 MAX_MERGED: Final = 10_000
 MAX_MERGED_BYTES: Final = 2**20
-"""What is read of a namespace in which a name is a value and a namespace as well: there, values have to be parsed."""
+"""Bounds of a read in a namespace where one name is a value and a namespace as well: its values have to be parsed."""
 
 FEW: Final = 100
 """So many names are taken out of the list one by one, at 30 us each in the longest; for more it is made anew."""
 
 OVERHEAD: Final = 400
-"""What a parameter costs beside its name and its text: the entries of the tables, measured [bytes]."""
+"""Memory of a parameter beside its name and its text: the entries of the tables, measured [bytes]."""
 
 
 @dataclass(eq=False, slots=True)
 class _Account:
-    """What one client has set: parameters, namespaces and bytes."""
+    """Account of what one client has set: parameters, namespaces and bytes."""
 
     num: int = 0
     num_namespaces: int = 0
@@ -168,7 +168,7 @@ class Parameters:
         return self._names[slice(*self._range(prefix))]
 
     def has_below(self, prefix: str, admits: Callable[[str], bool]) -> bool:
-        """Whether a name that is admitted begins with a prefix, which ends with a slash."""
+        """Return whether a name that is admitted begins with a prefix, which ends with a slash."""
         start, end = self._range(prefix)
         return any(admits(self._names[i]) for i in range(start, end))
 
@@ -228,7 +228,7 @@ class Parameters:
             raise GraphError("The value is nested too deeply") from None
 
     def _range(self, prefix: str) -> tuple[int, int]:
-        """Where the names with a prefix stand; the prefix ends with a slash, after which comes the digit 0."""
+        """Slice of the names with a prefix; the prefix ends with a slash, after which comes the digit 0."""
         return bisect_left(self._names, prefix), bisect_left(self._names, prefix[:-1] + "0")
 
     # Bounds
