@@ -9,6 +9,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,6 +29,14 @@ MAIN = "import sys; from rosbridge_sim.__main__ import main; sys.exit(main())"
 LOOPS = pytest.mark.parametrize(
     "code", [MAIN, f"import sys; sys.modules['uvloop'] = None; {MAIN}"], ids=["uvloop", "asyncio"]
 )
+
+
+@pytest.fixture(autouse=True)
+def default_hangup() -> Iterator[None]:
+    """Give the programs started here the default action for SIGHUP, even where the tests run under nohup."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
 
 
 @contextmanager
@@ -55,10 +64,15 @@ def server_process(code: str, *flags: str) -> Iterator[tuple[subprocess.Popen[st
 
 
 def wait_for(process: subprocess.Popen[str], text: str) -> None:
-    """Read its log until that comes."""
+    """Read its log until that comes; a program that does not say it in time is ended."""
     assert process.stderr is not None
-    while text not in (line := process.stderr.readline()):
-        assert line, f"it ended before it said {text!r}"
+    timer = threading.Timer(PATIENCE, process.kill)
+    timer.start()
+    try:
+        while text not in (line := process.stderr.readline()):
+            assert line, f"it ended before it said {text!r}"
+    finally:
+        timer.cancel()
 
 
 @KINDS
