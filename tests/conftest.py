@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import sys
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import AsyncExitStack
 from pathlib import Path
@@ -22,6 +24,20 @@ Simulate = Callable[..., Place]
 
 Connect = Callable[..., Awaitable[Client]]
 """`await connect(url)`: a bare client that is closed at the end of the test."""
+
+
+@pytest.fixture(autouse=True, scope="session")
+def default_hangup() -> Iterator[None]:
+    """Give the programs started here the default action for SIGHUP, even where the tests run under nohup.
+
+    A signal that a program ignores is ignored by those that it starts; one that it handles is not.
+    """
+    if sys.platform == "win32" or signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        yield
+        return
+    signal.signal(signal.SIGHUP, lambda *_: None)
+    yield
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
 
 
 @pytest.fixture(scope="session")

@@ -31,14 +31,6 @@ LOOPS = pytest.mark.parametrize(
 )
 
 
-@pytest.fixture(autouse=True)
-def default_hangup() -> Iterator[None]:
-    """Give the programs started here the default action for SIGHUP, even where the tests run under nohup."""
-    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
-    yield
-    signal.signal(signal.SIGHUP, before)
-
-
 @contextmanager
 def server_process(code: str, *flags: str) -> Iterator[tuple[subprocess.Popen[str], int]]:
     """A server that records, and its port; a client that never hears that it goes keeps it from ending soon."""
