@@ -633,9 +633,13 @@ class Server:
 
     def _log_refusal(self, address: str, refusal: Refusal) -> None:
         """Warn of each web page once, and not of each of its attempts: a page in a tab may try every second."""
-        is_new = refusal.origin is not None and self._refused_origins.add(refusal.origin)
-        _log.log(logging.WARNING if is_new else logging.INFO, "%s refused: %s", address, refusal.text.rstrip())
-        if is_new and self._refused_origins.is_full:
+        text = refusal.text.rstrip()
+        if refusal.origin is None or not self._refused_origins.add(refusal.origin):
+            _log.info("%s refused: %s", address, text)
+            return
+        # A line of its own in the code: the log limits lines by that, and a page in a loop must not hide another page.
+        _log.warning("%s refused: %s", address, text)
+        if self._refused_origins.is_full:
             _log.warning("pages of %d origins were refused; further ones are told at level info", MAX_REMEMBERED)
 
 

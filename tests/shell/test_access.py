@@ -323,6 +323,20 @@ async def test_many_refused_origins_end_in_one_line_that_says_so(
     assert "further ones" in warnings[3]
 
 
+async def test_a_page_in_a_loop_does_not_hide_the_warning_of_another(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    caplog.set_level(logging.INFO, "rosbridge_sim.server")
+    monkeypatch.setattr("rosbridge_sim.shell.log_limits.PLACE_BURST", 5.0)
+    monkeypatch.setattr("rosbridge_sim.shell.log_limits.PLACE_RATE", 0.0)
+    async with Simulator(port=0, world=False) as sim:
+        for _ in range(10):
+            assert (await shake_hands(sim.port, "Host: localhost", "Origin: http://a.example"))[0] == 403
+        assert (await shake_hands(sim.port, "Host: localhost", "Origin: http://b.example"))[0] == 403
+    warnings = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
+    assert [f"--allow-origin http://{name}.example" in warnings[i] for i, name in enumerate("ab")] == [True, True]
+
+
 async def test_a_header_that_is_there_twice_or_not_at_all_is_told(listen: Listen) -> None:
     _, server = await listen()
 
