@@ -244,12 +244,11 @@ def _read_place(text: str) -> _Place | None:
     match = _NETLOC.fullmatch(text) if len(text) <= MAX_HEADER else None
     if match is None:
         return None
-    ipv6, name, port = match["ipv6"], match["name"], (match["port"] or "").lstrip("0")
+    ipv6, name, port = match["ipv6"], (match["name"] or "").removesuffix("."), (match["port"] or "").lstrip("0")
     try:
         return _Place(str(ip_address(ipv6 or name)), port, is_address=True)
     except ValueError:
-        host = "" if ipv6 else name.removesuffix(".")
-        return _Place(host, port, is_address=False) if host else None
+        return _Place(name, port, is_address=False) if name else None
 
 
 def _matches(text: str, pattern: str) -> bool:

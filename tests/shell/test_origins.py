@@ -68,6 +68,8 @@ def test_origin_equal_to_the_host_passes_where_the_host_proves_something(address
         ("https://robot:443", "robot"),
         ("HTTP://Robot:9090", "rObot:09090"),
         ("http://robot.:9090", "robot:9090"),
+        ("http://10.0.0.7.:9090", "10.0.0.7:9090"),
+        ("http://10.0.0.7:9090", "10.0.0.7.:9090"),
         ("http://[fd00:0:0::1]:9090", "[FD00::1]:9090"),
         ("http://robot:", "robot"),
     ],
