@@ -5,7 +5,8 @@ website that the user visits could drive the car and write files. The rules, in 
 
 1. Without an Origin a handshake passes, and its Host is not looked at. It comes from a program, and a program could
    send any header. So a container may call the server by its name in Docker Compose.
-2. An origin that `--allow-origin` names passes, and its Host is not looked at: the user has named the page itself.
+2. An origin that `--allow-origin` names passes, and its Host is not looked at: the user has named the page itself, and
+   DNS rebinding (see below) does not change an Origin.
 3. Other origins pass if they are on the list below and if the Host is a name that proves something:
 
    - http(s) pages of localhost, 127.0.0.1 and [::1], on any port. Such a page comes from the browser's own machine,
