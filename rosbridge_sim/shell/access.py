@@ -17,7 +17,6 @@ import re
 import ssl
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from fnmatch import fnmatchcase
 from http import HTTPStatus
 from urllib.parse import parse_qs, urlsplit
 
@@ -26,6 +25,7 @@ from websockets.http11 import Request
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.peer import FrameWork, Peer, Work
 from rosbridge_sim.protocol.ops import ActionResult, Auth, Id, Op, ServiceResponse
+from rosbridge_sim.shell.origins import OriginRules
 
 __all__ = ["Access", "Bucket", "Refusal", "Warden", "load_certificate"]
 
@@ -54,10 +54,17 @@ _LOOKED_AT = 256
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """Why a handshake ends without a connection."""
+    """Why a handshake ends without a connection.
+
+    Attributes:
+        status: of the HTTP answer.
+        text: its body.
+        origin: of the web page that was refused; None where that is not the reason.
+    """
 
     status: HTTPStatus
     text: str
+    origin: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,26 +73,34 @@ class Access:
 
     Attributes:
         token: what a client must show; None lets everybody in.
-        origins: patterns of the pages that may connect, such as `https://*.example.org`; empty is any page where we
-            listen on loopback alone, else those of the host that the client calls us by. What is no page has no origin.
+        origins: the web pages that may connect. A handshake that shows the token is not asked for its page.
         max_clients: at once; None is no limit.
         max_rate: frames a second from one client, after a burst of as many (or of LEAST_BURST); None is no limit.
         patience: how long a client may be connected without a token [s].
     """
 
     token: str | None = field(default=None, repr=False)
-    origins: tuple[str, ...] = ()
+    origins: OriginRules = field(default_factory=OriginRules)
     max_clients: int | None = 1_000
     max_rate: int | None = None
     patience: float = 10.0
 
-    def judge(self, request: Request, num_clients: int, *, is_loopback: bool) -> Refusal | None:
-        """Why this handshake is refused; None if it may go on."""
-        origins = request.headers.get_all("Origin")
-        if origins and not self._is_welcome(origins, request.headers.get_all("Host"), is_loopback=is_loopback):
-            shown = origins[0][:100].encode("ascii", "replace").decode()
-            text = f"Pages from {shown} may not connect here; --allow-origin would let them\n"
-            return Refusal(HTTPStatus.FORBIDDEN, text)
+    def judge(
+        self, request: Request, num_clients: int, *, is_loopback: bool, own_names: frozenset[str] = frozenset()
+    ) -> Refusal | None:
+        """Why this handshake is refused; None if it may go on.
+
+        Args:
+            request: of the handshake.
+            num_clients: at present.
+            is_loopback: the server can be reached from this machine alone.
+            own_names: names of this machine, by which web pages may call it.
+        """
+        if self.token is None or not self.is_shown(request):
+            origins, hosts = (request.headers.get_all(name) for name in ("Origin", "Host"))
+            why = self.origins.judge(origins, hosts, own_names, is_loopback=is_loopback)
+            if why is not None:
+                return Refusal(HTTPStatus.FORBIDDEN, f"{why}\n", origins[0])
         if self.token is not None and not self.is_shown(request) and any(_shown_tokens(request)):
             return Refusal(HTTPStatus.UNAUTHORIZED, "The token is wrong\n")
         if self.max_clients is not None and num_clients >= self.max_clients:
@@ -101,25 +116,6 @@ class Access:
         """Whether a text is the token, in a time that says nothing about where they differ."""
         wanted = "" if self.token is None else self.token
         return hmac.compare_digest(text.encode("utf-8", "surrogatepass"), wanted.encode())
-
-    def _is_welcome(self, origins: list[str], hosts: list[str], *, is_loopback: bool) -> bool:
-        if len(origins) > 1:
-            return False
-        origin = origins[0].lower()
-        if self.origins:
-            return any(origin == one or fnmatchcase(origin, one) for one in map(_plain_origin, self.origins))
-        return is_loopback or (len(hosts) == 1 and _host_of(origin) == _host_of(f"//{hosts[0].lower()}") is not None)
-
-
-def _plain_origin(pattern: str) -> str:
-    return pattern.lower().removesuffix("/")
-
-
-def _host_of(url: str) -> str | None:
-    try:
-        return urlsplit(url).hostname
-    except ValueError:  # a bracket that nothing closes
-        return None
 
 
 def _shown_tokens(request: Request) -> Iterator[str]:

@@ -41,6 +41,7 @@ from rosbridge_sim.shell.kinds import URLS
 from rosbridge_sim.shell.log_limits import LineLimiter
 from rosbridge_sim.shell.memory_budget import default_budget
 from rosbridge_sim.shell.networks import DiskNetworks
+from rosbridge_sim.shell.origins import OriginRules
 from rosbridge_sim.shell.quota import DataQuota, in_thread
 from rosbridge_sim.shell.reading import ThreadReader
 from rosbridge_sim.shell.replays import DiskRecordings
@@ -198,7 +199,9 @@ class Simulator:
         self._recordings, self._reader = recordings, reader
         self.bus, self.node, self._server, self._clockwork = bus, node, server, clockwork
         if settings.listen and settings.token is None and not server.is_loopback:
-            _log.warning("%s wants no token: whoever reaches it is let in; --token sets one", self.url)
+            _log.warning("%s wants no token: every program that reaches it is let in; --token sets one", self.url)
+        for flag in limits.access.origins.open_flags() if settings.listen and settings.token is None else ():
+            _log.warning("%s lets in any website that the user visits, since no token is set; --token sets one", flag)
         if node is not None:
             self._attach(bus, node, clockwork)
         clockwork.look()
@@ -368,7 +371,7 @@ def _limits(settings: Settings) -> ServerLimits:
         outbox=_outbox_limits(settings),
         access=Access(
             token=settings.token,
-            origins=settings.allow_origin,
+            origins=OriginRules(settings.allow_origin, settings.allow_host),
             max_clients=settings.max_clients,
             max_rate=settings.max_rate,
         ),

@@ -21,6 +21,7 @@ __all__ = [
     "FILE",
     "FOLDER",
     "FOLDERS",
+    "HOSTS",
     "ORIGINS",
     "PATTERNS",
     "RATES",
@@ -229,6 +230,16 @@ def _read_patterns(value: object) -> tuple[str, ...]:
 PATTERNS = Kind("patterns without blanks, such as /camera/*", _read_patterns, "PATTERN", ",")
 
 ORIGINS = Kind("origins without blanks, such as https://*.example.org", _read_patterns, "ORIGIN", ",")
+
+
+def _read_hosts(value: object) -> tuple[str, ...]:
+    hosts = _read_patterns(value)
+    if any("/" in host or "@" in host for host in hosts):
+        raise ValueError
+    return hosts
+
+
+HOSTS = Kind("host names without blanks, such as sim or *.lab.example", _read_hosts, "HOST", ",")
 
 
 def _read_urls(value: object) -> tuple[str, ...]:

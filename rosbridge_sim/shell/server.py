@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from http import HTTPStatus
 from ipaddress import ip_address
+from socket import gethostname
 from time import perf_counter
 from typing import Any, ParamSpec, Protocol
 
@@ -38,11 +39,12 @@ from rosbridge_sim.graph.policy import OPEN, Policy
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
-from rosbridge_sim.shell.access import Access, Warden
+from rosbridge_sim.shell.access import Access, Refusal, Warden
 from rosbridge_sim.shell.direct import DirectSocket
 from rosbridge_sim.shell.inflate import Deflated, LateDeflate, LateDeflateFactory, inflate
 from rosbridge_sim.shell.memory import LARGE_FRAME, MemoryReturn
 from rosbridge_sim.shell.memory_budget import MemoryBudget
+from rosbridge_sim.shell.origins import MAX_REMEMBERED, RefusedOrigins, own_names
 from rosbridge_sim.shell.turns import Turns
 
 __all__ = ["Client", "Server", "ServerLimits", "quiet"]
@@ -473,6 +475,7 @@ class Server:
         port: the real port, once started.
         addresses: on which it listens, without the port.
         is_loopback: it can be reached from this machine alone.
+        own_names: names of this machine, by which web pages may call it.
     """
 
     def __init__(self, bus: Bus, limits: ServerLimits, on_change: Callable[[], None]) -> None:
@@ -498,6 +501,8 @@ class Server:
         self._server: WebSocketServer | None = None
         self._sockets: dict[_Socket, None] = {}
         self.is_loopback = False
+        self.own_names: frozenset[str] = frozenset()
+        self._refused_origins = RefusedOrigins()
 
     async def start(self, host: str, port: int, tls: ssl.SSLContext | None = None) -> None:
         """Listen, with a certificate at wss://; port 0 takes a free one.
@@ -533,6 +538,7 @@ class Server:
         self.port = addresses[0][1]
         self.addresses = tuple(str(address[0]).partition("%")[0] for address in addresses)
         self.is_loopback = all(ip_address(address).is_loopback for address in self.addresses)
+        self.own_names = own_names(gethostname())
 
     async def stop(self) -> None:
         """Close every connection with code 1001 and stop listening; takes a second and a half at most."""
@@ -614,16 +620,27 @@ class Server:
         if "Upgrade" not in request.headers:
             return None  # a browser that looks what is here: the library tells it
         access = self._limits.access
-        refusal = access.judge(request, len(self.clients), is_loopback=self.is_loopback)
+        refusal = access.judge(request, len(self.clients), is_loopback=self.is_loopback, own_names=self.own_names)
         if refusal is None:
             assert isinstance(connection, _Socket)
             connection.is_proven = access.is_shown(request)
             return None
-        _log.info("%s refused: %s", _address_of(connection), refusal.text.rstrip())
+        self._log_refusal(_address_of(connection), refusal)
         response = connection.respond(refusal.status, refusal.text)
         if refusal.status is HTTPStatus.UNAUTHORIZED:
             response.headers["WWW-Authenticate"] = "Bearer"
         return response
+
+    def _log_refusal(self, address: str, refusal: Refusal) -> None:
+        """Warn of each web page once, and not of each of its attempts: a page in a tab may try every second."""
+        text = refusal.text.rstrip()
+        if refusal.origin is None or not self._refused_origins.add(refusal.origin):
+            _log.info("%s refused: %s", address, text)
+            return
+        # A line of its own in the code: the log limits lines by that, and a page in a loop must not hide another page.
+        _log.warning("%s refused: %s", address, text)
+        if self._refused_origins.is_full:
+            _log.warning("pages of %d origins were refused; further ones are told at level info", MAX_REMEMBERED)
 
 
 def _address_of(connection: ServerConnection) -> str:

@@ -15,6 +15,7 @@ from rosbridge_sim.shell.kinds import (
     FILE,
     FOLDER,
     FOLDERS,
+    HOSTS,
     ORIGINS,
     PATTERNS,
     RATES,
@@ -115,7 +116,13 @@ class Settings:
         (),
         _ACCESS,
         ORIGINS,
-        "web pages that may connect, in place of all on loopback, else of the same host; repeatable",
+        "web pages that may connect, beside those of localhost and of the server's own address; repeatable",
+    )
+    allow_host: tuple[str, ...] = _flag(
+        (),
+        _ACCESS,
+        HOSTS,
+        "names by which web pages may call the server, beside localhost, IP addresses and its own; repeatable",
     )
     allow_publish: tuple[str, ...] = _flag(
         (), _ACCESS, PATTERNS, "topics to which clients may publish, in place of all; repeatable"

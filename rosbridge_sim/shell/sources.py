@@ -265,8 +265,8 @@ def _make_parser(*, is_attaching: bool) -> argparse.ArgumentParser:
         description=_ATTACH_TEXT if is_attaching else _SERVE_TEXT,
         epilog="Each flag is also an environment variable (--sync-lease is ROSBRIDGE_SIM_SYNC_LEASE) and a key of the"
         " TOML file (sync-lease). A flag beats the environment, the environment beats the file. In the environment,"
-        f" folders are separated by {os.pathsep!r}, rates, patterns and origins by ','. The file alone has the tables"
-        " [publishers], [subscribers] and [services]: --print-config writes them with the rest.",
+        f" folders are separated by {os.pathsep!r}, rates, patterns, origins and hosts by ','. The file alone has the"
+        " tables [publishers], [subscribers] and [services]: --print-config writes them with the rest.",
         allow_abbrev=False,
         argument_default=argparse.SUPPRESS,
         formatter_class=layout,

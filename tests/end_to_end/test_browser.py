@@ -1,10 +1,16 @@
-"""roslib 1.4 in Chromium: a page, served by the test, that shows what it hears."""
+"""roslib 1.4 in Chromium: a page that shows what it hears, from many places.
+
+Pages of websites are not served by anybody: the browser is given their text for any URL of a host that is not
+127.0.0.1, so that they have an origin such as http://localhost:3000 without a port of this machine.
+"""
 
 from __future__ import annotations
 
+import shutil
 import threading
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
+from functools import partial
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -12,10 +18,10 @@ from urllib.parse import urlencode, urlsplit
 
 import pytest
 from playwright.async_api import Error as PlaywrightError
-from playwright.async_api import Page, async_playwright
+from playwright.async_api import Frame, Page, Route, async_playwright
 
 from tests.conftest import Serve, Simulate
-from tests.support import PATIENCE, ROOT, require_node_modules, require_tool
+from tests.support import PATIENCE, ROOT, ServerProcess, require_node_modules, require_tool
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
 
@@ -24,21 +30,32 @@ FLAGS = (
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
-    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",  # it speaks to nobody but us
+    # It speaks to nobody but us. The name of one website points to us: that is DNS rebinding.
+    "--host-resolver-rules=MAP rebound.example 127.0.0.1, MAP * ~NOTFOUND, EXCLUDE 127.0.0.1, EXCLUDE localhost",
+    # New browsers themselves keep websites away from this machine; this one leaves it to the server, as old ones do.
+    "--disable-features=LocalNetworkAccessChecks,LocalNetworkAccessChecksWebSockets",
 )
+
+FRAME = "<iframe sandbox='allow-scripts' src='/?{query}'></iframe>"
+"""A page around another one, whose origin is then `null`: any website can do this."""
+
+
+def files() -> dict[str, tuple[str, Path]]:
+    """The page's files: path -> kind and file."""
+    return {
+        "/": ("text/html", ROOT / "tests" / "end_to_end" / "clients" / "page.html"),
+        "/roslib.min.js": ("text/javascript", require_node_modules() / "roslib1" / "build" / "roslib.min.js"),
+    }
 
 
 @pytest.fixture
 def site() -> Iterator[str]:
     """Where the page is."""
-    files = {
-        "/": ("text/html", ROOT / "tests" / "end_to_end" / "clients" / "page.html"),
-        "/roslib.min.js": ("text/javascript", require_node_modules() / "roslib1" / "build" / "roslib.min.js"),
-    }
+    known = files()
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
-            kind, file = files.get(urlsplit(self.path).path, ("", None))
+            kind, file = known.get(urlsplit(self.path).path, ("", None))
             if file is None:
                 self.send_error(HTTPStatus.NOT_FOUND)
                 return
@@ -66,6 +83,7 @@ async def page_at(url: str, folder: Path) -> AsyncIterator[Page]:
         browser = await playwright.chromium.launch(executable_path=require_tool("chromium"), args=FLAGS)
         page = await browser.new_page()
         page.set_default_timeout(PATIENCE * 1e3)
+        await page.route(is_website, show_website)
         page.on("console", lambda message: said.append(message.text))
         page.on("pageerror", lambda error: said.append(str(error)))
         try:
@@ -82,7 +100,22 @@ async def page_at(url: str, folder: Path) -> AsyncIterator[Page]:
             await browser.close()
 
 
-async def until(page: Page, test: str) -> None:
+def is_website(url: str) -> bool:
+    """Whether the page's text comes from the test and not from a server."""
+    parts = urlsplit(url)
+    return parts.scheme == "http" and parts.hostname != "127.0.0.1"
+
+
+async def show_website(route: Route) -> None:
+    parts = urlsplit(route.request.url)
+    if parts.path == "/frame":
+        await route.fulfill(body=FRAME.format(query=parts.query), content_type="text/html")
+        return
+    kind, file = files()[parts.path]
+    await route.fulfill(path=file, content_type=f"{kind}; charset=utf-8")
+
+
+async def until(page: Page | Frame, test: str) -> None:
     """Come back once a test in the page's own words is true, where `at(id)` is the text of an element."""
     at = "(id) => document.getElementById(id).textContent"
     await page.wait_for_function(f"((at) => {test})({at})")
@@ -98,8 +131,81 @@ async def test_a_page_drives_the_car_and_shows_it(simulate: Simulate, site: str,
         await until(page, "at('answer') === 'rosgraph_msgs/Clock'")
 
 
-async def test_a_page_of_strangers_is_shown_the_door(serve: Serve, site: str, tmp_path: Path) -> None:
-    url = serve("--allow-origin", "https://example.org").url
-    async with page_at(site + "?" + urlencode({"url": url}), tmp_path) as page:
-        await until(page, "at('connection') === 'refused'")
-        await until(page, "at('driven') === '0'")
+def at(origin: str, url: str, path: str = "/") -> str:
+    """The URL of the page at an origin, which connects to another one."""
+    return f"{origin}{path}?{urlencode({'url': url})}"
+
+
+async def drive(page: Page) -> None:
+    await until(page, "at('connection') === 'open'")
+    await page.click("#drive")
+    await until(page, "at('driven') > 2")
+
+
+async def refuse(page: Page | Frame) -> None:
+    await until(page, "at('connection') === 'refused'")
+    await until(page, "at('driven') === '0'")
+
+
+def warning_of(server: ServerProcess) -> str:
+    """The one warning in a server's log."""
+    (line,) = [line for line in server.log.splitlines() if "refused: " in line and "WARN" in line]
+    return line
+
+
+@pytest.mark.parametrize("listening", ["127.0.0.1", "0.0.0.0"])  # noqa: S104 - as in a container
+async def test_a_page_of_localhost_drives_the_car(serve: Serve, tmp_path: Path, listening: str) -> None:
+    port = serve("--host", listening).port
+    async with page_at(at("http://localhost:3000", f"ws://localhost:{port}"), tmp_path) as page:
+        await drive(page)
+        await page.goto(at("http://localhost:3000", f"ws://127.0.0.1:{port}"))
+        await until(page, "at('connection') === 'open'")
+
+
+async def test_a_page_of_another_site_is_refused_until_the_flag_names_it(serve: Serve, tmp_path: Path) -> None:
+    server = serve()
+    page_of = partial(at, "http://website.example")
+    async with page_at(page_of(server.url), tmp_path) as page:
+        await refuse(page)
+        assert "--allow-origin http://website.example " in warning_of(server)
+        await page.goto(page_of(serve("--allow-origin", "http://website.example").url))
+        await drive(page)
+
+
+async def test_a_website_that_points_its_name_here_is_refused(serve: Serve, tmp_path: Path) -> None:
+    server = serve()
+    place = f"rebound.example:{server.port}"
+    async with page_at(at(f"http://{place}", f"ws://{place}"), tmp_path) as page:
+        await refuse(page)
+        assert "--allow-host rebound.example " in warning_of(server)
+        place = f"rebound.example:{serve('--allow-host', 'rebound.example').port}"
+        await page.goto(at(f"http://{place}", f"ws://{place}"))
+        await drive(page)
+
+
+async def test_a_page_opened_from_disk_needs_the_flag(serve: Serve, tmp_path: Path) -> None:
+    for _, file in files().values():
+        shutil.copy(file, tmp_path)
+    page_of = partial(at, (tmp_path / "page.html").as_uri(), path="")
+    server = serve()
+    async with page_at(page_of(server.url), tmp_path) as page:
+        await refuse(page)
+        assert "--allow-origin null" in warning_of(server)
+        await page.goto(page_of(serve("--allow-origin", "null").url))
+        await drive(page)
+
+
+async def test_a_sandboxed_frame_of_a_website_is_refused(serve: Serve, tmp_path: Path) -> None:
+    server = serve()
+    async with page_at(at("http://website.example", server.url, "/frame"), tmp_path) as page:
+        await refuse(page.frames[1])
+    assert "Origin: null" in warning_of(server)
+
+
+async def test_a_page_of_another_site_that_shows_the_token_drives_the_car(serve: Serve, tmp_path: Path) -> None:
+    server = serve(env={"ROSBRIDGE_SIM_TOKEN": "sesame"})
+    place = f"rebound.example:{server.port}"
+    async with page_at(at(f"http://{place}", f"ws://{place}/"), tmp_path) as page:
+        await refuse(page)
+        await page.goto(at(f"http://{place}", f"ws://{place}/?token=sesame"))
+        await drive(page)

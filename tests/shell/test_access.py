@@ -13,6 +13,7 @@ from contextlib import AsyncExitStack, suppress
 from datetime import UTC, datetime, timedelta
 from ipaddress import ip_address
 from pathlib import Path
+from socket import gethostname
 from typing import Any
 from urllib.parse import quote
 
@@ -24,9 +25,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 from websockets.asyncio.client import connect as connect_socket
-from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
-from websockets.http11 import Request
 
 from rosbridge_sim import DocumentError, Simulator
 from rosbridge_sim.graph.bus import Bus
@@ -40,10 +39,10 @@ from rosbridge_sim.shell.access import (
     MAX_UNPROVEN_SIZE,
     Access,
     Bucket,
-    Refusal,
     Warden,
     load_certificate,
 )
+from rosbridge_sim.shell.origins import OriginRules, own_names
 from rosbridge_sim.shell.server import Server, ServerLimits
 from tests.conftest import Connect, Serve
 from tests.graph.room import make_store
@@ -255,80 +254,119 @@ async def test_roslibpy_shows_its_token_in_a_header(listen: Listen) -> None:
 # Pages
 
 
-def judge(access: Access, *, is_loopback: bool, **headers: str) -> Refusal | None:
-    return access.judge(Request("/", Headers(headers.items())), 0, is_loopback=is_loopback)
-
-
-@pytest.mark.parametrize("is_loopback", [True, False])
-def test_what_is_no_page_has_no_origin_and_is_let_in(*, is_loopback: bool) -> None:
-    for origins in ((), ("https://a.example",)):
-        assert judge(Access(origins=origins), is_loopback=is_loopback, Host="x:9090") is None
-
-
-@pytest.mark.parametrize("origin", ["http://localhost:8080", "https://evil.example", "null", "file://", "http://[::1"])
-def test_on_loopback_any_page_is_let_in(origin: str) -> None:
-    assert judge(Access(), is_loopback=True, Origin=origin, Host="127.0.0.1:9090") is None
-
-
-@pytest.mark.parametrize(
-    ("origin", "host", "is_let_in"),
-    [
-        ("http://robot.local", "robot.local:9090", True),
-        ("https://Robot.local:8443", "robot.local:9090", True),
-        ("http://10.0.0.7:8080", "10.0.0.7:9090", True),
-        ("http://[fd00::1]:8080", "[fd00::1]:9090", True),
-        ("http://robot.local.evil.example", "robot.local:9090", False),
-        ("http://robot.local@evil.example", "robot.local:9090", False),
-        ("https://evil.example", "robot.local:9090", False),
-        ("null", "robot.local:9090", False),
-        ("null", "", False),
-        ("", "", False),
-        ("http://[::1", "[::1", False),
-    ],
-)
-def test_elsewhere_pages_of_the_same_host_are_let_in(origin: str, host: str, *, is_let_in: bool) -> None:
-    refusal = judge(Access(), is_loopback=False, Origin=origin, Host=host)
-    assert (refusal is None) is is_let_in
-    if refusal is not None:
-        assert refusal.status == 403
-        assert origin in refusal.text
-
-
-@pytest.mark.parametrize(
-    ("origin", "is_let_in"),
-    [
-        ("https://app.example.org", True),
-        ("https://APP.example.org", True),
-        ("http://app.example.org", False),
-        ("https://a.b.tools.example", True),
-        ("https://tools.example", False),
-        ("http://localhost:5173", True),
-        ("http://[::1]:8080", True),
-        ("null", False),
-        ("http://127.0.0.1:9090", False),
-    ],
-)
-@pytest.mark.parametrize("is_loopback", [True, False])
-def test_a_list_of_pages_stands_in_place_of_the_default(origin: str, *, is_let_in: bool, is_loopback: bool) -> None:
-    origins = ("https://app.example.org/", "https://*.tools.example", "http://localhost:*", "http://[::1]:8080")
-    refusal = judge(Access(origins=origins), is_loopback=is_loopback, Origin=origin, Host="127.0.0.1:9090")
-    assert (refusal is None) is is_let_in
-
-
-def test_two_origins_are_none() -> None:
-    headers = Headers([("Origin", "http://a"), ("Origin", "http://a"), ("Host", "a")])
-    refusal = Access().judge(Request("/", headers), 0, is_loopback=True)
-    assert refusal is not None
-
-
 async def test_a_page_that_may_not_is_told_and_nobody_else_notices(listen: Listen, pairs: Pairs) -> None:
-    url, server = await listen(origins=("https://app.example",))
+    url, server = await listen(origins=OriginRules(("https://app.example",)))
     pair = await pairs(url, Origin="https://app.example")
     status, text, _ = await turned_away(url, Origin="https://evil.example")
     assert status == 403
-    assert text == "Pages from https://evil.example may not connect here; --allow-origin would let them\n"
+    assert text == (
+        "Pages from https://evil.example may not connect here; --allow-origin https://evil.example would let them\n"
+    )
     await pair.go_on()
     assert len(server.clients) == 2
+
+
+async def shake_hands(port: int, *lines: str, path: str = "/") -> tuple[int, str]:
+    """Status and body of the answer to a handshake with these lines, as they are."""
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    key = f"Sec-WebSocket-Key: {'A' * 22}=="
+    rest = ("Upgrade: websocket", "Connection: Upgrade", key, "Sec-WebSocket-Version: 13")
+    writer.write("\r\n".join([f"GET {path} HTTP/1.1", *lines, *rest, "", ""]).encode("latin-1"))
+    async with asyncio.timeout(PATIENCE):
+        status = int((await reader.readuntil(b"\r\n\r\n")).split()[1])
+        body = "" if status == 101 else (await reader.read()).decode()
+    writer.close()
+    return status, body
+
+
+async def test_a_handshake_that_shows_the_token_is_asked_for_neither_origin_nor_host(listen: Listen) -> None:
+    _, server = await listen(token=TOKEN)
+    headers = ("Origin: http://rebound.example", "Host: rebound.example")
+    bearer = f"Authorization: Bearer {TOKEN}"
+    assert await shake_hands(server.port, *headers, bearer) == (101, "")
+    assert await shake_hands(server.port, *headers, path=f"/?token={quote(TOKEN)}") == (101, "")
+    for path in ("/", "/?token=wrong"):
+        status, text = await shake_hands(server.port, *headers, path=path)
+        assert status == 403
+        assert "--allow-host rebound.example" in text
+
+
+async def test_any_token_is_asked_for_its_page_where_none_is_set(listen: Listen) -> None:
+    url, _ = await listen()
+    status, _, _ = await turned_away(f"{url}/?token=", Origin="http://page.example")
+    assert status == 403
+
+
+async def test_a_refused_page_is_one_warning_with_the_flag_to_paste(
+    listen: Listen, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO, "rosbridge_sim.server")
+    url, _ = await listen()
+    for origin in ("http://a.example", "http://a.example", "HTTP://A.example", "http://b.example", "http://a.example"):
+        await turned_away(url, Origin=origin)
+    refusals = [record for record in caplog.records if "refused" in record.getMessage()]
+    assert [record.levelno == logging.WARNING for record in refusals] == [True, False, False, True, False]
+    assert "--allow-origin http://a.example " in refusals[0].getMessage()
+    assert "--allow-origin http://b.example " in refusals[3].getMessage()
+
+
+async def test_many_refused_origins_end_in_one_line_that_says_so(
+    listen: Listen, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rosbridge_sim.shell.origins.MAX_REMEMBERED", 3)
+    url, _ = await listen()
+    for i in range(6):
+        await turned_away(url, Origin=f"http://{i}.example")
+    warnings = [record.getMessage() for record in caplog.records if record.levelno >= logging.WARNING]
+    assert [f"http://{i}.example" in warnings[i] for i in range(3)] == [True] * 3
+    assert len(warnings) == 4
+    assert "further ones" in warnings[3]
+
+
+async def test_a_page_in_a_loop_does_not_hide_the_warning_of_another(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    caplog.set_level(logging.INFO, "rosbridge_sim.server")
+    monkeypatch.setattr("rosbridge_sim.shell.log_limits.PLACE_BURST", 5.0)
+    monkeypatch.setattr("rosbridge_sim.shell.log_limits.PLACE_RATE", 0.0)
+    async with Simulator(port=0, world=False) as sim:
+        for _ in range(10):
+            assert (await shake_hands(sim.port, "Host: localhost", "Origin: http://a.example"))[0] == 403
+        assert (await shake_hands(sim.port, "Host: localhost", "Origin: http://b.example"))[0] == 403
+    warnings = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
+    assert [f"--allow-origin http://{name}.example" in warnings[i] for i, name in enumerate("ab")] == [True, True]
+
+
+async def test_a_header_that_is_there_twice_or_not_at_all_is_told(listen: Listen) -> None:
+    _, server = await listen()
+
+    host, origin = "Host: localhost", "Origin: http://localhost:3000"
+    refused = (403, "Expected one Origin header; got 2\n")
+    assert await shake_hands(server.port, host, origin, origin) == refused
+    for hosts in ((), (host, host), (host, "Host: evil.example")):
+        refused = (403, f"Expected one Host header beside an Origin; got {len(hosts)}\n")
+        assert await shake_hands(server.port, origin, *hosts) == refused
+    for bad in ("Origin:", "Origin: http://\xe9vil.example"):
+        status, text = await shake_hands(server.port, host, bad)
+        assert (status, text[:26]) == (403, "Expected an Origin such as")
+    for lines in ((), ("Host: evil.example",), (host, origin)):
+        assert await shake_hands(server.port, *lines) == (101, "")
+
+
+async def test_health_can_be_asked_by_any_name(listen: Listen) -> None:
+    _, server = await listen()
+    reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+    writer.write(b"GET /healthz HTTP/1.1\r\nHost: sim\r\nOrigin: http://sim\r\n\r\n")
+    async with asyncio.timeout(PATIENCE):
+        assert (await reader.read()).endswith(b"\r\n\r\nok\n")
+    writer.close()
+
+
+async def test_a_server_is_called_by_the_name_of_its_machine(listen: Listen) -> None:
+    _, server = await listen()
+    assert server.own_names == own_names(gethostname())
+    name = min(server.own_names, key=len)
+    assert await shake_hands(server.port, f"Origin: http://{name}", f"Host: {name}") == (101, "")
 
 
 async def test_loopback_is_known_by_where_the_server_really_listens() -> None:
@@ -733,12 +771,16 @@ async def test_a_denied_topic_service_and_parameter_are_told_and_nobody_else_not
         await pair.go_on()
 
 
-async def test_listening_elsewhere_without_a_token_is_warned_of_once(caplog: pytest.LogCaptureFixture) -> None:
+async def test_what_is_open_without_a_token_is_warned_of_once(caplog: pytest.LogCaptureFixture) -> None:
     for options, num_lines in (
         ({"host": "0.0.0.0"}, 1),  # noqa: S104 - what the warning is about
         ({"host": "0.0.0.0", "token": TOKEN}, 0),  # noqa: S104
         ({"host": "127.0.0.1"}, 0),
         ({"host": "localhost"}, 0),
+        ({"allow_origin": ["*"]}, 1),
+        ({"allow_origin": ["null", "http://localhost:*"], "allow_host": ["*"]}, 2),
+        ({"allow_origin": ["*"], "token": TOKEN}, 0),
+        ({"allow_origin": ["https://*.example.org"], "allow_host": ["*.example.org"]}, 0),
     ):
         caplog.clear()
         async with Simulator(port=0, world=False, **options):

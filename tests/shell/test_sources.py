@@ -32,6 +32,7 @@ OTHER: dict[str, object] = {
     "keyfile": "b c.pem",
     "token": "s3cret+/=",
     "allow_origin": ("https://*.example.org", "http://[::1]:8080"),
+    "allow_host": ("sim", "*.lab.example"),
     "allow_publish": ("/a/*", "b"),
     "deny_publish": ("/[cd]",),
     "allow_subscribe": ("*",),
