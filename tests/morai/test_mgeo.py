@@ -66,8 +66,9 @@ def test_a_tiny_map() -> None:
     assert roads.at(0, 25.0)[0].tolist() == [[25.0, 0.0, 0.5]]
 
 
-def test_a_map_without_links_has_no_roads() -> None:
-    assert len(read(links=[]).roads) == 0
+def test_a_map_without_links_is_refused() -> None:
+    with pytest.raises(DocumentError, match=r"link_set\.json: expected at least one link to drive on, got none"):
+        read(links=[])
 
 
 def test_other_files_are_not_looked_at() -> None:

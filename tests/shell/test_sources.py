@@ -48,6 +48,7 @@ OTHER: dict[str, object] = {
     "scenario": "loop",
     "map": "track",
     "scenario_path": ("a", "b c"),
+    "catalogue": "cars.toml",
     "data_dir": "data",
     "data_quota": 2**21,
     "data_quota_files": None,

@@ -87,9 +87,7 @@ def test_whoever_is_put_elsewhere_waits_no_longer() -> None:
     world.place(man, x=100.0, y=0.0, z=0.0, yaw=0.0, speed=0.0)
     assert world.start_within[man] == 0.0
     other = walker(world)
-    world.place_all(
-        np.array([other]), x=np.zeros(1), y=np.zeros(1), z=np.zeros(1), yaw=np.zeros(1), speed=np.zeros(1)
-    )
+    world.place_all(np.array([other]), x=np.zeros(1), y=np.zeros(1), z=np.zeros(1), yaw=np.zeros(1), speed=np.zeros(1))
     step(world)
     assert (world.start_within[other], world.speed[other]) == (0.0, 0.0)
 
