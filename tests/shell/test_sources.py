@@ -226,6 +226,7 @@ def test_printed_config_gives_the_settings_back(tmp_path: Path) -> None:
     paths = {
         "scenario_path": ("/a",),
         "data_dir": "/d",
+        "catalogue": "/m.csv",
         "schema_path": ('/x"\\\n',),
         "certfile": "/c.pem",
         "keyfile": "/k.pem",

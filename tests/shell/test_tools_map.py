@@ -26,8 +26,13 @@ def folder(tmp_path: Path) -> Path:
 def test_a_map_is_explained(folder: Path) -> None:
     done = run("map", "info", str(folder))
     assert (done.code, done.err) == (0, "")
-    assert done.lines[0] == f"{folder}: good, 3 kinds of gaps"
-    assert done.lines[1].startswith("  read: global_info.json, node_set.json, link_set.json, lane_boundary_set.json,")
+    assert done.lines[0] == f"{folder}: 3 remarks"
+    at = done.lines.index("remarks:")
+    assert (at, done.lines[at + 1]) == (2, "  3 lanes that lead nowhere: B1C1, B2C2, B2D")
+    at = done.lines.index("", at)
+    assert done.lines[at + 1].startswith(
+        "  read: global_info.json, node_set.json, link_set.json, lane_boundary_set.json,"
+    )
     for line in (
         "  there, but not needed: lane_node_set.json, traffic_sign_set.json, notes.txt",
         "version: 2.9",
@@ -45,7 +50,8 @@ def test_a_map_is_explained(folder: Path) -> None:
 
 def test_the_same_for_a_program(folder: Path) -> None:
     account = run("map", "info", str(folder), "--json").json
-    assert (account["is_good"], account["mistakes"], account["folder"]) == (True, [], str(folder))
+    assert (account["is_good"], account["mistakes"], account["folder"]) == (False, [], str(folder))
+    assert account["remarks"][0] == "3 lanes that lead nowhere: B1C1, B2C2, B2D"
     assert account["lanes"]["num"] == 5
     assert account["gaps"][0] == {"what": "lanes that lead nowhere", "num": 3, "examples": ["B1C1", "B2C2", "B2D"]}
     assert {"name": "notes.txt", "is_there": True, "is_read": False, "holds": None, "is_known": False} in account[
@@ -59,7 +65,7 @@ def test_a_map_with_mistakes_has_code_1(folder: Path) -> None:
     done = run("map", "info", str(folder))
     assert (done.code, done.err) == (1, "")
     assert done.lines[0] == f"{folder}: 1 mistake"
-    assert done.lines[-1] == f"  {folder}: global_info.json is missing"
+    assert done.lines[1:4] == ["", "mistakes:", f"  {folder}: global_info.json is missing"]
     (folder / "global_info.json").write_text(json.dumps(ROADRUNNER["global_info.json"]))
     done = run("map", "info", str(folder), "--json")
     assert done.code == 1
@@ -77,8 +83,43 @@ def test_what_is_built_in_is_good_and_has_no_gap(name: str) -> None:
     assert (account["is_good"], account["gaps"], account["notes"]) == (True, [], [])
 
 
+def test_strict_makes_remarks_an_exit_code(folder: Path) -> None:
+    assert run("map", "info", str(folder)).code == 0
+    assert run("map", "info", str(folder), "--strict").code == 1
+    assert run("map", "info", "track", "--strict").code == 0
+
+
+def test_several_maps_or_a_folder_of_them_have_a_verdict_each(folder: Path, tmp_path: Path) -> None:
+    all_maps = tmp_path / "maps"
+    all_maps.mkdir()
+    folder.joinpath("notes.txt").unlink()
+    for name, changes in {"a": {}, "b": {"link_set.json": []}}.items():
+        (all_maps / name).mkdir()
+        for file, content in {**ROADRUNNER, **changes}.items():
+            (all_maps / name / file).write_text(json.dumps(content))
+    (all_maps / "no map").mkdir()
+    done = run("map", "info", str(all_maps), "track")
+    assert (done.code, done.err) == (1, "")
+    assert done.lines[0] == f"{all_maps}/a: 3 remarks"
+    assert done.lines[1] == "  remark: 3 lanes that lead nowhere: B1C1, B2C2, B2D"
+    at = done.lines.index(f"{all_maps}/b: 1 mistake")
+    assert done.lines[at + 1] == "  mistake: b/link_set.json: expected at least one link to drive on, got none"
+    assert done.lines[-2].endswith("maps/track: good")
+    assert done.lines[-1] == "3 files: 1 good, 1 with remarks, 1 with mistakes"
+    done = run("map", "info", str(all_maps), "track", "--json")
+    assert [json.loads(line)["is_good"] for line in done.lines] == [False, False, True]
+
+
+@pytest.mark.parametrize(("name", "form"), [("x.jpg", "JPEG"), ("x.JPEG", "JPEG"), ("x.PNG", "PNG")])
 @pytest.mark.slow
-@pytest.mark.parametrize("files", [ROADRUNNER, KOREAN, {**KOREAN, "link_set.json": []}], ids=["new", "old", "bare"])
+def test_a_picture_is_what_its_name_says(name: str, form: str, tmp_path: Path) -> None:
+    assert run("map", "info", "track", "--picture", str(tmp_path / name)).code == 0
+    with Image.open(tmp_path / name) as image:
+        assert image.format == form
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("files", [ROADRUNNER, KOREAN], ids=["new", "old"])
 def test_any_map_can_be_drawn(files: dict[str, object], tmp_path: Path) -> None:
     encoded = {name: json.dumps(value).encode() for name, value in files.items()}
     draw_map(read_map(encoded, "tiny"), tmp_path / "map.png")
@@ -105,8 +146,10 @@ def test_the_picture_of_the_town_shows_what_is_there(tmp_path: Path) -> None:
     [
         ((), "map: expected a command: info; rosbridge-sim map --help says more"),
         (("info",), "the following arguments are required: DIR|NAME"),
+        (("info", "track", "town", "--picture", "x.png"), "--picture: expected a single map to draw, got 2"),
+        (("info", "track", "--picture", "x.gif"), "--picture: expected a file such as MAP.png or MAP.jpg; got 'x.gif'"),
         (("info", "nowhere"), "nowhere: expected a folder of MGeo files, or one of loop, town, track; there is none"),
-        (("info", "track", "--picture", "x.doc"), "--picture: expected a file such as MAP.png; got 'x.doc'"),
+        (("info", "track", "--picture", "x.doc"), "--picture: expected a file such as MAP.png or MAP.jpg; got 'x.doc'"),
     ],
 )
 def test_a_mistake_in_the_command_is_one_line_and_code_2(words: tuple[str, ...], line: str) -> None:
