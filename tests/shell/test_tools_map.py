@@ -3,13 +3,29 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 from PIL import Image
 
-from rosbridge_sim.morai.maps.mgeo import read_map
-from rosbridge_sim.shell.tools.map_picture import draw_map
+from rosbridge_sim.morai.maps.mgeo import RoadMap, read_map
+from rosbridge_sim.morai.scenarios.scenario import Spawn, read_scenario
+from rosbridge_sim.shell.tools.map_picture import (
+    AGENTS,
+    CAR_LIGHT,
+    DEAD_END,
+    FINE,
+    INSIDE,
+    LANE,
+    STOP,
+    STRIPES,
+    WALK_LIGHT,
+    WARNING_LIGHT,
+    _lay_legend,
+    _legend_font,
+    draw_map,
+)
 from tests.morai.maps import KOREAN, ROADRUNNER
 from tests.shell.tooling import run
 
@@ -163,3 +179,62 @@ def test_a_picture_that_cannot_be_written_is_one_line() -> None:
     done = run("map", "info", "track", "--picture", "/nowhere/x.png")
     assert (done.code, done.out) == (2, "")
     assert done.complaint.startswith("/nowhere/x.png: cannot be written: No such file")
+
+
+# The legend
+
+
+def narrow_map() -> RoadMap:
+    """A map of one long street to the north with everything that a legend names."""
+    files = json.loads(json.dumps(ROADRUNNER))
+    for name in ("node_set.json", "link_set.json"):
+        for entry in files[name]:
+            if "point" in entry:
+                x, y, z = entry["point"]
+                entry["point"] = [y, 40.0 * x, z]
+            for point in entry.get("points", ()):
+                point[:2] = [point[1], 40.0 * point[0]]
+    return read_map({name: json.dumps(value).encode() for name, value in files.items()}, "narrow")
+
+
+def agents_of_all_kinds() -> tuple[Spawn, ...]:
+    """One of each kind, on the street."""
+    place = {"pos": {"x": 0, "y": 50}}
+    document = {
+        "egoVehicle": {"initPosition": place},
+        "vehicleList": [{"initPosition": place}],
+        "pedestrianList": [place],
+        "objectList": [place],
+    }
+    scenario = read_scenario(json.dumps(document).encode(), "x.json")
+    return (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles)
+
+
+@pytest.mark.slow
+def test_the_legend_of_a_narrow_map_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "narrow.png"
+    draw_map(narrow_map(), path, agents_of_all_kinds())
+    with Image.open(path) as image:
+        width, height = image.size
+        assert width == 900, "it is as narrow as a picture can be"
+        # Below the map there is nothing but the scale and the legend: the colour of each entry fills a square.
+        below = image.crop((0, height - 85, width, height))
+        pixels = list(below.get_flattened_data()) if hasattr(below, "get_flattened_data") else list(below.getdata())
+    for colour in (LANE, INSIDE, DEAD_END, STOP, STRIPES, CAR_LIGHT, WALK_LIGHT, WARNING_LIGHT):
+        assert pixels.count(tuple(bytes.fromhex(colour[1:]))) > 60, colour
+    for colour, name in AGENTS.values():
+        assert pixels.count(tuple(bytes.fromhex(colour[1:]))) > 60, name
+
+
+@pytest.mark.parametrize("width", [900, 2000, 200, 1])
+def test_no_entry_of_a_legend_begins_beyond_the_paper_or_on_another(width: int) -> None:
+    legend = [("#000000", what) for what in ("lane", "within an intersection", "leads nowhere", "stop line") * 3]
+    places = _lay_legend(legend, width * FINE, 300.0)
+    lines = [line for _, line in places]
+    assert lines == sorted(lines)
+    for (x, line), (next_x, next_line) in pairwise(places):
+        assert next_line == line + 1 or (next_line == line and next_x > x)
+    size = [40 * FINE + _legend_font().getlength(what) for _, what in legend]
+    ends = [x + one for (x, _), one in zip(places, size, strict=True)]
+    if width >= 900:
+        assert max(ends) <= width * FINE
