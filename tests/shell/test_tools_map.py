@@ -16,7 +16,6 @@ from rosbridge_sim.shell.tools.map_picture import (
     CAR_LIGHT,
     DEAD_END,
     FINE,
-    INSIDE,
     LANE,
     STOP,
     STRIPES,
@@ -220,7 +219,7 @@ def test_the_legend_of_a_narrow_map_is_whole(tmp_path: Path) -> None:
         # Below the map there is nothing but the scale and the legend: the colour of each entry fills a square.
         below = image.crop((0, height - 85, width, height))
         pixels = list(below.get_flattened_data()) if hasattr(below, "get_flattened_data") else list(below.getdata())
-    for colour in (LANE, INSIDE, DEAD_END, STOP, STRIPES, CAR_LIGHT, WALK_LIGHT, WARNING_LIGHT):
+    for colour in (LANE, DEAD_END, STOP, STRIPES, CAR_LIGHT, WALK_LIGHT, WARNING_LIGHT):
         assert pixels.count(tuple(bytes.fromhex(colour[1:]))) > 60, colour
     for colour, name in AGENTS.values():
         assert pixels.count(tuple(bytes.fromhex(colour[1:]))) > 60, name
