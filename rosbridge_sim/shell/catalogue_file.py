@@ -194,7 +194,7 @@ def _lines_of(lines: list[str], head: int, end: int, path: Path) -> Iterator[tup
 
 def _csv_entries(text: str, path: Path) -> Iterator[_Entry]:
     lines = text.split("\n")
-    head = next((line for line in lines if line.strip()), "")
+    head = next((line for line in lines if line.strip() and not line.lstrip().startswith("#")), "")
     delimiter = max(",;\t", key=head.count)
     rows = csv.reader(lines, delimiter=delimiter, strict=True)
     columns: list[str] | None = None

@@ -278,6 +278,14 @@ class DiskLibrary:
         is_any_file = looks_like_path(name) and (path.is_file() or name != path.name)
         return self._read_scenario(path if is_any_file else self._find_scenario(name))
 
+    def has_scenario(self, name: str) -> bool:
+        """Whether `scenario` would find a file under a name; it need not be a good one."""
+        try:
+            self._find_scenario(name)
+        except DocumentError:
+            return False
+        return True
+
     def _find_scenario(self, name: str) -> Path:
         parts = safe_parts(name)
         for folder in [*self._folders, DATA / "scenarios"]:

@@ -259,16 +259,16 @@ def test_the_scale_of_a_thing_is_of_its_width_height_and_length() -> None:
     ).obstacles
     body = large.model.body
     assert (body.length, body.width, body.height) == pytest.approx((3.6, 1.6, 0.4))
-    assert (body.front_overhang, body.wheelbase) == (pytest.approx(1.8), 0.0)
+    assert [body.front_overhang, body.wheelbase] == pytest.approx([1.8, 0.0])
     assert plain.model is empty.model
 
 
-@pytest.mark.parametrize("scale", [{"x": 0, "y": 1, "z": 1}, {"x": 1, "y": -1, "z": 1}, {"z": 1001}])
+@pytest.mark.parametrize("scale", [{"x": 0, "y": 1, "z": 1}, {"x": 1, "y": -1, "z": 1}, {"z": 1001}, {"y": 5e-324}])
 def test_a_scale_that_makes_no_size_is_a_remark(scale: dict[str, float]) -> None:
     scenario = read({"objectList": [{"pos": {"x": 1, "y": 2}, "scale": scale}]})
     assert scenario.obstacles[0].model.body.length == 0.6
     (note,) = scenario.notes
-    assert note.startswith("objectList[0].scale: expected numbers above 0 and up to 1,000, got x ")
+    assert note.startswith("objectList[0].scale: expected numbers from 0.001 to 1,000, got x ")
 
 
 @pytest.mark.parametrize(("distance", "meant"), [(25, 25.0), ("1,000.5", 1000.5), (0, 0.0), (-1, 0.0), (None, 0.0)])
@@ -298,8 +298,9 @@ def test_a_vehicle_that_was_on_a_link_keeps_to_the_lanes() -> None:
     first, second, third, fourth = read({"vehicleList": [named, also, empty, ahead]}).vehicles
     for spawn in (first, second):
         assert spawn.driver is not None
-        assert (spawn.driver.wish, spawn.speed) == (pytest.approx(10.0), pytest.approx(5.0))
-    assert (third.driver, third.speed) == (None, pytest.approx(10.0))
+        assert [spawn.driver.wish, spawn.speed] == pytest.approx([10.0, 5.0])
+    assert third.driver is None
+    assert third.speed == pytest.approx(10.0)
     assert (fourth.driver, fourth.speed) == (None, 0.0), "it has no waypoints"
 
 

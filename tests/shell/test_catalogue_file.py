@@ -64,9 +64,10 @@ def refusal(text: str | bytes, tmp_path: Path, name: str) -> str:
         (CSV, "m.csv"),
         (CSV.replace(",", ";"), "m.CSV"),
         (CSV.replace(",", "\t"), "m.csv"),
+        ("# ours, all of them, by hand\n" + CSV.replace(",", ";"), "m.csv"),
         (b"\xef\xbb\xbf" + CSV.replace("\n", "\r\n").encode(), "m.csv"),
     ],
-    ids=["toml", "comma", "semicolon", "tab", "windows"],
+    ids=["toml", "comma", "semicolon", "tab", "remark", "windows"],
 )
 def test_both_forms_say_the_same(text: str | bytes, name: str, tmp_path: Path) -> None:
     catalogue = read(text, tmp_path, name)

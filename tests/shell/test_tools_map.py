@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 from PIL import Image
@@ -108,7 +109,8 @@ def test_several_maps_or_a_folder_of_them_have_a_verdict_each(folder: Path, tmp_
     all_maps = tmp_path / "maps"
     all_maps.mkdir()
     folder.joinpath("notes.txt").unlink()
-    for name, changes in {"a": {}, "b": {"link_set.json": []}}.items():
+    variants: dict[str, dict[str, Any]] = {"a": {}, "b": {"link_set.json": []}}
+    for name, changes in variants.items():
         (all_maps / name).mkdir()
         for file, content in {**ROADRUNNER, **changes}.items():
             (all_maps / name / file).write_text(json.dumps(content))

@@ -131,6 +131,28 @@ def test_a_file_among_several_that_cannot_be_read_is_a_mistake_of_its_own(folder
     assert done.lines[-1] == "2 files: 1 good, 1 with mistakes"
 
 
+def test_the_name_of_a_scenario_goes_before_a_folder_of_that_name(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    (folder / "town").mkdir()
+    assert run("scenario", "check", "town").lines[0].endswith("town.json: good")
+    assert run("scenario", "check", "./town").complaint.startswith("./town: expected a folder with scenarios")
+    assert run("scenario", "check", "tiny", "--strict").code == 2, "files of a map are no scenarios"
+
+
+def test_what_is_kept_and_no_number_of_json_does_no_harm(folder: Path) -> None:
+    car = {**CAR, "latBias": 10**40, "isLaneChange": float("nan")}
+    (folder / "odd.json").write_text(json.dumps({"vehicleList": [car], "spawnPointList": [10**40, float("inf")]}))
+    account = run("scenario", "check", str(folder / "odd.json"), "--json").json
+    assert account["items"][0]["without_effect"] == ["isLaneChange", "latBias"]
+    assert account["without_effect"] == {
+        "vehicleList[].latBias": 1,
+        "vehicleList[].isLaneChange": 1,
+        "spawnPointList": 1,
+    }
+
+
 class Terminal(io.StringIO):
     """A terminal that keeps what is shown."""
 

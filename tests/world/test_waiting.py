@@ -130,7 +130,7 @@ def test_who_waits_is_part_of_the_state() -> None:
         (Kind.PEDESTRIAN, {"pitch": math.inf}),
     ],
 )
-def test_a_figure_that_is_none_is_refused(kind: Kind, figures: dict[str, float]) -> None:
+def test_a_figure_that_is_none_is_refused(kind: Kind, figures: dict[str, Any]) -> None:
     world = World()
     before = world.digest()
     with pytest.raises(ValueError, match=r"start_within|roll|pitch"):

@@ -62,8 +62,9 @@ MAX_TO_LANE: Final = 2.5
 MAX_TURN: Final = math.radians(45.0)
 """Whoever looks farther aside does not drive along it."""
 
+MIN_SCALE: Final = 0.001
 MAX_SCALE: Final = 1_000.0
-"""A thing that is larger than this by its `scale` is a slip: a box of 60 cm would be 600 m long."""
+"""A thing whose `scale` is beyond these is a slip: a box of 60 cm would be 0.6 mm or 600 m long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -418,11 +419,11 @@ class _Reader:
     def _scaled(self, where: str, model: Model, scale: Scale) -> Model:
         """Return the model in another size; in its own where the document's figures make none."""
         factors = scale.z, scale.x, scale.y
-        if not all(0.0 < factor <= MAX_SCALE for factor in factors):
+        if not all(MIN_SCALE <= factor <= MAX_SCALE for factor in factors):
             _note(
                 self._notes,
-                f"{where}.scale: expected numbers above 0 and up to {MAX_SCALE:,g}, got x {scale.x:g}, y {scale.y:g},"
-                f" z {scale.z:g}; it has its model's size",
+                f"{where}.scale: expected numbers from {MIN_SCALE:g} to {MAX_SCALE:,g}, got x {scale.x:g},"
+                f" y {scale.y:g}, z {scale.z:g}; it has its model's size",
             )
             return model
         size = model.body.length, model.body.width, model.body.height

@@ -21,7 +21,7 @@ from rosbridge_sim.morai.maps.mgeo import MAP_FILES, Projection, RoadMap
 from rosbridge_sim.morai.scenarios.scenario import PhaseStart, Scenario, Spawn, sort_phases
 from rosbridge_sim.morai.scenarios.scenario_check import find_oddities, keys_near, place_draft, read_draft
 from rosbridge_sim.morai.stage import DEFAULT_MAP
-from rosbridge_sim.shell.sources import PREFIX, SettingError, hint, read_settings
+from rosbridge_sim.shell.sources import PREFIX, SettingError, hint, looks_like_path, read_settings
 from rosbridge_sim.shell.storage import DiskLibrary
 from rosbridge_sim.shell.tools.text import put, put_json, put_table, safe
 from rosbridge_sim.shell.tools.verdicts import Verdicts, exit_code, put_verdict
@@ -85,8 +85,8 @@ def check_scenarios(
     Raises:
         DocumentError: no such file, a map that was named here cannot be used, or the picture cannot be written.
     """
-    files = [file for name in names for file in _expand(name)]
-    if len(files) == 1 and not Path(names[0]).is_dir():
+    files = [file for name in names for file in _expand(name, library)]
+    if files == list(names) and len(files) == 1:
         account, scenario, road_map = _account(*library.opening_file(files[0]), library, own_map)
         if picture is not None and scenario is not None:
             _draw(scenario, road_map, Path(picture))
@@ -109,14 +109,14 @@ def check_scenarios(
     return verdicts.end(is_strict=is_strict)
 
 
-def _expand(name: str) -> list[str]:
+def _expand(name: str, library: DiskLibrary) -> list[str]:
     """Return the files of a folder, there and in the folders in it (MORAI keeps them by map); else the name itself.
 
     Raises:
         DocumentError: a folder without any.
     """
     folder = Path(name)
-    if not folder.is_dir():
+    if not folder.is_dir() or (not looks_like_path(name) and library.has_scenario(name)):
         return [name]
     of_maps = {*MAP_FILES, *UNREAD_FILES}
     found = [path for path in sorted([*folder.glob("*.json"), *folder.glob("*/*.json")]) if path.name not in of_maps]
@@ -229,7 +229,7 @@ def _items(scenario: Scenario, document: Any, catalogue: Catalogue) -> Iterator[
             "speed_kmh": spawn.speed * KMH,
             "way": _way(spawn),
             "starts_within": spawn.start_within or None,
-            "without_effect": spawn.kept,
+            "without_effect": list(spawn.kept),
         }
 
 
