@@ -150,6 +150,17 @@ def test_saved_files_have_no_mistake_and_remarks_on_what_is_not_known(folder: Pa
         assert walker["way"] == "path of 2 waypoints, 9 m, when an ego is within 30 m"
 
 
+def test_tilts_and_sizes_of_their_own_are_shown(folder: Path) -> None:
+    at = str(folder / "Scenario" / MAP_NAME / "edited.json")
+    lines = run("scenario", "check", at, "--map", str(folder / "maps" / MAP_NAME)).lines
+    (ego,) = [line for line in lines if line.startswith("egoVehicle  ")]
+    assert "  1.5 (roll 0.2, pitch 0.5)  " in ego
+    boxes = [line for line in lines if line.startswith("objectList[")]
+    assert "  Box (1.8 x 0.8 x 0.2 m)  " in boxes[0]
+    assert "  -115.0 (roll 90.0)  " in boxes[2]
+    assert "(" not in boxes[3]
+
+
 def spoilt(path: str, value: object) -> dict[str, Any]:
     """The saved file with another value at a place."""
     document = copy.deepcopy(saved_scenario(3))

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.catalogue import Catalogue
+from rosbridge_sim.morai.catalogue import Catalogue, default_model
 from rosbridge_sim.morai.convert import KMH
 from rosbridge_sim.morai.maps.map_check import UNREAD_FILES
 from rosbridge_sim.morai.maps.mgeo import MAP_FILES, Projection, RoadMap
@@ -224,6 +224,7 @@ def _items(scenario: Scenario, document: Any, catalogue: Catalogue) -> Iterator[
             "heading_deg": math.degrees(spawn.yaw) if spawn.is_placed else None,
             "roll_deg": math.degrees(spawn.roll),
             "pitch_deg": math.degrees(spawn.pitch),
+            "is_scaled": spawn.model.body != (catalogue.find(spawn.name) or default_model(spawn.kind)).body,
             "size": [spawn.model.body.length, spawn.model.body.width, spawn.model.body.height],
             "link": spawn.link,
             "speed_kmh": spawn.speed * KMH,
@@ -318,7 +319,10 @@ _HEADER: Final = ("ITEM", "MODEL", "ID", "X [m]", "Y [m]", "HEADING", "KM/H", "W
 def _row(item: _Account) -> tuple[str, ...]:
     where = [f"{item[key]:.2f}" for key in "xy"] if item["x"] is not None else ["link", str(item["link"])]
     heading = "" if item["heading_deg"] is None else f"{item['heading_deg']:.1f}"
+    tilt = [f"{axis} {item[f'{axis}_deg']:.1f}" for axis in ("roll", "pitch") if round(item[f"{axis}_deg"], 1)]
+    heading += f" ({', '.join(tilt)})" if tilt else ""
     model = f"{item['model']} (size by class)" if item["is_replaced"] else item["model"]
+    model += f" ({' x '.join(f'{size:g}' for size in item['size'])} m)" if item["is_scaled"] else ""
     uid = "next" if item["id"] is None else str(item["id"])
     return (item["at"], model, uid, *where, heading, f"{item['speed_kmh']:g}", item["way"])
 
