@@ -2,7 +2,7 @@
 
 `CATALOGUE` is our list: what `SyncModeAddObj.name` accepts and what a scenario's `modelName` and `DataID` are looked
 up in. Sizes are those of the real thing. Vehicle names are MORAI's own where they are known; which `DataID` belongs to
-which model is published for a few only. A number that nobody has described gets the ordinary size of its class and a
+which model is published for a few only. A number that no table describes gets the ordinary size of its class and a
 name with the number in it (`model_by_class`), which the scenario reader says. The user's own table (`Catalogue.own`)
 is asked first.
 """
@@ -41,7 +41,7 @@ class Model:
         kind: VEHICLE, PEDESTRIAN or OBSTACLE; every VEHICLE with an engine can also be an ego.
         body: its figures.
         data_ids: the numbers that scenario files use for it; empty where they are not known.
-        mass: kept for those who ask; the kinematic world has no use for it [kg].
+        mass: kept; the kinematic world has no use for it [kg].
     """
 
     name: str

@@ -103,7 +103,7 @@ class FoundMap:
 def find_map(library: Library, name: str) -> FoundMap:
     """Return the map of that name.
 
-    No other map takes its place: whoever drives on roads that are not those of the scenario measures nothing.
+    No other map takes its place, because a drive on other roads than the scenario's measures nothing.
 
     Raises:
         DocumentError: there is none, or it cannot be used.

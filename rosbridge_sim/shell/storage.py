@@ -239,7 +239,7 @@ class DiskLibrary:
         self._cache = DocumentCache()
         self.catalogue = BUILT_IN
         if own_models is not None:
-            # Only who has such a file waits for what reads it.
+            # Imported here: a start without such a file does not wait for it.
             from rosbridge_sim.shell.catalogue_file import read_catalogue  # noqa: PLC0415
 
             self.catalogue = read_catalogue(Path(own_models))

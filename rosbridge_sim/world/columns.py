@@ -86,7 +86,7 @@ class Columns:
         turns, claim, held, exit_lane, point: see `traffic`.
 
         start_within, start_speed: of a row that waits at rest for an ego: the distance at which it starts [m], and how
-            fast it goes then [m/s]; 0 for rows that wait for nobody. See `waiting`.
+            fast it goes then [m/s]; 0 for rows that do not wait. See `waiting`.
 
         is_ghost: steps leave it where it stands, whatever its speed; see `dynamics.place_ghost`, bool.
 

@@ -1,9 +1,9 @@
-"""Entities that stand until an ego comes near, then go their own way: pedestrians who step out, things that roll.
+"""Entities that stand until an ego comes near, then go their own way: pedestrians that step out, things that roll.
 
 A waiting row has speed 0 and its columns `start_within` [m] and `start_speed` [m/s]. It starts in the first step at
 whose beginning the reference point of any EGO is at most `start_within` away from its own, on the ground: heights do
 not count. Then it has its speed and waits no longer; it does not stop when the ego leaves. The columns are part of the
-state, so snapshot, restore and digest know who waits. Whoever is put elsewhere waits no longer either.
+state, so snapshot, restore and digest hold them. A row that is put elsewhere waits no longer either.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def start(world: World) -> None:
 class _Waiting:
     """The rows that wait, and the egos that they wait for.
 
-    Lives until somebody comes, goes, stops or is put elsewhere.
+    Lives until the next `World.touch`: an entity comes, goes, stops or is put elsewhere.
     """
 
     def __init__(self, world: World) -> None:

@@ -542,6 +542,14 @@ places = st.sampled_from(
         "pedestrianList.0.speed",
         "pedestrianList.0.movingDistance",
         "objectList.0.pathName",
+        "objectList.0.scale",
+        "objectList.0.activeDistance",
+        "objectList.0.rot",
+        "egoVehicle.initPosition.gear",
+        "vehicleList.0.desiredVelocity",
+        "vehicleList.0.currentLinkInfo",
+        "tlList",
+        "spawnPointList",
         "waypointDataList.0",
         "waypointDataList.0.pathName",
         "waypointDataList.1.waypointData",
@@ -582,6 +590,9 @@ def populate(scenario: Scenario) -> World:
             path=spawn.path,
             is_loop=spawn.is_loop,
             gear=spawn.gear,
+            roll=spawn.roll,
+            pitch=spawn.pitch,
+            start_within=spawn.start_within,
         )
     return world
 

@@ -101,7 +101,7 @@ def test_lights_of_a_saved_file_begin_by_position(folder: Path, name: str, phase
     assert [signals.elapsed(i) for i in range(4)] == ([75] * 4 if name == "saved" else [0] * 4)
 
 
-def test_a_pedestrian_steps_out_when_the_ego_comes_near_and_a_reset_brings_him_back(folder: Path) -> None:
+def test_a_pedestrian_steps_out_when_the_ego_comes_near_and_waits_again_after_a_reset(folder: Path) -> None:
     node, client = make(folder, "saved", "22.R2")
     world = node.world
     client.start()
@@ -117,7 +117,7 @@ def test_a_pedestrian_steps_out_when_the_ego_comes_near_and_a_reset_brings_him_b
         return heights
 
     heights = drive()
-    # He waits at (60, -3) for an ego within 30 m, and then walks 9 m to the north.
+    # The pedestrian waits at (60, -3) for an ego within 30 m, and then walks 9 m to the north.
     assert heights[50] == -3.0
     assert max(heights) > -2.0
     after = world.digest()

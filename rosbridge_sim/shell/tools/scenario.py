@@ -1,4 +1,4 @@
-"""`scenario check`: verdicts on scenario files, and what one holds: who is in it, which keys are read, what is odd.
+"""`scenario check`: verdicts on scenario files, and what one holds: its items, the keys that are read, what is odd.
 
 A *mistake* is what a load refuses. A *remark* is about something that loads and is hardly meant so, or that is read
 otherwise than it is written. A file is *good* without either.
