@@ -14,6 +14,7 @@ import pytest
 from rosbridge_sim.morai.catalogue import CATALOGUE
 from rosbridge_sim.morai.releases import FIELD, MANUAL
 from rosbridge_sim.morai.sync import TABLE
+from rosbridge_sim.shell.catalogue_file import read_catalogue
 from rosbridge_sim.world.state import Kind
 from tests.conftest import Connect, Serve
 from tests.shell.tooling import run as run_tool
@@ -146,8 +147,15 @@ def test_the_catalogue_is_complete() -> None:
     lists = README[README.index("The catalogue, for") : README.index("## Your own message packages")]
     kinds = {"vehicles": Kind.VEHICLE, "pedestrians": Kind.PEDESTRIAN, "obstacles": Kind.OBSTACLE}
     for label, kind in kinds.items():
-        text = lists[lists.index(f"- {label}:") :].partition("\n- ")[0]
+        text = lists[lists.index(f"- {label}:") :].partition("\n- ")[0].partition("\n\n")[0]
         assert re.findall(r"`([^`]+)`", text) == [model.name for model in CATALOGUE if model.kind is kind]
+
+
+def test_the_table_of_models_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "models.csv"
+    file.write_text(example("catalogue"))
+    car, fridge = read_catalogue(file).own
+    assert (car.name, car.body.wheelbase, fridge.name, fridge.kind) == ("Sonata", 2.84, "Fridge", Kind.OBSTACLE)
 
 
 def test_every_flag_that_it_names_exists() -> None:

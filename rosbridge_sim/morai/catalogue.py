@@ -1,21 +1,35 @@
 """The models that can be placed, by the names and numbers that MORAI's clients and files use.
 
-`CATALOGUE` is the whole list: what `SyncModeAddObj.name` accepts and what a scenario's `modelName` and `DataID` are
-looked up in. Sizes are those of the real thing. Vehicle names are MORAI's own where they are known; which `DataID`
-belongs to which model is published for a few only, and a number that we do not know gets `default_model`: its
-size is then a guess, which the scenario reader says.
+`CATALOGUE` is our list: what `SyncModeAddObj.name` accepts and what a scenario's `modelName` and `DataID` are looked
+up in. Sizes are those of the real thing. Vehicle names are MORAI's own where they are known; which `DataID` belongs to
+which model is published for a few only. A number that no table describes gets the ordinary size of its class and a
+name with the number in it (`model_by_class`), which the scenario reader says. The user's own table (`Catalogue.own`)
+is asked first.
 """
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from rosbridge_sim.world.state import Body, Kind
 
-__all__ = ["CATALOGUE", "DEFAULT_EGO", "Model", "default_model", "find_model", "model_of_data_id"]
+__all__ = [
+    "BUILT_IN",
+    "CATALOGUE",
+    "DEFAULT_EGO",
+    "Catalogue",
+    "Model",
+    "class_of_data_id",
+    "default_model",
+    "find_model",
+    "key_of_name",
+    "model_by_class",
+    "model_of_data_id",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,12 +41,14 @@ class Model:
         kind: VEHICLE, PEDESTRIAN or OBSTACLE; every VEHICLE with an engine can also be an ego.
         body: its figures.
         data_ids: the numbers that scenario files use for it; empty where they are not known.
+        mass: kept; the kinematic world has no use for it [kg].
     """
 
     name: str
     kind: Kind
     body: Body
     data_ids: tuple[int, ...] = ()
+    mass: float | None = None
 
 
 # The steering of the Ioniq and the Niro is published (36.25 degrees); other cars of their size turn much the same.
@@ -69,6 +85,11 @@ def _thing(kind: Kind, name: str, length: float, width: float, height: float, *d
     return Model(name, kind, Body.box(length, width, height), data_ids)
 
 
+def _plain_car(data_id: int) -> Model:
+    """A vehicle of which nothing but the number is known: the figures of `Body` are those of a mid-size car."""
+    return Model(f"Vehicle_{data_id}", Kind.VEHICLE, Body(), (data_id,))
+
+
 CATALOGUE: Final[tuple[Model, ...]] = (
     # Lengths, widths and overhangs as MORAI's models have them; heights of the road cars.
     _car("2016_Hyundai_Ioniq", (4.470, 1.820, 1.450), 0.880, 0.890),
@@ -98,6 +119,9 @@ CATALOGUE: Final[tuple[Model, ...]] = (
     _thing(Kind.OBSTACLE, "Barrel", 0.585, 0.585, 0.88, 40100004),
     _thing(Kind.OBSTACLE, "Traffic_Cone", 0.38, 0.38, 0.70, 40100005),
     _thing(Kind.OBSTACLE, "Road_Barrier", 2.00, 0.60, 0.81),
+    # Seen in files that MORAI has saved; what they are is not published. The size is the ordinary one of their class.
+    *(_plain_car(data_id) for data_id in (20100012, 20100014, 20200003, 30200005, 30200006, 30200007)),
+    _thing(Kind.OBSTACLE, "Obstacle_40100019", 0.60, 0.40, 0.40, 40100019),
 )
 
 DEFAULT_EGO: Final = CATALOGUE[0]
@@ -106,40 +130,87 @@ _IGNORED = re.compile(r"[\W_]+")  # blanks, `_`, `-`, brackets
 _YEAR = re.compile(r"(19|20)\d\d(?=[a-z])")
 
 
-def _key(name: str) -> str:
+def key_of_name(name: str) -> str:
+    """Return the part of a name that counts: without case, blanks, `_`, `-` and brackets."""
     return _IGNORED.sub("", name).casefold()
 
 
-_BY_KEY: Final = {_YEAR.sub("", _key(model.name), count=1): model for model in CATALOGUE} | {
-    _key(model.name): model for model in CATALOGUE
-}
-_BY_DATA_ID: Final = {(model.kind, data_id): model for model in CATALOGUE for data_id in model.data_ids}
 _DEFAULTS: Final = {
     Kind.EGO: DEFAULT_EGO,
     Kind.VEHICLE: DEFAULT_EGO,
-    Kind.PEDESTRIAN: _BY_KEY["pedestrian"],
-    Kind.OBSTACLE: _BY_KEY["box"],
+    Kind.PEDESTRIAN: next(model for model in CATALOGUE if model.kind is Kind.PEDESTRIAN),
+    Kind.OBSTACLE: next(model for model in CATALOGUE if model.name == "Box"),
 }
 
+_CLASSES: Final = {
+    201: Kind.VEHICLE,
+    202: Kind.VEHICLE,
+    302: Kind.VEHICLE,
+    401: Kind.OBSTACLE,
+    501: Kind.PEDESTRIAN,
+    502: Kind.PEDESTRIAN,
+}
+"""The first digits of a `DataID` are its class: 201 and 202 are cars that are driven from outside, 302 NPC vehicles."""
+
+_DIGITS: Final = 8
+"""Of a `DataID`."""
 
 MAX_NAME: Final = 200
 """Longest name that is looked up: names come from clients, and may be megabytes."""
 
 
-def find_model(name: str) -> Model | None:
-    """The model of this name, or None.
+class Catalogue:
+    """The user's models and ours, by name and by number; the user's win.
 
-    Case, blanks, `_`, `-` and brackets make no difference, and the model year may be left out: `kia k5` is
-    `2015_Kia_K5`. Another year is another car.
+    Attributes:
+        own: the user's, in the order of the file.
     """
-    return _BY_KEY.get(_key(name)) if len(name) <= MAX_NAME else None
+
+    def __init__(self, own: Sequence[Model] = ()) -> None:
+        """A catalogue of these models, then ours.
+
+        Args:
+            own: the user's. No two have one name, and none of a kind one number.
+        """
+        self.own = tuple(own)
+        # What comes later wins; a full name beats one whose year was left out.
+        models = (*CATALOGUE, *self.own)
+        self._by_key = {_YEAR.sub("", key_of_name(model.name), count=1): model for model in models}
+        self._by_key |= {key_of_name(model.name): model for model in models}
+        self._by_data_id = {(model.kind, data_id): model for model in models for data_id in model.data_ids}
+
+    def find(self, name: str) -> Model | None:
+        """Return the model of this name, or None.
+
+        Case, blanks, `_`, `-` and brackets make no difference, and the model year may be left out: `kia k5` is
+        `2015_Kia_K5`. Another year is another car.
+        """
+        return self._by_key.get(key_of_name(name)) if len(name) <= MAX_NAME else None
+
+    def of_data_id(self, data_id: int, kind: Kind) -> Model | None:
+        """Return the model that scenario files call by this number, or None; an ego is looked up among the vehicles."""
+        return self._by_data_id.get((Kind.VEHICLE if kind is Kind.EGO else kind, data_id))
 
 
-def model_of_data_id(data_id: int, kind: Kind) -> Model | None:
-    """The model that scenario files call by this number, or None; an ego is looked up among the vehicles."""
-    return _BY_DATA_ID.get((Kind.VEHICLE if kind is Kind.EGO else kind, data_id))
+BUILT_IN: Final = Catalogue()
+"""Our models alone."""
+
+find_model: Final = BUILT_IN.find
+model_of_data_id: Final = BUILT_IN.of_data_id
 
 
 def default_model(kind: Kind) -> Model:
-    """What stands for a model of this kind that is not known."""
+    """Return what stands for a model of this kind that is not known."""
     return _DEFAULTS[kind]
+
+
+def class_of_data_id(data_id: int) -> Kind | None:
+    """Return the class that the first digits of a number name; None where they name none."""
+    text = str(data_id)
+    return _CLASSES.get(int(text[:3])) if len(text) == _DIGITS and text.isdecimal() else None
+
+
+def model_by_class(data_id: int, kind: Kind) -> Model:
+    """Return the ordinary model of a kind, under a name that keeps a number which is in no catalogue."""
+    like = default_model(kind)
+    return Model(f"{like.kind.name.capitalize()}_{data_id}", like.kind, like.body, (data_id,))

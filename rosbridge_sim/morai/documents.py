@@ -10,7 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError, WithJsonSchema
 from pydantic_core import ErrorDetails, PydanticCustomError
@@ -21,9 +21,11 @@ __all__ = [
     "Coordinate",
     "Document",
     "Flag",
+    "Kept",
     "Mistake",
     "Number",
     "Ratio",
+    "SortedKeys",
     "Whole",
     "find_mistakes",
     "keys_beside",
@@ -52,9 +54,11 @@ class Document(BaseModel):
 
     Attributes:
         other_keys: what is read beside the fields.
+        idle_keys: the fields that are read and kept and have no effect yet.
     """
 
     other_keys: ClassVar[frozenset[str]] = frozenset()
+    idle_keys: ClassVar[frozenset[str]] = frozenset()
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False, coerce_numbers_to_str=True)
 
@@ -102,6 +106,10 @@ Whole = Annotated[
 """An int32, also as text or as 2.0."""
 
 Flag = Annotated[bool, BeforeValidator(_flag), WithJsonSchema({"type": "boolean"})]
+
+
+Kept = Annotated[Any, WithJsonSchema({})]
+"""Any JSON value, kept as it is written: what has no effect cannot be a mistake."""
 
 
 def read_document(kind: TypeAdapter[T], text: bytes, source: str, max_bytes: int) -> T:
@@ -228,22 +236,31 @@ def _shown(value: Any) -> str:  # noqa: ANN401  # whatever stood in the document
 # Keys
 
 
-def sort_keys(kind: type[Document], value: object) -> tuple[Counter[str], Counter[str]]:
-    """Which keys of a JSON value are read as a document of that kind, and which are passed over.
+class SortedKeys(NamedTuple):
+    """How often each key stands in a document, by its path (`vehicleList[].initPosition.pos.x`), in order.
+
+    Attributes:
+        read: the keys that have an effect.
+        idle: those that are read and kept, and have no effect yet.
+        passed_over: the others. Of these and the idle ones only the outermost key is told.
+    """
+
+    read: Counter[str]
+    idle: Counter[str]
+    passed_over: Counter[str]
+
+
+def sort_keys(kind: type[Document], value: object) -> SortedKeys:
+    """Sort the keys of a JSON value by what becomes of them when it is read as a document of that kind.
 
     Args:
         kind: of the value, or of each entry if the value is a list.
         value: the document as it was parsed, good or bad.
-
-    Returns:
-        How often each key stands there, by its path (`vehicleList[].initPosition.pos.x`), in order of appearance. Of
-        what is passed over nothing is told but its outermost key.
     """
-    read: Counter[str] = Counter()
-    passed_over: Counter[str] = Counter()
-    for path, is_read in _keys(kind, value, ""):
-        (read if is_read else passed_over)[path] += 1
-    return read, passed_over
+    keys = SortedKeys(Counter(), Counter(), Counter())
+    for path, counter in _keys(kind, value, "", keys):
+        counter[path] += 1
+    return keys
 
 
 def keys_beside(kind: type[Document], path: str) -> list[str]:
@@ -258,18 +275,22 @@ def keys_beside(kind: type[Document], path: str) -> list[str]:
     return list(kind.model_fields)
 
 
-def _keys(kind: type[Document], value: object, path: str) -> Iterator[tuple[str, bool]]:
+def _keys(kind: type[Document], value: object, path: str, keys: SortedKeys) -> Iterator[tuple[str, Counter[str]]]:
+    """Yield the path of each key and the counter that it belongs to."""
     if isinstance(value, list):
         for one in value:
-            yield from _keys(kind, one, f"{path}[]")
+            yield from _keys(kind, one, f"{path}[]", keys)
     elif isinstance(value, dict):
         for key, one in value.items():
             where = f"{path}.{key}".removeprefix(".")
             field = kind.model_fields.get(key)
-            yield where, field is not None or key in kind.other_keys
+            if key in kind.idle_keys:
+                yield where, keys.idle
+                continue
+            yield where, keys.passed_over if field is None and key not in kind.other_keys else keys.read
             inner = None if field is None else _kind_within(field.annotation)
             if inner is not None:
-                yield from _keys(inner, one, where)
+                yield from _keys(inner, one, where, keys)
 
 
 def _kind_within(annotation: object) -> type[Document] | None:

@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.errors import FieldError
-from rosbridge_sim.morai.catalogue import Model, find_model
+from rosbridge_sim.morai.catalogue import Model
 from rosbridge_sim.morai.commands import Ghost, Pose
 from rosbridge_sim.morai.stage import FIRST_UID, MAX_ENTITIES, MAX_FILE_UID, Stage
 from rosbridge_sim.world import dynamics
@@ -94,7 +94,7 @@ class Ghosts:
             raise FieldError(f"unique_id: expected {FIRST_UID}..{MAX_FILE_UID}, got {ghost.unique_id}")
         if self._is_ego(ghost.unique_id):
             raise FieldError(f"unique_id {ghost.unique_id}: expected a vehicle's, it is an ego's")
-        model = find_model(ghost.name)
+        model = self._stage.catalogue.find(ghost.name)
         if model is None or model.kind is not Kind.VEHICLE:
             raise FieldError(f"unique_id {ghost.unique_id}: the catalogue has no vehicle {ghost.name[:80]!r}")
         return model

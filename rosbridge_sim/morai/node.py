@@ -25,6 +25,7 @@ from rosbridge_sim.errors import FieldError, GraphError, PeerError
 from rosbridge_sim.graph.bus import Bus, Owner
 from rosbridge_sim.graph.owner import hold
 from rosbridge_sim.morai.bindings import Bindings
+from rosbridge_sim.morai.catalogue import BUILT_IN, Catalogue
 from rosbridge_sim.morai.commands import EgoSetting
 from rosbridge_sim.morai.convert import Converter, maker
 from rosbridge_sim.morai.ego import CtrlMode, Ego
@@ -76,6 +77,7 @@ class NodeSettings:
         sync_lease: silence after which a master is lost [s]; None counts departures only.
         sync_on_loss: what becomes of the world when the master is lost.
         anyone_may_stop: let others than the master stop synchronous mode.
+        catalogue: the models that clients name.
         on_world_failure: raise an exception of a step to the caller of `advance`, or stand still and refuse everything.
     """
 
@@ -88,6 +90,7 @@ class NodeSettings:
     sync_lease: float | None = None
     sync_on_loss: Literal["run", "pause", "wait"] = "run"
     anyone_may_stop: bool = False
+    catalogue: Catalogue = BUILT_IN
     on_world_failure: Literal["exit", "serve"] = "exit"
 
 
@@ -154,7 +157,14 @@ class Node:
         self.library = library
         self.convert = Converter(bus.store, settings.profile)
         ego_gear = Gear.DRIVE if is_external else Gear.PARK
-        self.stage = Stage(world, library, scenario, ego_gear=ego_gear, speed_limits=settings.speed_limits)
+        self.stage = Stage(
+            world,
+            library,
+            scenario,
+            ego_gear=ego_gear,
+            speed_limits=settings.speed_limits,
+            catalogue=settings.catalogue,
+        )
         self.camera_index = FIRST_EGO
         self._ctrl_mode = CtrlMode.EXTERNAL if is_external else CtrlMode.KEYBOARD
         self.egos: list[Ego] = [self._make_ego(FIRST_EGO, FIRST_EGO)]

@@ -17,13 +17,12 @@ import logging
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError
 from rosbridge_sim.graph.bus import Call, Owner
 from rosbridge_sim.morai.answers import complain, request_of, respond
 from rosbridge_sim.morai.bindings import Bindings
-from rosbridge_sim.morai.catalogue import find_model
 from rosbridge_sim.morai.commands import lamps_of
 from rosbridge_sim.morai.convert import gear_of, maker, time_text
 from rosbridge_sim.morai.ego import CtrlMode, Ego
@@ -40,6 +39,9 @@ __all__ = ["Services"]
 # EventInfo.option. The message's own comment writes these as 0x1, 0x10, 0x100, 0x1000, which are binary digits; taken
 # at its word, 0x10 would still fit into the field and means nothing else, so it is gear as well.
 _MODE_BIT, _GEAR_BITS, _LAMP_BIT, _PAUSE_BIT = 1, 2 | 16, 4, 8
+
+MAX_LISTED: Final = 20
+"""Ids that a status lists."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
@@ -201,7 +203,7 @@ class Services(Part):
         self._queue_silently(topic, self._read_remove(request, sender, topic), request.frame, sender, now)
 
     def _read_add(self, request: Any, sender: Owner, where: str) -> Command:  # noqa: ANN401 - a generated struct
-        model = find_model(request.name)
+        model = self._node.stage.catalogue.find(request.name)
         if model is None:
             raise FieldError(f"the catalogue has no model {request.name[:80]!r}")
         place, heading_deg = (request.position.x, request.position.y, request.position.z), request.heading
@@ -289,7 +291,14 @@ class Services(Part):
         request = request_of(call)
         ego = self._node.find_ego(request.unique_id)
         unique_id = request.unique_id if ego is None else ego.uid
-        respond(call, self._node.convert.vehicle_spec(self._node.stage.vehicle(unique_id)))
+        body = self._node.stage.vehicle(unique_id)
+        if body is None:
+            ids = [*(one.index for one in self._node.egos), *self._node.stage.vehicle_ids()]
+            listed = ", ".join(map(str, ids[:MAX_LISTED]))
+            more = f", ... and {len(ids) - MAX_LISTED:,} more" if len(ids) > MAX_LISTED else ""
+            text = f"unique_id: expected a vehicle's, one of {listed}{more}; got {request.unique_id}"
+            complain(call.caller.tell, f"{call.service.name}: {text}; all figures are 0")
+        respond(call, self._node.convert.vehicle_spec(body))
 
     def _map_spec(self, call: Call, _now: float) -> None:
         respond(call, self._node.convert.map_spec(self._node.stage.road_map))

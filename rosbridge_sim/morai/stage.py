@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 from rosbridge_sim.errors import DocumentError, FieldError
-from rosbridge_sim.morai.catalogue import DEFAULT_EGO, Model
+from rosbridge_sim.morai.catalogue import BUILT_IN, DEFAULT_EGO, Catalogue, Model
 from rosbridge_sim.morai.commands import Pose
 from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.releases import SpeedLimits
@@ -43,7 +43,7 @@ __all__ = [
 ]
 
 DEFAULT_MAP: Final = "track"
-"""The built-in map that serves where no other is named, or where the named one is not there."""
+"""The built-in map of scenarios that name none."""
 
 FIRST_EGO: Final = 0
 """The first ego's id."""
@@ -93,30 +93,22 @@ class FoundMap:
 
     Attributes:
         name: as the scenario has it.
-        road_map: the map, or the built-in one that serves in its place.
-        why: why it is the built-in one; empty if it is not.
+        road_map: the map, which has a name of its own where one map stands in for all.
     """
 
     name: str
     road_map: RoadMap
-    why: str = ""
 
 
 def find_map(library: Library, name: str) -> FoundMap:
-    """The map of that name, or the built-in one where it cannot be used.
+    """Return the map of that name.
+
+    No other map takes its place, because a drive on other roads than the scenario's measures nothing.
 
     Raises:
-        DocumentError: the built-in one cannot be used either.
+        DocumentError: there is none, or it cannot be used.
     """
-    why = ""
-    try:
-        road_map = library.map(name)
-    except DocumentError as error:
-        if name == DEFAULT_MAP:
-            raise
-        why = str(error)
-        road_map = library.map(DEFAULT_MAP)
-    return FoundMap(name, road_map, why)
+    return FoundMap(name, library.map(name))
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,6 +159,7 @@ class Stage:
     Attributes:
         world: written by `carry_out`, `add` and `remove`.
         road_map: the one in use.
+        catalogue: the models that clients and recordings name.
         loaded: the scenario that the world has been made from: the opening one, or the last that cleared the stage.
         is_replaying: a recording has the stage: nobody else comes or goes by himself.
     """
@@ -179,6 +172,7 @@ class Stage:
         *,
         ego_gear: Gear,
         speed_limits: SpeedLimits | None = None,
+        catalogue: Catalogue = BUILT_IN,
     ) -> None:
         """The opening scene.
 
@@ -188,12 +182,14 @@ class Stage:
             scenario: the opening scenario. Without an ego in it, one stands at the map's origin.
             ego_gear: the ego's, whatever the scenario says.
             speed_limits: of all egos; None for those of their models.
+            catalogue: the models that clients and recordings name.
 
         Raises:
             DocumentError: the scenario does not fit its map, or the map cannot be used.
         """
         self.world = world
         self.is_replaying = False
+        self.catalogue = catalogue
         self._library = library
         self._speed_limits = speed_limits
         self._next_uid = FIRST_UID
@@ -362,6 +358,11 @@ class Stage:
         row = self.world.row(uid)
         return self.world.bodies[row] if self.world.kind[row] in {Kind.EGO, Kind.VEHICLE} else None
 
+    def vehicle_ids(self) -> list[int]:
+        """Return the ids of all vehicles that are no egos, in order of spawning."""
+        world = self.world
+        return [int(uid) for uid in world.uid[world.rows(Kind.VEHICLE)]]
+
     def _check_free(self) -> None:
         if self.is_replaying:
             raise FieldError("refused while a recording is replayed")
@@ -394,8 +395,6 @@ class Stage:
 
 def _told(found: FoundMap) -> RoadMap:
     """The map itself, after the log was told what is to be known of it."""
-    if found.why:
-        _log.warning("%s; the built-in map %s serves in its place", found.why, DEFAULT_MAP)
     for note in found.road_map.notes:
         _log.info("map %s: %s", found.road_map.name, note)
     return found.road_map
@@ -445,6 +444,9 @@ def _spawn(world: World, spawn: Spawn, uid: int, gear: Gear) -> None:
         path=spawn.path,
         is_loop=spawn.is_loop,
         gear=gear,
+        roll=spawn.roll,
+        pitch=spawn.pitch,
+        start_within=spawn.start_within,
     )
     driver = spawn.driver
     if driver is not None:

@@ -278,7 +278,7 @@ def list_items(settings: Settings) -> list[ListedItem]:
     bus = Bus(Store(read_definitions(settings.release, settings.schema_path), leniency=LENIENCY, ros=settings.ros))
     Rosapi(bus)
     Republisher(bus)
-    built_in = replace(settings, scenario=Settings().scenario, scenario_path=(), map=None)
+    built_in = replace(settings, scenario=Settings().scenario, scenario_path=(), map=None, catalogue=None)
     return list(_make_node(bus, built_in, None, None).items.listing())
 
 
@@ -289,7 +289,7 @@ def _make_node(
     reader: Reader | None,
     quota: DataQuota | None = None,
 ) -> Node:
-    library = DiskLibrary(settings.scenario_path, settings.map)
+    library = DiskLibrary(settings.scenario_path, settings.map, settings.catalogue)
     profile = choose_profile(
         settings.profile,
         settings.release,
@@ -308,6 +308,7 @@ def _make_node(
         sync_lease=settings.sync_lease,
         sync_on_loss=settings.sync_on_loss,
         anyone_may_stop=settings.anyone_may_stop,
+        catalogue=library.catalogue,
         on_world_failure=settings.on_world_failure,
     )
     scenario = library.opening_scenario(settings.scenario)

@@ -73,26 +73,46 @@ def run_scenario(argv: Sequence[str]) -> int:
     """`rosbridge-sim scenario ...`."""
     group, add = group_of("scenario", "Scenario files; no server is asked.")
 
-    parser = add("check", _check_scenario, "explain a scenario file: what it holds, what of it is read, what is wrong")
-    parser.add_argument("file", metavar="FILE", help="FILE.json, or the name of a scenario that a server would find")
+    parser = add(
+        "check",
+        _check_scenario,
+        "explain a scenario file: what is wrong, what is odd, what it holds, what of it is read; or judge several",
+    )
+    parser.add_argument(
+        "files",
+        metavar="FILE",
+        nargs="+",
+        help="FILE.json, the name of a scenario that a server would find, or a folder of scenarios",
+    )
     parser.add_argument("--map", metavar="NAME|DIR", help="the map to check it on [the one that it names]")
     parser.add_argument(
         "--scenario-path", action="append", default=[], metavar="DIR", help="folder with scenarios; may be repeated"
     )
+    parser.add_argument(
+        "--catalogue", metavar="FILE", help="your own table of models, *.toml or *.csv, as for serve; lengths in metres"
+    )
     _add_picture(parser)
+    _add_strict(parser)
     add_json(parser)
     return run_command(group, argv)
 
 
 def _add_picture(parser: Parser) -> None:
-    parser.add_argument("--picture", metavar="FILE.png", help="also draw it")
+    parser.add_argument("--picture", metavar="FILE.png", help="also draw it; FILE.jpg does, too")
+
+
+def _add_strict(parser: Parser) -> None:
+    parser.add_argument(
+        "--strict", action="store_true", help="end with code 1 for remarks, too, and not for mistakes alone"
+    )
 
 
 def _check_scenario(options: Options) -> int:
     from rosbridge_sim.shell.tools import scenario  # noqa: PLC0415
 
-    return scenario.check_scenario(
-        options.file, options.map, tuple(options.scenario_path), options.picture, is_json=options.json
+    library, own_map = scenario.open_library(options.map, tuple(options.scenario_path), options.catalogue)
+    return scenario.check_scenarios(
+        options.files, library, own_map, options.picture, is_json=options.json, is_strict=options.strict
     )
 
 
@@ -103,9 +123,15 @@ def run_map(argv: Sequence[str]) -> int:
     """`rosbridge-sim map ...`."""
     group, add = group_of("map", "Map folders; no server is asked.")
 
-    parser = add("info", _show_map, "explain a map: its files, what is in them, and what it lacks")
-    parser.add_argument("map", metavar="DIR|NAME", help="a folder of MGeo files, or a built-in map")
+    parser = add("info", _show_map, "explain a map: what is wrong, what it lacks, and what is in it; or judge several")
+    parser.add_argument(
+        "maps",
+        metavar="DIR|NAME",
+        nargs="+",
+        help="a folder of MGeo files, a folder of such, or a built-in map",
+    )
     _add_picture(parser)
+    _add_strict(parser)
     add_json(parser)
     return run_command(group, argv)
 
@@ -113,4 +139,4 @@ def run_map(argv: Sequence[str]) -> int:
 def _show_map(options: Options) -> int:
     from rosbridge_sim.shell.tools import map as map_tool  # noqa: PLC0415
 
-    return map_tool.show_map(options.map, options.picture, is_json=options.json)
+    return map_tool.show_maps(options.maps, options.picture, is_json=options.json, is_strict=options.strict)

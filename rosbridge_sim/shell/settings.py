@@ -169,6 +169,13 @@ class Settings:
     scenario_path: tuple[str, ...] = _flag(
         (), _WORLD, FOLDERS, "folder in which clients' scenarios are found; may be repeated"
     )
+    catalogue: str | None = _flag(
+        None,
+        _WORLD,
+        FILE,
+        "your own table of models, *.toml or *.csv, asked before the built-in one: DataID, name, class, length, width,"
+        " height, wheelbase, rear_overhang [m], max_steer [deg], mass [kg]",
+    )
     data_dir: str = _flag(
         "SaveFile",
         _WORLD,

@@ -14,6 +14,7 @@ from glob import escape
 from pathlib import Path
 
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.morai.catalogue import BUILT_IN
 from rosbridge_sim.morai.maps.mgeo import MAP_FILES, RoadMap, read_map
 from rosbridge_sim.morai.scenarios.scenario import Scenario, read_scenario
 from rosbridge_sim.schema.parse import parse_action, parse_message, parse_service
@@ -211,21 +212,37 @@ PLAIN_NAME = re.compile(r"(?!\.+$)[^\x00-\x1f\x7f<>:\"/\\|?*]+")
 
 
 class DiskLibrary:
-    """Scenarios and maps by name. Those that were used last are kept for as long as their files stay as they are."""
+    """Scenarios and maps by name. Those that were used last are kept for as long as their files stay as they are.
 
-    def __init__(self, scenario_folders: Sequence[str | Path] = (), own_map: str | None = None) -> None:
+    Attributes:
+        catalogue: the models that scenarios name. It is read once, at the start.
+    """
+
+    def __init__(
+        self,
+        scenario_folders: Sequence[str | Path] = (),
+        own_map: str | None = None,
+        own_models: str | Path | None = None,
+    ) -> None:
         """A library that reads each document when it is asked for.
 
         Args:
             scenario_folders: where clients' scenarios are, in order of search.
             own_map: name or folder of a map that stands in for whichever map is asked for.
+            own_models: file of the user's catalogue.
 
         Raises:
-            DocumentError: a folder does not exist.
+            DocumentError: a folder does not exist, or the catalogue cannot be used.
         """
         self._folders = [Path(folder) for folder in scenario_folders]
         self._own_map = own_map
         self._cache = DocumentCache()
+        self.catalogue = BUILT_IN
+        if own_models is not None:
+            # Imported here: a start without such a file does not wait for it.
+            from rosbridge_sim.shell.catalogue_file import read_catalogue  # noqa: PLC0415
+
+            self.catalogue = read_catalogue(Path(own_models))
         for folder in self._folders:
             if not folder.is_dir():
                 raise DocumentError(f"{folder}: expected a folder with scenarios; there is none")
@@ -240,9 +257,7 @@ class DiskLibrary:
             DocumentError: no such scenario, a name that leads out of the folders, or a file that cannot be used.
         """
         path = self._find_scenario(name)
-        return self._cache.get(
-            "scenario", path, [path], lambda: read_scenario(*self._read_scenario(path)), min_age=MIN_AGE
-        )
+        return self._cache.get("scenario", path, [path], lambda: self._understand(path), min_age=MIN_AGE)
 
     def opening_scenario(self, name: str) -> Scenario:
         """The scenario that the person who starts the server names: as above, or any file.
@@ -250,7 +265,8 @@ class DiskLibrary:
         Raises:
             DocumentError: as above.
         """
-        return read_scenario(*self.opening_file(name))
+        text, source = self.opening_file(name)
+        return read_scenario(text, source, catalogue=self.catalogue)
 
     def opening_file(self, name: str) -> tuple[bytes, str]:
         """Content and path of the file of that scenario.
@@ -262,6 +278,14 @@ class DiskLibrary:
         is_any_file = looks_like_path(name) and (path.is_file() or name != path.name)
         return self._read_scenario(path if is_any_file else self._find_scenario(name))
 
+    def has_scenario(self, name: str) -> bool:
+        """Whether `scenario` would find a file under a name; it need not be a good one."""
+        try:
+            self._find_scenario(name)
+        except DocumentError:
+            return False
+        return True
+
     def _find_scenario(self, name: str) -> Path:
         parts = safe_parts(name)
         for folder in [*self._folders, DATA / "scenarios"]:
@@ -269,6 +293,10 @@ class DiskLibrary:
             if path is not None:
                 return path
         raise DocumentError(f"no scenario {name!r}; known are {', '.join(self.scenario_names()) or 'none'}")
+
+    def _understand(self, path: Path) -> Scenario:
+        text, source = self._read_scenario(path)
+        return read_scenario(text, source, catalogue=self.catalogue)
 
     def _read_scenario(self, path: Path) -> tuple[bytes, str]:
         return _read(path, MAX_DOCUMENT_SIZE), str(path)

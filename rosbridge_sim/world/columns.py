@@ -37,6 +37,8 @@ FLOATS: Final = (
     *("z", "arc", "leg_start", "leg_end", "leg_x", "leg_y", "leg_z", "leg_dx", "leg_dy", "leg_dz"),
     # neither
     *("path_length", "wish", "roll", "pitch", "speed_cmd", "accel_cmd", "max_steer", "speed_accel", "speed_decel"),
+    # written by waiting
+    *("start_within", "start_speed"),
     # read by contacts
     *("half_length", "half_width", "height", "centre"),
 )
@@ -82,6 +84,9 @@ class Columns:
         lane, ahead_1 ..: rows of `roads`: where it is, and where it will go from there; -1 beyond a dead end, int64.
         wish: how fast it would like to go, inf for as fast as is allowed [m/s].
         turns, claim, held, exit_lane, point: see `traffic`.
+
+        start_within, start_speed: of a row that waits at rest for an ego: the distance at which it starts [m], and how
+            fast it goes then [m/s]; 0 for rows that do not wait. See `waiting`.
 
         is_ghost: steps leave it where it stands, whatever its speed; see `dynamics.place_ghost`, bool.
 
@@ -132,6 +137,8 @@ class Columns:
     max_steer: FloatArray
     speed_accel: FloatArray
     speed_decel: FloatArray
+    start_within: FloatArray
+    start_speed: FloatArray
     half_length: FloatArray
     half_width: FloatArray
     height: FloatArray

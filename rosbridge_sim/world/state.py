@@ -1,7 +1,8 @@
 """Every entity of the world as one row in a struct of arrays: spawn, remove, snapshot, restore, digest.
 
 The one thing that moves is `World`. What moves it is elsewhere: `dynamics` (rows that somebody drives), `walking` (rows
-that go their own way), `traffic` (rows that keep to the lanes) and `step`, which calls them in a fixed order.
+that go their own way), `waiting` (rows that start when an ego comes), `traffic` (rows that keep to the lanes) and
+`step`, which calls them in a fixed order.
 
 All numbers are SI and radians in the map frame (ENU metres, yaw counter-clockwise from east). The reference point of a
 vehicle is the middle of its rear axle on the ground, that of a pedestrian or an obstacle its centre on the ground.
@@ -146,6 +147,9 @@ class World(Columns):
         path: FloatArray | None = None,
         is_loop: bool = False,
         gear: Gear = Gear.DRIVE,
+        roll: float = 0.0,
+        pitch: float = 0.0,
+        start_within: float = 0.0,
     ) -> int:
         """Put an entity into the world and return its id.
 
@@ -166,13 +170,19 @@ class World(Columns):
             path: (m, 2) or (m, 3) waypoints, m >= 2 [m]; two columns lie at height z.
             is_loop: the path is closed by a last segment to its first point.
             gear: for an EGO.
+            roll: kept as it is until the entity is put elsewhere [rad].
+            pitch: the same, positive with the nose down [rad].
+            start_within: it stands until an EGO is this near, then goes with `speed` [m]; 0: it goes at once. Not for
+                an EGO.
 
         Raises:
             ValueError: a number that is not finite or out of bounds, an id that is in use, a path that is none, an
                 EGO with a path or without a wheelbase, a kind or gear that does not exist. The world is as it was.
         """
-        check_pose(x=x, y=y, z=z, yaw=yaw, speed=speed)
+        check_pose(x=x, y=y, z=z, yaw=yaw, speed=speed, roll=roll, pitch=pitch, start_within=start_within)
         kind, gear = Kind(kind), Gear(gear)
+        if start_within < 0.0 or (kind == Kind.EGO and start_within > 0.0):
+            raise ValueError(f"start_within: expected at least 0 m, and 0 for an ego, got {start_within!r}")
         if kind == Kind.EGO and (path is not None or min(body.wheelbase, body.max_accel, body.max_decel) <= 0.0):
             raise ValueError(f"{name}: an ego has wheelbase, engine and brakes, and no path of its own")
         uid, next_uid = self._choose_uid(uid)
@@ -194,7 +204,11 @@ class World(Columns):
             _BOX_COLUMNS, (body.length / 2, body.width / 2, body.height, body.centre), strict=True
         ):
             getattr(self, column)[row] = value
-        self.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
+        is_waiting = start_within > 0.0 and speed != 0.0
+        self.place(row, x=x, y=y, z=z, yaw=yaw, speed=0.0 if is_waiting else speed)
+        self.roll[row], self.pitch[row] = roll, pitch
+        if is_waiting:
+            self.start_within[row], self.start_speed[row] = start_within, speed
         if kind == Kind.EGO:
             for column in _BODY_COLUMNS:
                 getattr(self, column)[row] = getattr(body, _BODY_COLUMNS[column])
@@ -384,6 +398,7 @@ class World(Columns):
         wrapped = yaw if -_SURELY_WRAPPED < yaw < _SURELY_WRAPPED else wrap_angle(yaw)
         self.x[row], self.y[row], self.z[row], self.yaw[row] = x, y, z, wrapped
         self.speed[row], self.accel[row], self.lateral_accel[row], self.yaw_rate[row] = speed, 0.0, 0.0, 0.0
+        self.start_within[row] = self.start_speed[row] = 0.0
         self.arc[row], self.leg_start[row], self.leg_end[row] = 0.0, 0.0, np.inf
         self.leg_x[row], self.leg_y[row], self.leg_z[row] = x, y, z
         self.leg_dx[row], self.leg_dy[row], self.leg_dz[row] = math.cos(yaw), math.sin(yaw), 0.0
@@ -398,6 +413,7 @@ class World(Columns):
             self._leave_way(row)
         self.x[rows], self.y[rows], self.z[rows], self.yaw[rows] = x, y, z, wrap_angle(yaw)
         self.speed[rows], self.accel[rows], self.lateral_accel[rows], self.yaw_rate[rows] = speed, 0.0, 0.0, 0.0
+        self.start_within[rows] = self.start_speed[rows] = 0.0
         self.arc[rows], self.leg_start[rows], self.leg_end[rows] = 0.0, 0.0, np.inf
         self.leg_x[rows], self.leg_y[rows], self.leg_z[rows] = x, y, z
         headings = yaw.tolist()  # by the functions that `place` uses: numpy's may differ in the last bit

@@ -42,7 +42,7 @@ GOOD: dict[str, dict[str, Any]] = {
         "objectList": [{"UNIQUEID": 500 + i, "DataID": 40100005, "pos": {"x": i, "y": -40.0}} for i in range(40)],
         "waypointDataList": [_path(f"ObstaclePath - {10 + i}", (9.0 * i, 50.0), (9.0 * i, 150.0)) for i in range(60)],
     },
-    "saved": {  # as MORAI writes: numbers twice, keys that nobody reads, a map that is not here
+    "saved": {  # as MORAI writes: numbers twice, paths without waypoints, keys that nobody reads
         "version": "1.0",
         "egoVehicle": {
             **_EGO,
@@ -52,7 +52,8 @@ GOOD: dict[str, dict[str, Any]] = {
         },
         "vehicleList": [{"DataID": 30200001, "UNIQUEID": 7, "initPosition": _place(1, 2), "velocityType": 2}],
         "spawnPointList": [{"DataID": 90100001, "m_eobstacleObjType": 5}],
-        "mapInfo": {"mapName": "R_KR_Somewhere", "globalCoordinateSystem": "UTM52N"},
+        "mapInfo": {"mapName": "track", "globalCoordinateSystem": "UTM52N"},
+        "waypointDataList": [{"pathName": "ObstaclePath - 7", "waypointData": []}],
         "shadedAreaList": [],
     },
     "parked": {"egoVehicle": {**_EGO, "gear": 1}, "objectList": [{"pos": {"x": 1, "y": 1}}]},
@@ -84,6 +85,7 @@ BAD: dict[str, bytes] = {
     "no_link_elsewhere": json.dumps(  # found only once the other map has been read
         {"mapInfo": {"mapName": "town"}, "egoVehicle": {"initPosition": _on("no such link")}}
     ).encode(),
+    "no_map": _bad("mapInfo", {"mapName": "R_KR_Somewhere"}),
     "far": _bad("egoVehicle", {"initPosition": _place(1e300, 0)}),
 }
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from rosbridge_sim.errors import FieldError
+from rosbridge_sim.morai.catalogue import Catalogue, Model
 from rosbridge_sim.morai.ghosts import WINDOW
 from rosbridge_sim.morai.stage import FIRST_EGO, MAX_ENTITIES, MAX_FILE_UID
+from rosbridge_sim.world.state import Body, Kind
 from tests.morai.stand import ALL, Client, Stand
 
 GHOST = "morai_msgs/GhostMessage"
@@ -139,6 +142,16 @@ def test_a_number_that_is_new_brings_a_vehicle_of_the_model() -> None:
     assert npcs[2]["heading"] == pytest.approx(90.0)
     assert npcs[3]["position"] == vector(40.0, 5.0)
     assert client.ask("/Service_MoraiVehicleSpec", unique_id=3)["size"]["x"] == pytest.approx(10.955)
+
+
+def test_a_ghost_may_be_a_model_of_the_users() -> None:
+    lorry = Model("Lorry", Kind.VEHICLE, replace(Body(), length=9.0, front_overhang=5.41))
+    stand = Stand("empty", catalogue=Catalogue([lorry]))
+    client = stand.client()
+    place(client, npc(2, 30.0, name="lorry"))
+    assert client.ask("/Service_MoraiVehicleSpec", unique_id=2)["size"]["x"] == 9.0
+    with pytest.raises(FieldError, match="the catalogue has no vehicle 'lorry'"):
+        place(Stand("empty").client(), npc(2, 30.0, name="lorry"))
 
 
 def test_a_vehicle_that_drove_becomes_a_ghost() -> None:

@@ -53,11 +53,86 @@ def test_the_schedule_in_seconds_with_yellow_after_the_phase() -> None:
     assert shown(plan, 18.5, 20.48, 20.5, 21.0) == [[R, Y, Y, R], [R, Y, Y, R], [G, Y, R, R], [G, Y, R, R]]
 
 
+EMPTY = "the set of intersection controllers is empty; lights are run by their groups and schedules"
+NO_CONTROLLER = "schedule 'IntTL13': the map has no such intersection controller"
+
+
 def test_without_groups_nobody_runs_the_lights() -> None:
     tiny = read(KOREAN)
     assert tiny.plan is not None
     assert shown(tiny.plan, 0.0, 100.0) == [[UNSET, Y, UNSET, UNSET]] * 2
-    assert tiny.notes == ("schedule 'IntTL13': the map has no such intersection controller",)
+    assert tiny.notes == (
+        EMPTY,
+        f"{NO_CONTROLLER} and no group of lights that the schedule names; it runs nothing",
+    )
+
+
+def without_controllers(state: dict[str, Any], **group_keys: object) -> Files:
+    """A map whose set of controllers is empty, as one published copy of a real one has it."""
+    schedule = {**ROADRUNNER["intersection_controller_state.json"][0], **state}
+    return {
+        **ROADRUNNER,
+        "intersection_controller_set.json": [],
+        "intersection_controller_state.json": [schedule],
+        "synced_traffic_light_set.json": [
+            {**group, "intersection_controller_id": None, **group_keys}
+            for group in ROADRUNNER["synced_traffic_light_set.json"]
+        ],
+    }
+
+
+GROUPS = ("SSN000000", "SSN000001", "SSN000002")
+THEY_ARE_NAMED = f"{NO_CONTROLLER}; it runs the groups that it names, SSN000000, SSN000001, SSN000002"
+
+
+@pytest.mark.parametrize(
+    "state",
+    [
+        {"PSState": [[1, name, 1, 3, 1.5] for name in reversed(GROUPS)]},
+        {
+            "TLState": [
+                {"duration": 10, "lightcolor": {"SSN000000": "SG", "SSN000001": "R", "SSN000002": "R"}},
+                {"duration": 5.5, "lightcolor": {"SSN000001": "GLeft", "SSN999999": "SG"}},
+            ]
+        },
+    ],
+    ids=["people", "colours"],
+)
+def test_a_schedule_without_a_controller_runs_the_groups_that_it_names(state: dict[str, Any]) -> None:
+    tiny = read(without_controllers(state))
+    assert tiny.notes == (EMPTY, THEY_ARE_NAMED)
+    plan = tiny.plan
+    assert plan is not None
+    assert [(one.name, one.number) for one in plan.controllers] == [("IntTL13", 13)]
+    assert [line[:3] for line in shown(plan, 0.0, 10.0, 13.0)] == [[G, Y, R], [Y, Y, R], [R, Y, L]]
+    assert plan.controller_of_lane.tolist() == [-1, -1, 0, 0, 0]
+
+
+def test_a_schedule_may_be_a_groups_own() -> None:
+    phases = [{"duration": 10, "lightcolor": ["SG"]}, {"duration": 5, "lightcolor": ["R"]}]
+    plan = plan_of(without_controllers({"idx": "SSN000000", "TLState": phases, "PSState": None}))
+    assert shown(plan, 0.0, 9.98, 13.0) == [[G, Y, UNSET, UNSET], [G, Y, UNSET, UNSET], [R, Y, UNSET, UNSET]]
+
+
+def test_a_set_of_controllers_that_lacks_one_is_made_up_by_the_groups() -> None:
+    files = dict(ROADRUNNER)
+    files["intersection_controller_set.json"] = [{"idx": "IntTL99", "TL": []}]
+    tiny = read(files)
+    assert tiny.plan is not None
+    assert shown(tiny.plan, 13.0) == [[R, Y, L, R]]
+    assert THEY_ARE_NAMED in tiny.notes
+
+
+def test_names_of_people_that_are_fewer_than_the_colours_say_nothing() -> None:
+    tiny = read(without_controllers({"PSState": [[1, "SSN000002", 1, 3, 1.5]]}))
+    assert tiny.notes[1] == f"{NO_CONTROLLER} and no group of lights that the schedule names; it runs nothing"
+    assert tiny.plan is not None
+    assert shown(tiny.plan, 13.0) == [[UNSET, Y, UNSET, UNSET]]
+
+
+def test_schedules_without_lights_are_read() -> None:
+    tiny = read({**ROADRUNNER, "traffic_light_set.json": []})
+    assert tiny.plan is None
 
 
 def test_the_file_of_the_groups_may_hold_the_schedule() -> None:

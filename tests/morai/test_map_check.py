@@ -97,8 +97,11 @@ def test_figures_of_maps_that_have_next_to_nothing() -> None:
     needed = ("global_info.json", "node_set.json", "link_set.json")
     small = {name: KOREAN[name] for name in needed}
     assert described(small)["lights"]["num"] == 0
-    account = described({**small, "link_set.json": [], "global_info.json": {"global_coordinate_system": "UTM52N"}})
-    assert (account["version"], account["lanes"]["num"], account["extent"]["x"]) == (None, 0, [0.0, 0.0])
+    account = described({**small, "global_info.json": {"global_coordinate_system": "UTM52N"}})
+    assert (account["version"], account["lanes"]["num"], account["controllers"]) == (None, 5, [])
+    assert mistakes({**small, "link_set.json": []}) == [
+        "tiny/link_set.json: expected at least one link to drive on, got none"
+    ]
 
 
 @pytest.mark.parametrize("idx", [5, 5.0, -0.0, 1e30, 2.5])

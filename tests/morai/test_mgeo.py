@@ -66,8 +66,9 @@ def test_a_tiny_map() -> None:
     assert roads.at(0, 25.0)[0].tolist() == [[25.0, 0.0, 0.5]]
 
 
-def test_a_map_without_links_has_no_roads() -> None:
-    assert len(read(links=[]).roads) == 0
+def test_a_map_without_links_is_refused() -> None:
+    with pytest.raises(DocumentError, match=r"link_set\.json: expected at least one link to drive on, got none"):
+        read(links=[])
 
 
 def test_other_files_are_not_looked_at() -> None:
@@ -96,6 +97,10 @@ def test_utm_projections(text: str, zone: int, is_south: bool, ellipse: str) -> 
         ellipse,
     )
     assert projection.text == text
+    meridians = {52: 129.0, 7: -141.0, 60: 177.0, 33: 15.0, 5: -153.0}
+    assert (projection.central_latitude, projection.central_meridian) == (0.0, meridians[zone])
+    assert (projection.scale_factor, projection.false_easting) == (0.9996, 500_000.0)
+    assert projection.false_northing == (10_000_000.0 if is_south else 0.0)
 
 
 def test_a_transverse_mercator() -> None:

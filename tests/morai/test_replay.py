@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace as changed
 from itertools import product
 from typing import Any
 
 import pytest
 
 from rosbridge_sim.errors import FieldError
-from rosbridge_sim.morai.catalogue import find_model
+from rosbridge_sim.morai.catalogue import Catalogue, Model, find_model
 from rosbridge_sim.morai.releases import FIELD
 from rosbridge_sim.morai.replays.recorded import MAX_ENTRIES
 from rosbridge_sim.morai.replays.replay_table import OF_A_BAG, OF_A_SOURCE, TABLE, Effect, Event, State
 from rosbridge_sim.morai.stage import MAX_ENTITIES
 from rosbridge_sim.schema.store import Message
+from rosbridge_sim.world.state import Body, Kind
 from tests.morai.stand import ALL, Client, Stand, put_egos
 from tests.morai.tape import Tape
 
@@ -141,6 +143,29 @@ def test_recorded_drive_comes_out_again_to_the_last_bit(release: str, settings: 
     assert len({str(message) for message in first[0]}) == NUM_FRAMES, "the ego moved"
     assert any(message["collision_object"] for message in first[2]), "and hit something"
     assert again == first
+
+
+def test_a_recorded_model_of_the_users_has_its_proportions() -> None:
+    lorry = Model(
+        "Lorry", Kind.VEHICLE, changed(Body(), length=9.0, wheelbase=5.0, front_overhang=1.0, rear_overhang=3.0)
+    )
+    tape = Tape()
+    settings: dict[str, Any] = {"start": "sync", "recordings": tape, "catalogue": Catalogue([lorry])}
+    recording = Stand("parked", **settings)
+    client = recording.client()
+    client.start()
+    tape.record(recording.bus, "drive", "/Ego_topic", "/Object_topic")
+    recording.node.stage.add(lorry, x=30.0, y=0.0, z=0.0, yaw=0.0)
+    for _ in range(5):
+        client.tick()
+    stand = Stand("parked", **settings)
+    client = stand.client()
+    client.start()
+    client.tick()
+    assert replay(client, PLAY, FILE, "drive")
+    client.tick()
+    (row,) = stand.world.rows(Kind.VEHICLE).tolist()
+    assert (stand.world.names[row], stand.world.bodies[row].rear_overhang) == ("Lorry", 3.0)
 
 
 def test_objects_come_and_go_under_their_numbers(client: Client, stand: Stand, tape: Tape) -> None:

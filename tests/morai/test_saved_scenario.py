@@ -78,26 +78,36 @@ def test_what_is_passed_over_is_kept_quiet_and_can_be_looked_up() -> None:
     placed, mistakes = place_draft(draft.scenario, read(ROADRUNNER))
     assert mistakes == []
     assert placed.notes == (
-        "DataID 30200004 (vehicle) is not in the catalogue; it gets the size of 2016_Hyundai_Ioniq",
-        "DataID 50100002 (pedestrian) is not in the catalogue; it gets the size of Pedestrian",
-        "DataID 50200001 (pedestrian) is not in the catalogue; it gets the size of Pedestrian",
-        "tlList: no intersection 'IntTL99' has a phase 0",
+        (
+            "DataID 30200004 (vehicle) is not in the catalogue; it has the ordinary size of its class,"
+            " 4.47 x 1.82 x 1.45 m; --catalogue FILE can say more"
+        ),
+        (
+            "DataID 50100002 (pedestrian) is not in the catalogue; it has the ordinary size of its class,"
+            " 0.45 x 0.55 x 1.7 m; --catalogue FILE can say more"
+        ),
+        (
+            "DataID 50200001 (pedestrian) is not in the catalogue; it has the ordinary size of its class,"
+            " 0.45 x 0.55 x 1.7 m; --catalogue FILE can say more"
+        ),
+        "tlList: no intersection 'IntTL99' has a phase 0; it begins as its schedule does",
     )
     assert [line.partition(" (")[0] for line in find_oddities(placed, read(ROADRUNNER).roads)] == ["vehicleList[0]"]
-    lists = {"spawnPointList", "shadedAreaList", "frictionChangeMaterialList", "v2IInfo"}
-    lists |= {"pedspawnPointList", "aiPedstrianList", "version"}
-    assert {key for key in draft.passed_over if "." not in key} == lists
+    assert {key for key in draft.keys.passed_over if "." not in key} == {"v2IInfo", "aiPedstrianList", "version"}
+    idle = {"spawnPointList", "shadedAreaList", "frictionChangeMaterialList", "pedspawnPointList"}
+    assert {key for key in draft.keys.idle if "." not in key} == idle
     for key in (
         "egoVehicle.vehicleSaveData",
-        "vehicleList[].desiredVelocity",
-        "pedestrianList[].activeDistance",
-        "objectList[].scale",
+        "vehicleList[].viewCurrentVelocity",
         "waypointDataList[].waypointData[].rot",
         "mapInfo.eastOffset",
     ):
-        assert draft.passed_over[key] > 0
-        assert key not in draft.read
-    assert draft.read["vehicleList[].initPosition.pos._x"] == 2
+        assert draft.keys.passed_over[key] > 0
+        assert key not in draft.keys.read
+    for key in ("vehicleList[].initPosition.pos._x", "objectList[].scale.x", "pedestrianList[].activeDistance"):
+        assert draft.keys.read[key] > 0
+    for key in ("vehicleList[].isLaneChange", "vehicleList[].latBias", "pedestrianList[].active"):
+        assert draft.keys.idle[key] == 1
 
 
 class Shelf:

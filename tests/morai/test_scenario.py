@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.maps.mgeo import FILES, read_map
-from rosbridge_sim.morai.scenarios.scenario import Scenario, Spawn, place_on_roads, read_scenario
+from rosbridge_sim.morai.scenarios.scenario import Scenario, Spawn, place_on_roads, read_scenario, sort_phases
+from rosbridge_sim.world.plan import Controller, Phase, Plan
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import Gear, Kind, World
 from rosbridge_sim.world.step import step
@@ -170,8 +171,17 @@ def test_names_of_scenario_and_map() -> None:
 def test_a_number_that_is_not_in_the_catalogue_is_noted_once() -> None:
     notes = read(SAVED).notes
     assert [note for note in notes if "30200001" in note] == [
-        "DataID 30200001 (vehicle) is not in the catalogue; it gets the size of 2016_Hyundai_Ioniq"
+        (
+            "DataID 30200001 (vehicle) is not in the catalogue; it has the ordinary size of its class,"
+            " 4.47 x 1.82 x 1.45 m; --catalogue FILE can say more"
+        )
     ]
+    first, second = read(SAVED).vehicles
+    assert first.name == second.name == "Vehicle_30200001"
+    walker = {"DataID": 40100003, "pos": {"x": 0, "y": 0}}
+    (note,) = read({"pedestrianList": [walker]}).notes
+    assert "is not in the catalogue, and the number of a obstacle" not in note
+    assert "is not in the catalogue, and its number is that of an obstacle; it has" in note
 
 
 def test_a_model_may_be_named() -> None:
@@ -223,6 +233,168 @@ def test_a_path_without_length_is_noted_and_nobody_moves() -> None:
 )
 def test_gears(gear: int, meant: int) -> None:
     assert read({"egoVehicle": {**EGO, "gear": gear}}).egos[0].gear == meant
+
+
+@pytest.mark.parametrize(
+    ("within", "beside", "meant"), [(1, 4, Gear.PARK), (None, 2, Gear.REVERSE), (0, 3, Gear.NEUTRAL), ("2", ..., 2)]
+)
+def test_the_gear_of_the_place_goes_before_the_cars(within: object, beside: object, meant: int) -> None:
+    ego: dict[str, Any] = {"initPosition": {**EGO["initPosition"], "gear": within}}
+    ego |= {} if beside is ... else {"gear": beside}
+    assert read({"egoVehicle": ego}).egos[0].gear == meant
+
+
+def test_roll_and_pitch_are_kept_within_half_a_turn() -> None:
+    tilt = {"roll": "90.0", "pitch": "-358.491", "yaw": "-358.491"}
+    ego = {"initPosition": {"pos": {"x": 0, "y": 0}, "rot": tilt}}
+    scenario = read({"egoVehicle": ego, "objectList": [{"pos": {"x": 1, "y": 2}, "rot": tilt}]})
+    for spawn in (*scenario.egos, *scenario.obstacles):
+        assert [spawn.roll, spawn.pitch, spawn.yaw] == pytest.approx([math.pi / 2, *[math.radians(1.509)] * 2])
+
+
+def test_the_scale_of_a_thing_is_of_its_width_height_and_length() -> None:
+    box = {"DataID": 40100002, "pos": {"x": 1, "y": 2}}
+    plain, large, empty = read(
+        {"objectList": [box, {**box, "scale": {"x": 2, "y": "0.5", "z": 3}}, {**box, "scale": {}}]}
+    ).obstacles
+    body = large.model.body
+    assert (body.length, body.width, body.height) == pytest.approx((3.6, 1.6, 0.4))
+    assert [body.front_overhang, body.wheelbase] == pytest.approx([1.8, 0.0])
+    assert plain.model is empty.model
+
+
+@pytest.mark.parametrize("scale", [{"x": 0, "y": 1, "z": 1}, {"x": 1, "y": -1, "z": 1}, {"z": 1001}, {"y": 5e-324}])
+def test_a_scale_that_makes_no_size_is_a_remark(scale: dict[str, float]) -> None:
+    scenario = read({"objectList": [{"pos": {"x": 1, "y": 2}, "scale": scale}]})
+    assert scenario.obstacles[0].model.body.length == 0.6
+    (note,) = scenario.notes
+    assert note.startswith("objectList[0].scale: expected numbers from 0.001 to 1,000, got x ")
+
+
+@pytest.mark.parametrize(("distance", "meant"), [(25, 25.0), ("1,000.5", 1000.5), (0, 0.0), (-1, 0.0), (None, 0.0)])
+def test_the_active_distance_of_people_and_things(distance: object, meant: float) -> None:
+    walker = {"pos": {"x": 1, "y": 1}, "speed": 3.6, "activeDistance": distance}
+    ball = {"pos": {"x": 1, "y": 1}, "moveSpeed": 3.6, "activeDistance": distance}
+    scenario = read({"pedestrianList": [walker], "objectList": [ball]})
+    assert [spawn.start_within for spawn in (*scenario.pedestrians, *scenario.obstacles)] == [meant, meant]
+
+
+@pytest.mark.parametrize(
+    ("desired", "constant", "kmh"),
+    [(50, 18, 50), (0, 18, 18), (None, 18, 18), (50, None, 50), (0, None, 0), (None, None, 72)],
+)
+def test_the_own_speed_is_the_desired_one(desired: object, constant: object, kmh: float) -> None:
+    document = changed("vehicleList.1.desiredVelocity", desired)
+    document["vehicleList"][1]["constantVelocity"] = constant
+    assert read(document).vehicles[1].speed * 3.6 == pytest.approx(kmh)
+
+
+def test_a_vehicle_that_was_on_a_link_keeps_to_the_lanes() -> None:
+    car: dict[str, Any] = {**EGO, "velocityType": 2, "desiredVelocity": 36, "currentVelocity": 18}
+    named = {**car, "currentLinkInfo": {"linkIdx": "A1B1", "pointIdx": 3}}
+    also = {**car, "currentLinkInfo": None, "startPointLinkInfo": {"linkIdx": "A1B1"}}
+    empty = {**car, "currentLinkInfo": {"linkIdx": ""}, "startPointLinkInfo": 7}
+    ahead = {**named, "isWaypointMode": True}
+    first, second, third, fourth = read({"vehicleList": [named, also, empty, ahead]}).vehicles
+    for spawn in (first, second):
+        assert spawn.driver is not None
+        assert [spawn.driver.wish, spawn.speed] == pytest.approx([10.0, 5.0])
+    assert third.driver is None
+    assert third.speed == pytest.approx(10.0)
+    assert (fourth.driver, fourth.speed) == (None, 0.0), "it has no waypoints"
+
+
+# Empty paths
+
+NO_WAY: dict[str, Any] = {"pathName": "ObstaclePath - 7", "waypointData": []}
+
+
+def test_a_thing_in_waypoint_mode_without_waypoints_stands() -> None:
+    thing = {"UNIQUEID": 7, "pos": {"x": 3, "y": 4}, "moveSpeed": 9, "isWaypointMode": True}
+    scenario = read({"objectList": [thing], "waypointDataList": [NO_WAY, {**NO_WAY, "pathName": "PedPath - 999"}]})
+    (spawn,) = scenario.obstacles
+    assert (spawn.path, spawn.speed, spawn.x, spawn.y, scenario.notes) == (None, 0.0, 3.0, 4.0, ())
+
+
+def test_outside_waypoint_mode_an_empty_path_says_nothing() -> None:
+    walker = {"UNIQUEID": 7, "pos": {"x": 0, "y": 0}, "speed": 3.6, "movingDistance": 10}
+    paths = [{**NO_WAY, "pathName": "PedPath - 7"}]
+    for more in ({}, {"isWaypointMode": False}):
+        (spawn,) = read({"pedestrianList": [{**walker, **more}], "waypointDataList": paths}).pedestrians
+        assert spawn.path is not None
+        assert spawn.speed == pytest.approx(1.0)
+
+
+def test_a_named_path_may_be_empty() -> None:
+    thing = {"pos": {"x": 3, "y": 4}, "moveSpeed": 9, "pathName": "ObstaclePath - 7"}
+    (spawn,) = read({"objectList": [thing], "waypointDataList": [NO_WAY]}).obstacles
+    assert (spawn.path, spawn.speed) == (None, 0.0)
+
+
+def test_waypoint_mode_without_any_path_is_told_of_what_would_move() -> None:
+    thing = {"UNIQUEID": 8, "pos": {"x": 3, "y": 4}, "isWaypointMode": True}
+    scenario = read({"objectList": [{**thing, "moveSpeed": 0}]})
+    assert (scenario.notes, scenario.obstacles[0].speed) == ((), 0.0)
+    scenario = read({"objectList": [{**thing, "moveSpeed": 5}]})
+    assert scenario.notes == ("objectList[0]: isWaypointMode, but waypointDataList has no path ' - 8'",)
+    assert scenario.obstacles[0].speed == 0.0
+
+
+# Known without effect
+
+
+def test_what_has_no_effect_yet_is_kept_as_it_is_written() -> None:
+    generator = {"DataID": 90100001, "anything": [1, {"a": None}]}
+    car = {**EGO, "isLaneChange": "perhaps", "latBiasMode": 2, "latBias": "-0.125", "destinationUniqueID": None}
+    document = {
+        "spawnPointList": [generator],
+        "shadedAreaList": {"not": "a list"},
+        "frictionChangeMaterialList": [],
+        "vehicleList": [car],
+    }
+    scenario = read(document)
+    areas = {"shadedAreaList": {"not": "a list"}}
+    assert scenario.kept == {"spawnPointList": [generator], "frictionChangeMaterialList": [], **areas}
+    assert scenario.vehicles[0].kept == {"isLaneChange": "perhaps", "latBiasMode": 2, "latBias": "-0.125"}
+
+
+# Lights
+
+
+def phases(*indices: object) -> tuple[list[str], list[str]]:
+    """What the controllers IntTL1, IntTL2 and "0" make of the indices: those that begin in a phase, and the lines."""
+    controllers = [Controller(name, 0, (), (Phase(50, ()), Phase(50, ()))) for name in ("IntTL1", "IntTL2", "0")]
+    scenario = read({"tlList": [{"index": index, "state": 1, "deltaTime": 0.5} for index in indices]})
+    known, lines = sort_phases(scenario, Plan(Roads(), (), controllers))
+    assert all((start.phase, start.elapsed) == (1, 0.5) for start in known)
+    return [start.controller for start in known], lines
+
+
+def test_a_light_is_told_by_its_position_or_by_its_name() -> None:
+    assert phases("1", 1, "2", " 1 ", "IntTL1") == (["IntTL2", "IntTL2", "0", "IntTL2", "IntTL1"], [])
+
+
+def test_what_could_be_both_is_a_position() -> None:
+    (line,) = phases("0")[1]
+    assert phases("0")[0] == ["IntTL1"]
+    assert line == "index '0' is a position and an id; it is taken for the position, 'IntTL1'"
+
+
+@pytest.mark.parametrize("index", ["3", "-1", "1.5", "", "IntTL3", "9" * 100, "²"])
+def test_an_index_that_is_no_controllers_is_a_remark(index: str) -> None:
+    known, (line,) = phases(index)
+    assert known == []
+    assert line.startswith("no intersection ")
+
+
+def test_a_phase_that_the_schedule_lacks_is_a_remark() -> None:
+    scenario = read({"tlList": [{"index": "0", "state": 7}, {"index": "0", "state": -1}]})
+    plan = Plan(Roads(), (), [Controller("IntTL1", 1, (), (Phase(50, ()),))])
+    assert sort_phases(scenario, plan) == (
+        (),
+        [f"no intersection 'IntTL1 (index 0)' has a phase {n}; it begins as its schedule does" for n in (7, -1)],
+    )
+    assert sort_phases(scenario, None)[0] == ()
 
 
 @pytest.mark.parametrize(("yaw", "meant"), [("190", -170.0), (-180, 180.0), (540, 180.0), ("1,080.5", 0.5)])
@@ -318,11 +490,6 @@ def test_a_link_that_the_map_lacks() -> None:
         ("pedestrianList.0.pos", None, "pedestrianList[0].pos: expected an object, got null"),
         ("objectList.0.modelName", "\n" * 300, "objectList[0].modelName: expected at most 200 characters, got '\\n"),
         ("waypointDataList.0.waypointData.1.pos.z", ..., "waypointDataList[0].waypointData[1].pos.z: missing"),
-        (
-            "waypointDataList.0.waypointData",
-            [],
-            "waypointDataList[0].waypointData: expected at least one waypoint, got",
-        ),
         ("waypointDataList.0.waypointData.1.pos.z", 5e6, "waypointDataList[0]: expected a path of at most 1,000 km"),
         ("mapInfo", "track", "mapInfo: expected an object, got 'track'"),
     ],
@@ -375,6 +542,14 @@ places = st.sampled_from(
         "pedestrianList.0.speed",
         "pedestrianList.0.movingDistance",
         "objectList.0.pathName",
+        "objectList.0.scale",
+        "objectList.0.activeDistance",
+        "objectList.0.rot",
+        "egoVehicle.initPosition.gear",
+        "vehicleList.0.desiredVelocity",
+        "vehicleList.0.currentLinkInfo",
+        "tlList",
+        "spawnPointList",
         "waypointDataList.0",
         "waypointDataList.0.pathName",
         "waypointDataList.1.waypointData",
@@ -415,6 +590,9 @@ def populate(scenario: Scenario) -> World:
             path=spawn.path,
             is_loop=spawn.is_loop,
             gear=spawn.gear,
+            roll=spawn.roll,
+            pitch=spawn.pitch,
+            start_within=spawn.start_within,
         )
     return world
 

@@ -12,6 +12,7 @@ from tests.morai.maps import ROADRUNNER
 from tests.morai.maps import read as read_tiny
 
 AT = {"pos": {"x": 1, "y": 0}}
+FAR = [{"pos": {"x": 0, "z": 0}}, {"pos": {"x": 9e7, "z": 0}}]
 LINK = {"initPositionMode": "Link", "initLink": "nowhere"}
 
 
@@ -44,7 +45,7 @@ def test_all_mistakes_are_told_each_with_its_place() -> None:
         vehicleList=[{"initPosition": AT}, {}, {"initPosition": {**AT, "initPositionMode": "Link"}}],
         pedestrianList=[{"pos": {"x": 1, "y": 2}, "pathName": "gone"}, {"pos": {"x": 1, "y": 2}}],
         objectList=[{"pos": 1}, {"pos": {"x": 1, "y": 2}, "modelName": "Rocket"}],
-        waypointDataList=[{"pathName": "none", "waypointData": []}, {"pathName": "bad", "waypointData": [{}]}],
+        waypointDataList=[{"pathName": "far", "waypointData": FAR}, {"pathName": "bad", "waypointData": [{}]}],
         tlList=[{"state": "x"}],
         mapInfo=7,
     )
@@ -57,7 +58,7 @@ def test_all_mistakes_are_told_each_with_its_place() -> None:
         "mine.json: waypointDataList[1].waypointData[0].pos: missing",
         "mine.json: tlList[0].index: missing",
         "mine.json: tlList[0].state: expected a number, got 'x'",
-        "mine.json: waypointDataList[0].waypointData: expected at least one waypoint, got none",
+        "mine.json: waypointDataList[0]: expected a path of at most 1,000 km",
         "mine.json: vehicleList[2].initPosition.initLink: missing",
         "mine.json: pedestrianList[0].pathName: waypointDataList has no path 'gone'",
         "mine.json: objectList[1].modelName: expected one of the catalogue's obstacles, got 'Rocket'",
@@ -71,7 +72,7 @@ def test_all_mistakes_are_told_each_with_its_place() -> None:
 
 def test_who_follows_a_bad_path_makes_no_mistake() -> None:
     walker = {"pos": {"x": 1, "y": 2}, "pathName": "bad"}
-    for points in ([], [{"pos": 1}], [{"pos": {"x": 0, "z": 0}}, {"pos": {"x": 9e7, "z": 0}}]):
+    for points in ([{"pos": 1}], FAR):
         paths = [{"pathName": "bad", "waypointData": points}]
         (line,) = mistakes(pedestrianList=[walker], waypointDataList=paths)
         assert line.startswith("mine.json: waypointDataList[0]"), points
@@ -115,8 +116,8 @@ def test_mistakes_that_only_the_map_shows() -> None:
     ]
     assert [spawn.where for spawn in placed.vehicles] == ["vehicleList[2]"]
     assert placed.notes == (
-        "tlList: no intersection 'IntTL13' has a phase 2",
-        "tlList: no intersection 'IntTL7' has a phase 0",
+        "tlList: no intersection 'IntTL13' has a phase 2; it begins as its schedule does",
+        "tlList: no intersection 'IntTL7' has a phase 0; it begins as its schedule does",
     )
 
 
@@ -124,7 +125,7 @@ def test_mistakes_that_only_the_map_shows() -> None:
 
 
 def test_keys_are_sorted_into_what_is_read_and_what_is_passed_over() -> None:
-    vehicle: dict[str, Any] = {"initPosition": {"pos": {"x": 1, "y": 2, "_z": "0", "w": 3}, "rot": {"roll": 0}}}
+    vehicle: dict[str, Any] = {"initPosition": {"pos": {"x": 1, "y": 2, "_z": "0", "w": 3}, "rot": {"q": 0}}}
     found = draft(
         version="1.0",
         vehicleList=[vehicle, {**vehicle, "velocityTyp": 2}],
@@ -132,16 +133,16 @@ def test_keys_are_sorted_into_what_is_read_and_what_is_passed_over() -> None:
         spawnPointList=[{"DataID": 1, "pos": {}}],
     )
     assert found.mistakes == ()
-    assert found.passed_over == {
+    assert found.keys.idle == {"spawnPointList": 1}
+    assert found.keys.passed_over == {
         "version": 1,
         "vehicleList[].initPosition.pos.w": 2,
-        "vehicleList[].initPosition.rot.roll": 2,
+        "vehicleList[].initPosition.rot.q": 2,
         "vehicleList[].velocityTyp": 1,
         "waypointDataList[].waypointData[].rot": 3,
-        "spawnPointList": 1,
     }
-    assert found.read["vehicleList[].initPosition.pos._z"] == 2
-    assert found.read["waypointDataList[].waypointData[].pos.x"] == 3
+    assert found.keys.read["vehicleList[].initPosition.pos._z"] == 2
+    assert found.keys.read["waypointDataList[].waypointData[].pos.x"] == 3
     assert "velocityType" in keys_near("vehicleList[].velocityTyp")
     assert keys_near("vehicleList[].initPosition.pos.w") == ["x", "y", "z"]
     assert "vehicleList" in keys_near("version")

@@ -446,10 +446,33 @@ def test_the_first_ego_has_two_names(unique_id: int) -> None:
     assert spec["max_steering"] == pytest.approx(36.25)
 
 
-def test_nobodys_figures_are_zeros() -> None:
-    spec = Stand().client().ask("/Service_MoraiVehicleSpec", unique_id=99)
+@pytest.mark.parametrize("unique_id", [99, 9, -2])
+def test_nobodys_figures_are_zeros_and_a_status_lists_the_ids(unique_id: int) -> None:
+    client = Stand().client()
+    spec = client.ask("/Service_MoraiVehicleSpec", unique_id=unique_id)
     assert spec["size"] == {"x": 0.0, "y": 0.0, "z": 0.0}
     assert spec["wheel_base"] == 0.0
+    assert client.told == [
+        (
+            "error",
+            (
+                "/Service_MoraiVehicleSpec: unique_id: expected a vehicle's, one of 0, 7, 10;"
+                f" got {unique_id}; all figures are 0"
+            ),
+        )
+    ]
+
+
+def test_a_long_list_of_ids_is_cut_short() -> None:
+    stand = Stand()
+    client = stand.client()
+    client.start()
+    for _ in range(25):
+        client.send("/SyncModeAddObj", "morai_msgs/SyncModeAddObj", frame=0, name="Van", position={"x": 9, "y": 90})
+    client.tick()
+    client.ask("/Service_MoraiVehicleSpec", unique_id=999)
+    ((_, text),) = client.told
+    assert ", ... and 8 more; got 999" in text
 
 
 def test_the_maps_figures_follow_the_scenario() -> None:
@@ -457,6 +480,10 @@ def test_the_maps_figures_follow_the_scenario() -> None:
     spec = client.ask("/Service_MoraiMapSpec", load_map_data=True)
     assert (spec["plane_coordinate_system"], spec["utm_num"]) == (0, 52)
     assert spec["utm_offset"] == {"x": 300.0, "y": 400.0, "z": 5.0}
+    client.ask("/Service_MoraiSL", file_name="crossing", **ALL)
+    spec = client.ask("/Service_MoraiMapSpec")
+    assert (spec["utm_num"], spec["central_latitude"], spec["central_meridian"]) == (52, 0.0, 129.0)
+    assert (spec["scale_factor"], spec["false_easting"], spec["false_northing"]) == (0.9996, 500_000.0, 0.0)
     client.ask("/Service_MoraiSL", file_name="elsewhere", **ALL)
     spec = client.ask("/Service_MoraiMapSpec")
     assert (spec["plane_coordinate_system"], spec["central_meridian"]) == (1, 127.0)

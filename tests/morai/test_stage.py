@@ -143,11 +143,14 @@ def test_a_map_is_read_once_for_all_loads_that_name_it() -> None:
     assert shelf.num_maps_read == 1
 
 
-def test_the_built_in_map_serves_for_one_that_is_not_there(caplog: pytest.LogCaptureFixture) -> None:
+def test_no_other_map_serves_for_one_that_is_not_there() -> None:
     stage = a_stage("elsewhere")
-    load(stage, "nowhere")
-    assert stage.road_map.name == "track"
-    assert "no map 'R_KR_PG_K-City'; the built-in map track serves in its place" in caplog.text
+    before = stage.world.digest()
+    with pytest.raises(DocumentError, match="no map 'R_KR_PG_K-City'"):
+        load(stage, "nowhere")
+    assert (stage.road_map.name, stage.world.digest()) == ("hills", before)
+    with pytest.raises(DocumentError, match="no map 'R_KR_PG_K-City'"):
+        a_stage("nowhere")
 
 
 def test_what_cannot_be_placed_is_found_before_anything_changes() -> None:

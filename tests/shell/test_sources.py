@@ -49,6 +49,7 @@ OTHER: dict[str, object] = {
     "scenario": "loop",
     "map": "track",
     "scenario_path": ("a", "b c"),
+    "catalogue": "cars.toml",
     "data_dir": "data",
     "data_quota": 2**21,
     "data_quota_files": None,
@@ -226,6 +227,7 @@ def test_printed_config_gives_the_settings_back(tmp_path: Path) -> None:
     paths = {
         "scenario_path": ("/a",),
         "data_dir": "/d",
+        "catalogue": "/m.csv",
         "schema_path": ('/x"\\\n',),
         "certfile": "/c.pem",
         "keyfile": "/k.pem",

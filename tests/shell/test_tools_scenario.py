@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import json
+import sys
 from pathlib import Path
 
 import pytest
 from PIL import Image
 
+from rosbridge_sim.shell.tools.verdicts import Verdicts
 from tests.morai.maps import ROADRUNNER
 from tests.shell.tooling import run
 from tests.support import ROOT
@@ -38,13 +41,15 @@ def folder(tmp_path: Path) -> Path:
 def test_a_good_file_is_explained(folder: Path) -> None:
     done = run("scenario", "check", str(folder / "mine.json"), "--map", str(folder / "tiny"))
     assert (done.code, done.err) == (0, "")
-    assert done.lines[0] == f"{folder}/mine.json: good, 1 note"
-    assert done.lines[1] == f"  map: R_KR_Somewhere; checked on {folder}/tiny (5 lanes, 4 lights)"
-    assert done.lines[2:6] == ["  egoVehicle: 1", "  vehicleList: 1", "  pedestrianList: 1", "  tlList: 1"]
+    assert done.lines[0] == f"{folder}/mine.json: 1 remark"
+    assert done.lines[1:3] == ["", "remarks:"]
+    assert done.lines[3].startswith("  DataID 30200001 (vehicle) is not in the catalogue")
+    assert done.lines[4:6] == ["", f"map: R_KR_Somewhere; checked on {folder}/tiny (5 lanes, 4 lights)"]
+    assert done.lines[6:10] == ["egoVehicle: 1", "vehicleList: 1", "pedestrianList: 1", "tlList: 1"]
     table = [line.split("  ") for line in done.lines if line.startswith(("egoVehicle ", "vehicleList[0] "))]
     assert [[cell.strip() for cell in row if cell] for row in table] == [
         ["egoVehicle", "2015_Kia_K5", "0", "1.00", "0.00", "0.0", "0", "driven from outside, in drive"],
-        ["vehicleList[0]", "2016_Hyundai_Ioniq (for 30200001)", "7", "50.00", "0.00", "0.0", "0", "stands"],
+        ["vehicleList[0]", "Vehicle_30200001 (size by class)", "7", "50.00", "0.00", "0.0", "0", "stands"],
     ]
     assert "path of 2 waypoints, 10 m, round and round" in done.out
     assert "  vehicleList[]: velocityTyp (1) (did you mean velocityType?)" in done.lines
@@ -52,7 +57,7 @@ def test_a_good_file_is_explained(folder: Path) -> None:
 
 def test_the_same_for_a_program(folder: Path) -> None:
     account = run("scenario", "check", str(folder / "mine.json"), "--map", str(folder / "tiny"), "--json").json
-    assert (account["is_good"], account["mistakes"]) == (True, [])
+    assert (account["is_good"], account["mistakes"], len(account["remarks"])) == (False, [], 1)
     assert account["map"] == {
         "name": "R_KR_Somewhere",
         "is_known": True,
@@ -69,10 +74,11 @@ def test_the_same_for_a_program(folder: Path) -> None:
 
 
 def test_a_file_with_mistakes_has_code_1_and_all_of_them(folder: Path) -> None:
-    done = run("scenario", "check", str(folder / "bad.json"))
+    done = run("scenario", "check", str(folder / "bad.json"), "--map", str(folder / "tiny"))
     assert (done.code, done.err) == (1, "")
-    assert done.lines[0] == f"{folder}/bad.json: 3 mistakes, 1 note"
+    assert done.lines[0] == f"{folder}/bad.json: 3 mistakes, 1 remark"
     at = done.lines.index("mistakes:")
+    assert at == 2
     assert done.lines[at + 1 : at + 4] == [
         "  vehicleList[0].initPosition: expected an object, got 1",
         "  objectList[0].pos.x: missing",
@@ -81,15 +87,95 @@ def test_a_file_with_mistakes_has_code_1_and_all_of_them(folder: Path) -> None:
     assert any(line.startswith("vehicleList[1]  ") for line in done.lines), "it keeps its number"
 
 
-def test_an_unknown_map_is_no_mistake_and_said(folder: Path) -> None:
+def test_an_unknown_map_is_a_mistake(folder: Path) -> None:
     done = run("scenario", "check", str(folder / "mine.json"))
-    assert done.code == 0
-    assert done.lines[1].startswith("  map: no map 'R_KR_Somewhere'; known are loop, town, track")
-    assert done.lines[1].endswith("track would serve in its place. Roads, links and lights were not checked")
+    assert done.code == 1
+    assert done.lines[0] == f"{folder}/mine.json: 1 mistake, 1 remark"
+    assert done.lines[3].startswith("  mapInfo.mapName: no map 'R_KR_Somewhere'; known are loop, town, track")
+    assert done.lines[3].endswith("and --map takes a folder. Roads, links and lights were not checked")
+
+
+def test_strict_makes_remarks_an_exit_code(folder: Path) -> None:
+    words = ("scenario", "check", str(folder / "mine.json"), "--map", str(folder / "tiny"))
+    assert (run(*words).code, run(*words, "--strict").code) == (0, 1)
+    assert run("scenario", "check", "demo", "--strict").code == 0
+
+
+def test_several_files_or_a_folder_have_a_verdict_each(folder: Path) -> None:
+    (folder / "deep" / "er").mkdir(parents=True)
+    for path in ("deep/one.json", "deep/er/never.json"):
+        (folder / path).write_text(json.dumps({"egoVehicle": None}))
+    (folder / "torn.json").write_text("{")
+    strays = [{"initPosition": {"pos": {"x": 10 * i, "y": 50}}} for i in range(9)]
+    (folder / "strays.json").write_text(json.dumps({"vehicleList": strays}))
+    done = run("scenario", "check", str(folder), "demo", "--map", str(folder / "tiny"))
+    assert (done.code, done.err) == (1, "")
+    files = [line.partition(": ")[0] for line in done.lines if not line.startswith(" ")]
+    assert files[:4] == [f"{folder}/{name}.json" for name in ("bad", "deep/one", "mine", "strays")]
+    assert done.lines[0].endswith("/bad.json: 3 mistakes, 1 remark")
+    assert done.lines[1] == "  mistake: vehicleList[0].initPosition: expected an object, got 1"
+    assert f"{folder}/deep/one.json: good" in done.lines
+    at = done.lines.index(f"{folder}/strays.json: 9 remarks")
+    assert done.lines[at + 6] == "  ... and 4 remarks more; rosbridge-sim scenario check shows all"
+    assert done.lines[-1] == "6 files: 1 good, 3 with remarks, 2 with mistakes"
+    good = run("scenario", "check", "demo", "town", "--json")
+    assert good.code == 0
+    assert [json.loads(line)["file"].rpartition("/")[2] for line in good.lines] == ["demo.json", "town.json"]
+
+
+def test_a_file_among_several_that_cannot_be_read_is_a_mistake_of_its_own(folder: Path) -> None:
+    done = run("scenario", "check", str(folder / "gone.json"), "demo")
+    assert (done.code, done.err) == (1, "")
+    assert done.lines[0] == f"{folder}/gone.json: 1 mistake"
+    assert done.lines[1] == f"  mistake: {folder}/gone.json: cannot be read: No such file or directory"
+    assert done.lines[-1] == "2 files: 1 good, 1 with mistakes"
+
+
+def test_the_name_of_a_scenario_goes_before_a_folder_of_that_name(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    (folder / "town").mkdir()
+    assert run("scenario", "check", "town").lines[0].endswith("town.json: good")
+    assert run("scenario", "check", "./town").complaint.startswith("./town: expected a folder with scenarios")
+    assert run("scenario", "check", "tiny", "--strict").code == 2, "files of a map are no scenarios"
+
+
+def test_what_is_kept_and_no_number_of_json_does_no_harm(folder: Path) -> None:
+    car = {**CAR, "latBias": 10**40, "isLaneChange": float("nan")}
+    (folder / "odd.json").write_text(json.dumps({"vehicleList": [car], "spawnPointList": [10**40, float("inf")]}))
+    account = run("scenario", "check", str(folder / "odd.json"), "--json").json
+    assert account["items"][0]["without_effect"] == ["isLaneChange", "latBias"]
+    assert account["without_effect"] == {
+        "vehicleList[].latBias": 1,
+        "vehicleList[].isLaneChange": 1,
+        "spawnPointList": 1,
+    }
+
+
+class Terminal(io.StringIO):
+    """A terminal that keeps what is shown."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_terminal_shows_how_far_it_is_when_the_verdicts_go_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    verdicts = Verdicts("scenario check", 2, is_json=True)
+    verdicts.begin("a\x1b[2J.json")
+    verdicts.add({"file": "a", "mistakes": [], "remarks": ["odd"]})
+    verdicts.begin("b.json")
+    verdicts.add({"file": "b", "mistakes": [], "remarks": []})
+    assert (verdicts.end(is_strict=False), verdicts.end(is_strict=True)) == (0, 1)
+    clear = "\r\x1b[K"
+    assert terminal.getvalue() == f"{clear}[1/2] a\\x1b[2J.json{clear}[2/2] b.json{clear}{clear}"
 
 
 def test_a_scenario_is_found_by_name(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert run("scenario", "check", "mine", "--scenario-path", str(folder)).code == 0
+    own_map = ("--map", str(folder / "tiny"))
+    assert run("scenario", "check", "mine", "--scenario-path", str(folder), *own_map).code == 0
     monkeypatch.setenv("ROSBRIDGE_SIM_SCENARIO_PATH", str(folder))
     monkeypatch.setenv("ROSBRIDGE_SIM_PORT", "none of our business")
     assert run("scenario", "check", "bad").code == 1
@@ -100,8 +186,8 @@ def test_a_scenario_is_found_by_name(folder: Path, monkeypatch: pytest.MonkeyPat
 )
 def test_what_is_built_in_is_good(path: Path) -> None:
     account = run("scenario", "check", path.stem, "--json").json
-    assert (account["is_good"], account["notes"]) == (True, [])
-    assert {key.rpartition(".")[2] for key in account["passed_over"]} <= {"roll", "pitch"}
+    assert (account["is_good"], account["mistakes"], account["remarks"]) == (True, [], [])
+    assert account["passed_over"] == {}
 
 
 @pytest.mark.slow
@@ -109,7 +195,7 @@ def test_a_picture_shows_who_is_there(folder: Path) -> None:
     path = folder / "mine.png"
     for own_map in ([], ["--map", str(folder / "tiny")]):  # an unknown map is bare ground
         done = run("scenario", "check", str(folder / "mine.json"), *own_map, "--picture", str(path))
-        assert (done.code, done.err) == (0, "")
+        assert (done.code, done.err) == (0 if own_map else 1, "")
         with Image.open(path) as image:
             shown = {colour for _, colour in image.getcolors(2**20) or []}
         for colour in ("#e0007a", "#6a3fb5", "#e06c00"):
@@ -121,7 +207,7 @@ def test_a_torn_file_tells_line_and_column(folder: Path) -> None:
     done = run("scenario", "check", str(folder / "torn.json"))
     assert (done.code, done.err) == (1, "")
     assert done.lines[0] == f"{folder}/torn.json: 1 mistake"
-    assert done.lines[-1] == f"  {folder}/torn.json:2:1: not JSON: trailing comma"
+    assert done.lines[3] == f"  {folder}/torn.json:2:1: not JSON: trailing comma"
 
 
 @pytest.mark.parametrize(
@@ -132,8 +218,11 @@ def test_a_torn_file_tells_line_and_column(folder: Path) -> None:
         (("check", "nowhere"), "no scenario 'nowhere'; known are demo, loop, town"),
         (("check", "./nowhere.json"), "nowhere.json: cannot be read: No such file or directory"),
         (("check", "demo", "--map", "nowhere"), "no map 'nowhere'; known are loop, town, track"),
-        (("check", "demo", "--picture", "demo"), "--picture: expected a file such as MAP.png; got 'demo'"),
+        (("check", "demo", "--picture", "demo"), "--picture: expected a file such as MAP.png or MAP.jpg; got 'demo'"),
         (("check", "demo", "--scenario-path", "/nowhere"), "/nowhere: expected a folder with scenarios"),
+        (("check", "demo", "town", "--picture", "x.png"), "--picture: expected a single scenario to draw, got 2"),
+        (("check", "/dev"), "/dev: expected a folder with scenarios (*.json or */*.json); there is none"),
+        (("check", "demo", "--catalogue", "/nowhere.csv"), "/nowhere.csv: cannot be read: No such file or directory"),
     ],
 )
 def test_a_mistake_in_the_command_is_one_line_and_code_2(words: tuple[str, ...], line: str) -> None:

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Final
 
-from pydantic import Field, TypeAdapter
+from pydantic import Field, TypeAdapter, model_validator
 
 from rosbridge_sim.morai.documents import (
     Coordinate,
@@ -88,8 +88,19 @@ class _Controller(Document):
 
 
 class _Phase(Document):
+    """A phase. Colours stand in the order of a controller's groups, or beside the groups' own names (`groups`)."""
+
     duration: Seconds
     lightcolor: Names
+    groups: Names = []  # noqa: RUF012 - pydantic copies it
+
+    @model_validator(mode="before")
+    @classmethod
+    def _part_names(cls, value: Any) -> Any:  # noqa: ANN401 - whatever stood in the document
+        colours = value.get("lightcolor") if isinstance(value, dict) else None
+        if not isinstance(colours, dict):
+            return {**value, "groups": []} if isinstance(value, dict) else value
+        return {**value, "lightcolor": list(colours.values()), "groups": list(colours)}
 
 
 class _Schedule(Document):
@@ -239,13 +250,23 @@ def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: lis
     plans = (
         read_document(_CONTROLLERS, *sorted_files["controllers"], MAX_BYTES) if "controllers" in sorted_files else []
     )
+    if lights and not plans and "controllers" in sorted_files:
+        notes.append("the set of intersection controllers is empty; lights are run by their groups and schedules")
     named = [(plan.idx, [_known(names, rows) for names in plan.TL]) for plan in plans]
     controllers = named or list(_controllers_of(synced, groups))
     schedules = read_document(_SCHEDULES, *sorted_files["schedules"], MAX_BYTES) if "schedules" in sorted_files else []
     by_name = {schedule.idx: schedule for schedule in schedules}
     synced_rows = {entry.idx: group for entry, group in zip(synced, groups, strict=True)}
     laid = [_controller(name, members, by_name.pop(name, None), synced_rows, notes) for name, members in controllers]
-    notes += [f"schedule {name!r}: the map has no such intersection controller" for name in by_name]
+    for schedule in by_name.values():
+        found = _run_by_group(schedule, synced)
+        what = f"schedule {schedule.idx!r}: the map has no such intersection controller"
+        if found is None:
+            notes.append(f"{what} and no group of lights that the schedule names; it runs nothing")
+            continue
+        names, schedule = found  # noqa: PLW2901 - with its colours in the groups' order
+        notes.append(f"{what}; it runs the groups that it names, {', '.join(names)}")
+        laid.append(_controller(schedule.idx, [synced_rows[name] for name in names], schedule, synced_rows, notes))
     return Plan(lanes.roads, lights, laid, together=groups, passes=list(_passes(lanes)))
 
 
@@ -318,6 +339,32 @@ def _controllers_of(
         if entry.intersection_controller_id:
             of.setdefault(entry.intersection_controller_id, []).append(group)
     yield from of.items()
+
+
+def _run_by_group(schedule: _Schedule, synced: Sequence[_Synced]) -> tuple[list[str], _Schedule] | None:
+    """Return the groups that a schedule without a controller runs, and the schedule with its colours in their order.
+
+    There are maps whose set of controllers is empty. Their groups are told, in this order of trust, by the controller
+    that they name; by the names beside the colours; by the schedule's own name, if it is a group's; and by the names in
+    `PSState`, if these are as many as the colours: then they stand in the order of the set. None: by nothing.
+    """
+    known = [entry.idx for entry in synced]
+    own = [entry.idx for entry in synced if entry.intersection_controller_id == schedule.idx]
+    beside = list(dict.fromkeys(name for state in schedule.TLState for name in state.groups if name in known))
+    if own and not beside:
+        return own, schedule
+    if beside:
+        phases = []
+        for state in schedule.TLState:
+            colours = dict(zip(state.groups, state.lightcolor, strict=False))
+            phases.append(state.model_copy(update={"lightcolor": [colours.get(name, "red") for name in beside]}))
+        return beside, schedule.model_copy(update={"TLState": phases})
+    if schedule.idx in known:
+        return [schedule.idx], schedule
+    walked = {target for _, target, *_ in schedule.PSState or ()}
+    named = [name for name in known if name in walked]
+    num_colours = max((len(state.lightcolor) for state in schedule.TLState), default=0)
+    return (named, schedule) if named and len(named) == num_colours else None
 
 
 def _controller(

@@ -69,9 +69,9 @@ class Projection:
         zone: UTM zone 1..60; 0 for a TM.
         is_south: a UTM zone of the southern half (MapSpec has no place for it).
         ellipse: e.g. "WGS84".
-        central_latitude, central_meridian: of a TM [deg].
-        scale_factor: of a TM, on the central meridian.
-        false_easting, false_northing: of a TM [m].
+        central_latitude, central_meridian: [deg]. A UTM zone is a transverse Mercator, too, and has all these figures.
+        scale_factor: on the central meridian.
+        false_easting, false_northing: [m].
         text: as the map has it.
     """
 
@@ -125,6 +125,8 @@ def read_map(files: Mapping[str, bytes], source: str) -> RoadMap:
     info = read_document(_GLOBAL_INFO, *info_file, MAX_BYTES)
     projection = read_projection(info.global_coordinate_system, info_file[1])
     lanes = read_lanes(node_file, link_file, _border_file(known))
+    if not len(lanes.roads):
+        raise DocumentError(f"{link_file[1]}: expected at least one link to drive on, got none")
     notes: list[str] = []
     plan = read_lights(known, lanes, notes)
     crosswalks = read_crosswalks(known, plan)
@@ -189,16 +191,13 @@ def read_projection(text: str, source: str) -> Projection:
     where = f"{source}: global_coordinate_system"
     short = _SHORT_UTM.fullmatch(text.strip())
     if short:
-        return Projection(
-            is_tm=False, zone=_zone(short["zone"], where), is_south=short["half"].upper() == "S", text=text
-        )
+        return _utm(_zone(short["zone"], where), "WGS84", text, is_south=short["half"].upper() == "S")
     terms = dict(term.lstrip("+").partition("=")[::2] for term in text.split() if term.startswith("+"))
     # A datum implies its ellipse; of those that maps use only these two have one name for both.
     ellipse = terms.get("ellps") or terms.get("datum") or "WGS84"
     kind = terms.get("proj", "").casefold()
     if kind == "utm":
-        zone = _zone(terms.get("zone", ""), where)
-        return Projection(is_tm=False, zone=zone, is_south="south" in terms, ellipse=ellipse, text=text)
+        return _utm(_zone(terms.get("zone", ""), where), ellipse, text, is_south="south" in terms)
     if kind == "tmerc":
         return Projection(
             is_tm=True,
@@ -211,6 +210,21 @@ def read_projection(text: str, source: str) -> Projection:
             text=text,
         )
     raise DocumentError(f"{where}: expected proj4 text with +proj=utm or +proj=tmerc, or UTM52N, got {text[:80]!r}")
+
+
+def _utm(zone: int, ellipse: str, text: str, *, is_south: bool) -> Projection:
+    """Return a UTM zone: 6 degrees wide, the first from 180 degrees west on; the other figures are all zones'."""
+    return Projection(
+        is_tm=False,
+        zone=zone,
+        is_south=is_south,
+        ellipse=ellipse,
+        central_meridian=6.0 * zone - 183.0,
+        scale_factor=0.9996,
+        false_easting=500_000.0,
+        false_northing=10_000_000.0 if is_south else 0.0,
+        text=text,
+    )
 
 
 def _zone(text: str, where: str) -> int:

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.morai.catalogue import default_model, find_model
+from rosbridge_sim.morai.catalogue import Catalogue, default_model
 from rosbridge_sim.morai.ego import Ego
 from rosbridge_sim.morai.replays.recording import EGO_COLUMNS, OBJECT_COLUMNS, Actor, Scene
 from rosbridge_sim.morai.stage import MAX_ENTITIES, Stage
@@ -134,15 +134,16 @@ class Puppets:
                 self._is_full = True
                 _log.warning("the world holds %d at most: some of the recording are left out", MAX_ENTITIES)
             return
-        uid = self._stage.add_actor(actor.uid, actor.kind, _body_of(actor), actor.name, x=x, y=y)
+        body = _body_of(actor, self._stage.catalogue)
+        uid = self._stage.add_actor(actor.uid, actor.kind, body, actor.name, x=x, y=y)
         if uid != actor.uid:
             _log.info("%s, number %d of the recording, is %d here", actor.name, actor.uid, uid)
         self._uids[actor] = uid
 
 
-def _body_of(actor: Actor) -> Body:
+def _body_of(actor: Actor, catalogue: Catalogue) -> Body:
     """The body of its model, in the recorded size; a vehicle that nobody knows has the proportions of the usual car."""
-    model = find_model(actor.name)
+    model = catalogue.find(actor.name)
     like = (model if model is not None and model.kind is actor.kind else default_model(actor.kind)).body
     return _resize(like, actor.kind, actor.size)
 

@@ -10,14 +10,22 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Final, TypeVar
+from typing import Any, Final, Literal, TypeVar
 
 import numpy as np
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.catalogue import Model, default_model, find_model, model_of_data_id
+from rosbridge_sim.morai.catalogue import (
+    BUILT_IN,
+    Catalogue,
+    Model,
+    class_of_data_id,
+    default_model,
+    model_by_class,
+)
+from rosbridge_sim.morai.documents import Document
 from rosbridge_sim.morai.scenarios.scenario_document import (
     EgoVehicle,
     EnuPosition,
@@ -28,6 +36,7 @@ from rosbridge_sim.morai.scenarios.scenario_document import (
     Obstacle,
     Pedestrian,
     Rotation,
+    Scale,
     ScenarioDocument,
     WaypointPath,
     read_scenario_document,
@@ -36,7 +45,7 @@ from rosbridge_sim.world.geometry import FloatArray, arc_lengths
 from rosbridge_sim.world.paths import MAX_PATH_LENGTH
 from rosbridge_sim.world.plan import Plan
 from rosbridge_sim.world.roads import Roads
-from rosbridge_sim.world.state import Gear, Kind
+from rosbridge_sim.world.state import Body, Gear, Kind
 
 __all__ = ["Driver", "PhaseStart", "Scenario", "Spawn", "place_on_roads", "read_scenario", "sort_phases"]
 
@@ -52,6 +61,10 @@ MAX_TO_LANE: Final = 2.5
 
 MAX_TURN: Final = math.radians(45.0)
 """Whoever looks farther aside does not drive along it."""
+
+MIN_SCALE: Final = 0.001
+MAX_SCALE: Final = 1_000.0
+"""A thing whose `scale` is beyond these is a slip: a box of 60 cm would be 0.6 mm or 600 m long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +86,10 @@ class Driver:
 
 @dataclass(frozen=True, slots=True)
 class PhaseStart:
-    """The phase that an intersection is to be in: its controller's id, the number, and how long it has lasted [s]."""
+    """The phase that an intersection is to be in: its controller, the number, and how long it has lasted [s].
+
+    The controller is as the document has it, a position or an id; what `sort_phases` gives has its id.
+    """
 
     controller: str
     phase: int
@@ -89,6 +105,7 @@ class Spawn:
         uid: the id that the file gives, 0 for the first ego; None: the next free one.
         x, y, z: reference point, map frame [m]. 0 as long as only the link is known (`is_placed` False).
         yaw: (-pi, pi] [rad].
+        roll, pitch: the same, kept by the world until it is put elsewhere [rad].
         speed: along the heading or the path; never negative on a path [m/s].
         path: (m, 3) waypoints, map frame, two different ones at least [m]; None: straight ahead.
         is_loop: the path is closed, or the driver's route.
@@ -97,6 +114,8 @@ class Spawn:
         link: id of the link that it starts on, until `place_on_roads`; then None.
         link_ratio: how far along that link, 0..1.
         is_placed: x, y and z are good.
+        start_within: it stands until an ego is this near [m]; 0: it goes at once.
+        kept: what the document says of it that has no effect yet, by key, as it is written.
         where: its place in the document, for messages.
     """
 
@@ -116,6 +135,10 @@ class Spawn:
     link: str | None = None
     link_ratio: float = 0.0
     is_placed: bool = True
+    roll: float = 0.0
+    pitch: float = 0.0
+    start_within: float = 0.0
+    kept: Mapping[str, Any] = field(default_factory=dict)  # JSON values
     where: str = ""
 
 
@@ -128,6 +151,7 @@ class Scenario:
         map_name: the map it is made for, if it says so.
         egos, vehicles, pedestrians, obstacles: what to spawn. No two have one `uid`.
         phases: what intersections are to be in.
+        kept: what the document says that has no effect yet, by key, as it is written.
         notes: what was read otherwise than written: a line each, for the log.
     """
 
@@ -139,6 +163,7 @@ class Scenario:
     obstacles: tuple[Spawn, ...] = ()
     phases: tuple[PhaseStart, ...] = ()
     notes: tuple[str, ...] = ()
+    kept: Mapping[str, Any] = field(default_factory=dict)  # JSON values
 
 
 Tell = Callable[[DocumentError], None]
@@ -149,7 +174,7 @@ def _refuse(error: DocumentError) -> None:
     raise error
 
 
-def read_scenario(text: bytes, source: str, tell: Tell = _refuse) -> Scenario:
+def read_scenario(text: bytes, source: str, tell: Tell = _refuse, catalogue: Catalogue = BUILT_IN) -> Scenario:
     """Read a scenario document.
 
     Agents that start on a link have no place yet: give the result to `place_on_roads`.
@@ -158,6 +183,7 @@ def read_scenario(text: bytes, source: str, tell: Tell = _refuse) -> Scenario:
         text: the file's bytes.
         source: its name, for errors and for the scenario's own name.
         tell: what is done about a single item that cannot be used; it is raised if nothing else is said.
+        catalogue: the models.
 
     Raises:
         DocumentError: one line: where, what was expected, what came.
@@ -166,7 +192,7 @@ def read_scenario(text: bytes, source: str, tell: Tell = _refuse) -> Scenario:
     if not document.model_fields_set:
         expected = ", ".join(ScenarioDocument.model_fields)
         raise DocumentError(f"{source}: expected a scenario, with some of {expected}")
-    return _Reader(document, source, tell).scenario()
+    return _Reader(document, source, tell, catalogue).scenario()
 
 
 def place_on_roads(scenario: Scenario, roads: Roads, tell: Tell = _refuse) -> Scenario:
@@ -233,16 +259,31 @@ def _each(items: Iterable[T], work: Callable[[T], Spawn], tell: Tell) -> Iterato
 
 
 def sort_phases(scenario: Scenario, plan: Plan | None) -> tuple[tuple[PhaseStart, ...], list[str]]:
-    """Those of a scenario's phases that the lights of a map have, and a line about each of the others."""
-    num_phases = {controller.name: len(controller.phases) for controller in (plan.controllers if plan else ())}
+    """Return those of a scenario's phases that the lights of a map have, and a line for the log about the others.
+
+    An `index` that is a whole number below the number of the map's controllers is a position, as MORAI writes it; any
+    other text is a controller's id. Where it could be both, the position counts, and a line says so.
+    """
+    controllers = plan.controllers if plan else ()
+    num_phases = {controller.name: len(controller.phases) for controller in controllers}
     known = []
-    strange = []
+    lines = []
     for start in scenario.phases:
-        if 0 <= start.phase < num_phases.get(start.controller, 0):
-            known.append(start)
+        index = start.controller.strip()
+        name = start.controller
+        if _POSITION.fullmatch(index) and int(index) < len(controllers):
+            name = controllers[int(index)].name
+            if index in num_phases and index != name:
+                lines.append(f"index {index!r} is a position and an id; it is taken for the position, {name!r}")
+        if 0 <= start.phase < num_phases.get(name, 0):
+            known.append(replace(start, controller=name))
         else:
-            strange.append(f"no intersection {start.controller!r} has a phase {start.phase}")
-    return tuple(known), strange
+            called = name if name == start.controller else f"{name} (index {index})"
+            lines.append(f"no intersection {called!r} has a phase {start.phase}; it begins as its schedule does")
+    return tuple(known), lines
+
+
+_POSITION: Final = re.compile(r"[0-9]{1,9}")
 
 
 def _find_lane(spawn: Spawn, driver: Driver, roads: Roads) -> Driver | None:
@@ -279,10 +320,11 @@ def _route(driver: Driver, roads: Roads, where: str, *, is_loop: bool) -> tuple[
 class _Reader:
     """The passage from one document to one `Scenario`."""
 
-    def __init__(self, document: ScenarioDocument, source: str, tell: Tell) -> None:
+    def __init__(self, document: ScenarioDocument, source: str, tell: Tell, catalogue: Catalogue) -> None:
         self._document = document
         self._source = source
         self._tell = tell
+        self._catalogue = catalogue
         self._notes: list[str] = []
         self._taken: dict[int, str] = {}
         self._paths, self._paths_of = self._read_paths(document.waypointDataList or ())
@@ -298,7 +340,8 @@ class _Reader:
         name = re.split(r"[\\/]", self._source)[-1].removesuffix(".json")
         map_name = (document.mapInfo.mapName or None) if document.mapInfo else None
         phases = tuple(PhaseStart(entry.index, entry.state, entry.deltaTime or 0.0) for entry in document.tlList or ())
-        return Scenario(name, map_name, egos, vehicles, people, obstacles, phases, tuple(self._notes))
+        notes, kept = tuple(self._notes), _kept(document)
+        return Scenario(name, map_name, egos, vehicles, people, obstacles, phases, notes, kept)
 
     def _items(self, key: str, items: Sequence[T] | None, read: Callable[[str, T], Spawn]) -> tuple[Spawn, ...]:
         numbered = enumerate(items or ())
@@ -308,18 +351,23 @@ class _Reader:
         where = "egoVehicle"
         uid = 0 if item.UNIQUEID is None or item.UNIQUEID < 0 else item.UNIQUEID
         self._taken[uid] = where
-        gear = Gear(item.gear) if item.gear in set(Gear) else Gear.DRIVE
+        # MORAI writes it into either place, by its version.
+        gears = [gear for gear in (item.initPosition.gear, item.gear) if gear in set(Gear)]
+        gear = Gear(gears[0]) if gears else Gear.DRIVE
         spawn = self._on_wheels(where, Kind.EGO, item, item.initPosition, uid)
         return replace(spawn, speed=(item.currentVelocity or 0.0) * KMH, gear=gear)
 
     def _vehicle(self, where: str, item: NpcVehicle) -> Spawn:
         spawn = self._on_wheels(where, Kind.VEHICLE, item, item.initPosition, self._uid(where, item))
-        first, second = item.constantVelocity, item.linkVelocity
+        first, second = item.desiredVelocity or item.constantVelocity, item.linkVelocity
+        if first is None:
+            first = item.desiredVelocity
         if item.velocityType == 1:
             first, second = second, first
         speed_kmh = first if first is not None else second
         spawn = self._follow(where, item, spawn, speed_kmh, is_loop=item.isCloseLoop)
-        if spawn.path is not None or (spawn.link is None and item.isWaypointMode is not False):
+        is_on_lanes = item.isWaypointMode is False or (item.isWaypointMode is None and _names_link(item))
+        if spawn.path is not None or (spawn.link is None and not is_on_lanes):
             return spawn
         # Its speed by link, or no word of one: as fast as is allowed.
         is_free = item.velocityType == 1 or speed_kmh is None
@@ -329,11 +377,15 @@ class _Reader:
 
     def _pedestrian(self, where: str, item: Pedestrian) -> Spawn:
         spawn = self._on_foot(where, Kind.PEDESTRIAN, item, item.pos, item.rot)
-        return self._follow(where, item, spawn, item.speed, is_loop=item.loop, ahead=item.movingDistance or 0.0)
+        spawn = self._follow(where, item, spawn, item.speed, is_loop=item.loop, ahead=item.movingDistance or 0.0)
+        return replace(spawn, start_within=max(item.activeDistance or 0.0, 0.0))
 
     def _obstacle(self, where: str, item: Obstacle) -> Spawn:
         spawn = self._on_foot(where, Kind.OBSTACLE, item, item.pos, item.rot)
-        return self._follow(where, item, spawn, item.moveSpeed)
+        if item.scale is not None:
+            spawn = replace(spawn, model=self._scaled(where, spawn.model, item.scale))
+        spawn = self._follow(where, item, spawn, item.moveSpeed)
+        return replace(spawn, start_within=max(item.activeDistance or 0.0, 0.0))
 
     def _on_wheels(self, where: str, kind: Kind, item: Item, start: InitPosition, uid: int | None) -> Spawn:
         is_absolute = start.initPositionMode.strip().casefold() == "absolute"
@@ -345,6 +397,9 @@ class _Reader:
         model = self._model(where, kind, item)
         return Spawn(
             *(kind, model, model.name, uid, pos.x, pos.y, pos.z, _yaw(start.rot)),
+            roll=_tilt(start.rot, "roll"),
+            pitch=_tilt(start.rot, "pitch"),
+            kept=_kept(item),
             link=None if is_absolute else start.initLink,
             link_ratio=start.initLinkRatio or 0.0,
             is_placed=start.pos is not None,
@@ -355,8 +410,25 @@ class _Reader:
         model = self._model(where, kind, item)
         return Spawn(
             *(kind, model, model.name, self._uid(where, item), pos.x, pos.y, pos.z, _yaw(rot)),
+            roll=_tilt(rot, "roll"),
+            pitch=_tilt(rot, "pitch"),
+            kept=_kept(item),
             where=where,
         )
+
+    def _scaled(self, where: str, model: Model, scale: Scale) -> Model:
+        """Return the model in another size; in its own where the document's figures make none."""
+        factors = scale.z, scale.x, scale.y
+        if not all(MIN_SCALE <= factor <= MAX_SCALE for factor in factors):
+            _note(
+                self._notes,
+                f"{where}.scale: expected numbers from {MIN_SCALE:g} to {MAX_SCALE:,g}, got x {scale.x:g},"
+                f" y {scale.y:g}, z {scale.z:g}; it has its model's size",
+            )
+            return model
+        size = model.body.length, model.body.width, model.body.height
+        length, width, height = (figure * factor for figure, factor in zip(size, factors, strict=True))
+        return replace(model, body=Body.box(length, width, height)) if factors != (1.0, 1.0, 1.0) else model
 
     def _follow(
         self,
@@ -370,13 +442,15 @@ class _Reader:
     ) -> Spawn:
         """Give an agent its speed and its way: its path, or `ahead` metres on from where it is."""
         speed = (speed_kmh or 0.0) * KMH
-        path = self._path(where, item, spawn.kind)
+        path = self._path(where, item, spawn.kind, is_moving=speed != 0.0)
         here = np.array([[spawn.x, spawn.y, spawn.z]])
         if path is None and ahead > 0.0:
             step = np.array([math.cos(spawn.yaw), math.sin(spawn.yaw), 0.0])
             path = np.concatenate([here, here + ahead * step])
-        if path is None:
-            return replace(spawn, speed=speed)
+        if path is None or not len(path):
+            # In waypoint mode without a waypoint it stands: MORAI saves most things that never move so.
+            is_standing = path is not None or bool(item.isWaypointMode)
+            return replace(spawn, speed=0.0 if is_standing else speed)
         if not _has_length(path):
             # One waypoint: the way leads from here to there.
             path = np.concatenate([here, path])
@@ -385,7 +459,8 @@ class _Reader:
                 return replace(spawn, speed=0.0)
         return replace(spawn, speed=max(speed, 0.0), path=path, is_loop=bool(is_loop))
 
-    def _path(self, where: str, item: Follower, kind: Kind) -> FloatArray | None:
+    def _path(self, where: str, item: Follower, kind: Kind, *, is_moving: bool) -> FloatArray | None:
+        """Return the waypoints that an item follows, (m, 3); none of them if it stands; None if it follows no path."""
         if item.pathName:
             if item.pathName not in self._paths:
                 raise DocumentError(f"{self._source}: {where}.pathName: waypointDataList has no path {item.pathName!r}")
@@ -393,14 +468,16 @@ class _Reader:
         if item.isWaypointMode is False or item.UNIQUEID is None:
             return None
         path = self._paths_of.get((kind is Kind.PEDESTRIAN, item.UNIQUEID))
-        if path is None and item.isWaypointMode:
+        if path is None and item.isWaypointMode and is_moving:
             _note(self._notes, f"{where}: isWaypointMode, but waypointDataList has no path ' - {item.UNIQUEID}'")
+        if path is not None and not len(path) and not item.isWaypointMode:
+            return None
         return path
 
     def _model(self, where: str, kind: Kind, item: Item) -> Model:
         wanted = Kind.VEHICLE if kind is Kind.EGO else kind
         if item.modelName:
-            model = find_model(item.modelName)
+            model = self._catalogue.find(item.modelName)
             if model is None or model.kind is not wanted:
                 raise DocumentError(
                     f"{self._source}: {where}.modelName: expected one of the catalogue's {wanted.name.lower()}s, "
@@ -409,13 +486,17 @@ class _Reader:
             return model
         if item.DataID is None:
             return default_model(kind)
-        model = model_of_data_id(item.DataID, kind)
+        model = self._catalogue.of_data_id(item.DataID, kind)
         if model is None:
-            model = default_model(kind)
-            text = (
-                f"DataID {item.DataID} ({kind.name.lower()}) is not in the catalogue; it gets the size of {model.name}"
+            model = model_by_class(item.DataID, kind)
+            body = model.body
+            other = class_of_data_id(item.DataID)
+            aside = f", and its number is that of {_A[other]}" if other is not None and other is not wanted else ""
+            _note(
+                self._notes,
+                f"DataID {item.DataID} ({kind.name.lower()}) is not in the catalogue{aside}; it has the ordinary size"
+                f" of its class, {body.length:g} x {body.width:g} x {body.height:g} m; --catalogue FILE can say more",
             )
-            _note(self._notes, text)
         return model
 
     def _uid(self, where: str, item: Item) -> int | None:
@@ -453,10 +534,10 @@ def _waypoints(path: WaypointPath, where: str) -> FloatArray:
     """(m, 3) the points of a path on the map [m].
 
     Raises:
-        DocumentError: it has none, or leads too far.
+        DocumentError: it leads too far.
     """
     if not path.waypointData:
-        raise DocumentError(f"{where}.waypointData: expected at least one waypoint, got none")
+        return np.zeros((0, 3))
     points = np.array([(-p.pos.x, -p.pos.z, p.pos.y) for p in path.waypointData])
     if arc_lengths(np.concatenate([points, points[:1]]))[-1] > MAX_PATH_LENGTH:
         raise DocumentError(f"{where}: expected a path of at most {MAX_PATH_LENGTH / 1000:,g} km")
@@ -473,6 +554,26 @@ def _yaw(rotation: Rotation | None) -> float:
         return 0.0
     turned = math.remainder(rotation.yaw, 360.0)
     return math.radians(180.0 if turned == -180.0 else turned)  # noqa: PLR2004  # half a turn
+
+
+def _tilt(rotation: Rotation | None, axis: Literal["roll", "pitch"]) -> float:
+    """Return a roll or pitch within half a turn [rad]."""
+    return 0.0 if rotation is None else math.radians(math.remainder(getattr(rotation, axis), 360.0))
+
+
+def _kept(item: Document) -> dict[str, Any]:
+    """Return what a part of a document says that has no effect yet, in the order of its model."""
+    found = {key: getattr(item, key) for key in type(item).model_fields if key in type(item).idle_keys}
+    return {key: value for key, value in found.items() if value is not None}
+
+
+def _names_link(item: NpcVehicle) -> bool:
+    """Whether the file says which link the vehicle was on."""
+    infos = (item.currentLinkInfo, item.startPointLinkInfo)
+    return any(isinstance(info, dict) and bool(info.get("linkIdx")) for info in infos)
+
+
+_A: Final = {Kind.VEHICLE: "a vehicle", Kind.PEDESTRIAN: "a pedestrian", Kind.OBSTACLE: "an obstacle"}
 
 
 def _note(notes: list[str], text: str) -> None:

@@ -17,7 +17,8 @@ from typing import Any, Final
 import numpy as np
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.documents import Mistake, keys_beside, sort_keys
+from rosbridge_sim.morai.catalogue import BUILT_IN, Catalogue
+from rosbridge_sim.morai.documents import Mistake, SortedKeys, keys_beside, sort_keys
 from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.scenarios.scenario import Scenario, Spawn, place_on_roads, read_scenario, sort_phases
 from rosbridge_sim.morai.scenarios.scenario_document import ScenarioDocument, find_scenario_mistakes
@@ -52,42 +53,42 @@ class Draft:
     Attributes:
         scenario: without the items that have a mistake; None if nothing can be read.
         mistakes: a line each.
-        read, passed_over: how often each key stands in the document, by its path.
+        keys: how often each key stands in the document, by what becomes of it.
         document: as it was parsed; None if it is no JSON.
     """
 
     scenario: Scenario | None
     mistakes: tuple[str, ...]
-    read: Mapping[str, int]
-    passed_over: Mapping[str, int]
+    keys: SortedKeys
     document: Any = None  # a JSON value
 
 
-def read_draft(text: bytes, source: str) -> Draft:
+def read_draft(text: bytes, source: str, catalogue: Catalogue = BUILT_IN) -> Draft:
     """Read as much of a scenario as can be read.
 
     Args:
         text: the file's bytes.
         source: its name, for the lines about mistakes.
+        catalogue: the models.
     """
     found = find_scenario_mistakes(text, source)
     lines = [mistake.text for mistake in found]
     try:
         document = json.loads(text.removeprefix(b"\xef\xbb\xbf"))
     except (ValueError, RecursionError):
-        return Draft(None, tuple(lines), {}, {})
-    read, passed_over = sort_keys(ScenarioDocument, document)
+        return Draft(None, tuple(lines), sort_keys(ScenarioDocument, None))
     scenario = None
     if isinstance(document, dict):
         rest, gone = _without(document, found)
         try:
-            scenario = read_scenario(json.dumps(rest).encode(), source, lambda error: lines.append(str(error)))
+            text = json.dumps(rest).encode()
+            scenario = read_scenario(text, source, lambda error: lines.append(str(error)), catalogue)
         except DocumentError as error:
             if not found:
                 lines.append(str(error))
         else:
             scenario = _leave_out(scenario, gone)
-    return Draft(scenario, tuple(dict.fromkeys(lines)), read, passed_over, document)
+    return Draft(scenario, tuple(dict.fromkeys(lines)), sort_keys(ScenarioDocument, document), document)
 
 
 def keys_near(path: str) -> list[str]:

@@ -1,9 +1,10 @@
 """The shape of scenario documents: the part of MORAI's scenario JSON that is read, key by key.
 
-Every key that these models name is read, and whatever else MORAI writes (physics of the moment, traffic generators,
-editor state) is passed over. Three keys are ours, since a person who writes a scenario by hand knows neither MORAI's
-numbers nor its ids: `modelName`, a name of the catalogue instead of `DataID`; `pathName`, a path by its name instead of
-by the item's `UNIQUEID`; `route`, the links that a vehicle follows. `schemas/scenario.schema.json` is made from here.
+Every key that these models name is read, and whatever else MORAI writes (physics of the moment, editor state) is passed
+over. Of those that are read, the `idle_keys` have no effect yet: they are kept as they are written. Three keys are
+ours, since a person who writes a scenario by hand knows neither MORAI's numbers nor its ids: `modelName`, a name of the
+catalogue instead of `DataID`; `pathName`, a path by its name instead of by the item's `UNIQUEID`; `route`, the links
+that a vehicle follows. `schemas/scenario.schema.json` is made from here.
 """
 
 # ruff: noqa: N815  # the document's own spelling
@@ -18,6 +19,7 @@ from rosbridge_sim.morai.documents import (
     Coordinate,
     Document,
     Flag,
+    Kept,
     Mistake,
     Number,
     Ratio,
@@ -36,6 +38,7 @@ __all__ = [
     "Obstacle",
     "Pedestrian",
     "Rotation",
+    "Scale",
     "ScenarioDocument",
     "WaypointPath",
     "find_scenario_mistakes",
@@ -60,6 +63,11 @@ Speed = Annotated[Number, Field(ge=-1_000.0, le=1_000.0)]
 Items = Annotated[list[T], Field(max_length=MAX_ITEMS)]
 
 
+ActiveDistance = Annotated[
+    Coordinate | None, Field(description="stands until an ego is this near [m]; 0 or less: goes at once")
+]
+
+
 class EnuPosition(Document):
     """A place on the map: metres east, north and up of its origin."""
 
@@ -80,9 +88,19 @@ class EnuPosition(Document):
 
 
 class Rotation(Document):
-    """A heading."""
+    """A heading and a tilt; MORAI's angles go beyond a turn."""
 
     yaw: Annotated[Number, Field(description="degrees counter-clockwise from east")] = 0.0
+    roll: Annotated[Number, Field(description="degrees")] = 0.0
+    pitch: Annotated[Number, Field(description="degrees")] = 0.0
+
+
+class Scale(Document):
+    """By how much a thing is larger than its model, in the engine's axes of the thing itself."""
+
+    x: Annotated[Number, Field(description="of its width")] = 1.0
+    y: Annotated[Number, Field(description="of its height")] = 1.0
+    z: Annotated[Number, Field(description="of its length")] = 1.0
 
 
 class InitPosition(Document):
@@ -93,6 +111,7 @@ class InitPosition(Document):
     rot: Rotation | None = None
     initLink: Annotated[Text | None, Field(description="id of a link of the map")] = None
     initLinkRatio: Annotated[Ratio | None, Field(description="0 at the link's start, 1 at its end")] = None
+    gear: Annotated[Whole | None, Field(description="of an ego; 1 P, 2 R, 3 N, 4 D")] = None
 
 
 class Item(Document):
@@ -107,14 +126,16 @@ class EgoVehicle(Item):
     """The car that clients drive. UNIQUEID -1, as MORAI has it, is the first ego: 0 on the wire."""
 
     initPosition: InitPosition
-    gear: Annotated[Whole | None, Field(description="1 P, 2 R, 3 N, 4 D; otherwise D")] = None
+    gear: Annotated[Whole | None, Field(description="where initPosition has none; neither: D")] = None
     currentVelocity: Annotated[Speed | None, Field(description="speed at the start [km/h]")] = None
 
 
 class Follower(Item):
     """What may follow a path of waypointDataList."""
 
-    isWaypointMode: Annotated[Flag | None, Field(description="false: the path is not followed")] = None
+    isWaypointMode: Annotated[
+        Flag | None, Field(description="false: the path is not followed; true without waypoints: it stands")
+    ] = None
     pathName: Annotated[
         Text | None, Field(description="which path; else the one that ends in ' - UNIQUEID' (ours)")
     ] = None
@@ -123,15 +144,26 @@ class Follower(Item):
 class NpcVehicle(Follower):
     """A vehicle: along its path at a constant speed; else along the lanes as a driver would; else straight ahead.
 
-    It keeps to the lanes if it starts on a link, or if `isWaypointMode` is false and it stands on a lane.
+    It keeps to the lanes if it starts on a link, or if it stands on a lane and `isWaypointMode` is false, or absent
+    beside a link in `currentLinkInfo` or `startPointLinkInfo`.
     """
+
+    idle_keys: ClassVar[frozenset[str]] = frozenset(
+        {
+            *("isLaneChange", "latBiasMode", "latBias", "spawnPointUniqueID", "destinationUniqueID"),
+            *("destinationMode", "endPointLinkInfo"),
+        }
+    )
 
     initPosition: InitPosition
     velocityType: Annotated[
         Whole | None,
-        Field(description="1: linkVelocity, on lanes as fast as is allowed; 2: constantVelocity, on lanes at most"),
+        Field(description="1: linkVelocity, on lanes as fast as is allowed; 2: desiredVelocity, on lanes at most"),
     ] = None
-    constantVelocity: Annotated[Speed | None, Field(description="[km/h]")] = None
+    desiredVelocity: Annotated[Speed | None, Field(description="its own cruise speed [km/h]")] = None
+    constantVelocity: Annotated[
+        Speed | None, Field(description="the same, where desiredVelocity is absent or 0 [km/h]")
+    ] = None
     linkVelocity: Annotated[Speed | None, Field(description="[km/h]")] = None
     currentVelocity: Annotated[Speed | None, Field(description="speed at the start, on lanes [km/h]")] = None
     isCloseLoop: Annotated[Flag | None, Field(description="the path or route begins again at its end")] = None
@@ -139,16 +171,29 @@ class NpcVehicle(Follower):
         list[Text] | None,
         Field(max_length=MAX_WAYPOINTS, description="ids of links, from the one it starts on (ours); then by chance"),
     ] = None
+    startPointLinkInfo: Kept = None
+    currentLinkInfo: Kept = None
+    isLaneChange: Kept = None
+    latBiasMode: Kept = None
+    latBias: Kept = None
+    spawnPointUniqueID: Kept = None
+    destinationUniqueID: Kept = None
+    destinationMode: Kept = None
+    endPointLinkInfo: Kept = None
 
 
 class Pedestrian(Follower):
     """Somebody who walks: along the path, else movingDistance straight ahead, else straight ahead for ever."""
+
+    idle_keys: ClassVar[frozenset[str]] = frozenset({"active"})
 
     pos: EnuPosition
     rot: Rotation | None = None
     speed: Annotated[Speed | None, Field(description="[km/h]")] = None
     loop: Annotated[Flag | None, Field(description="begins again at the end of the way, or walks back")] = None
     movingDistance: Annotated[Coordinate | None, Field(description="[m]")] = None
+    activeDistance: ActiveDistance = None
+    active: Kept = None
 
 
 class Obstacle(Follower):
@@ -157,6 +202,8 @@ class Obstacle(Follower):
     pos: EnuPosition
     rot: Rotation | None = None
     moveSpeed: Annotated[Speed | None, Field(description="[km/h]")] = None
+    activeDistance: ActiveDistance = None
+    scale: Annotated[Scale | None, Field(description="of the model's size")] = None
 
 
 class EnginePosition(Document):
@@ -183,7 +230,9 @@ class WaypointPath(Document):
 class IntersectionState(Document):
     """The phase that an intersection is in at the start."""
 
-    index: Annotated[Text, Field(description="id of its controller")]
+    index: Annotated[
+        Text, Field(description="position of its controller among the map's, from 0; any other text: its id")
+    ]
     state: Annotated[Whole, Field(description="number of the phase, from 0")] = 0
     deltaTime: Annotated[Number | None, Field(ge=0.0, description="how long it has lasted [s]")] = None
 
@@ -197,6 +246,10 @@ class MapInfo(Document):
 class ScenarioDocument(Document):
     """A scenario: the part of MORAI's scenario files that rosbridge_sim reads. Other keys are passed over."""
 
+    idle_keys: ClassVar[frozenset[str]] = frozenset(
+        {"spawnPointList", "pedspawnPointList", "frictionChangeMaterialList", "shadedAreaList"}
+    )
+
     mapInfo: MapInfo | None = None
     egoVehicle: EgoVehicle | None = None
     vehicleList: Items[NpcVehicle] | None = None
@@ -204,6 +257,10 @@ class ScenarioDocument(Document):
     objectList: Items[Obstacle] | None = None
     waypointDataList: Annotated[list[WaypointPath], Field(max_length=MAX_PATHS)] | None = None
     tlList: Annotated[list[IntersectionState], Field(max_length=MAX_PATHS)] | None = None
+    spawnPointList: Kept = None
+    pedspawnPointList: Kept = None
+    frictionChangeMaterialList: Kept = None
+    shadedAreaList: Kept = None
 
 
 _DOCUMENT: Final = TypeAdapter(ScenarioDocument)

@@ -1,4 +1,8 @@
-"""`map info`: what a map's folder holds, what the reader makes of it and what it lacks; a picture if one is wanted."""
+"""`map info`: verdicts on maps; what a map's folder holds, what the reader makes of it; a picture if one is wanted.
+
+A *mistake* is what a load of the map refuses. A *remark* is about what it lacks, or what was read otherwise than it is
+written.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +13,13 @@ from typing import Any, Final
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.maps.map_check import describe_map, list_files
-from rosbridge_sim.morai.maps.mgeo import find_map_mistakes, read_map
+from rosbridge_sim.morai.maps.mgeo import FILES, RoadMap, find_map_mistakes, read_map
+from rosbridge_sim.shell.kinds import SettingError
 from rosbridge_sim.shell.storage import DiskLibrary, map_names, read_folder
 from rosbridge_sim.shell.tools.text import put, put_json, put_table, safe
+from rosbridge_sim.shell.tools.verdicts import Verdicts, exit_code, put_verdict
 
-__all__ = ["show_map"]
+__all__ = ["show_maps"]
 
 MAX_ROWS: Final = 60
 """Intersections that are listed for a person."""
@@ -24,59 +30,96 @@ WIDTH: Final = 110
 _Account = dict[str, Any]  # a JSON object
 
 
-def show_map(name: str, picture: str | None, *, is_json: bool) -> int:
-    """Explain a map; the exit code is 1 if it cannot be read.
+def show_maps(names: Sequence[str], picture: str | None, *, is_json: bool, is_strict: bool) -> int:
+    """Explain a map, or tell the verdicts on several; return the exit code, see `verdicts.exit_code`.
 
     Args:
-        name: a folder, or the name of a built-in map.
-        picture: where a picture of it goes.
+        names: folders, folders of such folders, or names of built-in maps.
+        picture: where a picture of the only one goes.
         is_json: for a program.
+        is_strict: remarks count as mistakes do in the exit code.
 
     Raises:
         DocumentError: there is no such folder, or the picture cannot be written.
+    """
+    folders = [folder for name in names for folder in _find_folders(name)]
+    if picture is not None and len(folders) > 1:
+        raise SettingError(f"--picture: expected a single map to draw, got {len(folders):,}")
+    if len(folders) == 1:
+        account, road_map = _account(folders[0])
+        if picture is not None and road_map is not None:
+            from rosbridge_sim.shell.tools.map_picture import draw_map  # noqa: PLC0415 - with Pillow, for this alone
+
+            draw_map(road_map, Path(picture))
+        if is_json:
+            put_json(account)
+        else:
+            _show(account)
+        return exit_code([account], is_strict=is_strict)
+    verdicts = Verdicts("map info", len(folders), is_json=is_json)
+    for folder in folders:
+        verdicts.begin(str(folder))
+        try:
+            account, _ = _account(folder)
+        except DocumentError as error:
+            account = {"file": str(folder), "is_good": False, "mistakes": [str(error)], "remarks": []}
+        verdicts.add(account)
+    return verdicts.end(is_strict=is_strict)
+
+
+def _find_folders(name: str) -> list[Path]:
+    """Return the folder of a map; of a folder that is none, those in it that are.
+
+    Raises:
+        DocumentError: there is no such folder.
     """
     try:
         folder = DiskLibrary(own_map=name).map_folder(name)
     except DocumentError:
         known = ", ".join(map_names())
         raise DocumentError(f"{name}: expected a folder of MGeo files, or one of {known}; there is none") from None
+    if any((folder / file).exists() for file in FILES):
+        return [folder]
+    inner = [at for at in sorted(folder.glob("*")) if any((at / file).exists() for file in FILES)]
+    return inner or [folder]
+
+
+def _account(folder: Path) -> tuple[_Account, RoadMap | None]:
+    """The account of a map; and the map, if it can be read.
+
+    Raises:
+        DocumentError: the folder cannot be read.
+    """
     try:
         names = [at.name for at in folder.iterdir()]
     except OSError as error:
         raise DocumentError(f"{folder}: cannot be read: {error.strerror}") from None
     files = read_folder(folder)
-    account: _Account = {"folder": str(folder), "files": list_files(files, names)}
+    account: _Account = {"file": str(folder), "folder": str(folder), "files": list_files(files, names)}
     try:
         road_map = read_map(files, str(folder))
     except DocumentError:
-        account |= {"is_good": False, "mistakes": find_map_mistakes(files, str(folder))}
-    else:
-        account |= {"is_good": True, "mistakes": [], **describe_map(files, road_map)}
-        if picture is not None:
-            from rosbridge_sim.shell.tools.map_picture import draw_map  # noqa: PLC0415 - with Pillow, for this alone
-
-            draw_map(road_map, Path(picture))
-    if is_json:
-        put_json(account)
-    else:
-        _show(account)
-    return 0 if account["is_good"] else 1
+        mistakes = find_map_mistakes(files, str(folder))
+        return {**account, "is_good": False, "mistakes": mistakes, "remarks": []}, None
+    described = describe_map(files, road_map)
+    remarks = [*described["notes"], *map(_gap, described["gaps"])]
+    return {**account, "is_good": not remarks, "mistakes": [], "remarks": remarks, **described}, road_map
 
 
 # For a person
 
 
 def _show(account: _Account) -> None:
-    mistakes, gaps = account["mistakes"], account.get("gaps", [])
-    verdict = f"{len(mistakes):,} mistake{'' if len(mistakes) == 1 else 's'}" if mistakes else "good"
-    put(f"{safe(account['folder'])}: {verdict}" + (f", {len(gaps)} kinds of gaps" if gaps else ""))
+    put_verdict(account)
+    _put_lines("mistakes", account["mistakes"])
+    _put_lines("remarks", account["remarks"])
+    put("")
     files = account["files"]
     named = [f"{one['name']} ({one['holds']})" if one["holds"] else one["name"] for one in files if one["is_read"]]
     _put_names("read", named)
     _put_names("there, but not needed", [one["name"] for one in files if one["is_there"] and not one["is_read"]])
     _put_names("not there", [one["name"] for one in files if not one["is_there"] and one["is_known"]])
-    _put_lines("mistakes", mistakes)
-    if account["is_good"]:
+    if not account["mistakes"]:
         _show_figures(account)
 
 
@@ -123,8 +166,6 @@ def _show_figures(account: _Account) -> None:
     crosswalks = account["crosswalks"]
     put(f"crosswalks: {crosswalks['num']:,}, {crosswalks['num_with_lights']:,} of them with lights")
     _show_controllers(account["controllers"])
-    _put_lines("notes", account["notes"])
-    _put_lines("gaps", [_gap(gap) for gap in account["gaps"]])
 
 
 def _put_lanes(title: str, kinds: Mapping[str, _Account]) -> None:

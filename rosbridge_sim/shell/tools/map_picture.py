@@ -32,6 +32,18 @@ FINE: Final = 2
 MARGIN: Final = 90
 """Around the map: the scale and the legend stand in it [pixels]."""
 
+MIN_WIDTH: Final = 900
+"""Of a map that is long from south to north: there is room for its name beside the arrow to the north [pixels]."""
+
+LEGEND_LINE: Final = 26
+"""From one line of the legend to the next [pixels]."""
+
+FORMATS: Final = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG"}
+"""What a file's name asks for. Others, such as .gif, could not show all the colours."""
+
+QUALITY: Final = 92
+"""Of a JPEG [of 100]: thin lines have no visible shadows."""
+
 NARROW: Final = 3.0
 """Lanes thinner than this have no edges [pixels]."""
 
@@ -81,7 +93,7 @@ class _View:
 
 
 def draw_map(road_map: RoadMap, path: Path, agents: Sequence[Spawn] = ()) -> None:
-    """Write a picture of a map; the file's name says in which format (`.png`).
+    """Write a picture of a map; the file's name says in which format: `.png`, `.jpg` or `.jpeg`.
 
     Args:
         road_map: what is drawn.
@@ -91,11 +103,12 @@ def draw_map(road_map: RoadMap, path: Path, agents: Sequence[Spawn] = ()) -> Non
     Raises:
         DocumentError: it cannot be written.
     """
-    if path.suffix.lower() not in Image.registered_extensions():
-        raise DocumentError(f"--picture: expected a file such as MAP.png; got {str(path)!r}")
+    form = FORMATS.get(path.suffix.lower())
+    if form is None:
+        raise DocumentError(f"--picture: expected a file such as MAP.png or MAP.jpg; got {str(path)!r}")
     image = _draw(road_map, [agent for agent in agents if agent.is_placed])
     try:
-        image.save(path)
+        image.save(path, form, quality=QUALITY)  # which PNG does not know
     except OSError as error:
         raise DocumentError(f"{path}: cannot be written: {error.strerror or error}") from None
 
@@ -105,16 +118,23 @@ def _draw(road_map: RoadMap, agents: Sequence[Spawn]) -> Image.Image:
     scale = FINE * (SIZE - 2 * MARGIN) / float((high - low).max())
     view = _View(float(low[0]), float(high[1]), scale)
     width, height = (round(length) + 2 * MARGIN * FINE for length in ((high - low) * scale).tolist())
-    image = Image.new("RGB", (max(width, 900 * FINE), height), PAPER)
-    pen = ImageDraw.Draw(image)
+    width = max(width, MIN_WIDTH * FINE)
     kinds = _kinds(road_map)
+    legend = [*_legend(road_map, set(kinds.tolist())), *_legend_of_agents(agents)]
+    places = _lay_legend(legend, width, _legend_start(view))
+    # The margin below has room for two lines; more need paper of their own.
+    num_lines = 1 + max((line for _, line in places), default=0)
+    image = Image.new("RGB", (width, height + max(0, num_lines - 2) * LEGEND_LINE * FINE), PAPER)
+    pen = ImageDraw.Draw(image)
     _draw_ground(pen, view, road_map, kinds)
     for agent in agents:
         _draw_path(pen, view, agent)
     for agent in agents:
         _draw_agent(pen, view, agent)
-    legend = [*_legend(road_map, set(kinds.tolist())), *_legend_of_agents(agents)]
-    _draw_frame(pen, image.size, view, road_map, legend)
+    _draw_frame(pen, image.size, road_map)
+    top = height - 60 * FINE if num_lines > 1 else height - 34 * FINE
+    _draw_scale(pen, view, top)
+    _draw_legend(pen, legend, places, top)
     return image.resize((image.width // FINE, image.height // FINE), Image.Resampling.LANCZOS)
 
 
@@ -287,36 +307,66 @@ def _legend_of_agents(agents: Sequence[Spawn]) -> Iterator[tuple[str, str]]:
 # Around it
 
 
-def _draw_frame(
-    pen: ImageDraw.ImageDraw,
-    size: tuple[int, int],
-    view: _View,
-    road_map: RoadMap,
-    legend: Sequence[tuple[str, str]],
-) -> None:
-    """The map's name above, the scale and what the colours mean below, the north at the top right."""
-    width, height = size
+def _draw_frame(pen: ImageDraw.ImageDraw, size: tuple[int, int], road_map: RoadMap) -> None:
+    """The map's name above, the north at the top right."""
     font, large = ImageFont.load_default(17 * FINE), ImageFont.load_default(26 * FINE)
     roads = road_map.roads
     pen.text((MARGIN * FINE // 2, 20 * FINE), road_map.name, fill=INK, font=large)
     name_width = pen.textlength(road_map.name, font=large)
     figures = f"{len(roads):,} lanes, {roads.length.sum() / 1000.0:.1f} km"
     pen.text((MARGIN * FINE // 2 + name_width + 20 * FINE, 28 * FINE), figures, fill=INK, font=font)
-    x, y = float(width - MARGIN * FINE // 2), 16.0 * FINE
+    x, y = float(size[0] - MARGIN * FINE // 2), 16.0 * FINE
     pen.polygon([(x, y), (x - 11 * FINE, y + 34 * FINE), (x, y + 26 * FINE), (x + 11 * FINE, y + 34 * FINE)], fill=INK)
     pen.text((x, y + 38 * FINE), "N", fill=INK, font=font, anchor="ma")
-    x, y = MARGIN * FINE / 2, height - 34.0 * FINE
+
+
+def _scale_text(view: _View) -> tuple[float, str]:
+    """The length of the scale [pixels], and what stands beside it."""
     metres = _round_length(180.0 * FINE / view.scale)
-    length = metres * view.scale
+    text = f"{metres / 1000:g} km" if metres >= 1000 else f"{metres:g} m"  # noqa: PLR2004 - a kilometre
+    return metres * view.scale, text
+
+
+def _draw_scale(pen: ImageDraw.ImageDraw, view: _View, y: float) -> None:
+    x = MARGIN * FINE / 2
+    length, text = _scale_text(view)
     pen.rectangle((x, y, x + length, y + 7 * FINE), fill=PAPER, outline=INK, width=FINE)
     pen.rectangle((x, y, x + length / 2, y + 7 * FINE), fill=INK)
-    text = f"{metres / 1000:g} km" if metres >= 1000 else f"{metres:g} m"  # noqa: PLR2004 - a kilometre
-    pen.text((x + length + 8 * FINE, y + 4 * FINE), text, fill=INK, font=font, anchor="lm")
-    x += length + 30 * FINE + pen.textlength(text, font=font)
-    for colour, what in legend:
+    pen.text((x + length + 8 * FINE, y + 4 * FINE), text, fill=INK, font=_legend_font(), anchor="lm")
+
+
+def _legend_font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    return ImageFont.load_default(17 * FINE)
+
+
+def _legend_start(view: _View) -> float:
+    """Where the legend begins beside the scale [pixels]."""
+    length, text = _scale_text(view)
+    return MARGIN * FINE / 2 + length + 30 * FINE + _legend_font().getlength(text)
+
+
+def _lay_legend(legend: Sequence[tuple[str, str]], width: int, start: float) -> list[tuple[float, int]]:
+    """Return for each entry where it begins [pixels], and on which line; an entry that is too long goes to the next."""
+    font = _legend_font()
+    places = []
+    x, line = start, 0
+    for _, what in legend:
+        size = 40 * FINE + font.getlength(what)
+        if x + size > width - MARGIN * FINE / 2 and x > MARGIN * FINE / 2:
+            x, line = MARGIN * FINE / 2, line + 1
+        places.append((x, line))
+        x += size
+    return places
+
+
+def _draw_legend(
+    pen: ImageDraw.ImageDraw, legend: Sequence[tuple[str, str]], places: Sequence[tuple[float, int]], top: float
+) -> None:
+    """What the colours mean."""
+    for (colour, what), (x, line) in zip(legend, places, strict=True):
+        y = top + line * LEGEND_LINE * FINE
         pen.rectangle((x, y - 4 * FINE, x + 16 * FINE, y + 12 * FINE), fill=colour, outline=INK)
-        pen.text((x + 22 * FINE, y + 4 * FINE), what, fill=INK, font=font, anchor="lm")
-        x += 40 * FINE + pen.textlength(what, font=font)
+        pen.text((x + 22 * FINE, y + 4 * FINE), what, fill=INK, font=_legend_font(), anchor="lm")
 
 
 def _round_length(about: float) -> float:

@@ -1,4 +1,8 @@
-"""`scenario check`: what a scenario file holds, what of it is read, what is wrong with it and what looks odd."""
+"""`scenario check`: verdicts on scenario files, and what one holds: its items, the keys that are read, what is odd.
+
+A *mistake* is what a load refuses. A *remark* is about something that loads and is hardly meant so, or that is read
+otherwise than it is written. A file is *good* without either.
+"""
 
 from __future__ import annotations
 
@@ -10,22 +14,24 @@ from pathlib import Path
 from typing import Any, Final
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.catalogue import model_of_data_id
+from rosbridge_sim.morai.catalogue import Catalogue, default_model
 from rosbridge_sim.morai.convert import KMH
-from rosbridge_sim.morai.maps.mgeo import Projection, RoadMap
-from rosbridge_sim.morai.scenarios.scenario import Scenario, Spawn
+from rosbridge_sim.morai.maps.map_check import UNREAD_FILES
+from rosbridge_sim.morai.maps.mgeo import MAP_FILES, Projection, RoadMap
+from rosbridge_sim.morai.scenarios.scenario import PhaseStart, Scenario, Spawn, sort_phases
 from rosbridge_sim.morai.scenarios.scenario_check import find_oddities, keys_near, place_draft, read_draft
 from rosbridge_sim.morai.stage import DEFAULT_MAP
-from rosbridge_sim.shell.sources import PREFIX, hint, read_settings
+from rosbridge_sim.shell.sources import PREFIX, SettingError, hint, looks_like_path, read_settings
 from rosbridge_sim.shell.storage import DiskLibrary
 from rosbridge_sim.shell.tools.text import put, put_json, put_table, safe
+from rosbridge_sim.shell.tools.verdicts import Verdicts, exit_code, put_verdict
 from rosbridge_sim.world.geometry import arc_lengths
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import Kind
 
-__all__ = ["check_scenario", "hint_at", "open_library", "show_keys"]
+__all__ = ["check_scenarios", "hint_at", "open_library", "show_keys"]
 
-_VARIABLES: Final = frozenset(PREFIX + name for name in ("CONFIG", "MAP", "SCENARIO_PATH"))
+_VARIABLES: Final = frozenset(PREFIX + name for name in ("CONFIG", "MAP", "SCENARIO_PATH", "CATALOGUE"))
 """What of the environment has to do with scenarios and maps; a mistake in the rest is none of ours."""
 
 SURE: Final = 0.9
@@ -34,51 +40,96 @@ SURE: Final = 0.9
 WIDTH: Final = 110
 """Of lines that hold many keys, as of our help."""
 
-_LISTS: Final = ("egoVehicle", "vehicleList", "pedestrianList", "objectList", "waypointDataList", "tlList")
+_LISTS: Final = (
+    *("egoVehicle", "vehicleList", "pedestrianList", "objectList", "waypointDataList", "tlList"),
+    *("spawnPointList", "pedspawnPointList", "frictionChangeMaterialList", "shadedAreaList"),
+)
 
 _Account = dict[str, Any]  # a JSON object
 
 
-def open_library(own_map: str | None, folders: Sequence[str]) -> tuple[DiskLibrary, str | None]:
+def open_library(
+    own_map: str | None, folders: Sequence[str], own_models: str | None = None
+) -> tuple[DiskLibrary, str | None]:
     """The scenarios and maps that a server started with these settings would find, and the map that stands for all.
 
     Raises:
-        DocumentError: a setting or a folder that cannot be used.
+        DocumentError: a setting, a folder or a catalogue that cannot be used.
     """
-    flags = [f"--scenario-path={folder}" for folder in folders] + ([] if own_map is None else [f"--map={own_map}"])
+    flags = [f"--scenario-path={folder}" for folder in folders]
+    flags += [] if own_map is None else [f"--map={own_map}"]
+    flags += [] if own_models is None else [f"--catalogue={own_models}"]
     settings = read_settings(flags, {name: value for name, value in os.environ.items() if name in _VARIABLES})
-    return DiskLibrary(settings.scenario_path, settings.map), settings.map
+    return DiskLibrary(settings.scenario_path, settings.map, settings.catalogue), settings.map
 
 
-def check_scenario(
-    name: str, own_map: str | None, folders: Sequence[str], picture: str | None, *, is_json: bool
+def check_scenarios(
+    names: Sequence[str],
+    library: DiskLibrary,
+    own_map: str | None,
+    picture: str | None,
+    *,
+    is_json: bool,
+    is_strict: bool,
 ) -> int:
-    """Explain a scenario; the exit code is 1 if the file has mistakes.
+    """Explain a scenario, or tell the verdicts on several; return the exit code, see `verdicts.exit_code`.
 
     Args:
-        name: a file, or the name of a scenario as clients and `serve --scenario` give it.
-        own_map: name or folder of the map to check it on, in place of its own.
-        folders: where scenarios are found by name.
-        picture: where a picture of it on its map goes.
+        names: files, folders of them, or names of scenarios as clients and `serve --scenario` give them.
+        library: where scenarios and maps are.
+        own_map: name or folder of the map to check them on, in place of their own.
+        picture: where a picture of the only one on its map goes.
         is_json: for a program.
+        is_strict: remarks count as mistakes do in the exit code.
 
     Raises:
         DocumentError: no such file, a map that was named here cannot be used, or the picture cannot be written.
     """
-    library, own_map = open_library(own_map, folders)
-    text, source = library.opening_file(name)
-    account, scenario, road_map = _account(text, source, library, own_map)
-    if picture is not None and scenario is not None:
-        from rosbridge_sim.shell.tools.map_picture import draw_map  # noqa: PLC0415 - with Pillow, for this alone
+    files = [file for name in names for file in _expand(name, library)]
+    if files == list(names) and len(files) == 1:
+        account, scenario, road_map = _account(*library.opening_file(files[0]), library, own_map)
+        if picture is not None and scenario is not None:
+            _draw(scenario, road_map, Path(picture))
+        if is_json:
+            put_json(account)
+        else:
+            _show(account)
+        return exit_code([account], is_strict=is_strict)
+    if picture is not None:
+        raise SettingError(f"--picture: expected a single scenario to draw, got {len(files):,}")
+    verdicts = Verdicts("scenario check", len(files), is_json=is_json)
+    for file in files:
+        verdicts.begin(file)
+        try:
+            text, source = library.opening_file(file)
+        except DocumentError as error:
+            verdicts.add({"file": file, "is_good": False, "mistakes": [str(error)], "remarks": []})
+        else:
+            verdicts.add(_account(text, source, library, own_map)[0])
+    return verdicts.end(is_strict=is_strict)
 
-        ground = road_map or RoadMap(scenario.map_name or "", Projection(is_tm=False), (0.0, 0.0, 0.0), Roads())
-        everybody = (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles)
-        draw_map(ground, Path(picture), everybody)
-    if is_json:
-        put_json(account)
-    else:
-        _show(account)
-    return 0 if account["is_good"] else 1
+
+def _expand(name: str, library: DiskLibrary) -> list[str]:
+    """Return the files of a folder, there and in the folders in it (MORAI keeps them by map); else the name itself.
+
+    Raises:
+        DocumentError: a folder without any.
+    """
+    folder = Path(name)
+    if not folder.is_dir() or (not looks_like_path(name) and library.has_scenario(name)):
+        return [name]
+    of_maps = {*MAP_FILES, *UNREAD_FILES}
+    found = [path for path in sorted([*folder.glob("*.json"), *folder.glob("*/*.json")]) if path.name not in of_maps]
+    if not found:
+        raise DocumentError(f"{name}: expected a folder with scenarios (*.json or */*.json); there is none")
+    return [str(path) for path in found]
+
+
+def _draw(scenario: Scenario, road_map: RoadMap | None, path: Path) -> None:
+    from rosbridge_sim.shell.tools.map_picture import draw_map  # noqa: PLC0415 - with Pillow, for this alone
+
+    ground = road_map or RoadMap(scenario.map_name or "", Projection(is_tm=False), (0.0, 0.0, 0.0), Roads())
+    draw_map(ground, path, (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles))
 
 
 # The account
@@ -88,34 +139,42 @@ def _account(
     text: bytes, source: str, library: DiskLibrary, own_map: str | None
 ) -> tuple[_Account, Scenario | None, RoadMap | None]:
     """The account; and the scenario as far as it can be read, on its map if that is known."""
-    draft = read_draft(text, source)
-    mistakes, notes = list(draft.mistakes), []
+    draft = read_draft(text, source, library.catalogue)
+    mistakes, remarks = list(draft.mistakes), []
     scenario = draft.scenario
     map_account: _Account = {"name": None, "is_known": False}
     road_map: RoadMap | None = None
     if scenario is not None:
         map_account, road_map = _find_map(scenario, library, own_map)
-        if road_map is not None:
+        if road_map is None:
+            mistakes.append(f"mapInfo.mapName: {map_account['why']}. Roads, links and lights were not checked")
+        else:
             scenario, more = place_draft(scenario, road_map)
             mistakes += more
-        notes = [*scenario.notes, *find_oddities(scenario, None if road_map is None else road_map.roads)]
+        remarks = [*scenario.notes, *find_oddities(scenario, None if road_map is None else road_map.roads)]
     prefixes = (f"{source}: ", "" if scenario is None else f"{scenario.name}: ")
     account = {
         "file": source,
-        "is_good": not mistakes,
+        "is_good": not mistakes and not remarks,
         "mistakes": [_without_prefix(line, prefixes) for line in mistakes],
-        "notes": notes,
+        "remarks": remarks,
         "map": map_account,
         "holds": _count(draft.document),
-        "items": [] if scenario is None else list(_items(scenario, draft.document)),
+        "items": [] if scenario is None else list(_items(scenario, draft.document, library.catalogue)),
         "phases": [
             {"intersection": start.controller, "phase": start.phase, "elapsed": start.elapsed}
-            for start in (scenario.phases if scenario is not None else ())
+            for start in (() if scenario is None else _phases(scenario, road_map))
         ],
-        "read": draft.read,
-        "passed_over": draft.passed_over,
+        "read": draft.keys.read,
+        "without_effect": draft.keys.idle,
+        "passed_over": draft.keys.passed_over,
     }
     return account, scenario, road_map
+
+
+def _phases(scenario: Scenario, road_map: RoadMap | None) -> Sequence[PhaseStart]:
+    """The phases that intersections begin in, by the controllers' ids where the map is known."""
+    return scenario.phases if road_map is None else sort_phases(scenario, road_map.plan)[0]
 
 
 def _without_prefix(line: str, prefixes: Sequence[str]) -> str:
@@ -131,8 +190,7 @@ def _find_map(scenario: Scenario, library: DiskLibrary, own_map: str | None) -> 
     except DocumentError as error:
         if own_map is not None:
             raise  # it was named on the command line
-        why = str(error)
-        return {"name": asked, "is_known": False, "checked_on": None, "why": why, "served_by": DEFAULT_MAP}, None
+        return {"name": asked, "is_known": False, "checked_on": None, "why": str(error)}, None
     return {
         **account,
         "lanes": len(road_map.roads),
@@ -148,7 +206,7 @@ def _count(document: object) -> dict[str, int]:
     return {key: len(part) if isinstance(part, list) else 1 for key, part in parts.items() if part is not None}
 
 
-def _items(scenario: Scenario, document: Any) -> Iterator[_Account]:  # noqa: ANN401 - a JSON value
+def _items(scenario: Scenario, document: Any, catalogue: Catalogue) -> Iterator[_Account]:  # noqa: ANN401 - a JSON value
     for spawn in (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles):
         key, _, number = spawn.where.rstrip("]").partition("[")
         item = document[key][int(number)] if number else document[key]
@@ -158,29 +216,40 @@ def _items(scenario: Scenario, document: Any) -> Iterator[_Account]:  # noqa: AN
             "kind": spawn.kind.name.lower(),
             "model": spawn.name,
             "data_id": data_id,
-            "is_replaced": _is_replaced(item, spawn.kind),
+            "is_replaced": _is_replaced(item, spawn.kind, catalogue),
             "id": spawn.uid,
             "x": spawn.x if spawn.is_placed else None,
             "y": spawn.y if spawn.is_placed else None,
             "z": spawn.z if spawn.is_placed else None,
             "heading_deg": math.degrees(spawn.yaw) if spawn.is_placed else None,
+            "roll_deg": math.degrees(spawn.roll),
+            "pitch_deg": math.degrees(spawn.pitch),
+            "is_scaled": spawn.model.body != (catalogue.find(spawn.name) or default_model(spawn.kind)).body,
+            "size": [spawn.model.body.length, spawn.model.body.width, spawn.model.body.height],
             "link": spawn.link,
             "speed_kmh": spawn.speed * KMH,
             "way": _way(spawn),
+            "starts_within": spawn.start_within or None,
+            "without_effect": list(spawn.kept),
         }
 
 
-def _is_replaced(item: Mapping[str, Any], kind: Kind) -> bool:
-    """Whether another model stands in for the one that the file means."""
+def _is_replaced(item: Mapping[str, Any], kind: Kind, catalogue: Catalogue) -> bool:
+    """Whether nothing but the class of the model that the file means is known."""
     try:
         data_id = int(float(str(item.get("DataID")).replace(",", "")))
     except (ValueError, OverflowError):
         return False
-    return not item.get("modelName") and model_of_data_id(data_id, kind) is None
+    return not item.get("modelName") and catalogue.of_data_id(data_id, kind) is None
 
 
 def _way(spawn: Spawn) -> str:
     """Where it goes, in a few words."""
+    way = _way_once_it_goes(spawn)
+    return f"{way}, when an ego is within {spawn.start_within:g} m" if spawn.start_within and spawn.speed else way
+
+
+def _way_once_it_goes(spawn: Spawn) -> str:
     driver = spawn.driver
     if spawn.kind is Kind.EGO:
         return f"driven from outside, in {spawn.gear.name.lower()}"
@@ -199,15 +268,14 @@ def _way(spawn: Spawn) -> str:
 
 
 def _show(account: _Account) -> None:
-    mistakes, notes = account["mistakes"], account["notes"]
-    verdict = _plural(len(mistakes), "mistake") if mistakes else "good"
-    put(f"{safe(account['file'])}: {verdict}{', ' + _plural(len(notes), 'note') if notes else ''}")
-    if account["items"]:
-        put(f"  map: {_map_line(account['map'])}")
+    put_verdict(account)
+    _show_lines("mistakes", account["mistakes"])
+    _show_lines("remarks", account["remarks"])
+    put("")
+    if account["map"]["is_known"]:
+        put(f"map: {_map_line(account['map'])}")
     for key, count in account["holds"].items():
-        put(f"  {key}: {count:,}")
-    _show_lines("mistakes", mistakes)
-    _show_lines("notes", notes)
+        put(f"{safe(key)}: {count:,}")
     if account["items"]:
         put("")
         put_table(_HEADER, [_row(item) for item in account["items"]])
@@ -218,11 +286,8 @@ def _show(account: _Account) -> None:
     read, passed_over = account["read"], account["passed_over"]
     is_inner = {key: any(other.startswith((f"{key}.", f"{key}[]")) for other in read) for key in read}
     show_keys("read", {key: key for key in read if not is_inner[key]})
+    show_keys("known, without effect yet", {key: f"{key} ({n:,})" for key, n in account["without_effect"].items()})
     show_keys("passed over", {key: f"{key} ({n:,}){hint_at(key, keys_near(key))}" for key, n in passed_over.items()})
-
-
-def _plural(num: int, what: str) -> str:
-    return f"{num:,} {what}{'' if num == 1 else 's'}"
 
 
 def hint_at(path: str, known: Sequence[str]) -> str:
@@ -254,21 +319,19 @@ _HEADER: Final = ("ITEM", "MODEL", "ID", "X [m]", "Y [m]", "HEADING", "KM/H", "W
 def _row(item: _Account) -> tuple[str, ...]:
     where = [f"{item[key]:.2f}" for key in "xy"] if item["x"] is not None else ["link", str(item["link"])]
     heading = "" if item["heading_deg"] is None else f"{item['heading_deg']:.1f}"
-    model = f"{item['model']} (for {item['data_id']})" if item["is_replaced"] else item["model"]
+    tilt = [f"{axis} {item[f'{axis}_deg']:.1f}" for axis in ("roll", "pitch") if round(item[f"{axis}_deg"], 1)]
+    heading += f" ({', '.join(tilt)})" if tilt else ""
+    model = f"{item['model']} (size by class)" if item["is_replaced"] else item["model"]
+    model += f" ({' x '.join(f'{size:g}' for size in item['size'])} m)" if item["is_scaled"] else ""
     uid = "next" if item["id"] is None else str(item["id"])
     return (item["at"], model, uid, *where, heading, f"{item['speed_kmh']:g}", item["way"])
 
 
 def _map_line(account: _Account) -> str:
-    if account["is_known"]:
-        named = safe(account["name"]) if account["name"] else "none is named; it would come onto the one in use"
-        on = account["checked_on"]
-        checked = "" if on == account["name"] else f"; checked on {safe(on)}"
-        return f"{named}{checked} ({account['lanes']:,} lanes, {account['lights']:,} lights)"
-    return (
-        f"{safe(account['why'])}; {account['served_by']} would serve in its place. "
-        "Roads, links and lights were not checked"
-    )
+    named = safe(account["name"]) if account["name"] else "none is named; it would come onto the one in use"
+    on = account["checked_on"]
+    checked = "" if on == account["name"] else f"; checked on {safe(on)}"
+    return f"{named}{checked} ({account['lanes']:,} lanes, {account['lights']:,} lights)"
 
 
 def _show_lines(title: str, lines: Sequence[str]) -> None:

@@ -1,0 +1,46 @@
+"""Entities that stand until an ego comes near, then go their own way: pedestrians that step out, things that roll.
+
+A waiting row has speed 0 and its columns `start_within` [m] and `start_speed` [m/s]. It starts in the first step at
+whose beginning the reference point of any EGO is at most `start_within` away from its own, on the ground: heights do
+not count. Then it has its speed and waits no longer; it does not stop when the ego leaves. The columns are part of the
+state, so snapshot, restore and digest hold them. A row that is put elsewhere waits no longer either.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rosbridge_sim.world.state import Kind, World
+
+__all__ = ["start"]
+
+
+def start(world: World) -> None:
+    """Let those rows go that an EGO is near enough to. Writes in place."""
+    waiting = world.derived(_Waiting)
+    if len(waiting.rows) and len(waiting.egos):
+        waiting.start()
+
+
+class _Waiting:
+    """The rows that wait, and the egos that they wait for.
+
+    Lives until the next `World.touch`: an entity comes, goes, stops or is put elsewhere.
+    """
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self.rows = np.flatnonzero(world.start_within > 0.0)
+        self.egos = world.rows(Kind.EGO)
+
+    def start(self) -> None:
+        world, rows, egos = self._world, self.rows, self.egos
+        away_x = world.x[rows][:, None] - world.x[egos]
+        away_y = world.y[rows][:, None] - world.y[egos]
+        nearest = (away_x * away_x + away_y * away_y).min(axis=1)
+        within = world.start_within[rows]
+        starting = rows[nearest <= within * within]
+        if len(starting):
+            world.speed[starting] = world.start_speed[starting]
+            world.start_within[starting] = world.start_speed[starting] = 0.0
+            world.touch()
