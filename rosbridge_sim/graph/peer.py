@@ -27,7 +27,7 @@ import orjson
 from rosbridge_sim.errors import EncodingError, FrameError, GraphError, PeerError
 from rosbridge_sim.graph.actions import Goal, GoalStatus, Outcome
 from rosbridge_sim.graph.bus import Answer, Bus, Call, Owner, Subscription, Topic, decode_body, resolve
-from rosbridge_sim.graph.owner import Tell
+from rosbridge_sim.graph.owner import OfferKind, Tell
 from rosbridge_sim.graph.policy import OPEN, Policy
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.codec import is_absent
@@ -261,6 +261,18 @@ class Peer:
 
         return tell
 
+    def lose(self, kind: OfferKind, name: str, why: str) -> None:
+        """See `Guest`."""
+        if kind == "topic":
+            self._num_ids -= self._num_keys(name)
+            for spelling in (name, name[1:]):
+                self._publications.pop(spelling, None)
+        elif kind == "service":
+            self._provisions.pop(name, None)
+        else:
+            self._performances.pop(name, None)
+        self._remark("error", why)
+
     @property
     def is_held(self) -> bool:
         """Whether the next op has to wait until `on_released` is called."""
@@ -354,6 +366,7 @@ class Peer:
         bus = self._bus
         listening = self._listenings.get(op.topic)
         is_new = listening is None or op.id not in listening.feed.ids
+        was_mute = False
         if is_new:
             self._check_room(op.id)
         if listening is None:
@@ -362,14 +375,14 @@ class Peer:
             def deliver(_topic: Topic, message: Message, _sender: Owner, now: float) -> None:
                 feed.deliver(message, now, bus.stamp_ns)
 
-            listening = _Listening(feed, bus.subscribe(self, op.topic, deliver, type_name=op.type))
-            self._listenings[op.topic] = listening
+            subscription = bus.subscribe(self, op.topic, deliver, type_name=op.type, tell=self.teller())
+            listening = self._listenings[op.topic] = _Listening(feed, subscription)
         elif op.type is not None:
-            bus.check_type(op.topic, op.type)
+            was_mute = bus.retype(listening.subscription, op.type)
         feed = listening.feed
         feed.set_terms(op.id, read_terms(op))
         self._num_ids += is_new
-        if is_new and qos.is_latching is not False:
+        if (is_new or was_mute) and qos.is_latching is not False:
             for message in listening.subscription.topic.latched:
                 try:
                     feed.send(message, bus.stamp_ns)

@@ -135,7 +135,9 @@ class Republisher:
         self._listening = self._listen("/tf", is_static=False)
         self._listen("/tf_static", is_static=True)
         bus.provide(self, "/republish_tfs", "tf2_web_republisher/RepublishTFs", self._serve, is_exclusive=True)
-        action = bus.actions.provide(self, NODE_NAME, "tf2_web_republisher/TFSubscription", self._take, self._end)
+        action = bus.actions.provide(
+            *(self, NODE_NAME, "tf2_web_republisher/TFSubscription", self._take, self._end), is_exclusive=True
+        )
         self._feedback_struct = action.type.feedback.struct
         self._actionlib = Actionlib(bus, action)
         bus.watchers.append(self._see_off)

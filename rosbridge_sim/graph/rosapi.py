@@ -115,7 +115,7 @@ class Rosapi:
         may_see = self._policy.may_see
         hides = self._bus.store.ros == 2  # noqa: PLR2004 - ROS 2 keeps names with /_ to itself
         topics = (t for n, t in sorted(self._bus.topics.items()) if may_see(n) and not (hides and "/_" in n))
-        return [topic for topic in topics if topic.publishers or topic.subscriptions]
+        return [topic for topic in topics if topic.publishers or topic.all_subscriptions]
 
     def _find_topic(self, name: str) -> Topic | None:
         topic = self._bus.find_topic(name)
@@ -139,7 +139,7 @@ class Rosapi:
 
     def _subscribers(self, request: _Request) -> _Fields:
         topic = self._find_topic(request.topic)
-        return {"subscribers": _node_names(s.owner for s in (topic.subscriptions if topic else ()))}
+        return {"subscribers": _node_names(s.owner for s in (topic.all_subscriptions if topic else ()))}
 
     # Services
 
@@ -187,7 +187,7 @@ class Rosapi:
         node = resolve(request.node)
         topics = self._sorted_topics()
         return {
-            "subscribing": [t.name for t in topics if any(s.owner.name == node for s in t.subscriptions)],
+            "subscribing": [t.name for t in topics if any(s.owner.name == node for s in t.all_subscriptions)],
             "publishing": [t.name for t in topics if any(o.name == node for o in t.publishers)],
             "services": [s.name for s in self._sorted_services() if s.owner.name == node],
         }

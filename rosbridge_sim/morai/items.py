@@ -16,6 +16,7 @@ from typing import ClassVar
 
 from rosbridge_sim.errors import DocumentError, GraphError, TypeNameError, hint
 from rosbridge_sim.graph.bus import Bus, Owner
+from rosbridge_sim.graph.owner import Guest
 from rosbridge_sim.morai.network_settings import DEFAULTS, Choice, ItemKind, NetworkSettings, split_prefix
 
 __all__ = ["Item", "Items", "ListedItem", "why_no_topic"]
@@ -69,14 +70,15 @@ class Item(ABC):
 def why_no_topic(owner: Owner, bus: Bus, name: str, type_name: str) -> str | None:
     """Why an owner cannot have a topic of this type; one of another type that it has alone is no obstacle.
 
-    For settings are checked before anything moves, and what the owner has there will have another name by then.
+    For settings are checked before anything moves, and what the owner has there will have another name by then. Clients
+    are no obstacle either: they give way.
     """
     topic = bus.find_topic(name)
     if topic is not None:
-        holders = {*topic.publishers, *(subscription.owner for subscription in topic.subscriptions)}
-        if holders == {owner}:
+        holders = {*topic.publishers, *(each.owner for each in topic.all_subscriptions if each.wanted is not None)}
+        if {holder for holder in holders if not isinstance(holder, Guest)} == {owner}:
             return None
-    return bus.type_conflict(name, type_name)
+    return bus.type_conflict(name, type_name, owner)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, invaria
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, UnknownPackageError
 from rosbridge_sim.graph.actions import Action
 from rosbridge_sim.graph.bus import MAX_CALLS, MAX_STALE, TYPE_MEMORY, Answer, Bus, Call, Owner, Topic, resolve
+from rosbridge_sim.graph.owner import OfferKind
 from rosbridge_sim.schema.store import Message
 from tests.graph.room import make_bus, make_store
 
@@ -37,6 +38,13 @@ class Somebody:
 
     def hold(self, call: Call, _now: float) -> None:
         self.calls.append(call)
+
+
+class Visitor(Somebody):
+    """An owner that gives way to the server's own parts, as clients do."""
+
+    def lose(self, kind: OfferKind, name: str, why: str) -> None:
+        self.told.append((f"{kind} {name}", why))
 
 
 def text(bus: Bus, data: str) -> Message:
@@ -97,7 +105,7 @@ def test_an_exclusive_service_cannot_be_taken_over() -> None:
 
 
 def test_a_type_is_remembered_for_a_while_and_then_forgotten() -> None:
-    bus, first, second = make_bus(), Somebody(), Somebody()
+    bus, first, second = make_bus(), Visitor(), Visitor()
     bus.advertise(first, "/t", STRING)
     bus.leave(first, 100.0)
     assert bus.next_deadline() == 100.0 + TYPE_MEMORY
