@@ -26,10 +26,10 @@ from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.schema.compile import ActionType
 from rosbridge_sim.schema.store import Message, Store
 
-__all__ = ["Action", "Actions", "Goal", "GoalStatus", "Outcome"]
+__all__ = ["CANCEL", "Action", "Actions", "Goal", "GoalStatus", "Outcome"]
 
-
-_CANCEL: Final = "/_action/cancel_goal"
+CANCEL: Final = "/_action/cancel_goal"
+"""What follows the name of an action in that of its service for cancelling."""
 
 _NO_ERROR, _UNKNOWN_GOAL = 0, 2
 """`return_code` of action_msgs/CancelGoal."""
@@ -197,7 +197,7 @@ class Actions:
         if old is not None:
             self._drop(old, f"Action {name} was unadvertised")
         self._bus.provide(
-            *(owner, name + _CANCEL, "action_msgs/CancelGoal", lambda call, _: self._cancel(action, call)),
+            *(owner, name + CANCEL, "action_msgs/CancelGoal", lambda call, _: self._cancel(action, call)),
             is_exclusive=True,
         )
         self.by_name[name] = action
@@ -326,7 +326,7 @@ class Actions:
 
     def _check_cancel(self, name: str, owner: Owner, old: Action | None) -> None:
         """Raise GraphError if the action's service for cancelling belongs to a third owner alone."""
-        service = self._bus.services.get(name + _CANCEL)
+        service = self._bus.services.get(name + CANCEL)
         if service is None or not service.is_exclusive or service.owner is owner or gives_way(service.owner, owner):
             return
         if old is None or service.owner is not old.owner:
@@ -340,6 +340,6 @@ class Actions:
         if self.by_name.get(action.name) is action:
             del self.by_name[action.name]
             with suppress(GraphError):  # the provider may have taken it back itself
-                self._bus.withdraw(action.owner, action.name + _CANCEL)
+                self._bus.withdraw(action.owner, action.name + CANCEL)
         for goal in list(action.goals):
             goal.fail(why)

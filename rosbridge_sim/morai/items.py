@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -106,12 +106,14 @@ class Items:
     Attributes:
         settings: those in force.
         why_closed: why services and input topics refuse everything; None while they do not.
+        on_change: called with `now` after other settings have come into force.
     """
 
     def __init__(self, owner: Owner, bus: Bus, settings: NetworkSettings = DEFAULTS) -> None:
         """No items yet, and closed."""
         self.settings = settings
         self.why_closed: str | None = None
+        self.on_change: Callable[[float], None] = lambda _now: None
         self._owner = owner
         self._bus = bus
         self._items: list[Item] = []
@@ -197,6 +199,7 @@ class Items:
         for item in self._items:
             self._place(item, settings, now)
         self.settings = settings
+        self._bus.guard.attempt("what follows other network settings", self.on_change, now)
         _log.info("network settings: %d items have another name, or were turned on or off", len(moving))
 
     def name_of(self, kind: ItemKind, default: str, prefix: str = "/") -> str:
