@@ -326,7 +326,7 @@ class Bus:
         return self._type_at(topic, type_name)
 
     def retype(self, subscription: Subscription, type_name: str) -> bool:
-        """Have a subscription take messages of a type, if that is the topic's.
+        """Have a client's subscription take messages of a type alone, if that is the topic's.
 
         Returns:
             Whether it was of another type until now, so that no message could reach it.
