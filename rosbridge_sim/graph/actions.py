@@ -29,7 +29,7 @@ from rosbridge_sim.schema.store import Message, Store
 __all__ = ["CANCEL", "Action", "Actions", "Goal", "GoalStatus", "Outcome"]
 
 CANCEL: Final = "/_action/cancel_goal"
-"""What follows the name of an action in that of its service for cancelling."""
+"""End of the name of an action's service for cancelling."""
 
 _NO_ERROR, _UNKNOWN_GOAL = 0, 2
 """`return_code` of action_msgs/CancelGoal."""

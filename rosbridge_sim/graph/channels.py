@@ -59,12 +59,12 @@ class Subscription:
 
     @property
     def fits(self) -> bool:
-        """Whether messages of the topic's type can be delivered to it."""
+        """Tell whether messages of the topic's type can be delivered to it."""
         return self.wanted is None or self.wanted.name == self.topic.type.name
 
     @property
     def is_binding(self) -> bool:
-        """Whether it settles the topic's type. A client's never does, or any client could keep publishers away."""
+        """Tell whether it settles the topic's type. A client's never does: any client could keep publishers away."""
         return self.wanted is not None and not isinstance(self.owner, Guest)
 
 
@@ -129,7 +129,7 @@ class Topic:
 
     @property
     def is_bound(self) -> bool:
-        """Whether a part of the server publishes here, or listens with a type: the type cannot change then."""
+        """Tell whether a part of the server publishes here, or listens with a type: the type cannot change then."""
         return any(not isinstance(owner, Guest) for owner in self.publishers) or any(
             subscription.is_binding for subscription in self.all_subscriptions
         )

@@ -97,7 +97,7 @@ class Correlating(Protocol):
 
 
 def gives_way(old: Owner, new: Owner) -> bool:
-    """Whether an owner must leave even a name that it has to itself to another one."""
+    """Tell whether an owner must leave a name to another one, even a name that it has to itself."""
     return isinstance(old, Guest) and not isinstance(new, Guest)
 
 

@@ -1,4 +1,4 @@
-"""What clients may do on the bus: patterns that allow and deny, by direction, for every way to a thing.
+"""Patterns that allow and deny names to clients, by direction, for every way to a thing.
 
 The patterns are rosbridge_suite's globs: shell patterns (`*`, `?`, `[abc]`) over absolute names, in which `*` runs
 across slashes. Without an allow pattern everything is allowed; a deny pattern beats every allow pattern.
@@ -11,8 +11,8 @@ of its thing, from the table `Ways`:
 - Where there are allow patterns for its direction, one of them must match it; or an allow pattern must match one of the
   other names, each again by those of its own direction.
 
-The table has a direction, from the narrow name to the wide one: `/Ego-2/ctrl_cmd` is judged as `/ctrl_cmd` too, but who
-denies `/Ego-2/*` means ego 2 alone. Of the graph itself these are in it:
+The table has a direction, from the narrow name to the wide one: `/Ego-2/ctrl_cmd` is judged as `/ctrl_cmd` too, but
+the pattern `/Ego-2/*` means ego 2 alone. Of the graph itself these are in it:
 
     the five topics of an action of ROS 1, known by name and message type    the action
     <action>/_action/..., by which ROS 2 speaks of one                       the action
@@ -22,8 +22,8 @@ denies `/Ego-2/*` means ego 2 alone. Of the graph itself these are in it:
     /republish_tfs, /tf2_web_republisher and its topics                      each other
     the same                                                                 listening to /tf and /tf_static
 
-The last row is stricter, since it is not another name but another way to *hear* something: whoever may not listen to
-transforms may not have them republished, whatever the patterns of services allow.
+The last row is stricter, since it is not another name but another way to *hear* something: a client that may not listen
+to transforms may not have them republished, whatever the patterns of services allow.
 
 An action is judged by the patterns of services: it is a long call. rosapi's own services can always be called
 unless a deny pattern names them, since no client gets far without looking around; what they list is what the
@@ -63,7 +63,7 @@ MAX_CHARS: Final = 60
 """Effects, ways of each and characters of one that a line on what is left open names: a line of a log is to be read."""
 
 _HIDDEN: Final = "/_action/"
-"""What stands between the name of an action of ROS 2 and the names of its topics and services."""
+"""Separator between the name of an action of ROS 2 and those of its topics and services."""
 
 _ACTIONLIB: Final = {
     "goal": "ActionGoal",
@@ -76,7 +76,7 @@ _ACTIONLIB: Final = {
 
 
 class Use(Enum):
-    """What is done with a name; the values are words for the log."""
+    """Use of a name by a client; the values are words for the log."""
 
     PUBLISH = "publishing"
     SUBSCRIBE = "listening to"
@@ -190,7 +190,7 @@ def _look_up(way: Way) -> Iterator[Way]:
 _SHOWN: Final = tuple(
     Way(Use.SUBSCRIBE, name) for name in ("/tf", "/tf_static", f"{REPUBLISHER}/feedback", f"{REPUBLISHER}/tf_repub_1")
 )
-"""What the republisher of transforms shows, and the topics on which it does."""
+"""Topics that the republisher of transforms shows, and the topics on which it does."""
 
 
 _REPUBLISHERS: Final = (Way(Use.SERVICE, REPUBLISH), Way(Use.ACTION, REPUBLISHER))
@@ -200,7 +200,7 @@ _TRANSFORMS: Final = Effect("learn transforms", (*_SHOWN[:2], *_REPUBLISHERS))
 
 
 def _shows(way: Way) -> tuple[Way, ...]:
-    """What is heard, in other words, by going this way."""
+    """Names of all that is heard, in other words, by going this way."""
     if way in {*_REPUBLISHERS, (Use.PUBLISH, f"{REPUBLISHER}/goal")}:
         return _SHOWN
     if way.use is Use.SUBSCRIBE and way.name.startswith(f"{REPUBLISHER}/"):
@@ -229,7 +229,7 @@ class Rule:
         return not self.denies(name) and (not self.allow or self.allows(name))
 
     def allows(self, name: str) -> bool:
-        """Whether an allow pattern matches the name; raises as `admits` does."""
+        """Tell whether an allow pattern matches the name; raises as `admits` does."""
         return bool(self.allow) and _matches(self.allow, resolve(name))
 
     def denies(self, name: str) -> bool:
@@ -302,11 +302,11 @@ class Policy:
             raise GraphError(f"Not allowed to use the parameter {name}")
 
     def may_call(self, name: str) -> bool:
-        """Whether a service may be called."""
+        """Tell whether a service may be called."""
         return self._why_not(Use.SERVICE, name) is None
 
     def may_send_goal(self, name: str) -> bool:
-        """Whether a goal may be sent to an action."""
+        """Tell whether a goal may be sent to an action."""
         return self._why_not(Use.ACTION, name) is None
 
     def may_see(self, topic: str, type_name: str = "") -> bool:
@@ -314,7 +314,7 @@ class Policy:
         return any(self._why_not(use, topic, type_name) is None for use in (Use.PUBLISH, Use.SUBSCRIBE))
 
     def left_open(self) -> list[str]:
-        """What the patterns leave open though they close something of the same effect: a line for each, for the log."""
+        """Lines for the log, one for each pattern that closes a way to something and leaves other ways open."""
         if self.is_open:
             return []
         effects = list(self.ways.effects())
@@ -335,7 +335,7 @@ class Policy:
         return lines
 
     def needs_type(self, topic: str) -> bool:
-        """Whether the type decides if a topic may be used, so that no other one may come later."""
+        """Tell whether the type decides if a topic may be used, so that no other one may come later."""
         return not self.is_open and topic.rpartition("/")[2] in _ACTIONLIB
 
     # How it is judged
@@ -346,7 +346,7 @@ class Policy:
             raise GraphError(f"Not allowed to {verb} {name}{why}")
 
     def _why_not(self, use: Use, name: str, type_name: str = "") -> str | None:
-        """Why a name may not be used: nothing to add, or the other name; None if it may.
+        """Return why a name may not be used: an empty text, or one that tells the other name; None if it may be.
 
         Raises:
             GraphError: there are patterns, and it is no name.

@@ -133,7 +133,7 @@ class SimulatorWays:
                         yield Way(use, self._settings.choice(kind, same, where).name or same)
 
     def effects(self) -> Iterator[Effect]:
-        """What can be brought about in several ways, under the names that are there now."""
+        """Effects that can be brought about in several ways, under the names that are there now."""
         if self._items is None:
             return
         names = {(item.kind, item.default): item.name for item in self._items.listing() if item.is_on}
@@ -153,7 +153,7 @@ class SimulatorWays:
         return DEFAULTS if self._items is None else self._items.settings
 
     def _defaults_of(self, way: Way) -> list[tuple[str, str]]:
-        """What may be meant by a name: prefixes and default names."""
+        """Prefixes and default names that may be meant by a name."""
         settings = self._settings
         if self._indexed is not settings:
             self._indexed, self._defaults = settings, _index(settings)
@@ -170,7 +170,7 @@ def _kinds(use: Use) -> tuple[ItemKind, ...]:
 
 
 def _index(settings: NetworkSettings) -> dict[tuple[bool, str], list[tuple[str, str]]]:
-    """Whether it is a service, and its name -> the prefixes and default names of all that is called so."""
+    """Index: (is a service, name) -> the prefixes and default names of all that is called so."""
     found: dict[tuple[bool, str], list[tuple[str, str]]] = defaultdict(list)
     for kind in ItemKind:
         for full_name in settings.choices(kind):

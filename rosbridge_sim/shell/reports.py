@@ -27,7 +27,7 @@ TOPICS = ("/client_count", "/connected_clients", "/sim/clients", "/rosout")
 """The names of all of these."""
 
 WHO_IS_CONNECTED = Effect("learn who is connected", tuple(Way(Use.SUBSCRIBE, name) for name in TOPICS))
-"""What one of these topics leaves open if clients may not listen to another one."""
+"""Other topics that stay open if clients may not listen to one of these."""
 
 PERIOD = 1.0
 """Between two messages on /sim/clients [s]."""
