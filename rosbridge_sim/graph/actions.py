@@ -21,15 +21,15 @@ from typing import Any, Final, Protocol
 from rosbridge_sim.errors import EncodingError, GraphError, PeerError
 from rosbridge_sim.graph.channels import Call, Handle, Service
 from rosbridge_sim.graph.guard import Guard
-from rosbridge_sim.graph.owner import Body, Owner, decode_body, resolve, size_of_body
+from rosbridge_sim.graph.owner import Body, Owner, decode_body, gives_way, resolve, size_of_body, take_over
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.schema.compile import ActionType
 from rosbridge_sim.schema.store import Message, Store
 
-__all__ = ["Action", "Actions", "Goal", "GoalStatus", "Outcome"]
+__all__ = ["CANCEL", "Action", "Actions", "Goal", "GoalStatus", "Outcome"]
 
-
-_CANCEL: Final = "/_action/cancel_goal"
+CANCEL: Final = "/_action/cancel_goal"
+"""End of the name of an action's service for cancelling."""
 
 _NO_ERROR, _UNKNOWN_GOAL = 0, 2
 """`return_code` of action_msgs/CancelGoal."""
@@ -68,13 +68,14 @@ OnOutcome = Callable[[Outcome], None]
 
 @dataclass(eq=False, slots=True)
 class Action:
-    """A named action and who provides it."""
+    """A named action and who provides it; nobody else may where it is exclusive."""
 
     name: str
     type: ActionType
     owner: Owner
     take: Callable[[Goal], None]
     cancel: Callable[[Goal], None]
+    is_exclusive: bool = False
     goals: dict[Goal, None] = field(default_factory=dict)
 
 
@@ -137,6 +138,7 @@ class _Bus(Protocol):
     store: Store
     stamp_ns: int
     guard: Guard
+    services: dict[str, Service]
 
     def provide(self, owner: Owner, name: str, type_name: str, handle: Handle, *, is_exclusive: bool) -> Service:
         """Offer a service."""
@@ -166,6 +168,8 @@ class Actions:
         type_name: str,
         take: Callable[[Goal], None],
         cancel: Callable[[Goal], None],
+        *,
+        is_exclusive: bool = False,
     ) -> Action:
         """Offer an action; the last to offer a name has it.
 
@@ -175,20 +179,25 @@ class Actions:
             type_name: in any accepted spelling.
             take: gets each goal; a PeerError that it raises fails the goal.
             cancel: gets each goal that is to end.
+            is_exclusive: no client may take the name, neither now nor later.
 
         Raises:
-            GraphError: somebody else has its service for cancelling to himself.
+            GraphError: the action, or its service for cancelling, belongs to another owner alone.
             TypeNameError: the type cannot be had.
         """
         name = resolve(name)
-        action = Action(name, self._bus.store.action(type_name), owner, take, cancel)
+        action = Action(name, self._bus.store.action(type_name), owner, take, cancel, is_exclusive)
         old = self.by_name.get(name)
+        self._check_cancel(name, owner, old)
+        if old is not None and old.owner is not owner:
+            if old.is_exclusive and not gives_way(old.owner, owner):
+                raise GraphError(f"Action {name} is provided by {old.owner.name} alone")
+            owner.tell("warning", f"Duplicate action advertised. Overwriting {name}.")
+            self._bus.guard.attempt("the loss of an action", take_over, old.owner, "action", name, owner)
         if old is not None:
-            if old.owner is not owner:
-                owner.tell("warning", f"Duplicate action advertised. Overwriting {name}.")
             self._drop(old, f"Action {name} was unadvertised")
         self._bus.provide(
-            *(owner, name + _CANCEL, "action_msgs/CancelGoal", lambda call, _: self._cancel(action, call)),
+            *(owner, name + CANCEL, "action_msgs/CancelGoal", lambda call, _: self._cancel(action, call)),
             is_exclusive=True,
         )
         self.by_name[name] = action
@@ -315,6 +324,14 @@ class Actions:
         for goal in goals:
             goal.cancel()
 
+    def _check_cancel(self, name: str, owner: Owner, old: Action | None) -> None:
+        """Raise GraphError if the action's service for cancelling belongs to a third owner alone."""
+        service = self._bus.services.get(name + CANCEL)
+        if service is None or not service.is_exclusive or service.owner is owner or gives_way(service.owner, owner):
+            return
+        if old is None or service.owner is not old.owner:
+            raise GraphError(f"Service {service.name} is provided by {service.owner.name} alone")
+
     def _drop(self, action: Action, why: str) -> None:
         provided = self._provided.get(action.owner, {})
         provided.pop(action, None)
@@ -323,6 +340,6 @@ class Actions:
         if self.by_name.get(action.name) is action:
             del self.by_name[action.name]
             with suppress(GraphError):  # the provider may have taken it back itself
-                self._bus.withdraw(action.owner, action.name + _CANCEL)
+                self._bus.withdraw(action.owner, action.name + CANCEL)
         for goal in list(action.goals):
             goal.fail(why)

@@ -10,6 +10,9 @@ services (whose waiting callers get an answer at once) and calls (whose answers 
 Only a topic's *type* outlives its last publisher, by `TYPE_MEMORY` seconds, so that a program that is
 restarted finds its topic as it left it (rosbridge_suite keeps the publisher itself for as long).
 
+A topic's type is its publishers'. Clients that only listen do not settle it, and a client gives way where a part of the
+server wants a name or a type (`Guest`): else any client could keep others' topics, or an ego's, from being there.
+
 Time comes as an argument: `now` is monotonic seconds. `stamp_ns` is the time that messages are stamped with;
 the node sets it each frame.
 """
@@ -26,7 +29,17 @@ from rosbridge_sim.errors import EncodingError, GraphError, PeerError, UnknownPa
 from rosbridge_sim.graph.actions import Actions
 from rosbridge_sim.graph.channels import Answer, Call, Deliver, Handle, OnAnswer, Service, Subscription, Topic
 from rosbridge_sim.graph.guard import Guard
-from rosbridge_sim.graph.owner import Body, Owner, decode_body, resolve, size_of_body
+from rosbridge_sim.graph.owner import (
+    Body,
+    Guest,
+    Owner,
+    Tell,
+    decode_body,
+    gives_way,
+    resolve,
+    size_of_body,
+    take_over,
+)
 from rosbridge_sim.graph.parameters import Parameters
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.schema.compile import MessageType, OpaqueType
@@ -152,18 +165,20 @@ class Bus:
             depth: keep so many of the last messages for those who come later, of each publisher as many as the one who
                 asks for most.
             key: tells several advertisements of one owner apart; the same key again replaces the old one.
-            is_exclusive: nobody else may publish here.
+            is_exclusive: nobody else may publish here; clients that do lose their advertisements.
             is_on_demand: the owner publishes only while the topic has a listener.
 
         Raises:
             GraphError: type conflict, or the topic is somebody else's alone.
             TypeNameError: the type cannot be had.
         """
-        topic = self._topic(name, type_name)
+        topic, message_type = self._topic_for(owner, name, type_name)
+        if not is_exclusive and topic.owner is not None and topic.owner is not owner:
+            raise GraphError(f"Topic {topic.name} is published by {topic.owner.name} alone; others may only subscribe")
+        self._settle(owner, topic, message_type)
         if is_exclusive:
             topic.owner = owner
-        elif topic.owner is not None and topic.owner is not owner:
-            raise GraphError(f"Topic {topic.name} is published by {topic.owner.name} alone; others may only subscribe")
+            self._displace_publishers(topic, f"{topic.name} is published by {owner.name} alone from now on")
         if is_on_demand:
             topic.on_demand[owner] = None
         topic.advertise(owner, key, depth)
@@ -244,9 +259,19 @@ class Bus:
             self.guard.note(f"a listener of {topic.name}", error)
 
     def subscribe(
-        self, owner: Owner, name: str, deliver: Deliver, *, type_name: str | None = None, is_idle: bool = False
+        self,
+        owner: Owner,
+        name: str,
+        deliver: Deliver,
+        *,
+        type_name: str | None = None,
+        is_idle: bool = False,
+        tell: Tell | None = None,
     ) -> Subscription:
         """Listen to a topic. What is latched there is the caller's to fetch: `subscription.topic.latched`.
+
+        A type that is given settles the topic's, unless a client gives it: then a publisher may come with another one,
+        and the subscription gets nothing for as long as that is the topic's type.
 
         Args:
             owner: who listens.
@@ -254,14 +279,18 @@ class Bus:
             deliver: gets each message.
             type_name: in any accepted spelling; None takes the topic's.
             is_idle: overhear only; the subscription's own `is_idle` may be changed later.
+            tell: tells the owner something about the subscription; None for `owner.tell`.
 
         Raises:
             GraphError: type conflict, or no type given for a topic that nobody has advertised.
             TypeNameError: the type cannot be had.
         """
-        topic = self._topic(name, type_name)
-        subscription = Subscription(topic, owner, deliver, is_idle)
-        topic.subscriptions += (subscription,)
+        topic, message_type = self._topic_for(owner, name, type_name)
+        if type_name is not None and not isinstance(owner, Guest):
+            self._settle(owner, topic, message_type)
+        wanted = None if type_name is None else message_type
+        subscription = Subscription(topic, owner, deliver, is_idle, wanted, tell or owner.tell)
+        topic.add(subscription)
         self._held(owner).subscriptions[subscription] = None
         self._tell_of(topic)
         self._tell_holdings(owner)
@@ -270,7 +299,7 @@ class Bus:
     def unsubscribe(self, subscription: Subscription, now: float) -> None:
         """Stop listening; twice is no error."""
         topic = subscription.topic
-        topic.subscriptions = tuple(s for s in topic.subscriptions if s is not subscription)
+        topic.remove(subscription)
         self._held(subscription.owner).subscriptions.pop(subscription, None)
         self._orphan(topic, now)
         self._tell_holdings(subscription.owner)
@@ -294,16 +323,26 @@ class Bus:
         why = self.type_conflict(name, type_name)
         if why is not None:
             raise GraphError(why)
-        return topic.type
+        return self._type_at(topic, type_name)
 
-    def check_type(self, name: str, type_name: str) -> None:
-        """Agree to a type for a topic that exists.
+    def retype(self, subscription: Subscription, type_name: str) -> bool:
+        """Have a client's subscription take messages of a type alone, if that is the topic's.
+
+        Returns:
+            Whether it was of another type until now, so that no message could reach it.
 
         Raises:
-            GraphError: the topic has another one.
+            GraphError: the topic has another type; or nobody publishes there, and the subscription asks for another.
             TypeNameError: the name is malformed.
         """
-        self._topic(name, type_name)
+        topic = subscription.topic
+        had_messages = subscription in topic.subscriptions
+        asked = topic.type if topic.is_settled or subscription.wanted is None else subscription.wanted
+        if self.store.canonical(type_name) != asked.name:
+            raise GraphError(_conflict(topic.name, type_name, asked.name))
+        subscription.wanted = asked
+        topic.sort()
+        return not had_messages
 
     def forget_topic(self, name: str) -> None:
         """Forget now what is remembered of a topic without publishers; no such topic is no error.
@@ -314,19 +353,23 @@ class Bus:
         if topic in self._orphans:
             self._forget(topic)
 
-    def type_conflict(self, name: str, type_name: str) -> str | None:
+    def type_conflict(self, name: str, type_name: str, owner: Owner | None = None) -> str | None:
         """Why a topic cannot be of this type; None if it can, whether it is there or not.
+
+        Args:
+            name: of the topic; may be relative.
+            type_name: in any accepted spelling.
+            owner: who wants it; None for a client.
 
         Raises:
             TypeNameError: the name of the type is malformed.
         """
         topic = self.find_topic(name)
-        if topic is None or self.store.canonical(type_name) == topic.type.name:
+        if topic is None or self.store.canonical(type_name) == topic.type.name or not topic.is_settled:
             return None
-        return (
-            f"Tried to register topic {topic.name} with type {type_name}"
-            f" but it is already established with type {topic.type.name}"
-        )
+        if owner is not None and not isinstance(owner, Guest) and not topic.is_bound:
+            return None
+        return _conflict(topic.name, type_name, topic.type.name)
 
     def find_topic(self, name: str) -> Topic | None:
         """The topic of that name, relative or absolute, if anybody has spoken of it."""
@@ -347,10 +390,11 @@ class Bus:
         service_type = self.store.service(type_name)
         old = self.services.get(name)
         if old is not None:
-            if old.is_exclusive and old.owner is not owner:
+            if old.is_exclusive and old.owner is not owner and not gives_way(old.owner, owner):
                 raise GraphError(f"Service {name} is provided by {old.owner.name} alone")
             if old.owner is not owner:
                 owner.tell("warning", f"Duplicate service advertised. Overwriting {name}.")
+                self.guard.attempt("the loss of a service", take_over, old.owner, "service", name, owner)
             self._drop_service(old, f"Service {name} was unadvertised")
         service = Service(name, service_type, owner, handle, is_exclusive)
         self.services[name] = service
@@ -529,17 +573,45 @@ class Bus:
             held = self._holdings[owner] = Holdings()
         return held
 
-    def _topic(self, name: str, type_name: str | None) -> Topic:
-        """The topic, made if need be; `type_name` must agree with what is established."""
+    def _topic_for(self, owner: Owner, name: str, type_name: str | None) -> tuple[Topic, MessageType | OpaqueType]:
+        """The topic, made if need be, and the type that `owner` may use there; what is there is not changed."""
         absolute = resolve(name)
         topic = self.topics.get(absolute)
         if topic is None:
             if type_name is None:
                 raise GraphError(f"Cannot infer topic type for topic {name} as it is not yet advertised")
             topic = self.topics[absolute] = Topic(absolute, self._message_type(type_name))
-        elif type_name is not None and (why := self.type_conflict(absolute, type_name)) is not None:
+        elif type_name is None:
+            return topic, topic.type
+        elif (why := self.type_conflict(absolute, type_name, owner)) is not None:
             raise GraphError(why)
-        return topic
+        return topic, self._type_at(topic, type_name)
+
+    def _type_at(self, topic: Topic, type_name: str) -> MessageType | OpaqueType:
+        """The type of that name: the topic's own, where it is that one."""
+        return topic.type if self.store.canonical(type_name) == topic.type.name else self._message_type(type_name)
+
+    def _settle(self, owner: Owner, topic: Topic, message_type: MessageType | OpaqueType) -> None:
+        """Have a type at a topic from now on. It must not be bound to another one."""
+        if message_type.name != topic.type.name:
+            self._displace_publishers(
+                topic,
+                f"{topic.name} has type {message_type.name} of {owner.name} from now on, not {topic.type.name}",
+            )
+        topic.settle(message_type)
+
+    def _displace_publishers(self, topic: Topic, why: str) -> None:
+        """End the clients' advertisements of a topic that a part of the server wants for itself."""
+        for owner in list(topic.publishers):
+            if isinstance(owner, Guest):  # no part of the server: see `Topic.is_bound`
+                self.guard.attempt(
+                    "the loss of a topic", owner.lose, "topic", topic.name, f"{why}: this client's advertisement ends"
+                )
+                topic.unadvertise(owner, None)
+                topic.on_demand.pop(owner, None)
+                topic.forget_messages_of(owner)
+                self._held(owner).published.pop(topic, None)
+                self._tell_holdings(owner)
 
     def _message_type(self, name: str) -> MessageType | OpaqueType:
         """The type of that name; one that is only relayed where its whole package is unknown."""
@@ -592,8 +664,11 @@ class Bus:
         """Forget a topic without publishers, its type too if nobody waits there."""
         del self._orphans[topic]
         topic.forget_messages()
-        if not topic.subscriptions and self.topics.get(topic.name) is topic:
-            del self.topics[topic.name]
+        if not topic.all_subscriptions:
+            if self.topics.get(topic.name) is topic:
+                del self.topics[topic.name]
+        elif not topic.is_bound:
+            topic.unsettle()
 
     def _drop_service(self, service: Service, why: str | None) -> None:
         """Strike a service off, and refuse the calls that wait for it, unless `why` is None."""
@@ -604,6 +679,12 @@ class Bus:
             for call in list(service.calls):
                 call.refuse(why)
         self._tell_holdings(service.owner)
+
+
+def _conflict(topic: str, type_name: str, established: str) -> str:
+    """Say that a topic has another type, in rosbridge_suite's words."""
+    wanted = f"Tried to register topic {topic} with type {type_name}"
+    return f"{wanted} but it is already established with type {established}"
 
 
 def _is_over(topic: Topic, now: float) -> bool:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from rosbridge_sim.graph.owner import Owner
+from rosbridge_sim.graph.owner import Guest, Owner, Tell
 from rosbridge_sim.protocol.account import Account, HeldMessages
 from rosbridge_sim.protocol.smallest import Smallest
 from rosbridge_sim.schema.compile import MessageType, OpaqueType, ServiceType
@@ -46,21 +46,42 @@ class Subscription:
 
     Attributes:
         is_idle: it overhears what is published anyhow, but nothing has to be published for its sake.
+        wanted: the type that it was made with; None where it takes any type that the topic has.
+        tell: tells its owner something about it.
     """
 
     topic: Topic
     owner: Owner
     deliver: Deliver
-    is_idle: bool = False
+    is_idle: bool
+    wanted: MessageType | OpaqueType | None
+    tell: Tell
+
+    @property
+    def fits(self) -> bool:
+        """Tell whether messages of the topic's type can be delivered to it."""
+        return self.wanted is None or self.wanted.name == self.topic.type.name
+
+    @property
+    def is_binding(self) -> bool:
+        """Tell whether it settles the topic's type. A client's never does: any client could keep publishers away."""
+        return self.wanted is not None and not isinstance(self.owner, Guest)
 
 
 @dataclass(eq=False, slots=True)
 class Topic:
     """A named channel of one type.
 
+    The type is *settled* by a publisher, or by a subscription of the server's own parts. Where only clients listen it
+    is *provisional*: the type that the first of them asked for, until a publisher comes, whose type wins.
+
     Attributes:
+        type: settled or provisional.
+        is_settled: which of the two.
         publishers: owner -> the keys under which it advertised, and how many messages each wants latched.
-        subscriptions: in order of arrival; a tuple, so that a delivery may change it safely.
+        subscriptions: those that messages are delivered to, in order of arrival; a tuple, so that a delivery may change
+            it safely.
+        all_subscriptions: the same, with those that ask for another type than the settled one and get no messages.
         depth: how many messages of each publisher are kept for those who come late: what the advertiser who asked for
             most asked for; 0 keeps none.
         kept: publisher -> its last messages; whoever published last stands last.
@@ -72,8 +93,10 @@ class Topic:
 
     name: str
     type: MessageType | OpaqueType
+    is_settled: bool = False
     publishers: dict[Owner, dict[object, int]] = field(default_factory=dict)
     subscriptions: tuple[Subscription, ...] = ()
+    all_subscriptions: tuple[Subscription, ...] = ()
     depth: int = 0
     kept: dict[Owner, HeldMessages[Message]] = field(default_factory=dict)
     depths: Smallest = field(default_factory=Smallest)
@@ -104,8 +127,62 @@ class Topic:
         """Whether a message would reach anybody now or, latched, later."""
         return self.is_latching or self.has_listener
 
+    @property
+    def is_bound(self) -> bool:
+        """Tell whether a part of the server publishes here, or listens with a type: the type cannot change then."""
+        return any(not isinstance(owner, Guest) for owner in self.publishers) or any(
+            subscription.is_binding for subscription in self.all_subscriptions
+        )
+
+    def settle(self, message_type: MessageType | OpaqueType) -> None:
+        """Have this type for all to come, and tell the subscriptions that ask for another (for the bus alone).
+
+        So are all methods that follow.
+        """
+        if self.is_settled and self.type.name == message_type.name:
+            return
+        if self.type.name != message_type.name:
+            self.type = message_type
+            self.forget_messages()
+        self.is_settled = True
+        self.sort()
+        name = self.type.name
+        for subscription in self.all_subscriptions:
+            if subscription.wanted is not None and not subscription.fits:
+                subscription.tell(
+                    "error",
+                    f"{self.name} has type {name} now, but this subscription asks for {subscription.wanted.name}: it"
+                    f" gets no messages; subscribe with type {name}",
+                )
+
+    def unsettle(self) -> None:
+        """Have the type that the first subscription asks for, until somebody publishes again."""
+        self.is_settled = False
+        self.type = next((each.wanted for each in self.all_subscriptions if each.wanted is not None), self.type)
+        self.sort()
+
+    def sort(self) -> None:
+        """Find out which subscriptions messages can be delivered to."""
+        if self.is_settled:
+            self.subscriptions = tuple(each for each in self.all_subscriptions if each.fits)
+        else:
+            self.subscriptions = self.all_subscriptions
+
+    def add(self, subscription: Subscription) -> None:
+        """Have one more subscription."""
+        self.all_subscriptions += (subscription,)
+        if subscription.fits or not self.is_settled:
+            self.subscriptions += (subscription,)
+
+    def remove(self, subscription: Subscription) -> None:
+        """Have it no longer."""
+        self.subscriptions = tuple(each for each in self.subscriptions if each is not subscription)
+        self.all_subscriptions = tuple(each for each in self.all_subscriptions if each is not subscription)
+        if not self.is_settled:
+            self.unsettle()
+
     def advertise(self, owner: Owner, key: object, depth: int) -> None:
-        """Have a publisher that wants so many messages kept (for the bus alone, and so are the next three)."""
+        """Have a publisher that wants so many messages kept."""
         keys = self.publishers.setdefault(owner, {})
         if key in keys:
             self.depths.remove(-keys[key])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Protocol, runtime_checkable
+from typing import Literal, Protocol, TypeAlias, runtime_checkable
 
 import msgspec
 import orjson
@@ -18,13 +18,17 @@ from rosbridge_sim.schema.sizes import size_of
 __all__ = [
     "Body",
     "Correlating",
+    "Guest",
     "Holdable",
+    "OfferKind",
     "Owner",
     "Tell",
     "decode_body",
+    "gives_way",
     "hold",
     "resolve",
     "size_of_body",
+    "take_over",
     "teller",
 ]
 
@@ -58,6 +62,28 @@ class Holdable(Protocol):
         """
 
 
+OfferKind: TypeAlias = Literal["topic", "service", "action"]
+"""Things that an owner offers to others under a name."""
+
+
+@runtime_checkable
+class Guest(Protocol):
+    """An owner that gives way to the server's own parts: a client.
+
+    The server's parts have precedence, so that no client can keep one of them, such as an ego that comes later, from
+    its names and types. The types that a guest subscribes with hold for that subscription alone.
+    """
+
+    def lose(self, kind: OfferKind, name: str, why: str) -> None:
+        """Hear that another owner has taken an offer of this one; called just before it is struck off the bus.
+
+        Args:
+            kind: of the offer.
+            name: absolute.
+            why: a line of text for the user of the client.
+        """
+
+
 Tell = Callable[[str, str], None]
 """`(level, text)`, as `Owner.tell`."""
 
@@ -68,6 +94,20 @@ class Correlating(Protocol):
 
     def teller(self) -> Tell:
         """Return a function that does what `tell` does, with the id of the request that is handled right now."""
+
+
+def gives_way(old: Owner, new: Owner) -> bool:
+    """Tell whether an owner must leave a name to another one, even a name that it has to itself."""
+    return isinstance(old, Guest) and not isinstance(new, Guest)
+
+
+def take_over(old: Owner, kind: OfferKind, name: str, new: Owner) -> None:
+    """Tell an owner that its offer is another one's from now on; called before it is struck off the bus."""
+    why = f"{kind.capitalize()} {name} is provided by {new.name} from now on: this client's offer has ended"
+    if isinstance(old, Guest):
+        old.lose(kind, name, why)
+    else:
+        old.tell("error", why)
 
 
 def hold(owner: Owner) -> Callable[[], None]:

@@ -27,7 +27,7 @@ import orjson
 from rosbridge_sim.errors import EncodingError, FrameError, GraphError, PeerError
 from rosbridge_sim.graph.actions import Goal, GoalStatus, Outcome
 from rosbridge_sim.graph.bus import Answer, Bus, Call, Owner, Subscription, Topic, decode_body, resolve
-from rosbridge_sim.graph.owner import Tell
+from rosbridge_sim.graph.owner import OfferKind, Tell
 from rosbridge_sim.graph.policy import OPEN, Policy
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.codec import is_absent
@@ -167,6 +167,8 @@ class Peer:
         self._provisions: dict[str, _Provision] = {}
         self._performances: dict[str, _Performance] = {}
         self._goals: dict[tuple[str, ops.Id], Goal] = {}
+        if not policy.is_open:
+            policy.ways.on_change[self._judge_again] = None
         self._act: dict[type, Callable[[Any, float], None]] = {
             ops.Publish: self._publish,
             ops.CallService: self._call,
@@ -261,6 +263,34 @@ class Peer:
 
         return tell
 
+    def lose(self, kind: OfferKind, name: str, why: str) -> None:
+        """See `Guest`."""
+        if kind == "topic":
+            self._num_ids -= self._num_keys(name)
+            for spelling in (name, name[1:]):
+                self._publications.pop(spelling, None)
+        elif kind == "service":
+            self._provisions.pop(name, None)
+        else:
+            self._performances.pop(name, None)
+        self._remark("error", why)
+
+    def _judge_again(self, now: float) -> None:
+        """End what the policy no longer admits: names have got another meaning, by which they are another thing."""
+        policy = self._policy
+        for spelling, topic in list(self._publications.items()):
+            try:
+                policy.check_publish(spelling, topic.type.name)
+            except GraphError as error:
+                self._unadvertise(ops.Unadvertise(topic=spelling), now)
+                self._remark("error", f"{error}: this client's advertisement has ended")
+        for spelling, listening in list(self._listenings.items()):
+            try:
+                policy.check_subscribe(spelling, listening.subscription.topic.type.name)
+            except GraphError as error:
+                self._unsubscribe(ops.Unsubscribe(topic=spelling), now)
+                self._remark("error", f"{error}: this client's subscription has ended")
+
     @property
     def is_held(self) -> bool:
         """Whether the next op has to wait until `on_released` is called."""
@@ -287,6 +317,7 @@ class Peer:
     def leave(self, now: float) -> None:
         """Take everything of this client's off the bus; twice is no error."""
         self.on_released = _nothing
+        self._policy.ways.on_change.pop(self._judge_again, None)
         try:
             self._forget_all()
         finally:  # whatever is wrong with it: what stays on the bus would fail again with each message
@@ -306,7 +337,7 @@ class Peer:
     # Topics
 
     def _advertise(self, op: ops.Advertise, _now: float) -> None:
-        self._policy.check_publish(op.topic)
+        self._policy.check_publish(op.topic, op.type)
         self._publications[op.topic] = self._claim(op, op.type, op.id)
 
     def _claim(self, op: ops.Advertise | ops.Publish, type_name: str, key: object) -> Topic:
@@ -345,15 +376,24 @@ class Peer:
 
     def _type_to_publish(self, op: ops.Publish) -> MessageType | OpaqueType:
         """A publish without an advertise is one, where the type is known or given."""
-        self._policy.check_publish(op.topic)
+        self._policy.check_publish(op.topic, op.type or self._type_name(op.topic) or "")
         return self._bus.type_to_publish(op.topic, op.type or None)
 
+    def _type_name(self, name: str) -> str | None:
+        """The type of a topic, if it is there."""
+        topic = self._bus.find_topic(name)
+        return topic.type.name if topic is not None else None
+
     def _subscribe(self, op: ops.Subscribe, _now: float) -> None:
-        self._policy.check_subscribe(op.topic)
+        type_name = op.type
+        if type_name is None and self._policy.needs_type(op.topic):
+            type_name = self._type_name(op.topic)
+        self._policy.check_subscribe(op.topic, type_name or "")
         qos = read_qos(op.qos)
         bus = self._bus
         listening = self._listenings.get(op.topic)
         is_new = listening is None or op.id not in listening.feed.ids
+        was_mute = False
         if is_new:
             self._check_room(op.id)
         if listening is None:
@@ -362,14 +402,14 @@ class Peer:
             def deliver(_topic: Topic, message: Message, _sender: Owner, now: float) -> None:
                 feed.deliver(message, now, bus.stamp_ns)
 
-            listening = _Listening(feed, bus.subscribe(self, op.topic, deliver, type_name=op.type))
-            self._listenings[op.topic] = listening
+            subscription = bus.subscribe(self, op.topic, deliver, type_name=type_name, tell=self.teller())
+            listening = self._listenings[op.topic] = _Listening(feed, subscription)
         elif op.type is not None:
-            bus.check_type(op.topic, op.type)
+            was_mute = bus.retype(listening.subscription, op.type)
         feed = listening.feed
         feed.set_terms(op.id, read_terms(op))
         self._num_ids += is_new
-        if is_new and qos.is_latching is not False:
+        if (is_new or was_mute) and qos.is_latching is not False:
             for message in listening.subscription.topic.latched:
                 try:
                     feed.send(message, bus.stamp_ns)
@@ -516,7 +556,7 @@ class Peer:
                 self.session.say("action_result", {}, op.fragment_size, values=outcome.values, **end)
 
         try:
-            self._policy.check_call(op.action)
+            self._policy.check_goal(op.action)
             if op.action_type is not None:
                 known = self._actions.by_name.get(resolve(op.action))
                 if known is not None and self._bus.store.canonical(op.action_type) != known.type.name:

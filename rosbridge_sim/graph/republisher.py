@@ -34,9 +34,20 @@ from rosbridge_sim.graph.bus import Bus, Call, Owner, Subscription, Topic
 from rosbridge_sim.graph.frames import MAX_FRAMES, Frames, Placed, Pose, frame_name, turn
 from rosbridge_sim.schema.store import Message
 
-__all__ = ["DEFAULT_TIMEOUT", "MAX_PAIRS", "MAX_STREAMS", "NODE_NAME", "OWN_PAIRS", "OWN_STREAMS", "Republisher"]
+__all__ = [
+    "DEFAULT_TIMEOUT",
+    "MAX_PAIRS",
+    "MAX_STREAMS",
+    "NODE_NAME",
+    "OWN_PAIRS",
+    "OWN_STREAMS",
+    "SERVICE_NAME",
+    "Republisher",
+]
 
 NODE_NAME = "/tf2_web_republisher"
+
+SERVICE_NAME = "/republish_tfs"
 
 DEFAULT_TIMEOUT = 10.0
 """How long a topic waits for listeners where the request does not say [s]."""
@@ -134,8 +145,10 @@ class Republisher:
         self._make_transform = _transform_maker(bus)
         self._listening = self._listen("/tf", is_static=False)
         self._listen("/tf_static", is_static=True)
-        bus.provide(self, "/republish_tfs", "tf2_web_republisher/RepublishTFs", self._serve, is_exclusive=True)
-        action = bus.actions.provide(self, NODE_NAME, "tf2_web_republisher/TFSubscription", self._take, self._end)
+        bus.provide(self, SERVICE_NAME, "tf2_web_republisher/RepublishTFs", self._serve, is_exclusive=True)
+        action = bus.actions.provide(
+            *(self, NODE_NAME, "tf2_web_republisher/TFSubscription", self._take, self._end), is_exclusive=True
+        )
         self._feedback_struct = action.type.feedback.struct
         self._actionlib = Actionlib(bus, action)
         bus.watchers.append(self._see_off)

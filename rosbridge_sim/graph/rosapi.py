@@ -114,12 +114,14 @@ class Rosapi:
     def _sorted_topics(self) -> list[Topic]:
         may_see = self._policy.may_see
         hides = self._bus.store.ros == 2  # noqa: PLR2004 - ROS 2 keeps names with /_ to itself
-        topics = (t for n, t in sorted(self._bus.topics.items()) if may_see(n) and not (hides and "/_" in n))
-        return [topic for topic in topics if topic.publishers or topic.subscriptions]
+        topics = (
+            t for n, t in sorted(self._bus.topics.items()) if may_see(n, t.type.name) and not (hides and "/_" in n)
+        )
+        return [topic for topic in topics if topic.publishers or topic.all_subscriptions]
 
     def _find_topic(self, name: str) -> Topic | None:
         topic = self._bus.find_topic(name)
-        return topic if topic is not None and self._policy.may_see(topic.name) else None
+        return topic if topic is not None and self._policy.may_see(topic.name, topic.type.name) else None
 
     def _topics(self, _request: _Request) -> _Fields:
         topics = self._sorted_topics()
@@ -139,7 +141,7 @@ class Rosapi:
 
     def _subscribers(self, request: _Request) -> _Fields:
         topic = self._find_topic(request.topic)
-        return {"subscribers": _node_names(s.owner for s in (topic.subscriptions if topic else ()))}
+        return {"subscribers": _node_names(s.owner for s in (topic.all_subscriptions if topic else ()))}
 
     # Services
 
@@ -187,7 +189,7 @@ class Rosapi:
         node = resolve(request.node)
         topics = self._sorted_topics()
         return {
-            "subscribing": [t.name for t in topics if any(s.owner.name == node for s in t.subscriptions)],
+            "subscribing": [t.name for t in topics if any(s.owner.name == node for s in t.all_subscriptions)],
             "publishing": [t.name for t in topics if any(o.name == node for o in t.publishers)],
             "services": [s.name for s in self._sorted_services() if s.owner.name == node],
         }
@@ -255,12 +257,12 @@ class Rosapi:
             for name in names
             if name.endswith("/goal") and all(name.removesuffix("goal") + part in names for part in _ACTIONLIB)
         }
-        own = {name for name in self._bus.actions.by_name if self._policy.may_call(name)}
+        own = {name for name in self._bus.actions.by_name if self._policy.may_send_goal(name)}
         return {"action_servers": sorted(by_topics | own)}
 
     def _action_type(self, request: _Request) -> _Fields:
         name = resolve(request.action)
-        action = self._bus.actions.by_name.get(name) if self._policy.may_call(name) else None
+        action = self._bus.actions.by_name.get(name) if self._policy.may_send_goal(name) else None
         return {"type": self._spelled(action.type.name, "action") if action else ""}
 
     # Time and parameters

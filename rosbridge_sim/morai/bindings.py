@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from rosbridge_sim.graph.bus import Bus, Call, Handle, Owner, Subscription, Topic
+from rosbridge_sim.graph.owner import gives_way
 from rosbridge_sim.morai.items import Item, Items, why_no_topic
 from rosbridge_sim.morai.network_settings import ItemKind
 from rosbridge_sim.schema.store import Message
@@ -111,7 +112,7 @@ class _Service(Item):
 
     def why_not(self, owner: Owner, bus: Bus, name: str) -> str | None:
         service = bus.services.get(name)
-        if service is None or service.owner is owner:
+        if service is None or service.owner is owner or gives_way(service.owner, owner):
             return None
         return f"service {name} is provided by {service.owner.name}"
 

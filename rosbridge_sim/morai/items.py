@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import logging
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 from rosbridge_sim.errors import DocumentError, GraphError, TypeNameError, hint
 from rosbridge_sim.graph.bus import Bus, Owner
+from rosbridge_sim.graph.owner import Guest
 from rosbridge_sim.morai.network_settings import DEFAULTS, Choice, ItemKind, NetworkSettings, split_prefix
 
 __all__ = ["Item", "Items", "ListedItem", "why_no_topic"]
@@ -69,14 +70,15 @@ class Item(ABC):
 def why_no_topic(owner: Owner, bus: Bus, name: str, type_name: str) -> str | None:
     """Why an owner cannot have a topic of this type; one of another type that it has alone is no obstacle.
 
-    For settings are checked before anything moves, and what the owner has there will have another name by then.
+    For settings are checked before anything moves, and what the owner has there will have another name by then. Clients
+    are no obstacle either: they give way.
     """
     topic = bus.find_topic(name)
     if topic is not None:
-        holders = {*topic.publishers, *(subscription.owner for subscription in topic.subscriptions)}
-        if holders == {owner}:
+        holders = {*topic.publishers, *(each.owner for each in topic.all_subscriptions if each.wanted is not None)}
+        if {holder for holder in holders if not isinstance(holder, Guest)} == {owner}:
             return None
-    return bus.type_conflict(name, type_name)
+    return bus.type_conflict(name, type_name, owner)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,12 +106,14 @@ class Items:
     Attributes:
         settings: those in force.
         why_closed: why services and input topics refuse everything; None while they do not.
+        on_change: called with `now` after other settings have come into force.
     """
 
     def __init__(self, owner: Owner, bus: Bus, settings: NetworkSettings = DEFAULTS) -> None:
         """No items yet, and closed."""
         self.settings = settings
         self.why_closed: str | None = None
+        self.on_change: Callable[[float], None] = lambda _now: None
         self._owner = owner
         self._bus = bus
         self._items: list[Item] = []
@@ -195,6 +199,7 @@ class Items:
         for item in self._items:
             self._place(item, settings, now)
         self.settings = settings
+        self._bus.guard.attempt("what follows other network settings", self.on_change, now)
         _log.info("network settings: %d items have another name, or were turned on or off", len(moving))
 
     def name_of(self, kind: ItemKind, default: str, prefix: str = "/") -> str:

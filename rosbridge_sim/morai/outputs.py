@@ -22,6 +22,7 @@ from itertools import count
 from typing import Any, Final
 
 from rosbridge_sim.graph.bus import Bus, Owner, Topic
+from rosbridge_sim.graph.owner import gives_way
 from rosbridge_sim.morai.items import Item, Items, why_no_topic
 from rosbridge_sim.morai.network_settings import USUAL_RATE, ItemKind, split_prefix
 from rosbridge_sim.schema.store import Message
@@ -69,7 +70,7 @@ class _Publisher(Item):
         topic = bus.find_topic(name)
         if topic is None:
             return None
-        others = [other for other in topic.publishers if other is not owner]
+        others = [other for other in topic.publishers if other is not owner and not gives_way(other, owner)]
         if others and (self._is_exclusive or topic.owner in others):
             return f"topic {name} is published by {others[0].name}"
         return why_no_topic(owner, bus, name, self.type_name)

@@ -31,6 +31,7 @@ from rosbridge_sim.morai.reading import Reader
 from rosbridge_sim.morai.releases import LENIENCY, SPEED_LIMITS, choose_profile
 from rosbridge_sim.morai.replays.recorded import Recordings
 from rosbridge_sim.morai.simulator import make_node
+from rosbridge_sim.morai.ways import SimulatorWays
 from rosbridge_sim.protocol.flow import OutboxLimits
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.access import Access, load_certificate
@@ -45,7 +46,7 @@ from rosbridge_sim.shell.origins import OriginRules
 from rosbridge_sim.shell.quota import DataQuota, in_thread
 from rosbridge_sim.shell.reading import ThreadReader
 from rosbridge_sim.shell.replays import DiskRecordings
-from rosbridge_sim.shell.reports import TOPICS, Reports
+from rosbridge_sim.shell.reports import TOPICS, WHO_IS_CONNECTED, Reports
 from rosbridge_sim.shell.server import Server, ServerLimits
 from rosbridge_sim.shell.settings import Settings
 from rosbridge_sim.shell.sources import check_options
@@ -175,6 +176,7 @@ class Simulator:
                 settings.data_dir, settings.data_quota, settings.data_quota_files, aside=in_thread(loop)
             )
             node = _make_node(bus, settings, recordings, reader, self._quota)
+        _complete_policy(limits.policy, node, is_attaching=bool(settings.attach))
         clocks: list[Clock] = [republisher] if node is None else [node, republisher]
         clockwork = Clockwork(loop, bus, clocks, self._give_up)
         recordings.on_done = reader.on_done = clockwork.look
@@ -384,6 +386,19 @@ def _limits(settings: Settings) -> ServerLimits:
             max_held=settings.max_held,
         ),
     )
+
+
+def _complete_policy(policy: Policy, node: Node | None, *, is_attaching: bool) -> None:
+    """Have patterns hold for all names of the simulator's things, and log what they leave open."""
+    ways = SimulatorWays(None if node is None else node.items)
+    policy.ways.add(ways.effects, ways.others)
+    policy.ways.add(lambda: (WHO_IS_CONNECTED,))
+    if node is not None:
+        node.items.on_change = policy.ways.change
+    for line in policy.left_open():
+        _log.warning("%s", line)
+    if is_attaching and not policy.is_open:
+        _log.warning("patterns hold for this server's own clients; a bridge judges the programs behind it itself")
 
 
 def _outbox_limits(settings: Settings) -> OutboxLimits:

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from rosbridge_sim.errors import DocumentError, EncodingError, PeerError
+from rosbridge_sim.errors import DocumentError, EncodingError, GraphError, PeerError
 from rosbridge_sim.graph.bus import Bus, Owner, Topic
 from rosbridge_sim.graph.policy import Rule
 from rosbridge_sim.schema.check import Shape
@@ -122,11 +122,13 @@ class Scribe:
         """Add a message of the source.
 
         Raises:
-            PeerError: it cannot be written.
+            PeerError: it cannot be written, or the topic has another type by now: a bag has one for each topic.
             EncodingError: the same, by a bug of ours or of a library.
             DocumentError: the disk does not take it.
         """
         track = self._channels[topic]
+        if message.type.name != track.type.name:
+            raise GraphError(f"expected {track.type.name}, as the topic began; got {message.type.name}")
         if track.recode is None:
             self.write_json(topic, message.json, stamp_ns)
             return
@@ -265,7 +267,7 @@ class Recorder:
 
     def _look(self, topic: Topic) -> None:
         """Somebody publishes or listens there, perhaps for the first time."""
-        if topic in self._seen or not self._is_on or not self._is_wanted(topic):
+        if topic in self._seen or not self._is_on or not topic.is_settled or not self._is_wanted(topic):
             return
         self._seen.add(topic)  # before he subscribes, for that is told too
         if self._guard(lambda: self.scribe.add(topic.name, topic.type.name, is_latching=topic.is_latching), topic):

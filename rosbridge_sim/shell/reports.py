@@ -17,13 +17,17 @@ from typing import Any, Literal
 
 from rosbridge_sim.graph.bus import Bus, Topic
 from rosbridge_sim.graph.peer import NODE_NAME
+from rosbridge_sim.graph.policy import Effect, Use, Way
 from rosbridge_sim.schema.store import Message
 from rosbridge_sim.shell.server import Client, Server
 
-__all__ = ["TOPICS", "Reports"]
+__all__ = ["TOPICS", "WHO_IS_CONNECTED", "Reports"]
 
 TOPICS = ("/client_count", "/connected_clients", "/sim/clients", "/rosout")
 """The names of all of these."""
+
+WHO_IS_CONNECTED = Effect("learn who is connected", tuple(Way(Use.SUBSCRIBE, name) for name in TOPICS))
+"""Other topics that stay open if clients may not listen to one of these."""
 
 PERIOD = 1.0
 """Between two messages on /sim/clients [s]."""

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer
+from rosbridge_sim.graph.policy import OPEN, Policy
 from rosbridge_sim.protocol.flow import BinaryFrame, Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.schema.store import Store
 from tests.vector_player import read_frame
 
-__all__ = ["MemoryClients", "make_bus", "make_peer", "make_store"]
+__all__ = ["MemoryClients", "Wire", "make_bus", "make_peer", "make_store"]
 
 SCHEMAS = Path(__file__).parents[2] / "schemas"
 
@@ -38,6 +40,32 @@ def make_peer(bus: Bus) -> tuple[Peer, Outbox]:
     """A client whose socket never takes anything: all frames stay in its outbox."""
     outbox = Outbox(OutboxLimits(), lambda: None, lambda: None)
     return Peer(bus, Session(outbox, lambda _due: None)), outbox
+
+
+class Wire:
+    """A client in memory that sends ops and reads what comes back."""
+
+    def __init__(self, bus: Bus, policy: Policy = OPEN) -> None:
+        self.outbox = Outbox(OutboxLimits(), lambda: None, lambda: None)
+        self.peer = Peer(bus, Session(self.outbox, lambda _due: None), policy=policy)
+
+    def says(self, **op: object) -> list[dict[str, Any]]:
+        """What comes back."""
+        self.peer.receive(json.dumps(op).encode(), 0.0)
+        return self.hears()
+
+    def hears(self) -> list[dict[str, Any]]:
+        return [json.loads(frame) for frame in self.outbox.take(2**40)]
+
+    def calls(self, service: str, /, **args: object) -> dict[str, Any]:
+        (answer,) = self.says(op="call_service", service=service, args=args, id="c")
+        assert (answer["op"], answer["id"]) == ("service_response", "c")
+        return answer
+
+    def learns(self, method: str, /, **args: object) -> Any:  # noqa: ANN401 - any JSON value
+        answer = self.calls(f"/rosapi/{method}", **args)
+        assert answer["result"] is True, answer
+        return answer["values"]
 
 
 class MemoryClients:

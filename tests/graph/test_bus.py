@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any, NoReturn
 
 import pytest
@@ -12,6 +13,7 @@ from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, invaria
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, UnknownPackageError
 from rosbridge_sim.graph.actions import Action
 from rosbridge_sim.graph.bus import MAX_CALLS, MAX_STALE, TYPE_MEMORY, Answer, Bus, Call, Owner, Topic, resolve
+from rosbridge_sim.graph.owner import OfferKind
 from rosbridge_sim.schema.store import Message
 from tests.graph.room import make_bus, make_store
 
@@ -37,6 +39,13 @@ class Somebody:
 
     def hold(self, call: Call, _now: float) -> None:
         self.calls.append(call)
+
+
+class Visitor(Somebody):
+    """An owner that gives way to the server's own parts, as clients do."""
+
+    def lose(self, kind: OfferKind, name: str, why: str) -> None:
+        self.told.append((f"{kind} {name}", why))
 
 
 def text(bus: Bus, data: str) -> Message:
@@ -97,7 +106,7 @@ def test_an_exclusive_service_cannot_be_taken_over() -> None:
 
 
 def test_a_type_is_remembered_for_a_while_and_then_forgotten() -> None:
-    bus, first, second = make_bus(), Somebody(), Somebody()
+    bus, first, second = make_bus(), Visitor(), Visitor()
     bus.advertise(first, "/t", STRING)
     bus.leave(first, 100.0)
     assert bus.next_deadline() == 100.0 + TYPE_MEMORY
@@ -355,7 +364,7 @@ def test_a_topic_is_told_of_when_somebody_begins_to_publish_or_to_listen() -> No
 
 
 class BusMachine(RuleBasedStateMachine):
-    """Three owners do anything in any order."""
+    """A part of the server and two clients do anything in any order."""
 
     calls = Bundle("calls")
     people = st.sampled_from(range(3))
@@ -366,7 +375,7 @@ class BusMachine(RuleBasedStateMachine):
     def __init__(self) -> None:
         super().__init__()
         self.bus = make_bus()
-        self.owners = [Somebody(f"/n{i}") for i in range(3)]
+        self.owners = [Somebody("/n0"), Visitor("/n1"), Visitor("/n2")]
         self.asked = self.answered = self.abandoned = 0
         self.now = 0.0
 
@@ -377,22 +386,49 @@ class BusMachine(RuleBasedStateMachine):
             self.bus.advertise(self.owners[who], topic, kind, depth=int(latch), key=key)
         except GraphError:
             assert known is not None
-            assert known.type.name != self.bus.store.canonical(kind)
+            is_other = known.is_settled and known.type.name != self.bus.store.canonical(kind)
+            assert is_other or known.owner not in {None, self.owners[who]}
+            assert who != 0 or known.is_bound, "a part of the server is kept out by parts alone"
+
+    @rule(topic=topics, kind=types)
+    def advertise_alone(self, topic: str, kind: str) -> None:
+        part = self.owners[0]
+        try:
+            known = self.bus.advertise(part, topic, kind, key="alone", is_exclusive=True)
+        except GraphError:
+            return
+        assert list(known.publishers) == [part]
 
     @rule(who=people, topic=topics, key=st.sampled_from([None, "k", "other"]))
     def unadvertise(self, who: int, topic: str, key: str | None) -> None:
         self.bus.unadvertise(self.owners[who], topic, self.now, key=key)
 
-    @rule(who=people, topic=topics)
-    def subscribe(self, who: int, topic: str) -> None:
-        owner = self.owners[who]
-        if self.bus.find_topic(topic) is not None:
-            self.bus.subscribe(owner, topic, owner.deliver)
+    @rule(who=people, topic=topics, kind=st.none() | types)
+    def subscribe(self, who: int, topic: str, kind: str | None) -> None:
+        owner, known = self.owners[who], self.bus.find_topic(topic)
+        if known is None and kind is None:
+            return
+        try:
+            self.bus.subscribe(owner, topic, owner.deliver, type_name=kind)
+        except GraphError:
+            assert known is not None
+            assert known.is_settled
+            assert who != 0 or known.is_bound
+
+    @rule(who=st.sampled_from([1, 2]), kind=types)
+    def subscribe_again(self, who: int, kind: str) -> None:
+        for topic in self.bus.topics.values():
+            for subscription in topic.all_subscriptions:
+                if subscription.owner is self.owners[who]:
+                    with suppress(GraphError):
+                        self.bus.retype(subscription, kind)
+                        assert subscription in topic.subscriptions
+                    return
 
     @rule(who=people)
     def unsubscribe(self, who: int) -> None:
         for topic in self.bus.topics.values():
-            for subscription in topic.subscriptions:
+            for subscription in topic.all_subscriptions:
                 if subscription.owner is self.owners[who]:
                     self.bus.unsubscribe(subscription, self.now)
                     self.bus.unsubscribe(subscription, self.now)
@@ -472,7 +508,17 @@ class BusMachine(RuleBasedStateMachine):
             if topic.publishers:
                 assert topic.is_latching == any(any(keys.values()) for keys in topic.publishers.values())
             else:  # what is latched stays as long as the type does
-                assert topic.orphaned_at is not None
+                assert topic.orphaned_at is not None or topic.all_subscriptions
+
+    @invariant()
+    def types_are_settled_by_publishers_and_hold_for_all_that_is_delivered(self) -> None:
+        for topic in self.bus.topics.values():
+            assert topic.is_settled or not (topic.publishers or topic.kept or topic.is_bound)
+            fitting = tuple(each for each in topic.all_subscriptions if each.fits)
+            assert topic.subscriptions == (fitting if topic.is_settled else topic.all_subscriptions)
+            assert all(topic in self.bus.holdings(owner).published for owner in topic.publishers)
+        for owner in self.bus.owners():
+            assert all(owner in topic.publishers for topic in self.bus.holdings(owner).published)
 
     def teardown(self) -> None:
         for owner in self.owners:

@@ -14,41 +14,12 @@ from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph import bus as bus_module
 from rosbridge_sim.graph import parameters
 from rosbridge_sim.graph.bus import TYPE_MEMORY, Bus, Topic
-from rosbridge_sim.graph.peer import MAX_ID, Peer
+from rosbridge_sim.graph.peer import MAX_ID
 from rosbridge_sim.graph.policy import OPEN, Policy, Rule
 from rosbridge_sim.graph.rosapi import Rosapi
-from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
-from rosbridge_sim.protocol.session import Session
-from tests.graph.room import make_store
+from tests.graph.room import Wire, make_store
 
-
-class Client:
-    """A client in memory, under a policy."""
-
-    def __init__(self, bus: Bus, policy: Policy) -> None:
-        self.outbox = Outbox(OutboxLimits(), lambda: None, lambda: None)
-        self.peer = Peer(bus, Session(self.outbox, lambda _due: None), policy=policy)
-
-    def says(self, **op: object) -> list[dict[str, Any]]:
-        """What comes back."""
-        self.peer.receive(json.dumps(op).encode(), 0.0)
-        return self.hears()
-
-    def hears(self) -> list[dict[str, Any]]:
-        return [json.loads(frame) for frame in self.outbox.take(2**40)]
-
-    def calls(self, service: str, /, **args: object) -> dict[str, Any]:
-        (answer,) = self.says(op="call_service", service=service, args=args, id="c")
-        assert (answer["op"], answer["id"]) == ("service_response", "c")
-        return answer
-
-    def learns(self, method: str, /, **args: object) -> Any:  # noqa: ANN401 - any JSON value
-        answer = self.calls(f"/rosapi/{method}", **args)
-        assert answer["result"] is True, answer
-        return answer["values"]
-
-
-Join = Callable[[Policy], Client]
+Join = Callable[[Policy], Wire]
 
 
 @pytest.fixture
@@ -58,15 +29,15 @@ def bus() -> Bus:
 
 @pytest.fixture
 def join(bus: Bus) -> Join:
-    """Clients under a policy, with a rosapi under the first one's."""
+    """Wires under a policy, with a rosapi under the first one's."""
     is_first = True
 
-    def make(policy: Policy) -> Client:
+    def make(policy: Policy) -> Wire:
         nonlocal is_first
         if is_first:
             Rosapi(bus, policy)
             is_first = False
-        return Client(bus, policy)
+        return Wire(bus, policy)
 
     return make
 
@@ -262,7 +233,7 @@ def test_lists_hold_what_the_client_could_use(join: Join) -> None:
 
 
 @pytest.fixture
-def guarded(bus: Bus, join: Join) -> Client:
+def guarded(bus: Bus, join: Join) -> Wire:
     """A client under whose feet lies a parameter that it may not use."""
     client = join(Policy(parameter=Rule(deny=("/key", "/robot/key*"))))
     bus.parameters.put("/key", '"k"', client.peer)
@@ -274,14 +245,14 @@ def guarded(bus: Bus, join: Join) -> Client:
 
 
 @pytest.mark.parametrize("method", ["get_param", "set_param", "has_param", "delete_param", "search_param"])
-def test_a_denied_parameter_is_refused(guarded: Client, method: str) -> None:
+def test_a_denied_parameter_is_refused(guarded: Wire, method: str) -> None:
     args = {"value": "1"} if method == "set_param" else {}
     for name in ("/key", "key", "/robot/key", "/robot/keys/a", "/robot/keyring"):
         answer = guarded.calls(f"/rosapi/{method}", name=name, **args)
         assert (answer["result"], answer["values"]) == (False, f"Not allowed to use the parameter {name}")
 
 
-def test_parameters_are_listed_without_the_denied(bus: Bus, guarded: Client) -> None:
+def test_parameters_are_listed_without_the_denied(bus: Bus, guarded: Wire) -> None:
     assert guarded.learns("get_param_names") == {"names": ["/robot/name", "/robot/size/x"]}
     for name, tree in (("/robot", {"name": 1, "size": {"x": 1}}), ("/", {"robot": {"name": 1, "size": {"x": 1}}})):
         assert json.loads(guarded.learns("get_param", name=name)["value"]) == tree
@@ -403,7 +374,7 @@ def test_an_endless_id_is_not_kept(join: Join) -> None:
 
 def test_calls_and_goals_in_flight_are_bounded() -> None:
     bus = Bus(make_store(), max_calls=2)
-    provider, caller = Client(bus, OPEN), Client(bus, OPEN)
+    provider, caller = Wire(bus, OPEN), Wire(bus, OPEN)
     provider.says(op="advertise_service", service="/s", type="std_srvs/Trigger")
     provider.says(op="advertise_action", action="/a", type="example_interfaces/Fibonacci")
     for i in range(2):
@@ -417,7 +388,7 @@ def test_calls_and_goals_in_flight_are_bounded() -> None:
 
 def test_topics_and_types_that_nobody_uses_any_more_are_bounded(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bus_module, "MAX_REMEMBERED", 5)
-    client = Client(bus, OPEN)
+    client = Wire(bus, OPEN)
     client.says(op="subscribe", topic="/kept", type="strange_msgs/Kept")
     for i in range(20):
         assert client.says(op="advertise", topic=f"/t{i}", type=f"strange_msgs/T{i}") == []
@@ -442,7 +413,7 @@ def test_many_strange_types_in_use_are_not_looked_through_for_each_new_one(
             return super().values()
 
     bus.topics = Topics()
-    client = Client(bus, OPEN)
+    client = Wire(bus, OPEN)
     for i in range(200):
         client.says(op="subscribe", topic=f"/t{i}", type=f"strange_msgs/T{i}")
     assert len(bus._opaque_types) == 200
@@ -450,7 +421,7 @@ def test_many_strange_types_in_use_are_not_looked_through_for_each_new_one(
 
 
 def test_the_name_of_a_strange_type_is_as_long_as_a_name_may_be(bus: Bus) -> None:
-    client = Client(bus, OPEN)
+    client = Wire(bus, OPEN)
     (status,) = client.says(op="advertise", topic="/t", type="strange_msgs/" + "T" * 300, id=1)
     assert status["id"] == 1
     assert bus.topics == {}

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Answer, Bus, Owner, Topic
+from rosbridge_sim.graph.owner import OfferKind
 from rosbridge_sim.morai.maps.mgeo import Projection, RoadMap
 from rosbridge_sim.morai.network_settings import ItemKind, NetworkSettings, read_choices
 from rosbridge_sim.morai.node import NodeSettings
@@ -202,6 +203,7 @@ class Client:
 
     Attributes:
         told: what it was told that answers nothing: (level, text).
+        lost: what the simulator has taken from it: (kind, name).
         heard: (topic, message as Python objects), of all topics that it listens to, in order.
         raw: the same as JSON text.
     """
@@ -209,6 +211,7 @@ class Client:
     def __init__(self, bus: Bus, name: str) -> None:
         self.name = name
         self.told: list[tuple[str, str]] = []
+        self.lost: list[tuple[OfferKind, str]] = []
         self.heard: list[tuple[str, dict[str, Any]]] = []
         self.raw: list[bytes] = []
         self._bus = bus
@@ -216,6 +219,10 @@ class Client:
 
     def tell(self, level: str, text: str) -> None:
         self.told.append((level, text))
+
+    def lose(self, kind: OfferKind, name: str, why: str) -> None:
+        self.lost.append((kind, name))
+        self.told.append(("error", why))
 
     def listen(self, *topics: str) -> None:
         for topic in topics:

@@ -289,10 +289,37 @@ def test_the_number_of_egos_is_bounded() -> None:
     assert len(stand.node.egos) == MAX_EGOS
 
 
-def test_a_topic_that_somebody_gave_another_type_keeps_the_ego_out() -> None:
+def test_a_client_that_has_the_names_of_an_ego_before_it_comes_does_not_keep_it_out() -> None:
+    stand = Stand()
+    client, user = stand.client(), stand.client()
+    client.send("/Ego-2/ctrl_cmd", "std_msgs/String", data="mine")
+    client.send("/Ego-2/Ego_topic", "std_msgs/String", data="mine")
+    client.send("/Ego-2/gps", "morai_msgs/GPSMessage")
+    stand.bus.subscribe(client, "/Ego-2/imu", lambda *_: None, type_name="std_msgs/Int32")
+    stand.bus.provide(client, "/Ego-2/SyncModeCmd", "std_srvs/Trigger", lambda *_: None)
+    put(user, 2)
+    assert [ego.index for ego in stand.node.egos] == [0, 2]
+    assert sorted(client.lost) == [
+        ("service", "/Ego-2/SyncModeCmd"),
+        *(("topic", f"/Ego-2/{name}") for name in ("Ego_topic", "ctrl_cmd", "gps")),
+    ]
+    assert len(client.told) == 5
+    user.listen("/Ego-2/Ego_topic")
+    user.send("/Ego-2/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
+    stand.run(1.0)
+    assert user.messages("/Ego-2/Ego_topic")[-1]["velocity"]["x"] > 0.0
+
+
+def test_a_topic_that_a_part_of_the_server_gave_another_type_keeps_the_ego_out() -> None:
+    class Part:
+        name = "/part"
+
+        def tell(self, level: str, text: str) -> None:
+            pass
+
     stand = Stand()
     client = stand.client()
-    client.send("/Ego-3/ctrl_cmd", "std_msgs/String", data="mine")
+    stand.bus.advertise(Part(), "/Ego-3/ctrl_cmd", "std_msgs/String")
     before = len(stand.bus.services)
     with pytest.raises(GraphError, match="already established"):
         put(client, 2, 3)

@@ -22,12 +22,22 @@ from tests.morai.stand import Client, Stand, make_store, network_settings, put_e
 INT, TRIGGER = "std_msgs/Int32", "std_srvs/Trigger"
 
 
+class PartOfServer:
+    """An owner that gives way to no other."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def tell(self, level: str, text: str) -> None:
+        pass
+
+
 class Rig:
     """A publisher, a topic that is kept, a subscriber and two services of an owner, and somebody else."""
 
     def __init__(self, **tables: Any) -> None:  # noqa: ANN401 - what a TOML file says
         self.bus = Bus(make_store())
-        self.owner, self.client = Client(self.bus, "/sim"), Client(self.bus, "/client")
+        self.owner, self.client = PartOfServer("/sim"), Client(self.bus, "/client")
         self.items = Items(self.owner, self.bus, network_settings(tables))
         self.outputs = Outputs(self.owner, self.bus, self.items)
         self.outputs.add("/out", INT, self.count)
@@ -198,17 +208,17 @@ def test_nothing_of_a_topic_is_left_under_its_old_name() -> None:
     assert (out.publishers, len(out.subscriptions)) == ({}, 1), "who listens there may go on waiting"
 
 
-def test_names_of_topics_of_different_types_can_be_swapped_unless_somebody_listens() -> None:
+def test_names_of_topics_of_different_types_can_be_swapped_whoever_listens() -> None:
     rig = Rig()
     rig.outputs.add("/text", "std_msgs/String", lambda: None)
     rig.items.open()
     swapped = {"/text": {"name": "/out"}, "/out": {"name": "/text"}}
     rig.change(publishers=swapped)
     assert [rig.bus.topics[name].type.name for name in ("/text", "/out")] == [INT, "std_msgs/String"]
-    rig.client.listen("/text")
-    with pytest.raises(DocumentError, match=r'publishers."/text": .*already established with type std_msgs/Int32'):
-        rig.change(publishers={"/text": {"name": "/text"}})
-    assert [rig.bus.topics[name].type.name for name in ("/text", "/out")] == [INT, "std_msgs/String"]
+    rig.bus.subscribe(rig.client, "/text", lambda *_: None, type_name=INT)
+    rig.change(publishers={"/text": {"name": "/text"}})
+    assert [rig.bus.topics[name].type.name for name in ("/text", "/out")] == ["std_msgs/String", INT]
+    assert [level for level, text in rig.client.told if f"asks for {INT}" in text] == ["error"]
 
 
 def test_names_can_be_swapped() -> None:
@@ -338,22 +348,41 @@ def test_a_publisher_and_a_subscriber_of_one_default_name_share_it() -> None:
 @pytest.mark.parametrize(
     ("tables", "said"),
     [
-        ({"services": {"/ask": {"name": "/theirs"}}}, "service /theirs is provided by /client"),
-        ({"publishers": {"/out": {"name": "/numbers"}}}, "topic /numbers is published by /client"),
+        ({"services": {"/ask": {"name": "/theirs"}}}, "service /theirs is provided by /other"),
+        ({"publishers": {"/out": {"name": "/numbers"}}}, "topic /numbers is published by /other"),
         ({"subscribers": {"/in": {"name": "/texts"}}}, "already established with type std_msgs/String"),
-        ({"publishers": {"/news": {"name": "/texts"}}}, "topic /texts is published by /client"),
+        ({"publishers": {"/news": {"name": "/texts"}}}, "topic /texts is published by /other"),
         ({"publishers": {"/news": {"name": "/heard"}}}, "already established with type std_msgs/String"),
     ],
 )
 def test_a_name_that_is_somebody_elses_is_refused_and_all_stays_as_it_was(tables: dict[str, Any], said: str) -> None:
     rig = opened()
+    other = PartOfServer("/other")
+    rig.bus.provide(other, "/theirs", TRIGGER, lambda *_: None)
+    rig.bus.advertise(other, "/numbers", INT)
+    rig.bus.advertise(other, "/texts", "std_msgs/String")
+    rig.bus.subscribe(other, "/heard", lambda *_: None, type_name="std_msgs/String")
+    with pytest.raises(DocumentError, match=said):
+        rig.change(**tables | {"services": {"/tell": {"on": False}} | tables.get("services", {})})
+    assert rig.names() == {"/out", "/news", "/in", "/ask", "/tell"}
+
+
+def test_a_name_that_a_client_has_is_taken_from_it_and_it_is_told() -> None:
+    rig = opened()
     rig.bus.provide(rig.client, "/theirs", TRIGGER, lambda *_: None)
     rig.bus.advertise(rig.client, "/numbers", INT)
     rig.bus.advertise(rig.client, "/texts", "std_msgs/String")
     rig.bus.subscribe(rig.client, "/heard", lambda *_: None, type_name="std_msgs/String")
-    with pytest.raises(DocumentError, match=said):
-        rig.change(**tables | {"services": {"/tell": {"on": False}} | tables.get("services", {})})
-    assert rig.names() == {"/out", "/news", "/in", "/ask", "/tell"}
+    rig.change(
+        services={"/ask": {"name": "/theirs"}},
+        publishers={"/out": {"name": "/numbers"}, "/news": {"name": "/heard"}},
+        subscribers={"/in": {"name": "/texts"}},
+    )
+    assert rig.names() == {"/numbers", "/heard", "/texts", "/theirs", "/tell"}
+    assert sorted(rig.client.lost) == [("service", "/theirs"), ("topic", "/numbers"), ("topic", "/texts")]
+    assert len(rig.client.told) == 4
+    rig.show()
+    assert rig.client.heard == [], "its listener asks for another type"
 
 
 def test_a_topic_on_which_clients_publish_can_be_listened_to() -> None:

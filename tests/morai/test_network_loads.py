@@ -18,6 +18,15 @@ RENAMED = {
 NETWORK = {"load_network_connection_data": True}
 
 
+class PartOfServer:
+    """An owner that gives way to no other."""
+
+    name = "/recorder"
+
+    def tell(self, level: str, text: str) -> None:
+        pass
+
+
 def test_a_load_brings_the_scenarios_network_settings_and_is_answered_under_the_old_name() -> None:
     stand = Stand(network={"publishers": {"/Ego_topic": {"rate": 10}, "/tf": {"name": "/frames"}}})
     stand.networks.tables["parked"] = RENAMED
@@ -68,7 +77,7 @@ def test_network_settings_alone_can_be_loaded() -> None:
     [
         ({"services": {"/SyncMode": {}}}, "the simulator has no such service (did you mean /SyncModeCmd?)"),
         ({"services": {"/SyncModeCmd": {"name": "/a b"}}}, "expected the name of a service"),
-        ({"services": {"/SyncModeCmd": {"name": "/theirs"}}}, "service /theirs is provided by /client_1"),
+        ({"services": {"/SyncModeCmd": {"name": "/theirs"}}}, "service /theirs is provided by /recorder"),
         ({"publishers": {"/clock": {"name": "/tf"}}}, "expected different names for /clock and /tf"),
     ],
 )
@@ -76,7 +85,7 @@ def test_settings_that_do_not_fit_refuse_the_whole_load(tables: dict[str, Any], 
     stand = Stand()
     stand.networks.tables["parked"] = tables | {"subscribers": {"/lamps": {"on": False}}}
     client = stand.client()
-    stand.bus.provide(client, "/theirs", "std_srvs/Trigger", lambda *_: None)
+    stand.bus.provide(PartOfServer(), "/theirs", "std_srvs/Trigger", lambda *_: None)
     before = (stand.world.digest(), set(stand.bus.services), set(stand.bus.topics))
     assert client.ask("/Service_MoraiSL", file_name="parked", **ALL, **NETWORK)["result"] is False
     with pytest.raises(GraphError, match=r"^/ScenarioLoad: "):
@@ -115,7 +124,7 @@ def test_a_name_that_is_taken_before_the_frame_comes_refuses_the_load_then() -> 
     client = stand.client()
     client.start()
     assert client.ask("/SyncModeScenarioLoad", file_name="parked", frame=2, **ALL, **NETWORK)["result"] is True
-    stand.bus.provide(client, "/load", "std_srvs/Trigger", lambda *_: None)
+    stand.bus.provide(PartOfServer(), "/load", "std_srvs/Trigger", lambda *_: None)
     size = len(stand.world)
     client.tick()
     client.tick()
@@ -123,7 +132,7 @@ def test_a_name_that_is_taken_before_the_frame_comes_refuses_the_load_then() -> 
     assert (level, text.partition(": ")[0], text.rpartition(": ")[2]) == (
         "error",
         "/SyncModeScenarioLoad",
-        "service /load is provided by /client_1",
+        "service /load is provided by /recorder",
     )
     assert len(stand.world) == size
     assert client.tick()["frame"] == 3

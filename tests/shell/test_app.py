@@ -440,3 +440,49 @@ def test_public_names_are_there_and_no_others() -> None:
         assert getattr(rosbridge_sim, name) is not None
     with pytest.raises(AttributeError, match="has no attribute 'Simulation'"):
         _ = rosbridge_sim.Simulation
+
+
+# Patterns
+
+
+async def test_patterns_hold_for_all_names_and_the_log_names_what_they_leave_open(
+    connect: Connect, caplog: pytest.LogCaptureFixture
+) -> None:
+    settings = {"deny_publish": ["/ctrl_cmd"], "deny_subscribe": ["/tf", "/client_count"], "start": "sync"}
+    async with Simulator(port=0, **settings) as sim:
+        client = await connect(sim.url)
+        for topic in ("/ctrl_cmd", "/ctrl_cmd_0", "/Ego-2/ctrl_cmd"):
+            await client.send("advertise", topic=topic, type="morai_msgs/CtrlCmd")
+        frames = await client.settle()
+        assert [frame["msg"].partition(",")[0] for frame in frames] == [
+            f"Not allowed to publish to {topic}" for topic in ("/ctrl_cmd", "/ctrl_cmd_0", "/Ego-2/ctrl_cmd")
+        ]
+        answer = await client.call("/republish_tfs", {"source_frames": ["base_link"], "target_frame": "map"})
+        assert answer["values"] == "Not allowed to call /republish_tfs, since it shows what /tf does"
+    lines = [record.getMessage() for record in caplog.records if "leaves these ways open" in record.getMessage()]
+    assert [line.partition(" leaves")[0] for line in lines] == [
+        "--deny-publish /ctrl_cmd",
+        "--deny-subscribe /tf",
+        "--deny-subscribe /client_count",
+    ]
+    assert lines[2].endswith("to learn who is connected: listening to /connected_clients, /sim/clients, /rosout")
+
+
+async def test_log_says_that_patterns_do_not_hold_behind_a_bridge(caplog: pytest.LogCaptureFixture) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as nobody:
+        bridge = f"ws://127.0.0.1:{nobody.getsockname()[1]}"
+        async with Simulator(port=0, attach=[bridge], deny_publish=["/nothing"]):
+            pass
+    assert len([line for line in caplog.messages if line.startswith("patterns hold for this server's own")]) == 1
+
+
+async def test_names_that_a_scenario_brings_are_judged_at_once(tmp_path: Path, connect: Connect) -> None:
+    (tmp_path / "Network").mkdir()
+    (tmp_path / "Network" / "demo.toml").write_text('[subscribers]\n"/ctrl_cmd" = { name = "/drive" }\n')
+    async with Simulator(port=0, start="sync", data_dir=tmp_path, deny_publish=["/ctrl_cmd"]) as sim:
+        thief, user = await connect(sim.url), await connect(sim.url)
+        await thief.send("advertise", topic="/drive", type="morai_msgs/CtrlCmd")
+        assert await thief.settle() == []
+        await user.ask("/Service_MoraiSL", file_name="demo", load_network_connection_data=True)
+        (status,) = await thief.settle()
+        assert status["msg"].startswith("Not allowed to publish to /drive, another way of publishing /ctrl_cmd")

@@ -125,6 +125,28 @@ async def test_type_that_nobody_knows_is_told_once_and_left_out(
     assert stamps_of(read_bag(tmp_path / "a.bag"), "/odd") == []
 
 
+async def test_type_of_a_topic_in_the_bag_is_its_first_publishers(
+    tmp_path: Path, connect: Connect, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with Simulator(port=0, world=False, record=tmp_path / "a.bag") as sim:
+        listener, talker = await connect(sim.url), await connect(sim.url)
+        await listener.send("subscribe", topic="/t", type="std_msgs/Int32")
+        await listener.settle()
+        await talker.send("publish", topic="/t", type="std_msgs/String", msg={"data": "first"})
+        await talker.send("unadvertise", topic="/t")
+        await talker.settle()
+        assert sim.bus is not None
+        sim.bus.forget_topic("/t")
+        for _ in range(2):
+            await talker.send("publish", topic="/t", type="std_msgs/Int32", msg={"data": 7})
+        await talker.settle()
+    assert [one.data for topic, _, one in read_bag(tmp_path / "a.bag") if topic == "/t"] == ["first"]
+    told = [line for line in caplog.messages if line.startswith("/t is not recorded, or not all of it")]
+    assert told == [
+        "/t is not recorded, or not all of it: expected std_msgs/String, as the topic began; got std_msgs/Int32"
+    ]
+
+
 async def test_full_disk_ends_the_recording_and_nothing_else(
     tmp_path: Path, connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -1,0 +1,181 @@
+"""The simulator's rows in the table of other names, by which patterns for clients are judged (see `graph/policy.py`).
+
+One thing has several names for three reasons:
+
+- MORAI has two names for it, or a topic and a service, or one of these in one release and the other in the next.
+- The network settings give it another name, and a client that may load a scenario may bring such settings. Its default
+  name stays in the table, so that a pattern goes on to hold.
+- A further ego has it under its prefix. What is said of `/ctrl_cmd` holds for `/Ego-2/ctrl_cmd` too, but not the
+  reverse: a pattern with the prefix means that ego.
+
+What only has the *same effect*, such as a control by topic and one by service, is no other name: many patterns mean one
+of them on purpose. The log says at the start what they leave open.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from typing import Final
+
+from rosbridge_sim.graph.policy import Effect, Use, Way
+from rosbridge_sim.morai.items import Items
+from rosbridge_sim.morai.network_settings import DEFAULTS, ItemKind, NetworkSettings, split_prefix
+
+__all__ = ["SimulatorWays"]
+
+
+def _publishing(*names: str) -> tuple[Way, ...]:
+    return tuple(Way(Use.PUBLISH, name) for name in names)
+
+
+def _hearing(*names: str) -> tuple[Way, ...]:
+    return tuple(Way(Use.SUBSCRIBE, name) for name in names)
+
+
+def _calling(*names: str) -> tuple[Way, ...]:
+    return tuple(Way(Use.SERVICE, name) for name in names)
+
+
+_LOADS: Final = (*_publishing("/ScenarioLoad"), *_calling("/Service_MoraiSL", "/SyncModeScenarioLoad"))
+_REPLAYS: Final = (*_publishing("/ReplayInfo_topic"), *_calling("/Morai_SimProc"))
+_RESET: Final = _calling("/sim/reset")
+_EVENT: Final = _calling("/Service_MoraiEventCmd")
+_PLACE: Final = _publishing("/ego_setting")
+_TICK: Final = _calling("/SyncModeWaitForTick")
+
+_SAME: Final = (
+    _publishing("/ctrl_cmd", "/ctrl_cmd_0"),
+    _hearing("/ctrl_cmd", "/ctrl_cmd_0"),
+    _LOADS,
+    (*_publishing("/SyncModeAddObj"), *_calling("/SyncModeAddObject")),
+    (*_publishing("/SyncModeRemoveObj"), *_calling("/SyncModeRemoveObject")),
+)
+"""Default names of one thing each."""
+
+_SAME_AS: Final = {way: row for row in _SAME for way in row}
+
+_EFFECTS: Final = (
+    Effect(
+        "move an ego",
+        (*_publishing("/ctrl_cmd", "/ctrl_cmd_0", "/ghost_ctrl_cmd"), *_PLACE, *_calling("/SyncModeCtrlCmd")),
+        (*_REPLAYS, *_LOADS, *_RESET),
+    ),
+    Effect("shift an ego's gear", (*_calling("/SyncModeSetGear"), *_EVENT), _PLACE),
+    Effect("choose who drives an ego", _EVENT, _PLACE),
+    Effect("switch an ego's lamps", (*_publishing("/lamps"), *_EVENT), _PLACE),
+    Effect(
+        "add, move or remove others",
+        (
+            *_publishing("/NpcGhost_Topic", "/SyncModeAddObj", "/SyncModeRemoveObj"),
+            *_calling("/SyncModeAddObject", "/SyncModeRemoveObject"),
+        ),
+        (*_PLACE, *_REPLAYS, *_LOADS, *_RESET),
+    ),
+    Effect("put another scene in place", (*_LOADS, *_RESET), _REPLAYS),
+    Effect("replay a recording", _REPLAYS),
+    Effect("set traffic lights", _publishing("/SetTrafficLight", "/InsnControl"), (*_LOADS, *_RESET)),
+    Effect(
+        "stop time or let it go on",
+        (*_EVENT, *_calling("/SyncModeCmd"), *_TICK),
+        _calling("/SyncModeScenarioLoad", "/Service_MoraiSL", "/Morai_SimProc"),
+    ),
+    Effect("save sensor data", _publishing("/SaveSensorData"), _calling("/SyncModeCtrlCmd")),
+    Effect(
+        "learn where an ego is",
+        _hearing("/Ego_topic", "/tf", "/gps", "/imu"),
+        (
+            *_hearing("/Object_topic", "/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"),
+            *_TICK,
+        ),
+    ),
+    Effect(
+        "learn where others are",
+        _hearing("/Object_topic"),
+        _hearing("/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"),
+    ),
+    Effect("learn of collisions", _hearing("/CollisionData", "/VehicleCollisionData")),
+    Effect(
+        "learn what traffic lights show",
+        (*_hearing("/GetTrafficLightStatus", "/InsnStatus", "/IntscnTL_topic"), *_calling("/Morai_TLSrv")),
+    ),
+    Effect(
+        "learn the simulated time",
+        (*_hearing("/clock"), *_calling("/rosapi/get_time")),
+        (*_hearing("/SyncModeInfo"), *_calling("/SyncModeCmd"), *_TICK),
+    ),
+)
+"""By default names: what can be brought about, or learned, in several ways."""
+
+_KINDS: Final = {Use.PUBLISH: ItemKind.SUBSCRIBER, Use.SUBSCRIBE: ItemKind.PUBLISHER, Use.SERVICE: ItemKind.SERVICE}
+"""The simulator's part in each use."""
+
+
+class SimulatorWays:
+    """The simulator's other names, as its items are called at the time."""
+
+    def __init__(self, items: Items | None) -> None:
+        """The names of these items; None for MORAI's own, where a client is the simulator."""
+        self._items = items
+        self._indexed: NetworkSettings | None = None
+        self._defaults: dict[tuple[bool, str], list[tuple[str, str]]] = {}
+
+    def others(self, way: Way) -> Iterator[Way]:
+        """The names under which a way is judged too; see `Lookup`."""
+        if way.use is Use.ACTION:
+            return
+        for prefix, default in self._defaults_of(way):
+            here = Way(way.use, default)
+            for use, same in _SAME_AS.get(here, (here,)):
+                for where in dict.fromkeys(("/", prefix)):
+                    yield Way(use, where + same[1:])
+                    for kind in _kinds(use):
+                        yield Way(use, self._settings.choice(kind, same, where).name or same)
+
+    def effects(self) -> Iterator[Effect]:
+        """Effects that can be brought about in several ways, under the names that are there now."""
+        if self._items is None:
+            return
+        names = {(item.kind, item.default): item.name for item in self._items.listing() if item.is_on}
+
+        def named(ways: tuple[Way, ...]) -> tuple[Way, ...]:
+            return tuple(
+                Way(use, names.get((_KINDS[use], default), default))
+                for use, default in ways
+                if (_KINDS[use], default) in names or default.startswith("/rosapi/")
+            )
+
+        for effect in _EFFECTS:
+            yield Effect(effect.what, named(effect.ways), named(effect.also))
+
+    @property
+    def _settings(self) -> NetworkSettings:
+        return DEFAULTS if self._items is None else self._items.settings
+
+    def _defaults_of(self, way: Way) -> list[tuple[str, str]]:
+        """Prefixes and default names that may be meant by a name."""
+        settings = self._settings
+        if self._indexed is not settings:
+            self._indexed, self._defaults = settings, _index(settings)
+        is_service = way.use is Use.SERVICE
+        prefix, bare = split_prefix(way.name)
+        renamed = self._defaults.get((is_service, way.name), [])
+        followed = [(prefix, default) for where, default in self._defaults.get((is_service, bare), []) if where == "/"]
+        return [(prefix, bare), *renamed, *followed]
+
+
+def _kinds(use: Use) -> tuple[ItemKind, ...]:
+    """The items that may be behind a name: a client may publish where the simulator does, or hear what it is told."""
+    return (ItemKind.SERVICE,) if use is Use.SERVICE else (ItemKind.SUBSCRIBER, ItemKind.PUBLISHER)
+
+
+def _index(settings: NetworkSettings) -> dict[tuple[bool, str], list[tuple[str, str]]]:
+    """Index: (is a service, name) -> the prefixes and default names of all that is called so."""
+    found: dict[tuple[bool, str], list[tuple[str, str]]] = defaultdict(list)
+    for kind in ItemKind:
+        for full_name in settings.choices(kind):
+            prefix, default = split_prefix(full_name)
+            name = settings.choice(kind, default, prefix).name
+            if name is not None and name != full_name:
+                found[kind is ItemKind.SERVICE, name].append((prefix, default))
+    return dict(found)

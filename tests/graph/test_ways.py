@@ -1,0 +1,340 @@
+"""Patterns hold for every way to a thing: its other names, an action's topics, and what the republisher shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from rosbridge_sim.graph import policy as policy_module
+from rosbridge_sim.graph.bus import TYPE_MEMORY, Bus
+from rosbridge_sim.graph.policy import Effect, Policy, Rule, Use, Way, Ways
+from rosbridge_sim.graph.republisher import Republisher
+from rosbridge_sim.graph.rosapi import Rosapi
+from tests.graph.room import Wire, make_bus
+
+FIBONACCI, STRING, TRIGGER = "example_interfaces/Fibonacci", "std_msgs/String", "std_srvs/Trigger"
+GOAL, GOAL_ID = "tf2_web_republisher/TFSubscriptionActionGoal", "actionlib_msgs/GoalID"
+FEEDBACK, STATUS = "tf2_web_republisher/TFSubscriptionActionFeedback", "actionlib_msgs/GoalStatusArray"
+RESULT = "tf2_web_republisher/TFSubscriptionActionResult"
+TF, WEB = "tf2_msgs/TFMessage", "/tf2_web_republisher"
+
+Join = Callable[[Policy], Wire]
+
+
+@pytest.fixture
+def bus() -> Bus:
+    return make_bus()
+
+
+@pytest.fixture
+def join(bus: Bus) -> Join:
+    """Clients under a policy, beside a republisher and a client that offers the action /count."""
+    Republisher(bus)
+    server = Wire(bus)
+    server.says(op="advertise_action", action="/count", type=FIBONACCI)
+    return lambda policy: Wire(bus, policy)
+
+
+def make_policy(rules: dict[str, Rule]) -> Policy:
+    none = Rule()
+    return Policy(rules.get("publish", none), rules.get("subscribe", none), rules.get("service", none))
+
+
+def deny(**patterns: str) -> Policy:
+    return make_policy({use: Rule(deny=(pattern,)) for use, pattern in patterns.items()})
+
+
+def allow(**patterns: str) -> Policy:
+    return make_policy({use: Rule(allow=(pattern,)) for use, pattern in patterns.items()})
+
+
+def publish(topic: str, type_name: str) -> dict[str, Any]:
+    return {"op": "advertise", "topic": topic, "type": type_name}
+
+
+def subscribe(topic: str, type_name: str) -> dict[str, Any]:
+    return {"op": "subscribe", "topic": topic, "type": type_name}
+
+
+def call(service: str, **args: object) -> dict[str, Any]:
+    return {"op": "call_service", "service": service, "args": args}
+
+
+def send(action: str, **args: object) -> dict[str, Any]:
+    return {"op": "send_action_goal", "action": action, "id": "g", "args": args}
+
+
+def is_refused(client: Wire, op: dict[str, Any]) -> bool:
+    return any("Not allowed to" in str(frame) for frame in client.says(**op))
+
+
+REPUBLISH = call("/republish_tfs", source_frames=["a"], target_frame="b")
+TF_GOAL = send(WEB, source_frames=["a"], target_frame="b")
+
+
+# Actions
+
+
+@pytest.mark.parametrize(
+    "op",
+    [
+        send("/count"),
+        call("/count/_action/cancel_goal"),
+        publish("/count/goal", "my_msgs/CountActionGoal"),
+        publish("/count/goal", "my_msgs/msg/CountActionGoal"),
+        {"op": "publish", "topic": "/count/cancel", "type": GOAL_ID, "msg": {}},
+        subscribe("/count/feedback", "my_msgs/CountActionFeedback"),
+        subscribe("/count/result", "my_msgs/CountActionResult"),
+        subscribe("/count/status", STATUS),
+        publish("/count/feedback", "my_msgs/CountActionFeedback"),
+        subscribe("/count/_action/feedback", "my_msgs/Count_FeedbackMessage"),
+        {"op": "advertise_action", "action": "/count", "type": FIBONACCI},
+        {"op": "advertise_service", "service": "/count/_action/cancel_goal", "type": TRIGGER},
+    ],
+)
+def test_denying_an_action_closes_every_way_to_it(join: Join, op: dict[str, Any]) -> None:
+    assert is_refused(join(deny(service="/count")), op)
+    assert not is_refused(join(deny(service="/other")), op)
+
+
+@pytest.mark.parametrize("part", ["goal", "cancel", "status", "feedback", "result"])
+def test_plain_topic_that_is_named_as_those_of_actions_are_stays_open(join: Join, part: str) -> None:
+    client = join(deny(service="*"))
+    assert client.says(**publish(f"/battery/{part}", STRING)) == []
+    assert client.says(**subscribe(f"/battery/{part}", STRING)) == []
+    assert client.says(op="subscribe", topic=f"/battery/{part}", id=2) == []
+    assert client.says(**subscribe(f"/{part}", STATUS)) == [], "no action has an empty name"
+
+
+def test_denying_the_goals_topic_stops_goals_by_every_way(join: Join) -> None:
+    client = join(deny(publish="/count/goal"))
+    (end,) = client.says(**send("/count"))
+    assert end["values"] == "Not allowed to call /count, another way of publishing /count/goal"
+    assert is_refused(client, publish("/count/goal", STRING))
+    assert not is_refused(client, subscribe("/count/feedback", "my_msgs/CountActionFeedback"))
+
+
+@pytest.mark.parametrize(
+    "policy", [deny(publish="/count/cancel"), deny(service="/count/_action/cancel_goal"), deny(service="/count")]
+)
+def test_denying_to_cancel_holds_for_the_topic_and_the_service(join: Join, policy: Policy) -> None:
+    client = join(policy)
+    assert is_refused(client, call("/count/_action/cancel_goal"))
+    assert is_refused(client, publish("/count/cancel", GOAL_ID))
+
+
+def test_allowing_an_action_opens_every_way_to_it(join: Join) -> None:
+    client = join(allow(service="/count", publish="/x", subscribe="/x"))
+    for op in (
+        send("/count"),
+        call("/count/_action/cancel_goal"),
+        publish("/count/goal", "my_msgs/CountActionGoal"),
+        subscribe("/count/feedback", "my_msgs/CountActionFeedback"),
+    ):
+        assert not is_refused(client, op)
+    assert is_refused(client, publish("/count/goal", STRING))
+    assert is_refused(client, call("/other"))
+
+
+def test_calling_a_service_is_not_sending_a_goal(join: Join) -> None:
+    client = join(deny(publish="/count/goal"))
+    assert not is_refused(client, call("/count"))
+
+
+def test_subscription_without_a_type_cannot_become_one_to_an_action(bus: Bus, join: Join) -> None:
+    """It was judged by the type that the topic had."""
+    client, other, server = join(deny(service="/dig")), join(deny(service="/dig")), join(Policy())
+    other.says(**subscribe("/dig/feedback", STRING))
+    assert client.says(op="subscribe", topic="/dig/feedback") == []
+    server.says(**publish("/dig/feedback", "my_msgs/DigActionFeedback"))
+    server.says(op="publish", topic="/dig/feedback", msg={"feedback": 1})
+    assert [frame["op"] for frame in (*client.hears(), *other.hears())] == ["status", "status"]
+    assert bus.topics["/dig/feedback"].subscriptions == ()
+    assert is_refused(join(deny(service="/dig")), {"op": "subscribe", "topic": "/dig/feedback"})
+
+
+def test_rosapi_lists_neither_the_action_nor_its_topics(bus: Bus, join: Join) -> None:
+    policy = deny(service="/count")
+    Rosapi(bus, policy)
+    client, server = join(policy), join(Policy())
+    server.says(**publish("/count/status", STATUS))
+    server.says(**publish("/count/other", STATUS))
+    assert "/count" not in client.learns("action_servers")["action_servers"]
+    assert client.learns("action_type", action="/count") == {"type": ""}
+    topics = client.learns("topics")["topics"]
+    assert ("/count/status" in topics, "/count/other" in topics) == (False, True)
+
+
+# Transforms
+
+
+@pytest.mark.parametrize(
+    "policy",
+    [
+        deny(subscribe="/tf"),
+        deny(subscribe="/tf_static"),
+        allow(subscribe="/camera/*"),
+        allow(subscribe="/camera/*", service="/*republish*"),
+    ],
+)
+@pytest.mark.parametrize(
+    "op", [REPUBLISH, TF_GOAL, publish(f"{WEB}/goal", GOAL), subscribe(f"{WEB}/feedback", FEEDBACK)]
+)
+def test_transforms_that_may_not_be_heard_are_not_republished(join: Join, policy: Policy, op: dict[str, Any]) -> None:
+    assert is_refused(join(policy), op)
+    assert not is_refused(join(Policy()), op)
+
+
+def test_topic_that_was_made_for_another_client_is_closed_too(bus: Bus, join: Join) -> None:
+    insider, client = join(Policy()), join(deny(subscribe="/tf"))
+    insider.says(**REPUBLISH)
+    assert f"{WEB}/tf_repub_1" in bus.topics
+    (status,) = client.says(op="subscribe", topic=f"{WEB}/tf_repub_1")
+    assert status["msg"] == f"Not allowed to subscribe to {WEB}/tf_repub_1, since it shows what /tf does"
+
+
+@pytest.mark.parametrize("policy", [allow(subscribe="/tf*"), allow(subscribe=f"{WEB}/*")])
+def test_transforms_that_may_be_heard_are_republished(join: Join, policy: Policy) -> None:
+    client = join(policy)
+    for op in (REPUBLISH, TF_GOAL, subscribe(f"{WEB}/feedback", FEEDBACK)):
+        assert not is_refused(client, op)
+
+
+def test_denying_the_republisher_closes_its_three_ways_and_leaves_the_topics(join: Join) -> None:
+    for policy in (deny(service="/republish_tfs"), deny(service=WEB)):
+        client = join(policy)
+        for op in (REPUBLISH, TF_GOAL, publish(f"{WEB}/goal", GOAL), subscribe(f"{WEB}/feedback", FEEDBACK)):
+            assert is_refused(client, op)
+        assert client.says(**subscribe("/tf", TF)) == []
+
+
+# A table of a part of the server
+
+
+class Tables:
+    """Rows that a test can change."""
+
+    def __init__(self) -> None:
+        self.rows: dict[Way, list[Way]] = {}
+        self.num_looks = 0
+
+    def look_up(self, way: Way) -> Iterator[Way]:
+        self.num_looks += 1
+        yield from self.rows.get(way, [])
+
+
+WHEEL, PEDAL = Way(Use.PUBLISH, "/wheel"), Way(Use.SERVICE, "/pedal")
+
+
+@pytest.fixture
+def tables() -> Tables:
+    tables = Tables()
+    tables.rows = {WHEEL: [PEDAL], PEDAL: [WHEEL]}
+    return tables
+
+
+def with_rows(policy: Policy, tables: Tables) -> Policy:
+    policy.ways.add(lambda: (Effect("steer", (WHEEL, PEDAL, Way(Use.SERVICE, "/joystick"))),), tables.look_up)
+    return policy
+
+
+def test_row_crosses_directions_for_deny_and_allow_alike(join: Join, tables: Tables) -> None:
+    client = join(with_rows(deny(service="/pedal"), tables))
+    (status,) = client.says(**publish("/wheel", STRING))
+    assert status["msg"] == "Not allowed to publish to /wheel, another way of calling /pedal"
+    assert is_refused(join(with_rows(deny(publish="/wheel"), tables)), call("/pedal"))
+    client = join(with_rows(allow(publish="/wheel", service="/nothing"), tables))
+    assert not is_refused(client, call("/pedal"))
+    assert is_refused(client, call("/joystick"))
+    assert not is_refused(join(with_rows(allow(publish="/other"), tables)), call("/pedal")), "services are open"
+
+
+def test_names_are_looked_up_once_and_not_per_message(join: Join, tables: Tables) -> None:
+    policy = with_rows(deny(service="/pedal"), tables)
+    client = join(policy)
+    client.says(**publish("/free", STRING))
+    num_looks = tables.num_looks
+    for _ in range(3):
+        assert client.says(op="publish", topic="/free", msg={}) == []
+    join(policy).says(**publish("/free", STRING))
+    assert tables.num_looks == num_looks
+
+
+def test_what_is_known_of_names_is_bounded(tables: Tables, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(policy_module, "MAX_KNOWN", 3)
+    policy = with_rows(deny(service="/pedal"), tables)
+    for i in range(20):
+        policy.check_publish(f"/t{i}")
+    assert len(policy.ways._known) <= 3
+
+
+def test_client_loses_what_becomes_another_name_of_something_denied(bus: Bus, join: Join, tables: Tables) -> None:
+    """Else it could advertise first, and then have the name given to the thing."""
+    policy = with_rows(deny(service="/pedal", subscribe="/secret"), tables)
+    client, gone, listener = join(policy), join(policy), join(Policy())
+    for each in (client, gone):
+        assert each.says(**publish("drive", STRING)) == []
+        assert each.says(**publish("/kept", STRING)) == []
+        assert each.says(**subscribe("/ears", STRING)) == []
+    gone.peer.leave(0.0)
+    tables.rows[Way(Use.PUBLISH, "/drive")] = [PEDAL]
+    tables.rows[Way(Use.SUBSCRIBE, "/ears")] = [Way(Use.SUBSCRIBE, "/secret")]
+    policy.ways.change(0.0)
+    publishing = "Not allowed to publish to drive, another way of calling /pedal"
+    hearing = "Not allowed to subscribe to /ears, another way of listening to /secret"
+    assert [(frame["level"], frame["msg"]) for frame in client.hears()] == [
+        ("error", f"{publishing}: this client's advertisement has ended"),
+        ("error", f"{hearing}: this client's subscription has ended"),
+    ]
+    assert (bus.topics["/drive"].publishers, bus.topics["/ears"].all_subscriptions) == ({}, ())
+    assert client.peer._num_ids == 1
+    assert is_refused(client, {"op": "publish", "topic": "drive", "type": STRING, "msg": {}})
+    assert client.says(op="publish", topic="/kept", msg={}) == []
+    assert gone.hears() == []
+    assert listener.says(**publish("/drive", STRING)) == []
+    bus.expire(TYPE_MEMORY)
+
+
+# What is left open
+
+
+def test_log_names_what_a_pattern_leaves_open(tables: Tables) -> None:
+    lines = with_rows(deny(publish="/wheel"), tables).left_open()
+    assert lines == ["--deny-publish /wheel leaves these ways open to steer: calling /joystick"]
+    lines = with_rows(deny(service="/joy*"), tables).left_open()
+    assert lines == ["--deny-service /joy* leaves these ways open to steer: publishing /wheel, calling /pedal"]
+    lines = with_rows(allow(publish="/camera/*"), tables).left_open()
+    assert lines == ["--allow-publish /camera/* leaves these ways open to steer: calling /pedal, /joystick"]
+    lines = with_rows(deny(subscribe="/tf"), tables).left_open()
+    assert lines == ["--deny-subscribe /tf leaves these ways open to learn transforms: listening to /tf_static"]
+    assert with_rows(deny(service="/other"), tables).left_open() == []
+    assert with_rows(Policy(parameter=Rule(deny=("*",))), tables).left_open() == []
+    assert with_rows(deny(publish="*", subscribe="*", service="*"), tables).left_open() == []
+
+
+def test_way_that_does_much_else_is_named_and_means_nothing_by_itself() -> None:
+    policy = deny(service="/reset")
+    effect = Effect("steer", (WHEEL,), (Way(Use.SERVICE, "/reset"),))
+    policy.ways.add(lambda: (effect,))
+    assert policy.left_open() == []
+    policy = deny(publish="/wheel")
+    policy.ways.add(lambda: (effect,))
+    assert policy.left_open() == ["--deny-publish /wheel leaves these ways open to steer: calling /reset"]
+
+
+def test_line_on_what_is_left_open_is_bounded() -> None:
+    policy = deny(publish="/w*" + "*" * 500)
+    names = tuple(Way(Use.SERVICE, f"/{'long' * 50}{i}") for i in range(100))
+    policy.ways.add(lambda: [Effect(f"do {i}", (WHEEL, *names)) for i in range(100)])
+    (line,) = policy.left_open()
+    assert line.endswith("; and 97 more")
+    assert "and 92 more" in line
+    assert len(line) < 2_500
+
+
+def test_other_names_that_a_table_gives_have_none_of_their_own() -> None:
+    ways = Ways()
+    ways.add(tuple, lambda way: [Way(Use.ACTION, "/dig")] if way == WHEEL else [])
+    assert ways.all_of(WHEEL) == (WHEEL, (Use.ACTION, "/dig"))

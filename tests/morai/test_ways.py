@@ -1,0 +1,228 @@
+"""The other names of the simulator's topics and services: a pattern for one holds for all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import pytest
+
+from rosbridge_sim.errors import GraphError
+from rosbridge_sim.graph.policy import Policy, Rule, Use
+from rosbridge_sim.morai.items import ListedItem
+from rosbridge_sim.morai.network_settings import ItemKind
+from rosbridge_sim.morai.ways import _EFFECTS, _SAME, SimulatorWays
+from tests.morai.stand import ALL, Stand, put_egos
+
+COMMAND, LOAD = "morai_msgs/CtrlCmd", "morai_msgs/ScenarioLoad"
+RENAMED = {
+    "publishers": {"/Ego_topic": {"name": "/car/state"}, "/tf": {"name": "/frames"}},
+    "subscribers": {"/ctrl_cmd": {"name": "/car/drive"}, "/Ego-3/ctrl_cmd": {"name": "/third"}},
+    "services": {"/Service_MoraiSL": {"name": "/load"}},
+}
+
+
+def completed(policy: Policy, stand: Stand | None) -> Policy:
+    ways = SimulatorWays(None if stand is None else stand.node.items)
+    policy.ways.add(ways.effects, ways.others)
+    if stand is not None:
+        stand.node.items.on_change = policy.ways.change
+    return policy
+
+
+def denying(stand: Stand | None, **patterns: str) -> Policy:
+    rules = {use: Rule(deny=(pattern,)) for use, pattern in patterns.items()}
+    none = Rule()
+    policy = Policy(rules.get("publish", none), rules.get("subscribe", none), rules.get("service", none))
+    return completed(policy, stand)
+
+
+def may(policy: Policy, use: Use, name: str) -> bool:
+    try:
+        if use is Use.SERVICE:
+            policy.check_call(name)
+        else:
+            (policy.check_publish if use is Use.PUBLISH else policy.check_subscribe)(name)
+    except GraphError:
+        return False
+    return True
+
+
+@pytest.fixture(scope="module")
+def stand() -> Stand:
+    return Stand()
+
+
+@pytest.fixture(scope="module")
+def renamed() -> Stand:
+    return Stand(network=RENAMED)
+
+
+@pytest.mark.parametrize("row", _SAME, ids=lambda row: row[0].name)
+def test_denying_any_name_of_a_thing_denies_all(stand: Stand, row: tuple[tuple[Use, str], ...]) -> None:
+    flags = {Use.PUBLISH: "publish", Use.SUBSCRIBE: "subscribe", Use.SERVICE: "service"}
+    for use, name in row:
+        policy = denying(stand, **{flags[use]: name})
+        for other_use, other in row:
+            assert not may(policy, other_use, other), f"{name} denied, {other} open"
+            assert not may(policy, other_use, f"/Ego-7{other}")
+        assert may(policy, Use.PUBLISH, "/lamps")
+
+
+@pytest.mark.parametrize("release", ["22.R2", "26.R1"])
+def test_names_in_the_table_are_the_simulators(release: str) -> None:
+    """Of one release or the other."""
+    items = {(item.kind, item.default) for item in Stand(release=release).node.items.listing()}
+    items |= {(ItemKind.SUBSCRIBER, f"/SyncMode{what}Obj") for what in ("Add", "Remove")}
+    items |= {(ItemKind.SERVICE, f"/SyncMode{what}Object") for what in ("Add", "Remove")}
+    kinds = {
+        Use.PUBLISH: {ItemKind.SUBSCRIBER},
+        Use.SUBSCRIBE: {ItemKind.PUBLISHER, ItemKind.SUBSCRIBER},
+        Use.SERVICE: {ItemKind.SERVICE},
+    }
+    ways = {way for effect in _EFFECTS for way in (*effect.ways, *effect.also)} | {way for row in _SAME for way in row}
+    for use, name in ways:
+        assert any((kind, name) in items for kind in kinds[use]) or name == "/rosapi/get_time", name
+
+
+def test_every_input_and_service_that_changes_something_is_in_the_log_table(stand: Stand) -> None:
+    """Whoever adds one has to say what it does, so that the log can name it."""
+    known = {way for effect in _EFFECTS for way in (*effect.ways, *effect.also)}
+    alone = {"/SensorPosControl", "/Service_MoraiVehicleSpec", "/Service_MoraiMapSpec"}
+
+    def is_known(item: ListedItem) -> bool:
+        use = Use.SERVICE if item.kind is ItemKind.SERVICE else Use.PUBLISH
+        return (use, item.default) in known or item.default in alone
+
+    items = [item for item in stand.node.items.listing() if item.kind is not ItemKind.PUBLISHER]
+    assert [item.default for item in items if not is_known(item)] == []
+
+
+def test_pattern_without_a_prefix_holds_for_further_egos_and_not_the_reverse(stand: Stand) -> None:
+    policy = denying(stand, publish="/ctrl_cmd", service="/SyncModeCtrlCmd", subscribe="/Ego_topic")
+    for prefix in ("/", "/Ego-2/", "/Ego-31/"):
+        assert not may(policy, Use.PUBLISH, f"{prefix}ctrl_cmd")
+        assert not may(policy, Use.SERVICE, f"{prefix}SyncModeCtrlCmd")
+        assert not may(policy, Use.SUBSCRIBE, f"{prefix}Ego_topic")
+    policy = denying(stand, publish="/Ego-2/*")
+    assert [may(policy, Use.PUBLISH, f"{prefix}ctrl_cmd") for prefix in ("/", "/Ego-2/", "/Ego-3/")] == [
+        True,
+        False,
+        True,
+    ]
+
+
+def test_allowing_one_name_of_a_thing_allows_all(stand: Stand) -> None:
+    policy = completed(Policy(publish=Rule(allow=("/ctrl_cmd",)), service=Rule(allow=("/Service_MoraiSL",))), stand)
+    assert may(policy, Use.PUBLISH, "/ctrl_cmd_0")
+    assert may(policy, Use.PUBLISH, "/Ego-2/ctrl_cmd")
+    assert may(policy, Use.PUBLISH, "/ScenarioLoad")
+    assert may(policy, Use.SERVICE, "/SyncModeScenarioLoad")
+    assert not may(policy, Use.PUBLISH, "/lamps")
+    assert not may(policy, Use.SERVICE, "/SyncModeCmd")
+    policy = completed(Policy(publish=Rule(allow=("/Ego-2/*",))), stand)
+    assert not may(policy, Use.PUBLISH, "/ctrl_cmd")
+
+
+@pytest.mark.parametrize("pattern", ["/ctrl_cmd", "/ctrl_cmd_0", "/car/drive"])
+def test_pattern_holds_for_the_name_that_settings_give_and_for_the_default_one(renamed: Stand, pattern: str) -> None:
+    policy = denying(renamed, publish=pattern)
+    for name in ("/car/drive", "/ctrl_cmd", "/ctrl_cmd_0", "/Ego-2/car/drive", "/Ego-2/ctrl_cmd", "/third"):
+        assert not may(policy, Use.PUBLISH, name), name
+    assert may(policy, Use.PUBLISH, "/car")
+
+
+def test_renamed_outputs_and_services_keep_their_other_names(renamed: Stand) -> None:
+    policy = denying(renamed, subscribe="/Ego_topic", service="/load", publish="/tf")
+    assert not may(policy, Use.SUBSCRIBE, "/car/state")
+    assert not may(policy, Use.SUBSCRIBE, "/Ego-2/car/state")
+    assert not may(policy, Use.SERVICE, "/SyncModeScenarioLoad")
+    assert not may(policy, Use.PUBLISH, "/ScenarioLoad")
+    assert not may(policy, Use.PUBLISH, "/frames"), "a client could tell other transforms there"
+    assert may(policy, Use.SUBSCRIBE, "/frames")
+
+
+def test_scenario_that_renames_something_does_not_open_it() -> None:
+    stand = Stand()
+    stand.networks.tables["parked"] = RENAMED
+    policy = denying(stand, publish="/ctrl_cmd")
+    assert may(policy, Use.PUBLISH, "/car/drive")
+    client = stand.client()
+    assert client.ask("/Service_MoraiSL", file_name="parked", **ALL, load_network_connection_data=True)["result"]
+    assert not may(policy, Use.PUBLISH, "/car/drive")
+    assert not may(policy, Use.PUBLISH, "/ctrl_cmd")
+
+
+def test_client_that_had_the_new_name_before_loses_it() -> None:
+    from tests.graph.room import Wire  # noqa: PLC0415 - the one client with a policy here
+
+    stand = Stand()
+    stand.networks.tables["parked"] = RENAMED
+    thief, user = Wire(stand.bus, denying(stand, publish="/ctrl_cmd")), stand.client()
+    assert thief.says(op="advertise", topic="/car/drive", type=COMMAND) == []
+    user.ask("/Service_MoraiSL", file_name="parked", **ALL, load_network_connection_data=True)
+    (status,) = thief.hears()
+    assert status["msg"].startswith("Not allowed to publish to /car/drive, another way of publishing /ctrl_cmd")
+    (status,) = thief.says(op="publish", topic="/car/drive", type=COMMAND, msg={"accel": 1.0})
+    assert status["msg"].startswith("Not allowed to publish to /car/drive")
+
+
+def test_further_ego_that_comes_later_is_closed_from_the_start() -> None:
+    from tests.graph.room import Wire  # noqa: PLC0415 - as above
+
+    stand = Stand()
+    client = Wire(stand.bus, denying(stand, publish="/ctrl_cmd"))
+    (status,) = client.says(op="advertise", topic="/Ego-2/ctrl_cmd", type=COMMAND)
+    assert status["msg"] == "Not allowed to publish to /Ego-2/ctrl_cmd, another way of publishing /ctrl_cmd"
+    stand.client().send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(2))
+    (status,) = client.says(op="advertise", topic="/Ego-2/ctrl_cmd", type=COMMAND)
+    assert status["level"] == "error"
+
+
+def test_names_hold_where_a_client_is_the_simulator() -> None:
+    policy = denying(None, publish="/ctrl_cmd", service="/Service_MoraiSL")
+    assert not may(policy, Use.PUBLISH, "/Ego-2/ctrl_cmd_0")
+    assert not may(policy, Use.PUBLISH, "/ScenarioLoad")
+    assert policy.left_open() == []
+
+
+LINES: tuple[tuple[Mapping[str, Any], dict[str, str], str], ...] = (
+    (
+        {},
+        {"publish": "/ctrl_cmd"},
+        (
+            "--deny-publish /ctrl_cmd leaves these ways open to move an ego: publishing /ghost_ctrl_cmd, /ego_setting,"
+            " calling /SyncModeCtrlCmd, publishing /ReplayInfo_topic, calling /Morai_SimProc, publishing /ScenarioLoad,"
+            " calling /Service_MoraiSL, /SyncModeScenarioLoad, and 1 more"
+        ),
+    ),
+    (
+        {"subscribers": {"/InsnControl": {"name": "/phase"}}, "publishers": {"/IntscnTL_topic": {"on": False}}},
+        {"publish": "/SetTrafficLight"},
+        (
+            "--deny-publish /SetTrafficLight leaves these ways open to set traffic lights: publishing /phase,"
+            " /ScenarioLoad, calling /Service_MoraiSL, /SyncModeScenarioLoad, /sim/reset"
+        ),
+    ),
+    (
+        {"publishers": {"/IntscnTL_topic": {"on": False}}},
+        {"service": "/Morai_TLSrv"},
+        (
+            "--deny-service /Morai_TLSrv leaves these ways open to learn what traffic lights show:"
+            " listening to /GetTrafficLightStatus, /InsnStatus"
+        ),
+    ),
+)
+
+
+@pytest.mark.parametrize(("network", "patterns", "line"), LINES)
+def test_log_names_what_else_has_the_same_effect(
+    network: Mapping[str, Any], patterns: dict[str, str], line: str
+) -> None:
+    assert denying(Stand(network=network), **patterns).left_open() == [line]
+
+
+def test_denying_one_way_among_many_to_do_much_says_nothing_of_the_rest(stand: Stand) -> None:
+    (line,) = denying(stand, service="/Service_MoraiSL").left_open()
+    assert "to put another scene in place: calling /sim/reset" in line
+    assert "/ctrl_cmd" not in line
