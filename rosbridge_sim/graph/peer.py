@@ -42,7 +42,7 @@ NODE_NAME = "/rosbridge_websocket"
 """All clients are one ROS node, as behind rosbridge_suite; Lichtblick looks for it."""
 
 _IMPLICIT = object()
-"""The key of the advertisement that a bare publish makes; no client can spell it."""
+"""The key of the advertisement that a bare publish without an id makes; no client can spell it."""
 
 MAX_ID = 1_024
 """Longest id of what is held [characters]; any other id is only echoed."""
@@ -340,7 +340,9 @@ class Peer:
         message_type = self._type_to_publish(op) if topic is None else topic.type
         value = decode_body(message_type, op.msg, bus.stamp_ns)
         if topic is None:  # after the message was found right: a wrong one leaves nothing behind
-            topic = self._publications[op.topic] = self._claim(op, message_type.name, _IMPLICIT)
+            # The id of this publish alone: roslib gives each one another, and all of them would be kept.
+            key = _IMPLICIT if op.id is None else op.id
+            topic = self._publications[op.topic] = self._claim(op, message_type.name, key)
         bus.publish(self, topic, Message(message_type, value, self.session.frame_length), now)
 
     def _type_to_publish(self, op: ops.Publish) -> MessageType | OpaqueType:

@@ -352,7 +352,12 @@ class Store:
     # How a type is found
 
     def _remember(self, spelling: str, canonical: str) -> None:
-        """Keep a spelling that led to a type: there are at most a few for each, so this is bounded."""
+        """Keep a spelling that led to a type: there are at most a few for each, so this is bounded.
+
+        Spellings with needless slashes are not kept, because a client can make any number of them.
+        """
+        if "//" in spelling or spelling.startswith("/") or spelling.endswith("/"):
+            return
         self._spellings[spelling] = canonical
         if canonical in self._messages:
             self._messages.setdefault(spelling, self._messages[canonical])

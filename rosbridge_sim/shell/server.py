@@ -14,6 +14,7 @@ each read, and not in the next turn, costs many clients that speak to one listen
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
 import ssl
 import time
@@ -44,6 +45,7 @@ from rosbridge_sim.shell.inflate import Deflated, LateDeflate, LateDeflateFactor
 from rosbridge_sim.shell.memory import LARGE_FRAME, MemoryReturn
 from rosbridge_sim.shell.memory_budget import MemoryBudget
 from rosbridge_sim.shell.turns import Turns
+from rosbridge_sim.version import __version__
 
 __all__ = ["Client", "Server", "ServerLimits", "quiet"]
 
@@ -62,6 +64,9 @@ WRITE_SIZE = 64 * 1024
 
 CLOSE_TIMEOUT = 1.0
 """How long a client may take to hear that it is closed [s]; who does not read is cut off then."""
+
+_VERSION = json.dumps({"name": "rosbridge-sim", "version": __version__, "protocol": "rosbridge v2.0"})
+"""Answer of `/version`; the protocol is called as its specification calls itself."""
 
 _NEVER = float("inf")
 
@@ -605,10 +610,9 @@ class Server:
     def _judge_request(self, connection: ServerConnection, request: Request) -> Response | None:
         path = request.path.partition("?")[0]
         if path == "/healthz":
-            why = self.why_unhealthy()
-            if why is not None:
-                return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, f"{why}\n")
-            return connection.respond(HTTPStatus.OK, "ok\n")
+            return self._tell_health(connection)
+        if path == "/version":
+            return self._tell_version(connection, request)
         if path not in {"", "/"}:
             return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; rosbridge is at /\n")
         if "Upgrade" not in request.headers:
@@ -623,6 +627,23 @@ class Server:
         response = connection.respond(refusal.status, refusal.text)
         if refusal.status is HTTPStatus.UNAUTHORIZED:
             response.headers["WWW-Authenticate"] = "Bearer"
+        return response
+
+    def _tell_health(self, connection: ServerConnection) -> Response:
+        why = self.why_unhealthy()
+        if why is not None:
+            return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, f"{why}\n")
+        return connection.respond(HTTPStatus.OK, "ok\n")
+
+    def _tell_version(self, connection: ServerConnection, request: Request) -> Response:
+        """Answer name, version and protocol; with a token set, only to those who show it."""
+        if not self._limits.access.is_shown(request):
+            response = connection.respond(HTTPStatus.UNAUTHORIZED, "The token is missing or wrong\n")
+            response.headers["WWW-Authenticate"] = "Bearer"
+            return response
+        response = connection.respond(HTTPStatus.OK, _VERSION + "\n")
+        del response.headers["Content-Type"]
+        response.headers["Content-Type"] = "application/json"
         return response
 
 

@@ -17,6 +17,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 from websockets.protocol import State
 
+from rosbridge_sim import __version__
 from rosbridge_sim.errors import EncodingError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi import Rosapi
@@ -329,6 +330,14 @@ async def test_healthz_says_ok(listen: Listen) -> None:
     port = await listen()
     assert await port.http("/healthz") == (200, "ok\n")
     assert await port.http("/healthz?verbose=1") == (200, "ok\n")
+
+
+async def test_version_is_told_as_json(listen: Listen) -> None:
+    port = await listen()
+    for target in ("/version", "/version?token=needless"):
+        status, body = await port.http(target)
+        assert status == 200
+        assert json.loads(body) == {"name": "rosbridge-sim", "version": __version__, "protocol": "rosbridge v2.0"}
 
 
 async def test_plain_http_elsewhere_is_told_what_lives_here(listen: Listen) -> None:
