@@ -41,9 +41,10 @@ from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.shell.access import Access, Warden
 from rosbridge_sim.shell.direct import DirectSocket
-from rosbridge_sim.shell.inflate import Deflated, LateDeflate, LateDeflateFactory, inflate
+from rosbridge_sim.shell.inflate import Deflated, DeflatedText, LateDeflate, LateDeflateFactory, inflate
 from rosbridge_sim.shell.memory import LARGE_FRAME, MemoryReturn
 from rosbridge_sim.shell.memory_budget import MemoryBudget
+from rosbridge_sim.shell.text_check import TextCheck
 from rosbridge_sim.shell.turns import Turns
 from rosbridge_sim.version import __version__
 
@@ -251,7 +252,7 @@ class Client:
 
     def receive(self, message: bytes) -> bool:
         """Do what a frame asks, as far as the turn goes; return whether the next one may come."""
-        if type(message) is Deflated:
+        if isinstance(message, Deflated):
             self._work = _InflatedWork(self, message)
             return self._do_steps()
         try:
@@ -303,6 +304,13 @@ class Client:
             text = f"a message inflates to more than {self._max_frame_size:,} bytes"
             self._start_closing(CloseCode.MESSAGE_TOO_BIG, text)
             return None
+        if isinstance(message, DeflatedText) and not frame.isascii():
+            check = TextCheck(frame)
+            while check.step():
+                yield
+            if check.fault:
+                self.socket.refuse(check.fault)
+                return None
         return self._begin_frame(frame, self._clock())
 
     # Turns

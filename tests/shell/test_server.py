@@ -326,6 +326,21 @@ async def read_to_the_end(socket: ClientConnection) -> None:
             await socket.recv()
 
 
+async def test_a_text_that_is_not_utf_8_closes_its_sender_after_what_it_asked_before(listen: Listen) -> None:
+    port = await listen()
+    reader, writer = await open_raw(port.server.port)
+    call = mask('{"op":"call_service","service":"/none","id":"before"}')
+    writer.write(call + b"\x81\x81\0\0\0\0\xff" + mask('{"op":"call_service","service":"/none","id":"after"}'))
+    async with asyncio.timeout(PATIENCE):
+        said = await reader.read()
+    assert b'"before"' in said
+    assert b'"after"' not in said
+    assert said.endswith(b"\x03\xeftext is not UTF-8: invalid start byte at byte 0")
+    writer.close()
+    async with await Client.open(port.url) as other:
+        assert "/rosapi/topics" in (await other.values("/rosapi/services"))["services"]
+
+
 async def test_healthz_says_ok(listen: Listen) -> None:
     port = await listen()
     assert await port.http("/healthz") == (200, "ok\n")
