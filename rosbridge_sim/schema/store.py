@@ -26,7 +26,7 @@ from rosbridge_sim.schema.names import (
 )
 from rosbridge_sim.schema.parse import Definition, Field, parse_action, parse_message, parse_service
 from rosbridge_sim.schema.sizes import size_of
-from rosbridge_sim.schema.standard import PACKAGES, ros2_text, standard_names, standard_text
+from rosbridge_sim.schema.standard import PACKAGES, WITHOUT_SERVICES, ros2_text, standard_names, standard_text
 from rosbridge_sim.schema.typedefs import full_text
 
 __all__ = ["Leniency", "Message", "Store"]
@@ -451,7 +451,8 @@ class Store:
         return None
 
     def _unknown(self, package: str, name: str, kind: str, what: str) -> TypeNameError:
-        if package in self._packages or package in PACKAGES[1] or package in PACKAGES[2]:
+        is_standard = package in PACKAGES[1] or package in PACKAGES[2]
+        if package in self._packages or (is_standard and not (kind == "srv" and package in WITHOUT_SERVICES)):
             return TypeNameError(f"Unable to resolve type {name}: package {package} has no such {what}")
         return UnknownPackageError(
             f"Unable to import {package}.{kind} from package {package}. Caused by: no folder of definitions has it"
