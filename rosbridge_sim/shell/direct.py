@@ -97,13 +97,13 @@ class DirectSocket(ServerConnection):
     Attributes:
         on_room: called when the transport takes bytes again.
         unsent: what `send_more` has still to send, compressed.
-        is_text: the message that the receiver is handed, or whose fragments are coming, was sent as text.
+        is_text: the message that the receiver is handed now was sent as text; later it may say anything.
     """
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - the library's own arguments
         super().__init__(*args, **kwargs)
         self.on_room: Callable[[], None] = _ignore
-        self.is_text = False
+        self.is_text = True
         self._receiver: Receiver | None = None
         self._head = b""  # the last bytes of the HTTP request so far: they may hold the beginning of its end
         self._kept = bytearray()  # what is no whole frame yet, or waits for its turn
@@ -296,14 +296,15 @@ class DirectSocket(ServerConnection):
         self._message += event.data
         is_deflated = isinstance(event.data, Deflated)
         if event.fin:
-            message = bytes(self._message)
+            kind = bytes if not is_deflated else DeflatedText if self.is_text else Deflated
+            message = kind(self._message)
             self._message.clear()
             assert self._receiver is not None, "before that, what comes is kept"
-            if is_deflated:  # the text is checked once it is inflated
-                message = DeflatedText(message) if self.is_text else Deflated(message)
-            elif self.is_text and not message.isascii() and not self._is_utf8(message):
+            # what is deflated is checked once it is inflated
+            if self.is_text and not is_deflated and not message.isascii() and not self._is_utf8(message):
                 return
             self._takes_more = self._receiver.receive(message)
+            self.is_text = True
 
     # Texts
 
@@ -411,8 +412,11 @@ class DirectSocket(ServerConnection):
                 pass  # closing: only the other side's own close frame still means something
             elif first in _WHOLE and protocol.current_size is None:
                 message = apply_mask(view[start:stop], data[start - 4 : start])
-                self.is_text = is_text = first == _TEXT
-                if not is_text or message.isascii() or self._is_utf8(message):
+                if first == _BINARY:
+                    self.is_text = False
+                    self._takes_more = on_message(message)
+                    self.is_text = True
+                elif message.isascii() or self._is_utf8(message):
                     self._takes_more = on_message(message)
             else:
                 self._hand_over(bytes(view[position:stop]))
