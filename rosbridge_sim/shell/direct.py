@@ -348,7 +348,8 @@ class DirectSocket(ServerConnection):
     # How bytes become messages
 
     def _end(self) -> None:
-        """Nothing comes any more, and what was whole is handled: forget the rest, and close."""
+        """Nothing comes any more, and what was whole is handled: send the answers, forget the rest, and close."""
+        self.on_room()
         self._kept.clear()
         super().eof_received()
         self.transport.close()

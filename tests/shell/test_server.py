@@ -341,6 +341,19 @@ async def test_a_text_that_is_not_utf_8_closes_its_sender_after_what_it_asked_be
         assert "/rosapi/topics" in (await other.values("/rosapi/services"))["services"]
 
 
+@pytest.mark.parametrize("character", ["a", "가"])
+async def test_a_client_that_half_closes_behind_a_long_text_has_its_answers(listen: Listen, character: str) -> None:
+    port = await listen()
+    reader, writer = await open_raw(port.server.port)
+    text = json.dumps({"op": "status", "level": "info", "msg": character * 3_000_000}, ensure_ascii=False).encode()
+    writer.write(b"\x81\xff" + len(text).to_bytes(8, "big") + bytes(4) + text)
+    writer.write(mask('{"op":"call_service","service":"/none","id":"last"}'))
+    writer.write_eof()
+    async with asyncio.timeout(PATIENCE):
+        assert b'"last"' in await reader.read()
+    writer.close()
+
+
 async def test_healthz_says_ok(listen: Listen) -> None:
     port = await listen()
     assert await port.http("/healthz") == (200, "ok\n")
