@@ -3,7 +3,7 @@
 
     ./.venv/bin/python scripts/autobahn.py [CASE ...]
 
-A CASE is an id or a pattern (`6.*`); without one, all 517 run, in some ten minutes. Every case that the reference
+A CASE is an id or a pattern (`6.*`); without one, all 517 run, in some twenty minutes. Every case that the reference
 passes is to pass here too: the exit code is 1 where one does not. `kosoku` (PyPI) runs Autobahn's own case files.
 """
 
