@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from rosbridge_sim.version import __version__
+
 if TYPE_CHECKING:
     from rosbridge_sim.errors import DocumentError, RosbridgeSimError
     from rosbridge_sim.shell.app import Simulator
 
 __all__ = ["DocumentError", "RosbridgeSimError", "Simulator", "__version__"]
-
-__version__ = "0.1.0"
 
 
 def __getattr__(name: str) -> object:

@@ -19,14 +19,15 @@ ROOT = Path(__file__).parent.parent / PACKAGE
 ARROWS: dict[str, set[str]] = {
     "errors": set(),
     "weight": set(),
+    "version": set(),
     "schema": {"errors", "weight"},
     "protocol": {"errors", "weight"},
     "world": {"errors"},
     "graph": {"errors", "protocol", "schema"},
     "morai": {"errors", "graph", "protocol", "schema", "world"},
-    "shell": {"errors", "graph", "morai", "protocol", "schema", "world"},
+    "shell": {"errors", "graph", "morai", "protocol", "schema", "version", "world"},
     "__main__": {"", "errors", "shell"},
-    "": {"errors", "shell"},
+    "": {"errors", "shell", "version"},
 }
 """Room -> rooms that it may import, beside itself. The empty name is the package's own `__init__`."""
 
@@ -41,6 +42,7 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "morai": {"msgspec", "numpy", "orjson", "pydantic", "pydantic_core", "pyproj"},
     "errors": set(),
     "weight": {"numpy"},
+    "version": set(),
 }
 """Third-party libraries of each room below the shell; none of them does I/O by itself."""
 

@@ -23,7 +23,7 @@ from rosbridge_sim.graph.channels import Call, Handle, Service
 from rosbridge_sim.graph.guard import Guard
 from rosbridge_sim.graph.owner import Body, Owner, decode_body, gives_way, resolve, size_of_body, take_over
 from rosbridge_sim.protocol.account import Account
-from rosbridge_sim.schema.compile import ActionType
+from rosbridge_sim.schema.compile import ActionType, OpaqueActionType
 from rosbridge_sim.schema.store import Message, Store
 
 __all__ = ["CANCEL", "Action", "Actions", "Goal", "GoalStatus", "Outcome"]
@@ -71,7 +71,7 @@ class Action:
     """A named action and who provides it; nobody else may where it is exclusive."""
 
     name: str
-    type: ActionType
+    type: ActionType | OpaqueActionType
     owner: Owner
     take: Callable[[Goal], None]
     cancel: Callable[[Goal], None]
@@ -146,6 +146,9 @@ class _Bus(Protocol):
     def withdraw(self, owner: Owner, name: str) -> None:
         """Stop offering it."""
 
+    def action_type(self, name: str) -> ActionType | OpaqueActionType:
+        """The type of that name."""
+
     def account_of(self, owner: Owner) -> Account:
         """The account that pays for what an owner makes this process hold."""
 
@@ -186,7 +189,7 @@ class Actions:
             TypeNameError: the type cannot be had.
         """
         name = resolve(name)
-        action = Action(name, self._bus.store.action(type_name), owner, take, cancel, is_exclusive)
+        action = Action(name, self._bus.action_type(type_name), owner, take, cancel, is_exclusive)
         old = self.by_name.get(name)
         self._check_cancel(name, owner, old)
         if old is not None and old.owner is not owner:

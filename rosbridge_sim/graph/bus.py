@@ -42,7 +42,14 @@ from rosbridge_sim.graph.owner import (
 )
 from rosbridge_sim.graph.parameters import Parameters
 from rosbridge_sim.protocol.account import Account
-from rosbridge_sim.schema.compile import MessageType, OpaqueType
+from rosbridge_sim.schema.compile import (
+    ActionType,
+    MessageType,
+    OpaqueActionType,
+    OpaqueServiceType,
+    OpaqueType,
+    ServiceType,
+)
 from rosbridge_sim.schema.store import Message, Store
 
 __all__ = [
@@ -142,6 +149,7 @@ class Bus:
         self._orphans: dict[Topic, None] = {}
         self._opaque_types: dict[str, OpaqueType] = {}
         self._tidy_types_at = 0
+        self._unknown_types: dict[tuple[str, str], None] = {}  # of services and actions, once each is in the log
 
     # Topics
 
@@ -387,7 +395,7 @@ class Bus:
             TypeNameError: the type cannot be had.
         """
         name = resolve(name)
-        service_type = self.store.service(type_name)
+        service_type = self._service_type(type_name)
         old = self.services.get(name)
         if old is not None:
             if old.is_exclusive and old.owner is not owner and not gives_way(old.owner, owner):
@@ -631,6 +639,40 @@ class Bus:
             opaque = self._opaque_types[canonical] = OpaqueType(canonical)
             _log.warning("%s: its package is unknown; messages of this type are relayed unchecked", canonical)
         return opaque
+
+    def _service_type(self, name: str) -> ServiceType | OpaqueServiceType:
+        """The type of that name; one that is only relayed where its whole package is unknown."""
+        try:
+            return self.store.service(name)
+        except UnknownPackageError:
+            if self.is_strict:
+                raise
+        return OpaqueServiceType(self._note_unknown(name, "calls of this service"))
+
+    def action_type(self, name: str) -> ActionType | OpaqueActionType:
+        """The type of that name; one that is only relayed where its whole package is unknown (for `Actions` alone).
+
+        Raises:
+            GraphError: the name is too long.
+            TypeNameError: the type cannot be had.
+        """
+        try:
+            return self.store.action(name)
+        except UnknownPackageError:
+            if self.is_strict:
+                raise
+        return OpaqueActionType(self._note_unknown(name, "goals of this action"))
+
+    def _note_unknown(self, name: str, what: str) -> str:
+        """Log once that a type of an unknown package is relayed; return its one spelling."""
+        canonical = self.store.canonical(name)
+        resolve(canonical)  # as long as a name may be
+        if (canonical, what) not in self._unknown_types:
+            if len(self._unknown_types) >= MAX_REMEMBERED:
+                self._unknown_types.clear()
+            self._unknown_types[canonical, what] = None
+            _log.warning("%s: its package is unknown; %s are relayed unchecked", canonical, what)
+        return canonical
 
     def _tell_of(self, topic: Topic) -> None:
         for tell in tuple(self.on_topic):

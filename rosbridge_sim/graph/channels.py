@@ -12,7 +12,7 @@ from typing import Protocol
 from rosbridge_sim.graph.owner import Guest, Owner, Tell
 from rosbridge_sim.protocol.account import Account, HeldMessages
 from rosbridge_sim.protocol.smallest import Smallest
-from rosbridge_sim.schema.compile import MessageType, OpaqueType, ServiceType
+from rosbridge_sim.schema.compile import MessageType, OpaqueServiceType, OpaqueType, ServiceType
 from rosbridge_sim.schema.store import Message
 
 __all__ = ["Answer", "Call", "Deliver", "Handle", "OnAnswer", "Service", "Subscription", "Topic"]
@@ -251,7 +251,7 @@ class Service:
     """A named service and who provides it."""
 
     name: str
-    type: ServiceType
+    type: ServiceType | OpaqueServiceType
     owner: Owner
     handle: Handle
     is_exclusive: bool = False

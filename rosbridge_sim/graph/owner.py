@@ -177,8 +177,22 @@ def decode_body(message_type: MessageType | OpaqueType, body: Body, stamp_ns: in
         except orjson.JSONDecodeError as error:
             raise FieldError(f"{message_type.name}: {error}") from None
     if isinstance(body, list):
-        names = [f.name for f in message_type.definition.fields] if isinstance(message_type, MessageType) else []
-        if len(body) > len(names):
-            raise GraphError(f"{message_type.name} takes {len(names)} arguments, but got {len(body)}")
-        return message_type.check(dict(zip(names, body, strict=False)), stamp_ns)
+        return message_type.check(_by_name(message_type, body), stamp_ns)
     return message_type.check({} if body is None else body, stamp_ns)
+
+
+def _by_name(message_type: MessageType | OpaqueType, values: list[object]) -> dict[str, object]:
+    """The fields that values given by position stand for.
+
+    Raises:
+        FieldError: nothing is known of the fields.
+        GraphError: there are fewer.
+    """
+    if not values:
+        return {}
+    if isinstance(message_type, OpaqueType):
+        raise FieldError(f"{message_type.name} is not known here, so its fields must be given by name, not in a list")
+    names = [f.name for f in message_type.definition.fields]
+    if len(values) > len(names):
+        raise GraphError(f"{message_type.name} takes {len(names)} arguments, but got {len(values)}")
+    return dict(zip(names, values, strict=False))

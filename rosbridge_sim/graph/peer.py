@@ -6,8 +6,10 @@ went out to it as a provider. A mistake gives one remark to this client, or a re
 everything as it was.
 
 Where rosbridge_suite and the protocol's text differ, we take: one message for each spelling of a topic,
-whatever the number of subscription ids; latched messages once for each new id; `result: false` of a provider
-is passed on (rosbridge_suite turns it into success); a lost provider fails its calls at once.
+whatever the number of subscription ids; latched messages once for each new id; a lost provider fails its calls at
+once. rosbridge_suite ignores the `result` of a provider's answer, and many providers send it wrong or not at all. So
+an object with a field of the response is an answer whatever `result` says, with a warning to the provider; anything
+else without `result: true` is a failure (rosbridge_suite turns that into success, too, or never answers).
 
 An op may take longer than its turn: a scenario is read from a disk. Then the client is *held*: whoever reads its
 frames asks `is_held` after each op, stops there, and goes on when `on_released` is called. So a client's ops take
@@ -17,6 +19,7 @@ effect in the order in which they were sent, and nobody else waits.
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, NoReturn, Protocol, TypeVar
@@ -42,10 +45,13 @@ NODE_NAME = "/rosbridge_websocket"
 """All clients are one ROS node, as behind rosbridge_suite; Lichtblick looks for it."""
 
 _IMPLICIT = object()
-"""The key of the advertisement that a bare publish makes; no client can spell it."""
+"""The key of the advertisement that a bare publish without an id makes; no client can spell it."""
 
 MAX_ID = 1_024
 """Longest id of what is held [characters]; any other id is only echoed."""
+
+_EMPTY = re.compile(rb"\{\s*+\}")
+"""JSON text of an object without fields."""
 
 _TIDY = 1_000
 """Ended calls or goals that a provider's list may hold before it is tidied: late answers to them are no mistake."""
@@ -371,7 +377,9 @@ class Peer:
         message_type = self._type_to_publish(op) if topic is None else topic.type
         value = decode_body(message_type, op.msg, bus.stamp_ns)
         if topic is None:  # after the message was found right: a wrong one leaves nothing behind
-            topic = self._publications[op.topic] = self._claim(op, message_type.name, _IMPLICIT)
+            # The id of this publish alone: roslib gives each one another, and all of them would be kept.
+            key = _IMPLICIT if op.id is None else op.id
+            topic = self._publications[op.topic] = self._claim(op, message_type.name, key)
         bus.publish(self, topic, Message(message_type, value, self.session.frame_length), now)
 
     def _type_to_publish(self, op: ops.Publish) -> MessageType | OpaqueType:
@@ -479,15 +487,22 @@ class Peer:
             return
         if call.is_done:  # timed out, or the caller has left
             return
-        if not op.result:
-            call.refuse(_read_refusal(op.values) if op.reason is None else op.reason)
+        if not op.result and (op.reason is not None or not _is_filled_object(op.values)):
+            call.refuse(_read_refusal(op.values, provision.name) if op.reason is None else op.reason)
             return
         try:
             values = decode_body(call.service.type.response, op.values, self._bus.stamp_ns)
         except PeerError as error:
+            if op.result is False:  # an object of the provider's own that says why not
+                call.refuse(_read_refusal(op.values, provision.name))
+                return
             call.refuse(str(error))
             raise
         call.answer(values)
+        if not op.result:
+            said = "no result" if op.result is None else "result false"
+            text = f'{provision.name}: the answer has {said}; its values were passed on. Send "result": true'
+            self.session.remark("warning", text, op.id)
 
     def _lose_answer(self, error: FrameError) -> None:
         """Fail the call or the goal whose answer cannot be read: its caller would wait for ever.
@@ -666,10 +681,23 @@ def _read_status(number: int) -> GoalStatus:
         raise GraphError(f"action_result: {number} is no status of action_msgs/GoalStatus") from None
 
 
-def _read_refusal(values: ops.Body) -> object:
-    """What a provider gave as its reason: any JSON value; an empty text where it gave none."""
-    if is_absent(values):
-        return ""
+def _is_empty_object(body: ops.Body) -> bool:
+    if isinstance(body, (bytes, msgspec.Raw)):
+        return _EMPTY.match(memoryview(body)) is not None
+    return isinstance(body, dict) and not body
+
+
+def _is_filled_object(body: ops.Body) -> bool:
+    """Whether a body is an object with anything in it. Whether it is JSON at all is not looked at."""
+    if isinstance(body, (bytes, msgspec.Raw)):
+        return bytes(memoryview(body)[:1]) == b"{" and not _is_empty_object(body)
+    return isinstance(body, dict) and bool(body)
+
+
+def _read_refusal(values: ops.Body, service: str) -> object:
+    """The reason that a provider gave: any JSON value; a text of ours where it gave none."""
+    if is_absent(values) or _is_empty_object(values):
+        return f"Service {service} failed; its provider gave no reason"
     try:
         reason: object = orjson.loads(bytes(values)) if isinstance(values, (bytes, msgspec.Raw)) else values
         orjson.dumps(reason)

@@ -46,6 +46,9 @@ _ACTIONLIB = ("cancel", "feedback", "result", "status")
 _DISTROS = {1: "noetic", 2: "jazzy"}
 """The distributions whose standard definitions we have."""
 
+_UNSET = {1: "null", 2: '""'}
+"""The value of a parameter that is not set and has no default, as rosapi of either generation answers."""
+
 _Request: TypeAlias = Any
 """A struct that is made from a definition at run time: no checker can know its fields."""
 
@@ -311,7 +314,7 @@ class Rosapi:
         if request.default:
             return {"value": _as_json_text(request.default)}
         # clients parse the value before they look whether there was one: it has to be JSON text all the same
-        return {"value": '""', "successful": False, "reason": f"Parameter {name} is not set"}
+        return {"value": _UNSET[self._bus.store.ros], "successful": False, "reason": f"Parameter {name} is not set"}
 
     def _has_param(self, request: _Request) -> _Fields:
         return {"exists": self._is_set(self._parameter_name(request.name))}

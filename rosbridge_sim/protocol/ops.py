@@ -133,12 +133,14 @@ class UnadvertiseService(_Op, frozen=True, tag="unadvertise_service", kw_only=Tr
 class ServiceResponse(_Op, frozen=True, tag="service_response", kw_only=True):
     """My answer to a call. roslib 2 leaves `values` out when its handler failed.
 
+    `result` may be left out, since rosbridge_suite never looks at it.
+
     `reason` says why not, beside `values` that are no text: rosbridge_suite takes an object there and nothing else, and
     a caller whose provider sent a text waits for ever. No other server knows the field; all pass over it.
     """
 
     service: str
-    result: bool
+    result: bool | None = None
     values: msgspec.Raw = ABSENT
     reason: str | None = None
 

@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from types import GenericAlias
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
 
 import msgspec
 import numpy as np
@@ -38,7 +38,15 @@ from rosbridge_sim.weight import LIGHT, claim, weigh
 if TYPE_CHECKING:
     from rosbridge_sim.schema.wire import RosWire
 
-__all__ = ["ActionType", "MessageType", "OpaqueType", "ServiceType", "compile_message"]
+__all__ = [
+    "ActionType",
+    "MessageType",
+    "OpaqueActionType",
+    "OpaqueServiceType",
+    "OpaqueType",
+    "ServiceType",
+    "compile_message",
+]
 
 _After = Callable[[Any, int], None]
 """`(value, stamp_ns)`: finishes a decoded value in place."""
@@ -187,9 +195,12 @@ class OpaqueType:
 
     Attributes:
         name: `pkg/Type`.
+        struct: makes a value from fields by keyword, as `MessageType.struct` does.
     """
 
     __slots__ = ("name",)
+
+    struct: ClassVar[Callable[..., dict[str, Any]]] = dict
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -251,6 +262,39 @@ class OpaqueType:
         """What `encode_json` gives, as Python objects."""
         builtins: dict[str, Any] = orjson.loads(self.encode_json(value))
         return builtins
+
+
+class OpaqueServiceType:
+    """A service type of a package that nobody knows: requests and responses are any JSON objects.
+
+    Attributes:
+        name: `pkg/Type`.
+        request, response: see `ServiceType`.
+    """
+
+    __slots__ = ("name", "request", "response")
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.request = OpaqueType(f"{name}Request")
+        self.response = OpaqueType(f"{name}Response")
+
+
+class OpaqueActionType:
+    """An action type of a package that nobody knows: goals, results and feedback are any JSON objects.
+
+    Attributes:
+        name: `pkg/Type`.
+        goal, result, feedback: see `ActionType`.
+    """
+
+    __slots__ = ("feedback", "goal", "name", "result")
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.goal = OpaqueType(f"{name}Goal")
+        self.result = OpaqueType(f"{name}Result")
+        self.feedback = OpaqueType(f"{name}Feedback")
 
 
 _COUNTED = 32 * 1024

@@ -53,7 +53,9 @@ RENAMED_FIELDS: Final[Mapping[str, Mapping[str, str]]] = {
 }
 """Type -> {the other generation's name: name here}; what the definition lacks means nothing."""
 
-_TYPE_NAME: Final = re.compile(r"([A-Za-z]\w*)/(?:(?:msg|srv|action)/)?([A-Za-z]\w*)", re.ASCII)
+_TYPE_NAME: Final = re.compile(r"/*([A-Za-z]\w*)/+(?:(?:msg|srv|action)/+)?([A-Za-z]\w*)/*", re.ASCII)
+"""rosbridge_suite passes over needless slashes, and so do we: `/pkg/Type`, `pkg//Type` and `pkg/Type/` are one name."""
+
 _ROS2_FIELD: Final = re.compile(r"[a-z](?:_?[a-z0-9])*")
 _WORD_BORDER: Final = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 

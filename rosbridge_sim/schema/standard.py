@@ -12,7 +12,7 @@ from typing import Any, Final, TypeAlias
 
 from rosbridge_sim.schema.names import Generation
 
-__all__ = ["PACKAGES", "ros2_text", "standard_names", "standard_text"]
+__all__ = ["PACKAGES", "WITHOUT_SERVICES", "ros2_text", "standard_names", "standard_text"]
 
 _Fielddefs: TypeAlias = tuple[list[Any], list[Any]]
 """What rosbags holds of a message: constants and fields."""
@@ -32,6 +32,9 @@ PACKAGES: Final[Mapping[Generation, frozenset[str]]] = {
     | {"service_msgs", "statistics_msgs", "tf2_msgs", "type_description_interfaces", "unique_identifier_msgs"},
 }
 """Written down, so that a name that nobody knows does not cost an import; a test compares."""
+
+WITHOUT_SERVICES: Final = frozenset({"rosbag2_interfaces"})
+"""Packages whose services exist and are not in `schemas/`, so that they count as unknown."""
 
 _TEXTS_OF_ROS2: Final[Mapping[str, str]] = {
     "std_msgs/Header": "# When and where a message was made.\n\n"

@@ -26,7 +26,7 @@ from rosbridge_sim.schema.names import (
 )
 from rosbridge_sim.schema.parse import Definition, Field, parse_action, parse_message, parse_service
 from rosbridge_sim.schema.sizes import size_of
-from rosbridge_sim.schema.standard import PACKAGES, ros2_text, standard_names, standard_text
+from rosbridge_sim.schema.standard import PACKAGES, WITHOUT_SERVICES, ros2_text, standard_names, standard_text
 from rosbridge_sim.schema.typedefs import full_text
 
 __all__ = ["Leniency", "Message", "Store"]
@@ -352,7 +352,12 @@ class Store:
     # How a type is found
 
     def _remember(self, spelling: str, canonical: str) -> None:
-        """Keep a spelling that led to a type: there are at most a few for each, so this is bounded."""
+        """Keep a spelling that led to a type: there are at most a few for each, so this is bounded.
+
+        Spellings with needless slashes are not kept, because a client can make any number of them.
+        """
+        if "//" in spelling or spelling.startswith("/") or spelling.endswith("/"):
+            return
         self._spellings[spelling] = canonical
         if canonical in self._messages:
             self._messages.setdefault(spelling, self._messages[canonical])
@@ -446,7 +451,8 @@ class Store:
         return None
 
     def _unknown(self, package: str, name: str, kind: str, what: str) -> TypeNameError:
-        if package in self._packages or package in PACKAGES[1] or package in PACKAGES[2]:
+        is_standard = package in PACKAGES[1] or package in PACKAGES[2]
+        if package in self._packages or (is_standard and not (kind == "srv" and package in WITHOUT_SERVICES)):
             return TypeNameError(f"Unable to resolve type {name}: package {package} has no such {what}")
         return UnknownPackageError(
             f"Unable to import {package}.{kind} from package {package}. Caused by: no folder of definitions has it"

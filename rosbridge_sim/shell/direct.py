@@ -9,6 +9,9 @@ it makes of fragments and compressed frames comes to the same callback.
 A receiver says how long it may work, and after each message whether it takes the next one. Where it does not, or where
 its time is over, what is left stays here, the transport stops reading, and `go_on` goes on.
 
+A text message must be UTF-8 (RFC 6455 section 8.1); one that is not ends the connection with code 1007. Nearly every
+message is ASCII, which costs a glance. A long one beyond ASCII is checked in slices before the receiver has it.
+
 The library's parser must only ever see whole frames, so that it stands between two of them whenever we look: what
 comes in parts is kept here until it is whole. Too long a frame is handed over unfinished; it ends the connection.
 
@@ -17,6 +20,7 @@ Road not taken: a class of our own beside `ServerConnection` would repeat its cl
 
 from __future__ import annotations
 
+from asyncio import TimerHandle
 from collections import deque
 from collections.abc import Callable, Sequence
 from struct import pack
@@ -24,12 +28,13 @@ from time import perf_counter
 from typing import Any, Protocol
 
 from websockets.asyncio.server import ServerConnection
-from websockets.frames import DATA_OPCODES, Frame
+from websockets.frames import DATA_OPCODES, CloseCode, Frame, Opcode
 from websockets.protocol import Event, State
 from websockets.speedups import apply_mask
 
 from rosbridge_sim.protocol.flow import BinaryFrame
-from rosbridge_sim.shell.inflate import Deflated
+from rosbridge_sim.shell.inflate import Deflated, DeflatedText
+from rosbridge_sim.shell.text_check import TextCheck
 
 __all__ = ["DirectSocket", "Receiver", "head_of"]
 
@@ -92,11 +97,13 @@ class DirectSocket(ServerConnection):
     Attributes:
         on_room: called when the transport takes bytes again.
         unsent: what `send_more` has still to send, compressed.
+        is_text: the message that the receiver is handed now was sent as text; later it may say anything.
     """
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - the library's own arguments
         super().__init__(*args, **kwargs)
         self.on_room: Callable[[], None] = _ignore
+        self.is_text = True
         self._receiver: Receiver | None = None
         self._head = b""  # the last bytes of the HTTP request so far: they may hold the beginning of its end
         self._kept = bytearray()  # what is no whole frame yet, or waits for its turn
@@ -107,6 +114,8 @@ class DirectSocket(ServerConnection):
         self._has_ended = False  # the other side says nothing any more
         self._is_dropping = False  # nothing of what comes means anything any more
         self._message = bytearray()  # the fragments of a message so far
+        self._cut_off: TimerHandle | None = None  # of a client that does not close its side after a failure
+        self._check: TextCheck | None = None  # of the message that comes before all in `_kept`
         self._ping = b""  # the newest one that came while there was no room for an answer
         self.unsent: deque[bytes] = deque()  # what is to be compressed
         self._num_compressed = 0  # bytes of the first of them that are sent
@@ -114,7 +123,8 @@ class DirectSocket(ServerConnection):
     @property
     def num_bytes_held(self) -> int:
         """Bytes that have come and were not handled yet, and those that are to be compressed."""
-        return len(self._kept) + len(self._message) + sum(map(len, self.unsent))
+        checked = 0 if self._check is None else len(self._check.message)
+        return len(self._kept) + len(self._message) + checked + sum(map(len, self.unsent))
 
     def listen(self, receiver: Receiver) -> None:
         """Hand all messages to a receiver from now on, those first that have come already."""
@@ -131,7 +141,9 @@ class DirectSocket(ServerConnection):
             Whether something is held back still, be it the end.
         """
         assert self._receiver is not None, "before that, what comes is kept"
-        self._is_held = False
+        self._is_held = self._check is not None and not self._go_on_checking(until)
+        if self._is_held:
+            return True
         kept, self._kept = self._kept, bytearray()
         if kept:
             self._read(kept, until)
@@ -149,6 +161,7 @@ class DirectSocket(ServerConnection):
         """Pass over all messages from now on, those held back among them: the connection is closing."""
         self._is_dropping = True
         self._message.clear()
+        self._check = None
         self.unsent.clear()
 
     def send_messages(self, messages: Sequence[bytes]) -> int:
@@ -262,10 +275,13 @@ class DirectSocket(ServerConnection):
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget what cannot be answered any more."""
         self._kept.clear()
+        self._check = None
         self.unsent.clear()
         self._ping = b""
         self._has_ended = False
         self._is_dropping = True
+        if self._cut_off is not None:
+            self._cut_off.cancel()
         super().connection_lost(exc)
 
     # What the library calls
@@ -275,18 +291,65 @@ class DirectSocket(ServerConnection):
         if not isinstance(event, Frame) or event.opcode not in DATA_OPCODES:
             super().process_event(event)
             return
+        if event.opcode is not Opcode.CONT:
+            self.is_text = event.opcode is Opcode.TEXT
         self._message += event.data
         is_deflated = isinstance(event.data, Deflated)
         if event.fin:
-            message = Deflated(self._message) if is_deflated else bytes(self._message)
+            kind = bytes if not is_deflated else DeflatedText if self.is_text else Deflated
+            message = kind(self._message)
             self._message.clear()
             assert self._receiver is not None, "before that, what comes is kept"
+            # what is deflated is checked once it is inflated
+            if self.is_text and not is_deflated and not message.isascii() and not self._is_utf8(message):
+                return
             self._takes_more = self._receiver.receive(message)
+            self.is_text = True
+
+    # Texts
+
+    def _is_utf8(self, message: bytes) -> bool:
+        """Check a text that is not ASCII: whether it is UTF-8, and the receiver may have it now.
+
+        Where it is not, the connection is closed. A long one is checked later, and nothing else is read before that.
+        """
+        check = TextCheck(message)
+        if check.step():
+            self._check = check
+            self._takes_more = False
+            return False
+        if check.fault:
+            self.refuse(check.fault)
+        return not check.fault
+
+    def _go_on_checking(self, until: float) -> bool:
+        """Go on with the check of a long text; return whether the messages behind it may be read."""
+        check, receiver = self._check, self._receiver
+        assert check is not None, "the caller has looked"
+        assert receiver is not None, "before that, what comes is kept"
+        while check.step():
+            if perf_counter() >= until:
+                return False
+        self._check = None
+        if check.fault:
+            self.refuse(check.fault)
+            return True
+        return receiver.receive(check.message)
+
+    def refuse(self, fault: str) -> None:
+        """Fail the connection for data that are not what their frame says, with code 1007 (RFC 6455 section 7.4.1)."""
+        self.on_room()  # answers to the messages before it
+        self.forget()
+        if self.protocol.state is _OPEN:
+            self.protocol.fail(CloseCode.INVALID_DATA, fault)
+            self.send_data()
+            self._cut_off = self.loop.call_later(self.close_timeout or 0.0, self.transport.abort)
 
     # How bytes become messages
 
     def _end(self) -> None:
-        """Nothing comes any more, and what was whole is handled: forget the rest, and close."""
+        """Nothing comes any more, and what was whole is handled: send the answers, forget the rest, and close."""
+        self.on_room()
         self._kept.clear()
         super().eof_received()
         self.transport.close()
@@ -303,7 +366,7 @@ class DirectSocket(ServerConnection):
         super().data_received(data[:cut])
         return data[cut:]
 
-    def _read(self, data: bytes | bytearray, until: float) -> bool:  # noqa: C901 - a call a frame would cost a tenth
+    def _read(self, data: bytes | bytearray, until: float) -> bool:  # noqa: C901, PLR0912, PLR0915 - a call a frame would cost a tenth
         """Handle the frames at the front of some bytes until that time; keep what is left.
 
         Returns:
@@ -349,7 +412,13 @@ class DirectSocket(ServerConnection):
             if (self._is_dropping or protocol.state is not _OPEN) and not first & _CONTROL:
                 pass  # closing: only the other side's own close frame still means something
             elif first in _WHOLE and protocol.current_size is None:
-                self._takes_more = on_message(apply_mask(view[start:stop], data[start - 4 : start]))
+                message = apply_mask(view[start:stop], data[start - 4 : start])
+                if first == _BINARY:
+                    self.is_text = False
+                    self._takes_more = on_message(message)
+                    self.is_text = True
+                elif message.isascii() or self._is_utf8(message):
+                    self._takes_more = on_message(message)
             else:
                 self._hand_over(bytes(view[position:stop]))
             position = stop

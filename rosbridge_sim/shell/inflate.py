@@ -17,7 +17,7 @@ from websockets.extensions.permessage_deflate import PerMessageDeflate, ServerPe
 from websockets.frames import CTRL_OPCODES, Frame, Opcode
 from websockets.typing import ExtensionParameter
 
-__all__ = ["Deflated", "LateDeflate", "LateDeflateFactory", "inflate"]
+__all__ = ["Deflated", "DeflatedText", "LateDeflate", "LateDeflateFactory", "inflate"]
 
 _SLICE = 256 * 1024
 """Bytes that are inflated in one go: under a millisecond."""
@@ -28,6 +28,12 @@ _TAIL = b"\x00\x00\xff\xff"
 
 class Deflated(bytes):
     """A message, or a fragment of one, as it was sent: compressed."""
+
+    __slots__ = ()
+
+
+class DeflatedText(Deflated):
+    """A compressed message of text frames: what it inflates to must be UTF-8."""
 
     __slots__ = ()
 

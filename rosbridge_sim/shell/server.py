@@ -14,6 +14,7 @@ each read, and not in the next turn, costs many clients that speak to one listen
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
 import ssl
 import time
@@ -41,11 +42,13 @@ from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.shell.access import Access, Refusal, Warden
 from rosbridge_sim.shell.direct import DirectSocket
-from rosbridge_sim.shell.inflate import Deflated, LateDeflate, LateDeflateFactory, inflate
+from rosbridge_sim.shell.inflate import Deflated, DeflatedText, LateDeflate, LateDeflateFactory, inflate
 from rosbridge_sim.shell.memory import LARGE_FRAME, MemoryReturn
 from rosbridge_sim.shell.memory_budget import MemoryBudget
 from rosbridge_sim.shell.origins import MAX_REMEMBERED, RefusedOrigins, own_names
+from rosbridge_sim.shell.text_check import TextCheck
 from rosbridge_sim.shell.turns import Turns
+from rosbridge_sim.version import __version__
 
 __all__ = ["Client", "Server", "ServerLimits", "quiet"]
 
@@ -64,6 +67,9 @@ WRITE_SIZE = 64 * 1024
 
 CLOSE_TIMEOUT = 1.0
 """How long a client may take to hear that it is closed [s]; who does not read is cut off then."""
+
+_VERSION = json.dumps({"name": "rosbridge-sim", "version": __version__, "protocol": "rosbridge v2.0"})
+"""Answer of `/version`; the protocol is called as its specification calls itself."""
 
 _NEVER = float("inf")
 
@@ -248,7 +254,8 @@ class Client:
 
     def receive(self, message: bytes) -> bool:
         """Do what a frame asks, as far as the turn goes; return whether the next one may come."""
-        if type(message) is Deflated:
+        if type(message) is not bytes:
+            assert isinstance(message, Deflated), "a socket hands over nothing else"
             self._work = _InflatedWork(self, message)
             return self._do_steps()
         try:
@@ -300,6 +307,13 @@ class Client:
             text = f"a message inflates to more than {self._max_frame_size:,} bytes"
             self._start_closing(CloseCode.MESSAGE_TOO_BIG, text)
             return None
+        if isinstance(message, DeflatedText) and not frame.isascii():
+            check = TextCheck(frame)
+            while check.step():
+                yield
+            if check.fault:
+                self.socket.refuse(check.fault)
+                return None
         return self._begin_frame(frame, self._clock())
 
     # Turns
@@ -611,10 +625,9 @@ class Server:
     def _judge_request(self, connection: ServerConnection, request: Request) -> Response | None:
         path = request.path.partition("?")[0]
         if path == "/healthz":
-            why = self.why_unhealthy()
-            if why is not None:
-                return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, f"{why}\n")
-            return connection.respond(HTTPStatus.OK, "ok\n")
+            return self._tell_health(connection)
+        if path == "/version":
+            return self._tell_version(connection, request)
         if path not in {"", "/"}:
             return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; rosbridge is at /\n")
         if "Upgrade" not in request.headers:
@@ -641,6 +654,23 @@ class Server:
         _log.warning("%s refused: %s", address, text)
         if self._refused_origins.is_full:
             _log.warning("pages of %d origins were refused; further ones are told at level info", MAX_REMEMBERED)
+
+    def _tell_health(self, connection: ServerConnection) -> Response:
+        why = self.why_unhealthy()
+        if why is not None:
+            return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, f"{why}\n")
+        return connection.respond(HTTPStatus.OK, "ok\n")
+
+    def _tell_version(self, connection: ServerConnection, request: Request) -> Response:
+        """Answer name, version and protocol; with a token set, only to those who show it."""
+        if not self._limits.access.is_shown(request):
+            response = connection.respond(HTTPStatus.UNAUTHORIZED, "The token is missing or wrong\n")
+            response.headers["WWW-Authenticate"] = "Bearer"
+            return response
+        response = connection.respond(HTTPStatus.OK, _VERSION + "\n")
+        del response.headers["Content-Type"]
+        response.headers["Content-Type"] = "application/json"
+        return response
 
 
 def _address_of(connection: ServerConnection) -> str:

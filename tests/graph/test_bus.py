@@ -345,6 +345,43 @@ def test_strict_types_refuse_what_nobody_knows() -> None:
     assert bus.topics == {}
 
 
+def test_strict_types_refuse_services_and_actions_that_nobody_knows() -> None:
+    bus = Bus(make_store(), is_strict=True)
+    with pytest.raises(UnknownPackageError):
+        bus.provide(Somebody(), "/s", "my_msgs/Thing", lambda _call, _now: None)
+    with pytest.raises(UnknownPackageError):
+        bus.actions.provide(Somebody(), "/a", "my_msgs/Thing", lambda _goal: None, lambda _goal: None)
+    assert bus.services == {}
+    assert bus.actions.by_name == {}
+
+
+def test_services_of_unknown_packages_are_told_once_each_and_in_bounds(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rosbridge_sim.graph.bus.MAX_REMEMBERED", 10)
+    bus, owner = make_bus(), Somebody()
+    for _ in range(3):
+        bus.provide(owner, "/s", "my_msgs/Thing", lambda _call, _now: None)
+        bus.provide(owner, "/s", "my_msgs//srv/Thing", lambda _call, _now: None)
+        bus.actions.provide(owner, "/a", "my_msgs/Thing", lambda _goal: None, lambda _goal: None)
+    assert [record.getMessage() for record in caplog.records] == [
+        "my_msgs/Thing: its package is unknown; calls of this service are relayed unchecked",
+        "my_msgs/Thing: its package is unknown; goals of this action are relayed unchecked",
+    ]
+    for n in range(100):
+        bus.provide(owner, "/s", f"my_msgs/T{n}", lambda _call, _now: None)
+    assert len(bus._unknown_types) <= 10
+    with pytest.raises(GraphError, match="is not a valid graph name"):
+        bus.provide(owner, "/s", f"my_msgs/{'T' * 1000}", lambda _call, _now: None)
+
+
+def test_services_of_rosbag2_count_as_unknown_for_we_have_its_messages_alone() -> None:
+    bus = make_bus()
+    service = bus.provide(Somebody(), "/s", "rosbag2_interfaces/Seek", lambda _call, _now: None)
+    assert service.type.name == "rosbag2_interfaces/Seek"
+    assert bus.store.message("rosbag2_interfaces/ReadSplitEvent").default() is not None
+
+
 def test_watchers_hear_who_left() -> None:
     bus, somebody = make_bus(), Somebody()
     left: list[tuple[Owner, float]] = []

@@ -108,13 +108,28 @@ def test_an_unadvertised_topic_is_found_under_both_of_its_spellings() -> None:
     assert [peer in bus.topics[name].publishers for name in ("/t", "/other")] == [True, True]
 
 
+@pytest.mark.parametrize("values", ['{"sum": 3}', '{ "sum" :3}'])
+def test_glued_and_plain_answers_with_result_false_are_judged_alike(values: str) -> None:
+    bus = make_bus()
+    (provider, calls), (caller, answers) = make_peer(bus), make_peer(bus)
+    do(provider, op="advertise_service", service="/add", type="rospy_tutorials/AddTwoInts")
+    for glue in ("", '{"op":"status","level":"info","msg":"x"}'):
+        for body, is_ok in ((values, True), ("{ \n}", False), ("[3]", False), ("3", False), ("null", False)):
+            do(caller, op="call_service", service="/add", id="1")
+            call_id = got(calls)[0]["id"]
+            answer = f'{{"op":"service_response","service":"/add","id":"{call_id}","values":{body},"result":false}}'
+            provider.receive((glue + answer).encode(), 0.0)
+            (answered,) = got(answers)
+            assert answered["result"] is is_ok
+            assert (answered["values"] == {"sum": 3}) is is_ok
+
+
 @pytest.mark.parametrize(
     "answer",
     [
         '{"op":"service_response","service":"/add","id":ID,"values":{"sum":1,},"result":true}',
         '{"op": "service_response", "service": "/add", "values": {"sum": tru}, "result": true, "id" : ID}',
         '{"op":"service_response","service":"/add","id":ID,"values":{"sum":',
-        '{"op":"service_response","service":"/add","id":ID,"values":{"sum":1}}',
         '{"op":"service_response","service":"/add","id":ID,"values":{"sum":1},"result":"yes"}',
         '{"op":"service_response","id":ID,"values":{"sum":1},"result":true}',
         '{"op":"service_response","service":"/add","id":ID,"result":true,"values":' + "[" * 100_000,

@@ -11,6 +11,7 @@ from rosbridge_sim.graph import rosapi
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi import Rosapi
 from tests.graph.room import make_bus, make_peer
+from tests.schema.strategies import shared_store
 
 
 @pytest.fixture
@@ -97,10 +98,17 @@ def test_definitions_beyond_a_bound_are_left_out(busy: Bus, monkeypatch: pytest.
     assert second.startswith("# omitted")
 
 
+def test_an_unset_parameter_is_an_empty_text_in_ros_2() -> None:
+    bus = Bus(shared_store(2))
+    Rosapi(bus)
+    unset = {"value": '""', "successful": False, "reason": "Parameter /x is not set"}
+    assert ask(bus, "get_param", name="/x") == unset
+
+
 def test_parameters(bus: Bus) -> None:
     assert ask(bus, "get_param", name="/a/x", default="7")["value"] == "7"
     assert ask(bus, "get_param", name="/a/x", default="seven")["value"] == '"seven"'
-    unset = {"value": '""', "successful": False, "reason": "Parameter /a/x is not set"}
+    unset = {"value": "null", "successful": False, "reason": "Parameter /a/x is not set"}
     assert ask(bus, "get_param", name="/a/x") == unset
     assert ask(bus, "has_param", name="/a/x") == {"exists": False}
     ask(bus, "set_param", name="a/x", value="[1, null]")

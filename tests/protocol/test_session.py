@@ -125,7 +125,7 @@ def test_an_op_whose_name_is_no_text_is_refused(op: str) -> None:
             "service_response",
             None,
         ),
-        ('{"op":"service_response","id":"1","service":"/s"}', "service_response", "1"),
+        ('{"op":"service_response","id":"1","service":"/s","result":1}', "service_response", "1"),
     ],
 )
 def test_an_unreadable_answer_says_as_far_as_it_can_whose_it_is(frame: str, op: str, op_id: str | None) -> None:

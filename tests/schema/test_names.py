@@ -86,6 +86,19 @@ def test_a_name_is_split_whatever_stands_between() -> None:
         assert split_name(name) == ("p", "T")
 
 
+@pytest.mark.parametrize("name", ["/p/T", "p//T", "p/T/", "//p///msg//T//", "/p/msg/T", "p/msg//T"])
+def test_needless_slashes_in_a_type_name_are_passed_over(name: str) -> None:
+    assert split_name(name) == ("p", "T")
+
+
+@pytest.mark.parametrize(
+    "name", ["", "/", "//", "p", "p/", "/p", "/T/", "p/T/U", "p/msg/T/U", "p/ T", "p/\nT", "p/T\n"]
+)
+def test_a_name_without_a_package_and_a_type_is_refused(name: str) -> None:
+    with pytest.raises(TypeNameError, match="is not a valid type string"):
+        split_name(name)
+
+
 def test_a_name_of_a_peers_is_shown_in_part() -> None:
     assert printable("x" * 1000) == "x" * 200 + "..."
     assert printable("\ud800") == "\\ud800"

@@ -417,6 +417,25 @@ async def test_health_is_told_without_a_token_and_when_all_is_full(listen: Liste
         await writer.wait_closed()
 
 
+async def test_version_is_told_to_those_alone_who_show_the_token(listen: Listen) -> None:
+    _, server = await listen(token=TOKEN)
+    for target, header, status in (
+        ("/version", "", 401),
+        ("/version?token=wrong", "", 401),
+        (f"/version?token={quote(TOKEN, safe='')}", "", 200),
+        ("/version", f"Authorization: Bearer {TOKEN}\r\n", 200),
+    ):
+        reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        writer.write(f"GET {target} HTTP/1.1\r\nHost: x\r\n{header}\r\n".encode())
+        async with asyncio.timeout(PATIENCE):
+            answer = await reader.read()
+        writer.close()
+        await writer.wait_closed()
+        assert answer.startswith(b"HTTP/1.1 %d " % status)
+        assert (b'"version"' in answer) is (status == 200)
+        assert (b"Content-Type: application/json" in answer) is (status == 200)
+
+
 # Pace
 
 

@@ -57,7 +57,9 @@ class Ear:
 
 
 @asynccontextmanager
-async def listening(heard: list[bytes], *, is_direct: bool, num_a_turn: int = 64) -> AsyncIterator[int]:
+async def listening(
+    heard: list[bytes], *, is_direct: bool, num_a_turn: int = 64, close_timeout: float = 1.0
+) -> AsyncIterator[int]:
     """A server whose connections add what they hear; its port."""
 
     async def handler(socket: ServerConnection) -> None:
@@ -66,7 +68,8 @@ async def listening(heard: list[bytes], *, is_direct: bool, num_a_turn: int = 64
             await socket.wait_closed()
         else:
             while True:
-                heard.append(await socket.recv(decode=False))
+                message = await socket.recv()
+                heard.append(message.encode() if isinstance(message, str) else message)
 
     server = await serve(
         handler,
@@ -75,19 +78,19 @@ async def listening(heard: list[bytes], *, is_direct: bool, num_a_turn: int = 64
         create_connection=DirectSocket if is_direct else ServerConnection,
         max_size=MAX_SIZE,
         compression=None,
-        close_timeout=1,
+        close_timeout=close_timeout,
         logger=logging.getLogger("quiet"),
     )
     async with server:
         yield next(iter(server.sockets)).getsockname()[1]
 
 
-async def converse(pieces: list[bytes], *, is_direct: bool) -> tuple[list[bytes], bytes]:
+async def converse(pieces: list[bytes], *, is_direct: bool, num_a_turn: int = 64) -> tuple[list[bytes], bytes]:
     """What the server heard, and what it said, when those pieces arrive one by one."""
     heard: list[bytes] = []
     mishaps: list[dict[str, Any]] = []
     asyncio.get_running_loop().set_exception_handler(lambda _, context: mishaps.append(context))
-    async with listening(heard, is_direct=is_direct) as port:
+    async with listening(heard, is_direct=is_direct, num_a_turn=num_a_turn) as port:
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
         writer.write(REQUEST)
         await reader.readuntil(b"\r\n\r\n")
@@ -126,6 +129,85 @@ CONVERSATIONS = {
     "ends in the middle": frame(Opcode.TEXT, b"a") + frame(Opcode.TEXT, b"b")[:-1],
     "a long ping": frame(Opcode.TEXT, b"a") + b"\x89\xfe\x00\x80\0\0\0\0" + bytes(128),
 }
+
+
+A, BAD, KO = b"a", b"\xff", "가".encode()
+LONG_TEXT = KO * (MAX_SIZE // 3 - 1)  # longer than is checked in one go
+
+TEXTS = {
+    "beyond ASCII": frame(Opcode.TEXT, KO) + frame(Opcode.TEXT, "\U0001f697".encode()) + frame(Opcode.TEXT, A),
+    "no UTF-8": frame(Opcode.TEXT, A) + frame(Opcode.TEXT, BAD) + frame(Opcode.TEXT, A),
+    "a surrogate": frame(Opcode.TEXT, b"\xed\xa0\x80"),
+    "an overlong form": frame(Opcode.TEXT, b"\xc0\xaf"),
+    "beyond Unicode": frame(Opcode.TEXT, b"\xf4\x90\x80\x80"),
+    "half a character": frame(Opcode.TEXT, KO[:2]) + frame(Opcode.TEXT, KO[2:]),
+    "binary": frame(Opcode.BINARY, BAD) + frame(Opcode.TEXT, A),
+    "binary in fragments": frame(Opcode.BINARY, BAD, fin=False) + frame(Opcode.CONT, BAD) + frame(Opcode.TEXT, KO),
+    "a character in two fragments": frame(Opcode.TEXT, KO[:1], fin=False)
+    + frame(Opcode.PING, b"?")
+    + frame(Opcode.CONT, KO[1:])
+    + frame(Opcode.TEXT, A),
+    "a continuation that is no UTF-8": frame(Opcode.TEXT, A, fin=False)
+    + frame(Opcode.CONT, BAD)
+    + frame(Opcode.TEXT, A),
+    "a fragment that is no UTF-8": frame(Opcode.TEXT, BAD, fin=False) + frame(Opcode.CONT, A) + frame(Opcode.TEXT, A),
+    "a long text": frame(Opcode.TEXT, LONG_TEXT) + frame(Opcode.PING, b"?") + frame(Opcode.TEXT, A),
+    "two long texts": frame(Opcode.TEXT, LONG_TEXT) * 2 + frame(Opcode.CLOSE, b"\x03\xe8"),
+    "a long text in fragments": frame(Opcode.TEXT, LONG_TEXT[:1000], fin=False)
+    + frame(Opcode.CONT, LONG_TEXT[1000:])
+    + frame(Opcode.TEXT, A),
+    "a long text with a bad end": frame(Opcode.TEXT, A) + frame(Opcode.TEXT, LONG_TEXT + BAD) + frame(Opcode.TEXT, A),
+    "a long text with a bad beginning": frame(Opcode.TEXT, BAD + LONG_TEXT) + frame(Opcode.TEXT, A),
+    "a long text with half a character at its end": frame(Opcode.TEXT, LONG_TEXT + KO[:1]) + frame(Opcode.TEXT, A),
+}
+
+INVALID_DATA = b"\x03\xef"
+"""Code 1007 (RFC 6455 section 7.4.1)."""
+
+
+def without_reason(said: bytes) -> bytes:
+    """What was said, but for the text behind code 1007 and its length: ours is another than the library's."""
+    at = said.find(INVALID_DATA)
+    return said if at < 0 else said[: at - 1] + INVALID_DATA
+
+
+@pytest.mark.parametrize("num_a_turn", [1, 64])
+@pytest.mark.parametrize("name", TEXTS)
+async def test_texts_that_the_library_refuses_are_refused(name: str, num_a_turn: int) -> None:
+    heard, said = await converse([TEXTS[name]], is_direct=True, num_a_turn=num_a_turn)
+    expected, expected_said = await converse([TEXTS[name]], is_direct=False)
+    assert heard == expected
+    assert without_reason(said) == without_reason(expected_said)
+
+
+@pytest.mark.parametrize("name", [name for name, data in TEXTS.items() if len(data) < 1000])
+async def test_texts_are_checked_byte_by_byte_as_at_once(name: str) -> None:
+    data = TEXTS[name]
+    heard, said = await converse([data[i : i + 1] for i in range(len(data))], is_direct=True)
+    expected, expected_said = await converse([data], is_direct=False)
+    assert (heard, without_reason(said)) == (expected, without_reason(expected_said))
+
+
+async def test_a_refused_text_is_told_where_it_is_wrong() -> None:
+    _, said = await converse([frame(Opcode.TEXT, b"abc" + BAD)], is_direct=True)
+    assert said.endswith(INVALID_DATA + b"text is not UTF-8: invalid start byte at byte 3")
+
+
+async def test_a_client_that_does_not_hang_up_after_a_refused_text_is_cut_off() -> None:
+    heard: list[bytes] = []
+    async with listening(heard, is_direct=True, close_timeout=0.01) as port:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(REQUEST)
+        await reader.readuntil(b"\r\n\r\n")
+        writer.write(frame(Opcode.TEXT, BAD))
+        assert INVALID_DATA in await reader.read()
+        with pytest.raises(ConnectionError):  # noqa: PT012 - which of the writes finds out is the kernel's business
+            while True:
+                writer.write(frame(Opcode.TEXT, A))
+                await writer.drain()
+                await asyncio.sleep(0)
+        writer.close()
+    assert heard == []
 
 
 @pytest.mark.parametrize("name", CONVERSATIONS)

@@ -123,3 +123,39 @@ async def test_a_bomb_closes_its_sender_alone() -> None:
             await bomber.recv()
         assert bomber.close_code == 1009
         assert await talk(other) == []
+
+
+@pytest.mark.parametrize("length", [0, 300_000])
+@pytest.mark.parametrize("in_fragments", [False, True])
+async def test_a_compressed_text_that_is_not_utf_8_closes_its_sender_alone(length: int, *, in_fragments: bool) -> None:
+    async with (
+        Simulator(port=0, compression=True, world=False) as sim,
+        connect(sim.url, compression="deflate", max_size=None, proxy=None) as bad,
+        connect(sim.url, max_size=None, proxy=None) as other,
+    ):
+        text = "가".encode() * length + b"\xff"
+        await bad.send([text[:1], text[1:]] if in_fragments else text, text=True)
+        with pytest.raises(ConnectionClosed):
+            await bad.recv()
+        assert bad.close_code == 1007
+        assert bad.close_reason == f"text is not UTF-8: invalid start byte at byte {3 * length}"
+        assert await talk(other) == []
+
+
+async def test_compressed_texts_beyond_ascii_and_binary_frames_are_served() -> None:
+    async with (
+        Simulator(port=0, compression=True, world=False) as sim,
+        connect(sim.url, compression="deflate", max_size=None, proxy=None) as socket,
+    ):
+        text = "가" * 300_000
+        await socket.send(b"\xff\xff")  # no op, and no reason to close
+        assert json.loads(await socket.recv())["op"] == "status"
+        heard = await talk(
+            socket,
+            {"op": "subscribe", "topic": "/t", "type": "std_msgs/String"},
+            {"op": "publish", "topic": "/t", "msg": {"data": text}},
+        )
+        await socket.send(f'{{"op":"publish","topic":"/t","msg":{{"data":"{text}"}}}}')
+        while len(heard) < 2:
+            heard.append(json.loads(await socket.recv()))
+        assert [frame["msg"]["data"] for frame in heard] == [text, text]

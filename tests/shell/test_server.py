@@ -17,6 +17,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 from websockets.protocol import State
 
+from rosbridge_sim import __version__
 from rosbridge_sim.errors import EncodingError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi import Rosapi
@@ -325,10 +326,46 @@ async def read_to_the_end(socket: ClientConnection) -> None:
             await socket.recv()
 
 
+async def test_a_text_that_is_not_utf_8_closes_its_sender_after_what_it_asked_before(listen: Listen) -> None:
+    port = await listen()
+    reader, writer = await open_raw(port.server.port)
+    call = mask('{"op":"call_service","service":"/none","id":"before"}')
+    writer.write(call + b"\x81\x81\0\0\0\0\xff" + mask('{"op":"call_service","service":"/none","id":"after"}'))
+    async with asyncio.timeout(PATIENCE):
+        said = await reader.read()
+    assert b'"before"' in said
+    assert b'"after"' not in said
+    assert said.endswith(b"\x03\xeftext is not UTF-8: invalid start byte at byte 0")
+    writer.close()
+    async with await Client.open(port.url) as other:
+        assert "/rosapi/topics" in (await other.values("/rosapi/services"))["services"]
+
+
+@pytest.mark.parametrize("character", ["a", "가"])
+async def test_a_client_that_half_closes_behind_a_long_text_has_its_answers(listen: Listen, character: str) -> None:
+    port = await listen()
+    reader, writer = await open_raw(port.server.port)
+    text = json.dumps({"op": "status", "level": "info", "msg": character * 3_000_000}, ensure_ascii=False).encode()
+    writer.write(b"\x81\xff" + len(text).to_bytes(8, "big") + bytes(4) + text)
+    writer.write(mask('{"op":"call_service","service":"/none","id":"last"}'))
+    writer.write_eof()
+    async with asyncio.timeout(PATIENCE):
+        assert b'"last"' in await reader.read()
+    writer.close()
+
+
 async def test_healthz_says_ok(listen: Listen) -> None:
     port = await listen()
     assert await port.http("/healthz") == (200, "ok\n")
     assert await port.http("/healthz?verbose=1") == (200, "ok\n")
+
+
+async def test_version_is_told_as_json(listen: Listen) -> None:
+    port = await listen()
+    for target in ("/version", "/version?token=needless"):
+        status, body = await port.http(target)
+        assert status == 200
+        assert json.loads(body) == {"name": "rosbridge-sim", "version": __version__, "protocol": "rosbridge v2.0"}
 
 
 async def test_plain_http_elsewhere_is_told_what_lives_here(listen: Listen) -> None:

@@ -45,8 +45,8 @@ async function remember(name) {
 async function add(name) {
   const service = new roslib.Service({ ros, name, serviceType: ADD })
   await service.advertise((request, response) => {
-    response.sum = request.a + request.b
-    return request.a >= 0
+    if (request.a >= 0) response.sum = request.a + request.b
+    return request.a >= 0 // roslib 2 sends no values at all where this is false
   })
   say({ ready: await ask((done, failed) => ros.getServiceType(name, done, failed)) })
   await serve()

@@ -1,0 +1,34 @@
+"""The quick ones of Autobahn's cases against our socket class; `scripts/autobahn.py` runs all of them."""
+
+from __future__ import annotations
+
+import logging
+
+import pytest
+
+from scripts.autobahn import compare, run
+
+QUICK = [
+    *("1.*", "2.*", "3.*", "4.*"),
+    *(f"5.{n}" for n in range(1, 19)),
+    *(f"6.{n}.*" for n in range(1, 24) if n != 4),
+    *("7.*", "10.*"),
+]
+"""Groups 1 to 7 and 10, without the cases that wait by themselves; 9 measures, 12 and 13 compress for minutes."""
+
+
+@pytest.mark.slow
+@pytest.mark.client
+async def test_what_the_library_passes_we_pass() -> None:
+    logging.getLogger("quiet").setLevel(logging.CRITICAL)
+    reference, ours = [await run(QUICK, is_direct=is_direct) for is_direct in (False, True)]
+    assert len(reference) > 230
+    assert compare(ours, reference) == []
+    assert sum(not verdict.startswith("not") for verdict in ours.values()) >= len(ours) - 1
+
+
+def test_a_case_that_is_lost_is_found() -> None:
+    assert compare({"1": "OK", "2": "not passed"}, {"1": "OK", "2": "OK", "3": "OK", "4": "not passed"}) == [
+        "2: not passed; the reference: OK",
+        "3: not run; the reference: OK",
+    ]
