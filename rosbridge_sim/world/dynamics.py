@@ -252,8 +252,8 @@ def show_ghosts(world: World, rows: IntArray, columns: Sequence[str], values: Fl
     Args:
         world: written in place.
         rows: (m,) of anybody.
-        columns: what is shown of them: of x, y, z, roll, pitch, yaw, speed, accel, lateral_accel, yaw_rate and, for
-            driven rows, steer, throttle and brake.
+        columns: what is shown of them: of x, y, z, roll, pitch, yaw, speed, lateral_speed, climb, accel, lateral_accel,
+            climb_accel, yaw_rate and, for driven rows, steer, throttle and brake.
         values: (columns, m) in the world's units and within its bounds, which is not checked; headings are wrapped. NaN
             leaves a figure as it is.
     """
