@@ -40,7 +40,17 @@ from rosbridge_sim.world.block import Block
 from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.state import MAX_COORDINATE, MAX_SPEED, BoolArray, Gear, Kind, Mode, World, check_pose
 
-__all__ = ["command", "drive", "place_ghost", "place_ghosts", "shift", "show_ghosts", "teleport", "turn_wheels"]
+__all__ = [
+    "command",
+    "drive",
+    "place_ghost",
+    "place_ghosts",
+    "release",
+    "shift",
+    "show_ghosts",
+    "teleport",
+    "turn_wheels",
+]
 
 MAX_COMMAND_ACCEL = 100.0  # beyond any brake; keeps the controller's sums finite [m/s^2]
 STANDSTILL = 0.1  # a gear change takes hold below this speed [m/s]
@@ -148,6 +158,20 @@ def turn_wheels(world: World, row: int, steer: float) -> None:
     _check(steer=steer)
     limit = world.max_steer.item(row)
     world.steer[row] = world.steer_cmd[row] = min(max(steer, -limit), limit)
+
+
+def release(world: World, row: int) -> None:
+    """Forget what a driven row was commanded: no pedal is pressed and the wheels stand straight at once.
+
+    Gear, place and speed stay. Until the next command it rolls on in pedals mode. Ends a ghost.
+
+    Raises:
+        ValueError: the row is not driven. Nothing has changed.
+    """
+    command(world, row, mode=Mode.PEDALS, steer=0.0)
+    world.speed_cmd[row] = world.accel_cmd[row] = 0.0
+    world.aim(row)
+    world.steer[row] = 0.0
 
 
 def teleport(
