@@ -113,7 +113,7 @@ def _along(world: World, lines: _Lines, rows: IntArray) -> FloatArray:
     is_ahead = (np.abs(left) <= ALIGNED * speed) & (forward >= (1.0 - ALIGNED) * speed)
     figures[0], figures[1] = np.where(is_ahead, speed, forward), np.where(is_ahead, 0.0, left)
     figures[3], figures[4] = accel.real, np.where(np.abs(accel.imag) < NO_ACCEL, 0.0, accel.imag)
-    if np.count_nonzero(up):
+    if np.count_nonzero(up) or np.count_nonzero(past[1]):
         figures[2], figures[5] = speed * up, (speed * up - before * past[1]) / DT
     return figures
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from rosbridge_sim.world.dynamics import command, place_ghost, show_ghosts, teleport
@@ -205,6 +205,7 @@ POINTS = st.lists(st.tuples(*[st.floats(-50.0, 50.0, width=32)] * 3), min_size=2
 
 @settings(max_examples=30, deadline=None)
 @given(points=POINTS, is_loop=st.booleans(), speed=st.floats(0.0, 30.0))
+@example(points=[(0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)], is_loop=True, speed=1.0)  # a slope ends
 def test_on_any_path_accelerations_are_differences_of_velocities(
     points: list[tuple[float, float, float]],
     is_loop: bool,  # noqa: FBT001 - a parameter of a test
