@@ -92,12 +92,12 @@ def test_headings_do_not_jump(path: FloatArray, is_loop: bool) -> None:  # noqa:
     """A corner of angle a is turned over the wheelbase: the yaw rate is at most speed * (angles within it) / it."""
     world = World()
     row = npc(world, x=path[0, 0], y=path[0, 1], path=path, is_loop=is_loop, speed=8.0)
-    line = closed(path) if is_loop else path
+    line = np.concatenate([path, path[:2], path[2:]]) if is_loop else path
+    corners = arc_lengths(line)[1:-1]
     legs = np.diff(line, axis=0)
     turns = np.abs(np.angle(np.exp(1j * np.diff(np.arctan2(legs[:, 1], legs[:, 0])))))
-    bound = 8.0 / CAR.wheelbase * max(2.0 * math.pi, turns.sum()) * DT  # rad a step, with all its corners in one reach
-    if np.hypot(*legs.T).min() > CAR.wheelbase:  # one corner at a time
-        bound = 8.0 / CAR.wheelbase * math.pi * DT
+    within = [turns[(corners >= s) & (corners <= s + CAR.wheelbase)].sum() for s in corners]
+    bound = 8.0 * max(within) / CAR.wheelbase * DT
     before = float(world.yaw[row])
     for _ in range(500):
         step(world)
