@@ -22,6 +22,7 @@ from rosbridge_sim.morai.releases import MANUAL, Profile
 from rosbridge_sim.schema.check import round32
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.world.geometry import FloatArray, IntArray
+from rosbridge_sim.world.motion import motion
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import STEP_NS, Body, Gear, Kind, Mode, World
 
@@ -412,25 +413,28 @@ class Converter:
         return self._object_statuses(world, rows, fixed)
 
     def _object_statuses(self, world: World, rows: IntArray, fixed: list[tuple[int, int, str, Any]]) -> list[Any]:
-        """An ObjectStatus for each row. Structs that cannot differ are shared; nobody writes into a message."""
+        """An ObjectStatus for each row. Structs that cannot differ are shared; nobody writes into a message.
+
+        Velocity and acceleration are those of the place that `position` tells, in the object's own frame.
+        """
         if not fixed:
             return []
         vector, status = self._vector, self._object
         at_rest = self._at_rest
-        speeds = (world.speed[rows] * self._speed_factor).tolist()
-        accels = world.accel[rows].tolist()
+        moves = motion(world, rows)
+        moves[:3] *= self._speed_factor
         places = (world.x[rows].tolist(), world.y[rows].tolist(), world.z[rows].tolist())
         headings = np.degrees(world.yaw[rows]).tolist()
         return [
             status(
                 *(uid, kind, name, heading),
-                vector(speed, 0.0, 0.0) if speed else at_rest,
-                vector(accel, 0.0, 0.0) if accel else at_rest,
+                vector(u, v, w) if u or v or w else at_rest,
+                vector(a, b, c) if a or b or c else at_rest,
                 size,
                 vector(x, y, z),
             )
-            for (uid, kind, name, size), heading, speed, accel, x, y, z in zip(
-                fixed, headings, speeds, accels, *places, strict=True
+            for (uid, kind, name, size), heading, u, v, w, a, b, c, x, y, z in zip(
+                fixed, headings, *moves.tolist(), *places, strict=True
             )
         ]
 

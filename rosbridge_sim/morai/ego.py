@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final
 
@@ -19,7 +20,7 @@ from rosbridge_sim.world.sensors import Mounting
 from rosbridge_sim.world.state import Gear, Mode, World
 from rosbridge_sim.world.traffic import leave_lane, take_wheel
 
-__all__ = ["GPS", "IMU", "SENSORS", "CtrlMode", "Ego"]
+__all__ = ["GPS", "IMU", "SENSORS", "CtrlMode", "Ego", "EgoCommand"]
 
 GPS: Final = "gps_link"
 IMU: Final = "imu_link"
@@ -143,6 +144,13 @@ class Ego:
     def put(self, pose: Pose, gear: Gear | None = None) -> None:
         """Stand somewhere else, with that speed, and in that gear whatever the speed was.
 
+        What was commanded before is forgotten, or the car would leave its new place with the old pedals and wheels.
+        Commands that wait for their frames are `Sync.drop`'s.
+
+        Args:
+            pose: where to, and how the wheels are to stand; straight where it does not say.
+            gear: None leaves it.
+
         Raises:
             ValueError: beyond all bounds. Nothing has moved.
         """
@@ -150,8 +158,10 @@ class Ego:
             self._place(pose, speed=0.0)
             dynamics.shift(self._world, self.row, gear)
         self._place(pose, speed=pose.speed)
+        dynamics.release(self._world, self.row)
         if pose.steer is not None:
             dynamics.turn_wheels(self._world, self.row, pose.steer)
+        self._refused_gear = None
         self.resume()
         self.forget_status()
 
@@ -229,3 +239,20 @@ class Ego:
             self._refused_gear = gear
             _log.info("%s", why)
         return why
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EgoCommand:
+    """A command that waits for its frame and moves one ego.
+
+    Attributes:
+        ego: the ego.
+        carry_out: does it; the argument is monotonic time [s].
+    """
+
+    ego: Ego
+    carry_out: Callable[[float], None]
+
+    def __call__(self, now: float) -> None:
+        """Do it."""
+        self.carry_out(now)

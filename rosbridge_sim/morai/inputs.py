@@ -19,14 +19,14 @@ from rosbridge_sim.errors import FieldError
 from rosbridge_sim.graph.bus import Owner
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.commands import EgoSetting, ego_settings, ghost_pose, lamps_of, npc_ghosts
-from rosbridge_sim.morai.ego import CtrlMode, Ego
+from rosbridge_sim.morai.ego import CtrlMode, Ego, EgoCommand
 from rosbridge_sim.morai.ghosts import Ghosts
 from rosbridge_sim.morai.network_settings import ItemKind
 from rosbridge_sim.morai.part import Part
 from rosbridge_sim.morai.stage import MAX_EGOS, MAX_ENTITIES
 
 if TYPE_CHECKING:
-    from rosbridge_sim.morai.node import Node
+    from rosbridge_sim.morai.node import Command, Node
 
 __all__ = ["Inputs"]
 
@@ -122,6 +122,10 @@ class Inputs(Part):
             if ctrl_mode is not None and not is_itself:
                 ego.hand_over(ctrl_mode)
             ego.put(setting.pose, setting.gear)
+            num_dropped = node.sync.drop(partial(_moves, ego))
+            if num_dropped:
+                topic = bindings.topic("ego_setting")
+                _log.info("%s: ego %d is reset, %d waiting commands dropped", topic, ego.index, num_dropped)
             if is_itself:
                 why = ego.hand_over(CtrlMode.AUTONOMOUS)
                 if why is not None:
@@ -130,6 +134,11 @@ class Inputs(Part):
                 ego.turn_signal, ego.emergency_signal = setting.lamps
         node.camera_index = message.camera_index
         node.refresh()
+
+
+def _moves(ego: Ego, command: Command) -> bool:
+    """Whether a waiting command is about this ego."""
+    return isinstance(command, EgoCommand) and command.ego is ego
 
 
 def _ctrl_mode(setting: EgoSetting) -> CtrlMode | None:

@@ -25,7 +25,7 @@ from rosbridge_sim.morai.answers import complain, request_of, respond
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.commands import lamps_of
 from rosbridge_sim.morai.convert import gear_of, maker, time_text
-from rosbridge_sim.morai.ego import CtrlMode, Ego
+from rosbridge_sim.morai.ego import CtrlMode, Ego, EgoCommand
 from rosbridge_sim.morai.part import Part
 from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.sync import Outcome
@@ -142,7 +142,7 @@ class Services(Part):
                 if request.sensor_capture:
                     self._node.afterwards.append(lambda _now: self._sensors.capture(ego, call.caller, name))
 
-            return carry_out
+            return EgoCommand(ego, carry_out)
 
         self._queue(call, read, request.frame, now)
         if ego.is_replayed:
@@ -160,7 +160,7 @@ class Services(Part):
                 if why is not None:
                     caller.tell("warning", f"{call.service.name}: {why}")
 
-            return shift
+            return EgoCommand(ego, shift)
 
         self._queue(call, read, request.frame, now)
 

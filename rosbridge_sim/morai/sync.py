@@ -47,7 +47,7 @@ from __future__ import annotations
 
 import heapq
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 from typing import Final, Generic, Literal, TypeVar
@@ -525,6 +525,19 @@ class Sync(Generic[C]):
         if self._unready.pop(command, None) is not None:
             self._waiting = [entry for entry in self._waiting if entry[2] is not command]
             heapq.heapify(self._waiting)
+
+    def drop(self, is_void: Callable[[C], bool]) -> int:
+        """Forget the waiting commands of which `is_void` is true, and return how many these were.
+
+        Call `take_turn` afterwards if one of them was perhaps not ready.
+        """
+        kept = [entry for entry in self._waiting if not is_void(entry[2])]
+        num_dropped = len(self._waiting) - len(kept)
+        if num_dropped:
+            self._unready = {command: due for command, due in self._unready.items() if not is_void(command)}
+            self._waiting = kept
+            heapq.heapify(self._waiting)
+        return num_dropped
 
     def mute(self, holder: object) -> None:
         """Take note that a peer's input is held back: its silence does not count before as many calls of `unmute`."""

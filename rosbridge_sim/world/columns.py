@@ -35,18 +35,25 @@ FLOATS: Final = (
     *("x", "y", "yaw", "speed"),
     # written by walking
     *("z", "arc", "leg_start", "leg_end", "leg_x", "leg_y", "leg_z", "leg_dx", "leg_dy", "leg_dz"),
+    *("leg_yaw", "leg_turn"),
     # neither
     *("path_length", "wish", "roll", "pitch", "speed_cmd", "accel_cmd", "max_steer", "speed_accel", "speed_decel"),
     # written by waiting
     *("start_within", "start_speed"),
+    # read by motion
+    *("lateral_speed", "climb", "climb_accel"),
     # read by contacts
     *("half_length", "half_width", "height", "centre"),
 )
-LEG_COLUMNS: Final = ("leg_start", "leg_end", *("leg_x", "leg_y", "leg_z"), *("leg_dx", "leg_dy", "leg_dz"), "yaw")
+LEG_COLUMNS: Final = (
+    *("leg_start", "leg_end", "leg_x", "leg_y", "leg_z", "leg_dx", "leg_dy", "leg_dz"),
+    *("leg_yaw", "leg_turn"),
+)
 INTS: Final = (
     *("uid", "kind", "gear", "mode", "path_base", "label"),
-    # of traffic; `lane` and the lanes ahead of it are one run
-    *("turns", "claim", "held", "exit_lane", "point", "lane", "ahead_1", "ahead_2", "ahead_3", "ahead_4", "ahead_5"),
+    # of traffic; the lanes behind and ahead and `lane` between them are one run
+    *("turns", "claim", "held", "exit_lane", "point", "behind"),
+    *("lane", "ahead_1", "ahead_2", "ahead_3", "ahead_4", "ahead_5"),
 )
 BOOLS: Final = ("alive", "has_path", "is_loop", "has_lane", "is_ghost")
 
@@ -77,11 +84,14 @@ class Columns:
 
         arc: distance along the path or the lane; without either, since the row was put where it is; 0 for driven
             rows [m].
+        lateral_speed, climb, climb_accel: velocity to the left [m/s] and up [m/s], acceleration up [m/s^2], as a
+            recording tells them of a ghost; 0 for all others.
         has_path, is_loop: follows a path; begins again at its end, bool.
         path_length: of the path, 0 for rows without one [m].
 
         has_lane: keeps to the lanes, bool. The rest means something for those alone.
         lane, ahead_1 ..: rows of `roads`: where it is, and where it will go from there; -1 beyond a dead end, int64.
+        behind: the lane that it has come from, -1 if none is known, int64.
         wish: how fast it would like to go, inf for as fast as is allowed [m/s].
         turns, claim, held, exit_lane, point: see `traffic`.
 
@@ -128,6 +138,8 @@ class Columns:
     leg_dx: FloatArray
     leg_dy: FloatArray
     leg_dz: FloatArray
+    leg_yaw: FloatArray
+    leg_turn: FloatArray
     path_length: FloatArray
     wish: FloatArray
     roll: FloatArray
@@ -139,6 +151,9 @@ class Columns:
     speed_decel: FloatArray
     start_within: FloatArray
     start_speed: FloatArray
+    lateral_speed: FloatArray
+    climb: FloatArray
+    climb_accel: FloatArray
     half_length: FloatArray
     half_width: FloatArray
     height: FloatArray
@@ -154,6 +169,7 @@ class Columns:
     held: IntArray
     exit_lane: IntArray
     point: IntArray
+    behind: IntArray
     lane: IntArray
     ahead_1: IntArray
     ahead_2: IntArray

@@ -40,7 +40,17 @@ from rosbridge_sim.world.block import Block
 from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.state import MAX_COORDINATE, MAX_SPEED, BoolArray, Gear, Kind, Mode, World, check_pose
 
-__all__ = ["command", "drive", "place_ghost", "place_ghosts", "shift", "show_ghosts", "teleport", "turn_wheels"]
+__all__ = [
+    "command",
+    "drive",
+    "place_ghost",
+    "place_ghosts",
+    "release",
+    "shift",
+    "show_ghosts",
+    "teleport",
+    "turn_wheels",
+]
 
 MAX_COMMAND_ACCEL = 100.0  # beyond any brake; keeps the controller's sums finite [m/s^2]
 STANDSTILL = 0.1  # a gear change takes hold below this speed [m/s]
@@ -150,6 +160,20 @@ def turn_wheels(world: World, row: int, steer: float) -> None:
     world.steer[row] = world.steer_cmd[row] = min(max(steer, -limit), limit)
 
 
+def release(world: World, row: int) -> None:
+    """Forget what a driven row was commanded: no pedal is pressed and the wheels stand straight at once.
+
+    Gear, place and speed stay. Until the next command it rolls on in pedals mode. Ends a ghost.
+
+    Raises:
+        ValueError: the row is not driven. Nothing has changed.
+    """
+    command(world, row, mode=Mode.PEDALS, steer=0.0)
+    world.speed_cmd[row] = world.accel_cmd[row] = 0.0
+    world.aim(row)
+    world.steer[row] = 0.0
+
+
 def teleport(
     world: World,
     row: int,
@@ -252,8 +276,8 @@ def show_ghosts(world: World, rows: IntArray, columns: Sequence[str], values: Fl
     Args:
         world: written in place.
         rows: (m,) of anybody.
-        columns: what is shown of them: of x, y, z, roll, pitch, yaw, speed, accel, lateral_accel, yaw_rate and, for
-            driven rows, steer, throttle and brake.
+        columns: what is shown of them: of x, y, z, roll, pitch, yaw, speed, lateral_speed, climb, accel, lateral_accel,
+            climb_accel, yaw_rate and, for driven rows, steer, throttle and brake.
         values: (columns, m) in the world's units and within its bounds, which is not checked; headings are wrapped. NaN
             leaves a figure as it is.
     """

@@ -6,19 +6,31 @@ so `numpy.searchsorted` finds the segments of any number of agents at once; and 
 found depends on the arc length alone and never on where in the store a path happens to lie. (Floating keys would: the
 same drive would differ in its last bits after some other agent's path is gone.)
 
+*The heading* of a row is no leg's: a car does not jerk at a waypoint. It is the mean direction of the path from where
+the row is to `reach` ahead, with d(u) the direction of the leg at arc length u, counted on over full turns:
+
+    yaw(s) = 1 / reach * integral of d(u) du from s to s + reach
+
+With the wheelbase as reach this is nearly the line from the rear axle to the front one, if both are on the path. A
+corner of angle a is therefore turned evenly over one reach, and the yaw rate is at most speed * (angles of the corners
+within reach) / reach. Between places where a corner is at either end of the window, yaw(s) is a straight line. So the
+segments end there as well, and each carries its heading and how that changes. Legs shorter than half the reach are not
+cut: on them the heading is a straight line between its true values at both ends.
+
 A removed path leaves a hole. Once the holes are more than half, the rest moves together, so that any number of
 additions and removals needs memory for the paths in use alone.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from hashlib import blake2b
 from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.geometry import FloatArray, IntArray, arc_lengths
+from rosbridge_sim.world.geometry import FloatArray, IntArray, arc_lengths, wrap_angle
 
 __all__ = ["MAX_PATH_LENGTH", "TICKS", "Paths", "PathsSnapshot", "Segments", "lay_segments"]
 
@@ -28,23 +40,28 @@ MAX_KEY: Final = 1 << 62  # 69 million km of paths
 MIN_SEGMENT: Final = 1e-6  # shorter steps between waypoints are rounding in somebody's file and have no direction
 MIN_CAPACITY: Final = 64
 
+STRAIGHT: Final = 1e-9  # two legs with no more than this between them need no cut [rad]
+TIDY: Final = 1e-12  # a heading that changes keeps so far from +-pi: rounding then leaves it within [rad]
+
 # Columns of a segment.
-START, END, X, Y, Z, DX, DY, DZ, YAW = range(9)
-NUM_COLUMNS: Final = 9
+START, END, X, Y, Z, DX, DY, DZ, YAW, TURN = range(10)
+NUM_COLUMNS: Final = 10
 
 Segments = FloatArray
 
 
-def lay_segments(points: FloatArray, *, is_loop: bool) -> Segments:
-    """Return a polyline as its segments.
+def lay_segments(points: FloatArray, *, is_loop: bool, reach: float) -> Segments:
+    """Return a polyline as its segments: its legs, cut where the heading begins or ends to change.
 
     Args:
         points: (m, 3) vertices [m]. Vertices that repeat the one before are passed over.
         is_loop: the last vertex is joined to the first.
+        reach: how far ahead the heading looks, positive; see the head of this file [m].
 
     Returns:
-        (k, 9) one row each: arc length at its start and end, start point x, y, z, direction in space (a unit
-        vector), yaw. The end of the last one is the length of the path.
+        (k, 10) one row each: arc length at its start and end, start point x, y, z, direction in space (a unit
+        vector), heading at its start [rad] and the heading's change [rad/m]. The end of the last one is the length of
+        the path.
 
     Raises:
         ValueError: not a finite polyline in space, or shorter than a micrometre, or longer than `MAX_PATH_LENGTH`.
@@ -63,12 +80,83 @@ def lay_segments(points: FloatArray, *, is_loop: bool) -> Segments:
     if not arcs[-1] <= MAX_PATH_LENGTH:
         raise ValueError(f"path: expected at most {MAX_PATH_LENGTH:g} m, got {arcs[-1]:g} m")
     step = np.diff(points, axis=0)
-    segments = np.empty((len(step), NUM_COLUMNS))
-    segments[:, START], segments[:, END] = arcs[:-1], arcs[1:]
-    segments[:, X : Z + 1] = points[:-1]
-    segments[:, DX : DZ + 1] = step / np.diff(arcs)[:, None]
-    segments[:, YAW] = _headings(step)
+    way = step / np.diff(arcs)[:, None]
+    cuts, yaw = _cut(arcs, _headings(step), reach, is_loop=is_loop)
+    starts = cuts[:-1]
+    leg = arcs[1:-1].searchsorted(starts, side="right")
+    segments = np.empty((len(starts), NUM_COLUMNS))
+    segments[:, START], segments[:, END] = starts, cuts[1:]
+    segments[:, X : Z + 1] = points[leg] + (starts - arcs[leg])[:, None] * way[leg]
+    segments[:, DX : DZ + 1] = way[leg]
+    segments[:, YAW] = yaw[:, 0]
+    segments[:, TURN] = (yaw[:, 1] - yaw[:, 0]) / np.diff(cuts)
     return segments
+
+
+def _cut(arcs: FloatArray, direction: FloatArray, reach: float, *, is_loop: bool) -> tuple[FloatArray, FloatArray]:
+    """Return where segments begin and end, (k + 1,), and the headings at both ends of each, (k, 2).
+
+    Args:
+        arcs: (m + 1,) of the vertices [m].
+        direction: (m,) of the legs [rad].
+        reach: see the head of this file [m].
+        is_loop: the path goes on at its first leg.
+    """
+    length = float(arcs[-1])
+    course = np.unwrap(direction)
+    edges = arcs
+    if is_loop:  # once round and once more, so that the window lies within
+        reach = min(reach, length)
+        turn = course[-1] + wrap_angle(direction[0] - direction[-1]) - course[0]
+        edges, course = np.concatenate([arcs, length + arcs[1:]]), np.concatenate([course, course + turn])
+    else:  # beyond its end it goes straight on
+        edges = np.append(arcs, length + reach)
+        course = np.append(course, course[-1])
+    total = np.concatenate([[0.0], np.cumsum(course * np.diff(edges))])
+    # A short leg is not cut; neither is a sliver cut off, which would have no direction of its own.
+    enters = edges[1:-1][np.abs(np.diff(course)) > STRAIGHT] - reach
+    leg = np.minimum(edges[1:].searchsorted(enters, side="right"), len(edges) - 2)
+    is_far = np.minimum(enters - edges[leg], edges[leg + 1] - enters) > MIN_SEGMENT
+    is_long = edges[leg + 1] - edges[leg] > 0.5 * reach
+    enters = enters[is_far & is_long & (enters > 0.0) & (enters < length)]
+    cuts = np.union1d(arcs, enters)
+    ahead = np.minimum(cuts + reach, edges[-1])
+    heading = (np.interp(ahead, edges, total) - np.interp(cuts, edges, total)) / reach
+    heading = np.stack([heading[:-1], heading[1:]], axis=1)
+    # Where the window is within legs of one direction all along, the heading is theirs to the last bit.
+    first = edges[1:-1].searchsorted(cuts[:-1], side="right")
+    last = edges[1:-1].searchsorted(ahead[1:], side="left")
+    bends = np.concatenate([[0], np.cumsum(np.diff(course) != 0.0)])
+    is_straight = bends[first] == bends[last]
+    heading[is_straight] = course[first[is_straight], None]
+    return _wrap_segments(cuts, heading)
+
+
+def _wrap_segments(cuts: FloatArray, heading: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Bring headings into (-pi, pi], and cut segments in whose midst they pass due west; arguments as returned."""
+    turns = np.floor((heading + math.pi) / math.tau)
+    crossings: list[float] = []
+    for i in np.flatnonzero(turns[:, 0] != turns[:, 1]).tolist():  # rare
+        (here, there), (start, end) = heading[i].tolist(), cuts[i : i + 2].tolist()
+        if there == here:
+            continue
+        low, high = sorted(turns[i].tolist())
+        for turn in np.arange(low + 1.0, high + 1.0).tolist():
+            part = (turn * math.tau - math.pi - here) / (there - here)
+            at = start + part * (end - start)
+            if start + MIN_SEGMENT < at < end - MIN_SEGMENT:
+                crossings.append(at)
+    if crossings:
+        more = np.union1d(cuts, np.array(crossings))
+        owner = cuts[1:-1].searchsorted(more[:-1], side="right")
+        part = np.stack([more[:-1] - cuts[owner], more[1:] - cuts[owner]], axis=1) / np.diff(cuts)[owner, None]
+        heading = heading[owner, :1] + part * (heading[owner, 1:] - heading[owner, :1])
+        cuts = more
+    middle = np.floor((heading.mean(axis=1) + math.pi) / math.tau)
+    wrapped = np.clip(heading - middle[:, None] * math.tau, TIDY - math.pi, math.pi - TIDY)
+    is_straight = heading[:, 0] == heading[:, 1]
+    wrapped[is_straight] = wrap_angle(heading[is_straight])
+    return cuts, wrapped
 
 
 def _headings(step: FloatArray) -> FloatArray:
@@ -82,7 +170,7 @@ def _headings(step: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class PathsSnapshot:
-    """A copy of a store: segments (k, 9), keys (k,), spans {path: (first, count)} and the first free key."""
+    """A copy of a store: segments (k, 10), keys (k,), spans {path: (first, count)} and the first free key."""
 
     segments: Segments
     keys: IntArray
@@ -94,7 +182,7 @@ class Paths:
     """All paths in use.
 
     Attributes:
-        segments: (num, 9) see `lay_segments`.
+        segments: (num, 10) see `lay_segments`.
         keys: (num,) int64, rising: the start of each segment in `TICKS`, plus its path's base.
         num, num_live: segments in the store with and without the holes.
     """
@@ -148,6 +236,11 @@ class Paths:
     def base(self, path: int) -> int:
         """Return the key where a path begins."""
         return int(self._keys[self._spans[path][0]])
+
+    def find(self, base: IntArray, arc: FloatArray) -> Segments:
+        """Return the segments, (k, 10), at arc lengths (k,) of the paths whose bases (k,) are given."""
+        keys = base + (arc * TICKS).astype(np.int64)
+        return np.asarray(self.segments[self.keys.searchsorted(keys, side="right") - 1])
 
     def digest(self) -> bytes:
         """Return a hash of the whole store. It is most of a world and changes rarely, so it is worked out once."""

@@ -23,7 +23,22 @@ import numpy as np
 from rosbridge_sim.world.bodies import MAX_COORDINATE, MAX_SPEED, Body, Gear, Kind, Mode
 from rosbridge_sim.world.columns import INTS, LEG_COLUMNS, NOBODY, BoolArray, Columns
 from rosbridge_sim.world.geometry import FloatArray, IntArray, nearest_on_polyline, wrap_angle
-from rosbridge_sim.world.paths import DX, DY, DZ, END, START, Paths, PathsSnapshot, Segments, X, Y, Z, lay_segments
+from rosbridge_sim.world.paths import (
+    DX,
+    DY,
+    DZ,
+    END,
+    START,
+    TURN,
+    YAW,
+    Paths,
+    PathsSnapshot,
+    Segments,
+    X,
+    Y,
+    Z,
+    lay_segments,
+)
 from rosbridge_sim.world.plan import Plan
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signals import Signals, SignalsSnapshot
@@ -55,6 +70,9 @@ STICTION: Final = 1e-9  # [m/s^2]
 
 _SURELY_WRAPPED: Final = 3.14
 """Angles within this are wrapped, however the last place of pi is rounded [rad]."""
+
+LOOK_AHEAD: Final = 0.5
+"""How far ahead on its path somebody without axles looks, and so over how much it turns at a corner [m]: a step."""
 
 MAX_KNOWN_NAME: Final = 80
 """Longest name that is kept for the next entity of that name: names come from clients, and may be megabytes."""
@@ -155,7 +173,7 @@ class World(Columns):
 
         An EGO waits for commands (pedals mode, no pedal pressed). Any other kind moves with `speed` along its heading
         for ever or, with a path, along that: it starts at the point of the path that is nearest to (x, y), looks
-        along it, and at its end stops or, with `is_loop`, begins again.
+        along it (see `paths`), and at its end stops or, with `is_loop`, begins again.
 
         Args:
             kind: what it is.
@@ -190,7 +208,7 @@ class World(Columns):
         if path is not None:
             if speed < 0.0:
                 raise ValueError(f"speed: expected >= 0 on a path, got {speed!r}")
-            segments = lay_segments(_in_space(path, z), is_loop=is_loop)
+            segments = lay_segments(_in_space(path, z), is_loop=is_loop, reach=_reach_of(kind, body))
             base = self.paths.add(uid, segments)
 
         # Nothing below can fail.
@@ -402,6 +420,8 @@ class World(Columns):
         self.arc[row], self.leg_start[row], self.leg_end[row] = 0.0, 0.0, np.inf
         self.leg_x[row], self.leg_y[row], self.leg_z[row] = x, y, z
         self.leg_dx[row], self.leg_dy[row], self.leg_dz[row] = math.cos(yaw), math.sin(yaw), 0.0
+        self.leg_yaw[row], self.leg_turn[row] = wrapped, 0.0
+        self.lateral_speed[row] = self.climb[row] = self.climb_accel[row] = 0.0
         if self.kind[row] != Kind.EGO:
             self.touch()  # it may move now, or no longer
 
@@ -419,6 +439,8 @@ class World(Columns):
         headings = yaw.tolist()  # by the functions that `place` uses: numpy's may differ in the last bit
         self.leg_dx[rows], self.leg_dy[rows] = list(map(math.cos, headings)), list(map(math.sin, headings))
         self.leg_dz[rows] = 0.0
+        self.leg_yaw[rows], self.leg_turn[rows] = self.yaw[rows], 0.0
+        self.lateral_speed[rows] = self.climb[rows] = self.climb_accel[rows] = 0.0
         self.touch()
 
     def aim(self, row: int) -> None:
@@ -490,6 +512,7 @@ class World(Columns):
         part = math.hypot(near.x[0] - leg[X], near.y[0] - leg[Y]) / flat if flat > 0.0 else 0.0
         arc = min(leg[START] + part, leg[END])
         self.arc[row] = arc
+        self.yaw[row] = leg[YAW] + (arc - leg[START]) * leg[TURN]
         for column, value in zip(LEG_COLUMNS, leg, strict=True):
             getattr(self, column)[row] = value
         self.x[row], self.y[row], self.z[row] = leg[X : Z + 1] + leg[DX : DZ + 1] * (arc - leg[START])
@@ -528,6 +551,16 @@ def check_pose(**values: float) -> None:
         limit = MAX_SPEED if name == "speed" else MAX_COORDINATE
         if not -limit <= value <= limit:
             raise ValueError(f"{name}: expected a number within +-{limit:g}, got {value!r}")
+
+
+def _reach_of(kind: Kind, body: Body) -> float:
+    """How far ahead on its path a body looks [m]: a vehicle's front axle is on it as well."""
+    return usual_wheelbase(body) if kind == Kind.VEHICLE else LOOK_AHEAD
+
+
+def usual_wheelbase(body: Body) -> float:
+    """The wheelbase of a vehicle, or where none is known that of a usual one of its length [m]."""
+    return body.wheelbase or 0.6 * body.length
 
 
 def _in_space(path: FloatArray, z: float) -> FloatArray:

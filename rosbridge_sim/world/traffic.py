@@ -54,9 +54,9 @@ from rosbridge_sim.world.lookout import (
 )
 from rosbridge_sim.world.network import COMFORT, Network
 from rosbridge_sim.world.roads import Roads
-from rosbridge_sim.world.state import DT, Gear, Kind, Mode, World
+from rosbridge_sim.world.state import DT, Gear, Kind, Mode, World, usual_wheelbase
 
-__all__ = ["DECISION", "drive_lanes", "keep_lane", "leave_lane", "take_wheel"]
+__all__ = ["DECISION", "drive_lanes", "keep_lane", "leave_lane", "onto", "take_wheel"]
 
 DECISION: Final = 5
 """Frames from one decision to the next: 0.1 s."""
@@ -141,8 +141,7 @@ def keep_lane(
     s = min(max(s, 0.0), float(roads.length[lane]))
     x, y, z = roads.at(lane, s)[0][0].tolist()
     world.place(row, x=x, y=y, z=z, yaw=0.0, speed=max(float(world.speed[row]), 0.0))
-    body = world.bodies[row]
-    world.wheelbase[row] = body.wheelbase or 0.6 * body.length
+    world.wheelbase[row] = usual_wheelbase(world.bodies[row])
     if len(route):
         world.routes[int(world.uid[row])] = np.array(route, dtype=np.int64)
     _join(world, row, lane, s, wish=wish, is_loop=is_loop)
@@ -191,7 +190,7 @@ def _join(world: World, row: int, lane: int, s: float, *, wish: float, is_loop: 
     """Write what makes a row one of those who keep to the lanes."""
     world.has_lane[row], world.is_loop[row], world.wish[row] = True, is_loop, wish
     world.lane[row], world.arc[row], world.turns[row] = lane, s, 0
-    world.claim[row] = world.held[row] = world.exit_lane[row] = -1
+    world.claim[row] = world.held[row] = world.exit_lane[row] = world.behind[row] = -1
     _Way(world, np.array([row])).plan(np.array([0]))
     if s + world.half_length[row] + world.centre[row] > world.roads.derived(Network).hold[lane]:
         world.held[row], world.exit_lane[row] = lane, world.ahead_1[row]
@@ -216,16 +215,22 @@ def _set_legs(world: World, network: Network, rows: IntArray) -> None:
 
 def _heading(roads: Roads, lanes: IntArray, arc: FloatArray, wheelbase: FloatArray) -> FloatArray:
     """Headings of cars whose rear axles are at `arc` of the first of their lanes, (k,) each, lanes (6, k) [m, rad]."""
-    rear, _ = roads.at(*_onto(roads, lanes, arc))
-    front, yaw = roads.at(*_onto(roads, lanes, arc + wheelbase))
+    rear, _ = roads.at(*onto(roads, lanes, arc))
+    front, yaw = roads.at(*onto(roads, lanes, arc + wheelbase))
     step = front - rear
     # At the end of the last lane there is no line for the front axle.
     is_short = np.hypot(step[:, 0], step[:, 1]) < 0.5 * wheelbase
     return np.where(is_short, yaw, np.arctan2(step[:, 1], step[:, 0]))
 
 
-def _onto(roads: Roads, lanes: IntArray, arc: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Lane and arc length of places that may be beyond the end of the first lane."""
+def onto(roads: Roads, lanes: IntArray, arc: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return lane and arc length of places that may be beyond the end of the first lane.
+
+    Args:
+        roads: the lanes.
+        lanes: (6, k) the lane that each row is on and those ahead of it, -1 beyond a dead end.
+        arc: (k,) from the start of the first one [m].
+    """
     lane, s = lanes[0].copy(), arc.copy()
     for following in lanes[1:]:
         length = roads.length[lane]
@@ -305,7 +310,7 @@ class _Traffic:
         """Press their pedals and turn their wheels."""
         world, rows = self.world, self.rows[self.pilots]
         reach = np.fmax(world.speed[rows] * PURSUIT, MIN_PURSUIT)
-        goal, _ = self.roads.at(*_onto(self.roads, lanes[:, self.pilots], world.arc[rows] + reach))
+        goal, _ = self.roads.at(*onto(self.roads, lanes[:, self.pilots], world.arc[rows] + reach))
         east, north, yaw = goal[:, 0] - world.x[rows], goal[:, 1] - world.y[rows], world.yaw[rows]
         aside = north * np.cos(yaw) - east * np.sin(yaw)
         steer = np.arctan2(2.0 * world.wheelbase[rows] * aside, np.fmax(east * east + north * north, 1.0))
@@ -333,12 +338,16 @@ class _Traffic:
         if len(self.pilots):
             rows = self.rows[self.pilots]
             kept = {name: getattr(world, name)[rows] for name in ("x", "y", "z", "yaw", "speed")}
-        before = world.speed[at]
-        after = np.fmax(before + world.accel[at] * dt, 0.0)
+        before, accel = world.speed[at], world.accel[at]
+        after = before + accel * dt
+        is_stopping = after < 0.0
+        if np.count_nonzero(is_stopping):  # it brakes by no more than brings it to a stand
+            after = np.fmax(after, 0.0)
+            world.accel[at] = np.where(is_stopping, before / -dt, accel)
         arc = world.arc[at] + (before + after) * (0.5 * dt)
         world.speed[at], world.arc[at] = after, arc
         is_past = arc >= world.leg_end[at]
-        if is_past.any():
+        if np.count_nonzero(is_past):
             self._turn(np.flatnonzero(is_past))
         way = world.arc[at] - world.leg_start[at]
         world.x[at] = world.leg_x[at] + way * world.leg_dx[at]
@@ -368,7 +377,7 @@ class _Traffic:
             world.speed[at_end] = world.accel[at_end] = 0.0
             which, rows = which[~is_end], rows[~is_end]
         world.arc[rows] -= self.roads.length[world.lane[rows]]
-        lanes = world.int_block("lane", "ahead_5")
+        lanes = world.int_block("behind", "ahead_5")
         lanes[:-1, rows] = lanes[1:, rows]
         world.turns[rows] += 1
         world.ahead_5[rows] = self.way.choose(which, world.ahead_4[rows], world.turns[rows] + len(_AHEAD))

@@ -7,7 +7,11 @@ Everybody who is not driven slides along a straight *leg*: the point at arc leng
 with a unit vector as direction. Constant motion is a leg that never ends. On a path, whoever has come past `leg_end`
 is given the segment that he is on by now, found in `paths` for all who need one by a single search. A row is therefore
 on its polyline to the last bits, however long it has walked, and at any speed: many segments, or many rounds of a small
-loop, within one step cost no more than one.
+loop, within one step cost no more than one. The heading is
+
+    yaw = leg_yaw + (s - leg_start) leg_turn
+
+and goes on evenly where legs do not; see `paths`.
 
 Rows with speed 0 and ghosts are not looked at, and neither are those that keep to the lanes: they look where they go,
 and are `traffic`.
@@ -19,7 +23,6 @@ import numpy as np
 
 from rosbridge_sim.world.block import Block
 from rosbridge_sim.world.geometry import FloatArray, IntArray
-from rosbridge_sim.world.paths import TICKS
 from rosbridge_sim.world.state import BoolArray, Kind, World
 
 __all__ = ["walk"]
@@ -52,10 +55,10 @@ class _Moving:
         self.block.run()
 
     def _lay_down(self) -> None:
-        block = self.block = Block(self.world, self.rows, "x", "leg_dz", written_from="x")
+        block = self.block = Block(self.world, self.rows, "x", "leg_turn", written_from="x")
         # In the order of `state.FLOATS`; a count that does not fit fails here.
-        x, y, _, speed, z, arc = block.values[:6]
-        leg_start, leg_end, leg_x, leg_y, leg_z, leg_dx, leg_dy, leg_dz = block.values[6:]
+        x, y, yaw, speed, z, arc = block.values[:6]
+        leg_start, leg_end, leg_x, leg_y, leg_z, leg_dx, leg_dy, leg_dz, leg_yaw, leg_turn = block.values[6:]
         has_path = bool(self.world.has_path[self.rows].any())
         way = np.empty(block.num)
         do = block.do
@@ -70,9 +73,11 @@ class _Moving:
         do(np.add, x, leg_x, x)
         do(np.multiply, way, leg_dy, y)
         do(np.add, y, leg_y, y)
-        if has_path:  # whoever has none keeps his height
+        if has_path:  # whoever has none keeps his height and heading
             do(np.multiply, way, leg_dz, z)
             do(np.add, z, leg_z, z)
+            do(np.multiply, way, leg_turn, yaw)
+            do(np.add, yaw, leg_yaw, yaw)
 
 
 class _Turn:
@@ -84,7 +89,7 @@ class _Turn:
 
     def __init__(self, world: World, rows: IntArray, values: FloatArray, is_past: BoolArray) -> None:
         self.world, self.is_past = world, is_past
-        _, _, self.yaw, self.speed, _, self.arc = values[:6]
+        _, _, _, self.speed, _, self.arc = values[:6]
         self.legs = values[6:]
         self.is_loop, self.path_length = world.is_loop[rows], world.path_length[rows]
         self.path_base = world.path_base[rows]
@@ -103,8 +108,4 @@ class _Turn:
             if len(at_end):
                 self.speed[at_end] = 0.0
                 self.world.touch()
-        paths = self.world.paths
-        keys = self.path_base[at] + (arc * TICKS).astype(np.int64)
-        legs = paths.segments[paths.keys.searchsorted(keys, side="right") - 1]
-        self.legs[:, at] = legs[:, :8].T
-        self.yaw[at] = legs[:, 8]
+        self.legs[:, at] = self.world.paths.find(self.path_base[at], arc).T

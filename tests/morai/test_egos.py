@@ -112,6 +112,76 @@ def test_in_synchronous_mode_it_is_a_reset_between_two_ticks() -> None:
     assert status["velocity"]["x"] == 0.0
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        {"longlCmdType": 1, "accel": 1.0, "steering": 0.5},
+        {"longlCmdType": 1, "brake": 1.0, "steering": -0.5},
+        {"longlCmdType": 2, "velocity": 60.0, "steering": 0.5},
+        {"longlCmdType": 3, "acceleration": 3.0, "steering": 0.5},
+    ],
+)
+def test_who_is_put_somewhere_has_forgotten_what_was_commanded(command: dict[str, float]) -> None:
+    stand = Stand("parked")
+    client = stand.client()
+    client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", **command)
+    stand.run(2.0)
+    put(client, 0, global_position_x=[7.0], global_position_y=[8.0])
+    client.listen("/Ego_topic")
+    stand.run(2.0)
+    for status in client.messages("/Ego_topic"):
+        assert (status["position"]["x"], status["position"]["y"], status["heading"]) == (7.0, 8.0, 0.0)
+        assert status["velocity"] == status["acceleration"] == {"x": 0.0, "y": 0.0, "z": 0.0}
+        assert (status["accel"], status["brake"], status["wheel_angle"]) == (0.0, 0.0, 0.0)
+    client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=2, velocity=18.0)
+    stand.run(3.0)
+    assert client.messages("/Ego_topic")[-1]["velocity"]["x"] == pytest.approx(5.0, abs=0.01)
+
+
+def test_a_reset_with_speed_rolls_straight_on_without_pedals() -> None:
+    stand = Stand("parked")
+    client = stand.client()
+    client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=2, velocity=60.0, steering=0.5)
+    stand.run(1.0)
+    put(client, 0, velocity=[36.0])
+    client.listen("/Ego_topic")
+    stand.run(1.0)
+    last = client.messages("/Ego_topic")[-1]
+    assert (last["position"]["y"], last["heading"], last["wheel_angle"]) == (0.0, 0.0, 0.0)
+    assert 9.5 < last["velocity"]["x"] < 10.0  # rolling and drag alone
+
+
+def test_a_reset_drops_the_commands_of_that_ego_that_wait_and_the_next_one_counts() -> None:
+    stand, client = two_egos(start="sync")
+    client.start()
+    throttle = {"longlCmdType": 1, "accel": 1.0}
+    for frame in (1, 3, 5):
+        assert client.ask("/SyncModeCtrlCmd", frame=frame, command=throttle)["result"]
+        assert client.ask("/Ego-2/SyncModeCtrlCmd", frame=frame, command=throttle)["result"]
+    assert client.ask("/SyncModeSetGear", frame=4, gear=2)["result"]
+    put(client, 0)
+    assert stand.node.sync.num_waiting == 3
+    for _ in range(6):
+        status = client.tick()["vehicle_status"]
+        assert (status["velocity"]["x"], status["accel"]) == (0.0, 0.0)
+    assert stand.node.egos[0].gear.name == "DRIVE"
+    assert stand.world.speed[stand.node.egos[1].row] > 0.0
+    put(client, 0)  # twice in one frame is once
+    put(client, 0)
+    client.control(0, **throttle)
+    assert client.tick()["vehicle_status"]["velocity"]["x"] > 0.0
+
+
+def test_a_setting_that_is_refused_leaves_the_command_in_force() -> None:
+    stand = Stand("parked")
+    client = stand.client()
+    client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
+    with pytest.raises(FieldError):
+        put(client, 0, gear=[7])
+    stand.run(1.0)
+    assert stand.world.speed[stand.world.row(FIRST_EGO)] > 1.0
+
+
 def test_the_gear_changes_at_any_speed_and_0_leaves_it() -> None:
     stand = Stand()
     client = stand.client()

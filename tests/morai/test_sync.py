@@ -454,3 +454,26 @@ def test_a_pause_outlives_its_master() -> None:
     assert not sync.can_send_tick
     sync.resume()
     assert sync.can_send_tick
+
+
+def test_commands_that_are_dropped_are_not_due_and_leave_their_room() -> None:
+    sync: Sync[str] = Sync()
+    sync.start("me", 20, "peer", 0.0)
+    for i in range(MAX_WAITING):
+        assert sync.submit(f"{'even' if i % 2 == 0 else 'odd'} {i}", i % 7, 0, "peer", 0.0).is_accepted
+    assert sync.drop(lambda command: command.startswith("even")) == MAX_WAITING // 2
+    assert sync.drop(lambda command: command.startswith("even")) == 0
+    assert sync.submit("late", 3, 0, "peer", 0.0).is_accepted
+    due = sync.due(10)
+    assert len(due) == MAX_WAITING // 2 + 1
+    assert not any(command.startswith("even") for command in due)
+
+
+def test_a_command_that_is_dropped_holds_up_no_tick() -> None:
+    sync: Sync[str] = Sync()
+    sync.start("me", 20, "peer", 0.0)
+    sync.submit("scenario", 1, 0, "peer", 0.0, is_ready=False)
+    assert Effect.WAIT in sync.tick("me", 1, 0, "peer", 0.0).effects
+    assert sync.drop(lambda command: command == "scenario") == 1
+    assert sync.take_turn(0) == 1
+    assert sync.num_waiting == 0

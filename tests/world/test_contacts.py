@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
@@ -142,10 +143,11 @@ def test_a_crossing_in_the_middle_of_a_step_is_seen_and_a_near_miss_is_none() ->
 
 
 def test_a_tail_that_swings_hits_what_no_step_ends_on() -> None:
-    # A path with a corner: the car turns by a right angle within one step, about its rear axle.
+    # A path with a corner, and axles so near to each other that the car turns by a right angle within one step.
     world = World()
+    spinning = replace(CAR, wheelbase=0.1)
     corner = np.array([[-30.0, 0.0], [0.0, 0.0], [0.0, 30.0]])
-    world.spawn(Kind.VEHICLE, CAR, name="npc", x=-30.0, y=0.0, speed=10.0, path=corner)
+    world.spawn(Kind.VEHICLE, spinning, name="npc", x=-30.0, y=0.0, speed=10.0, path=corner)
     world.spawn(Kind.OBSTACLE, POST, name="post", x=2.45, y=2.45)
     assert len(meetings(world, 200)) == 1
 

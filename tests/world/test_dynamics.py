@@ -10,7 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rosbridge_sim.world.dynamics import command, drive, place_ghost, place_ghosts, shift, teleport, turn_wheels
+from rosbridge_sim.world.dynamics import (
+    command,
+    drive,
+    place_ghost,
+    place_ghosts,
+    release,
+    shift,
+    teleport,
+    turn_wheels,
+)
 from rosbridge_sim.world.geometry import arc_lengths, nearest_on_polyline, point_at, to_body
 from rosbridge_sim.world.state import DT, STICTION, Body, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
@@ -671,3 +680,27 @@ def test_a_ghost_beyond_all_bounds_moves_none_of_them(wrong: float) -> None:
         with pytest.raises(ValueError, match="expected finite numbers"):
             place_ghosts(world, np.array([0, 1]), poses)
     assert world.digest() == before
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+def test_a_car_that_is_released_rolls_on_as_if_nobody_had_commanded_it(mode: Mode) -> None:
+    world, fresh = ego(), ego()
+    command(world, 0, mode=mode, steer=0.5, throttle=1.0, brake=0.5, speed=20.0, accel=3.0)
+    for _ in range(100):
+        step(world)
+    assert abs(world.steer[0]) > 0.1
+    release(world, 0)
+    for other in (world, fresh):
+        teleport(other, 0, x=1.0, y=2.0, z=0.0, yaw=0.5, speed=8.0)
+    for _ in range(100):
+        step(world)
+        step(fresh)
+        for name in ("x", "y", "yaw", "speed", "steer", "throttle", "brake", "accel"):
+            assert getattr(world, name)[0] == getattr(fresh, name)[0], name
+
+
+def test_what_is_not_driven_cannot_be_released() -> None:
+    world = World()
+    world.spawn(Kind.VEHICLE, CAR, name="npc", x=0.0, y=0.0)
+    with pytest.raises(ValueError, match="not driven"):
+        release(world, 0)

@@ -4,10 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from rosbridge_sim.world.geometry import FloatArray
 from rosbridge_sim.world.paths import MAX_KEY, MAX_PATH_LENGTH, Paths, lay_segments
 
+REACH = 0.1  # [m]
 SQUARE = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 4.0, 0.0], [0.0, 4.0, 0.0]])
 
 
@@ -16,35 +19,84 @@ def line(length: float, num: int = 2) -> FloatArray:
 
 
 def test_segments_carry_arc_start_direction_and_heading() -> None:
-    segments = lay_segments(SQUARE, is_loop=True)
-    assert segments[:, 0].tolist() == [0.0, 4.0, 8.0, 12.0]
-    assert segments[:, 1].tolist() == [4.0, 8.0, 12.0, 16.0]
-    assert segments[:, 8] == pytest.approx([0.0, math.pi / 2, math.pi, -math.pi / 2])
+    segments = lay_segments(SQUARE, is_loop=True, reach=1.0)
+    assert segments[:, 0].tolist() == [0.0, 3.0, 4.0, 7.0, 8.0, 11.0, 12.0, 15.0]
+    assert segments[:, 1].tolist() == [*segments[1:, 0].tolist(), 16.0]
+    right = math.pi / 2
+    assert segments[:, 8] == pytest.approx([0.0, 0.0, right, right, math.pi, -math.pi, -right, -right])
+    assert segments[:, 9] == pytest.approx([0.0, right] * 4)
     assert np.hypot(segments[:, 5], segments[:, 6]) == pytest.approx(1.0)
 
 
+POINTS = st.lists(st.tuples(*[st.floats(-100.0, 100.0, width=32)] * 3), min_size=2, max_size=10, unique=True)
+
+
+@settings(max_examples=100, deadline=None)
+@given(points=POINTS, is_loop=st.booleans(), reach=st.floats(0.05, 50.0))
+def test_headings_go_on_evenly_and_keep_within_half_a_turn(
+    points: list[tuple[float, float, float]],
+    is_loop: bool,  # noqa: FBT001 - a parameter of a test
+    reach: float,
+) -> None:
+    segments = lay_segments(np.array(points), is_loop=is_loop, reach=reach)
+    length, start = segments[:, 1] - segments[:, 0], segments[:, 8]
+    end = start + length * segments[:, 9]
+    assert (length > 0.0).all()
+    for heading in (start, end):
+        assert (np.abs(heading) <= math.pi).all()
+    assert (start > -math.pi).all()
+    following = np.roll(start, -1) if is_loop else np.append(start[1:], end[-1])
+    turn = np.remainder(following - end + math.pi, 2.0 * math.pi) - math.pi
+    # Slivers are not cut off, so at +-pi a heading may be off by what a sliver turns.
+    assert np.abs(turn).max() < 1e-6 * (1.0 + 2.0 * math.pi * len(points) / min(reach, float(segments[-1, 1])))
+
+
+def test_the_heading_is_the_mean_direction_within_reach() -> None:
+    bent = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [10.0, 10.0, 0.0], [30.0, 10.0, 0.0]])
+    segments = lay_segments(bent, is_loop=False, reach=3.0)
+    directions = np.repeat([0.0, math.pi / 2, 0.0], [10_000, 10_000, 30_000])  # one a millimetre
+    for s in np.arange(0.0, 39.9, 0.37):
+        i = segments[:, 0].searchsorted(s, side="right") - 1
+        heading = segments[i, 8] + (s - segments[i, 0]) * segments[i, 9]
+        mean = directions[round(s * 1000) : round((s + 3.0) * 1000)].mean()
+        assert heading == pytest.approx(mean, abs=2e-3), s
+
+
+def test_a_path_of_short_legs_is_cut_at_its_waypoints_alone() -> None:
+    angles = np.linspace(0.0, 2.0 * math.pi, 600, endpoint=False)
+    circle = np.column_stack([50.0 * np.cos(angles), 50.0 * np.sin(angles), np.zeros(600)])
+    segments = lay_segments(circle, is_loop=True, reach=2.7)
+    assert len(segments) <= 601  # once round it passes due west
+    assert segments[:, 9] == pytest.approx(1.0 / 50.0, rel=1e-3)
+
+
 def test_an_open_path_has_no_closing_segment() -> None:
-    assert lay_segments(SQUARE, is_loop=False)[-1, 1] == 12.0
+    assert lay_segments(SQUARE, is_loop=False, reach=REACH)[-1, 1] == 12.0
 
 
 def test_a_loop_that_repeats_its_first_point_is_closed_once() -> None:
     closed = np.concatenate([SQUARE, SQUARE[:1]])
-    assert len(lay_segments(closed, is_loop=True)) == 4
+    assert np.array_equal(
+        lay_segments(closed, is_loop=True, reach=REACH), lay_segments(SQUARE, is_loop=True, reach=REACH)
+    )
 
 
 def test_repeated_waypoints_are_passed_over() -> None:
-    assert len(lay_segments(SQUARE.repeat(3, axis=0), is_loop=False)) == 3
+    repeated = SQUARE.repeat(3, axis=0)
+    assert np.array_equal(
+        lay_segments(repeated, is_loop=False, reach=REACH), lay_segments(SQUARE, is_loop=False, reach=REACH)
+    )
 
 
 def test_a_vertical_segment_keeps_the_heading_before_it() -> None:
     lift = np.array([[0.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 2.0, 5.0]])
-    assert lay_segments(lift, is_loop=False)[:, 8].tolist() == [math.pi / 2, math.pi / 2]
+    assert lay_segments(lift, is_loop=False, reach=REACH)[:, 8].tolist() == [math.pi / 2, math.pi / 2]
 
 
 def test_due_west_is_pi_even_from_a_negative_zero() -> None:
     west = np.array([[4.0, 0.0, 0.0], [0.0, -0.0, 0.0]])
     west[1, 1] = -5e-324
-    assert lay_segments(west, is_loop=False)[0, 8] == math.pi
+    assert lay_segments(west, is_loop=False, reach=REACH)[0, 8] == math.pi
 
 
 @pytest.mark.parametrize(
@@ -63,23 +115,23 @@ def test_due_west_is_pi_even_from_a_negative_zero() -> None:
 @pytest.mark.parametrize("is_loop", [False, True])
 def test_what_is_no_path_is_refused(points: FloatArray, is_loop: bool) -> None:  # noqa: FBT001 - a parameter of a test
     with pytest.raises(ValueError, match="path: "):
-        lay_segments(points, is_loop=is_loop)
+        lay_segments(points, is_loop=is_loop, reach=REACH)
 
 
 def test_keys_rise_along_the_whole_store() -> None:
     paths = Paths()
     for i in range(50):
-        paths.add(i, lay_segments(line(10.0 + i, 7), is_loop=False))
+        paths.add(i, lay_segments(line(10.0 + i, 7), is_loop=False, reach=REACH))
     assert (np.diff(paths.keys) > 0).all()
     assert paths.num == paths.num_live == 300
 
 
 def test_a_store_that_paths_come_to_and_leave_does_not_grow() -> None:
     paths = Paths()
-    paths.add(0, lay_segments(line(100.0, 101), is_loop=False))
+    paths.add(0, lay_segments(line(100.0, 101), is_loop=False, reach=REACH))
     capacity = 0
     for i in range(1, 2000):
-        paths.add(i, lay_segments(line(50.0, 51), is_loop=False))
+        paths.add(i, lay_segments(line(50.0, 51), is_loop=False, reach=REACH))
         if paths.remove(i):
             assert paths.base(0) == 0
         capacity = max(capacity, len(paths._keys))
@@ -89,7 +141,7 @@ def test_a_store_that_paths_come_to_and_leave_does_not_grow() -> None:
 
 def test_after_moving_together_each_path_lies_at_its_base() -> None:
     paths = Paths()
-    laid = {i: lay_segments(line(10.0 + i, 11), is_loop=False) for i in range(20)}
+    laid = {i: lay_segments(line(10.0 + i, 11), is_loop=False, reach=REACH) for i in range(20)}
     for i, segments in laid.items():
         paths.add(i, segments)
     moved = [paths.remove(i) for i in range(0, 20, 2)]
@@ -102,7 +154,7 @@ def test_after_moving_together_each_path_lies_at_its_base() -> None:
 
 def test_a_store_whose_keys_are_used_up_refuses_and_recovers() -> None:
     paths = Paths()
-    far = lay_segments(line(MAX_PATH_LENGTH), is_loop=False)
+    far = lay_segments(line(MAX_PATH_LENGTH), is_loop=False, reach=REACH)
     paths.add(0, far)
     paths._next_base = MAX_KEY - 1000
     before = paths.num
@@ -110,14 +162,14 @@ def test_a_store_whose_keys_are_used_up_refuses_and_recovers() -> None:
         paths.add(1, far)
     assert paths.num == before
     paths._next_base = 3 * (MAX_KEY // 4)
-    paths.add(2, lay_segments(line(1.0), is_loop=False))
+    paths.add(2, lay_segments(line(1.0), is_loop=False, reach=REACH))
     assert paths.remove(2)  # the keys ran high: it moved together though it was not half empty
     paths.add(1, far)
 
 
 def test_a_snapshot_serves_more_than_once() -> None:
     paths = Paths()
-    paths.add(7, lay_segments(SQUARE, is_loop=True))
+    paths.add(7, lay_segments(SQUARE, is_loop=True, reach=REACH))
     saved = paths.snapshot()
     other = Paths()
     for _ in range(2):

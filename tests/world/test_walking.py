@@ -65,15 +65,44 @@ def test_a_path_is_walked_by_arc_length() -> None:
         assert world.arc[row] == pytest.approx(i * 0.1)
 
 
-def test_the_heading_is_that_of_the_segment() -> None:
+def test_a_corner_is_turned_evenly_over_the_wheelbase_before_it() -> None:
     world = World()
     row = npc(world, path=BENT, speed=5.0, yaw=2.0)
-    seen = [float(world.yaw[row])]
     for _ in range(300):
         step(world)
-        if world.yaw[row] != seen[-1]:
-            seen.append(float(world.yaw[row]))
-    assert seen == pytest.approx([0.0, math.pi / 2, 0.0])
+        to_corner = 10.0 - world.arc[row], 15.0 - world.arc[row]
+        shares = [min(max(1.0 - distance / CAR.wheelbase, 0.0), 1.0) for distance in to_corner]
+        assert world.yaw[row] == pytest.approx(math.pi / 2 * (shares[0] - shares[1]))
+
+
+def test_a_walker_turns_within_a_step_of_the_corner() -> None:
+    world = World()
+    row = world.row(world.spawn(Kind.PEDESTRIAN, MAN, name="man", x=0.0, y=0.0, path=BENT, speed=1.0))
+    for _ in range(460):
+        step(world)
+    assert world.yaw[row] == 0.0
+    for _ in range(45):
+        step(world)
+    assert world.yaw[row] == math.pi / 2
+
+
+@pytest.mark.parametrize("path", [BENT, CIRCLE, -CIRCLE[::7], BENT * 0.1])
+@pytest.mark.parametrize("is_loop", [True, False])
+def test_headings_do_not_jump(path: FloatArray, is_loop: bool) -> None:  # noqa: FBT001 - a parameter of a test
+    """A corner of angle a is turned over the wheelbase: the yaw rate is at most speed * (angles within it) / it."""
+    world = World()
+    row = npc(world, x=path[0, 0], y=path[0, 1], path=path, is_loop=is_loop, speed=8.0)
+    line = np.concatenate([path, path[:2], path[2:]]) if is_loop else path
+    corners = arc_lengths(line)[1:-1]
+    legs = np.diff(line, axis=0)
+    turns = np.abs(np.angle(np.exp(1j * np.diff(np.arctan2(legs[:, 1], legs[:, 0])))))
+    within = [turns[(corners >= s) & (corners <= s + CAR.wheelbase)].sum() for s in corners]
+    bound = 8.0 * max(within) / CAR.wheelbase * DT
+    before = float(world.yaw[row])
+    for _ in range(500):
+        step(world)
+        assert abs(math.remainder(world.yaw[row] - before, 2.0 * math.pi)) <= bound + 1e-9
+        before = float(world.yaw[row])
 
 
 def test_an_open_path_ends_in_a_stand_exactly_at_its_last_point() -> None:

@@ -24,7 +24,10 @@ EGO_COLUMNS: Final = (
 )
 """What a track tells of an ego: columns of the world, in its units."""
 
-OBJECT_COLUMNS: Final = ("x", "y", "z", "yaw", "speed", "accel")
+OBJECT_COLUMNS: Final = (
+    *("x", "y", "z", "yaw", "speed", "lateral_speed", "climb"),
+    *("accel", "lateral_accel", "climb_accel"),
+)
 """What a track tells of anybody else."""
 
 MAX_GAP: Final = 1_000_000_000
