@@ -370,6 +370,7 @@ def _limits(settings: Settings) -> ServerLimits:
             token=settings.token,
             origins=settings.allow_origin,
             max_clients=settings.max_clients,
+            max_strangers=settings.max_strangers,
             max_rate=settings.max_rate,
         ),
         policy=Policy(
