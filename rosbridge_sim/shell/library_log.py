@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
+from http import HTTPMethod
 from typing import Any
 
 __all__ = ["quiet"]
@@ -43,6 +44,11 @@ def _path(path: object) -> tuple[object, ...]:
     return (f"{bare}{mark}{'...' if mark else ''}",)
 
 
+def _request(method: object, path: object, protocol: object) -> tuple[object, ...]:
+    """A request line; a method that is none of HTTP's may be anything."""
+    return (method if method in set(HTTPMethod) else "...", *_path(path), protocol)
+
+
 def _frame(frame: object) -> tuple[object, ...]:
     """Kind and size of a frame, and not its text."""
     opcode, data = getattr(frame, "opcode", None), getattr(frame, "data", b"")
@@ -54,7 +60,7 @@ def _as_it_is(*values: object) -> tuple[object, ...]:
 
 
 _SHOWN: Mapping[str, Callable[..., tuple[object, ...]]] = {
-    "< GET %s HTTP/1.1": _path,
+    "< %s %s %s": _request,
     "> GET %s HTTP/1.1": _path,
     "< %s: %s": _header,
     "> %s: %s": _header,
