@@ -688,7 +688,8 @@ class Server:
         protocol.max_message_size = min(MAX_UNPROVEN_SIZE, self._limits.max_frame_size)
         protocol.available_extensions = None  # what cannot come compressed need not be inflated
         self._tables.opening.leave(connection)
-        self._tables.strangers.take(connection)
+        if connection in self._tables.sockets:  # else it is lost already, and would keep its place
+            self._tables.strangers.take(connection)
 
 
 async def _answer_late(connection: ServerConnection, response: Response, delay: float) -> Response:

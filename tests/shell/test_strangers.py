@@ -568,6 +568,24 @@ async def test_a_stranger_that_is_gone_leaves_its_place_and_nothing_else(listen:
     await until(lambda: not [task for task in asyncio.all_tasks() if "protocol_handler" in repr(task.get_coro())])
 
 
+@pytest.mark.parametrize("query", ["", "?token=wrong"])
+async def test_a_handshake_that_is_judged_after_its_connection_was_lost_takes_no_place(
+    listen: Listen, query: str
+) -> None:
+    port = await listen(patience=FOR_EVER)
+    client = await enter(port.url)
+    await until(lambda: port.num_strangers == 1)
+    (socket,) = port.server._tables.sockets
+    client.cut()
+    await until(lambda: not port.server._tables.sockets)
+    assert socket.request is not None
+    socket.request.path += query
+    judged = port.server._judge_handshake(socket, socket.request)  # as the library does where both come at once
+    if isinstance(judged, Awaitable):
+        await judged
+    assert port.num_strangers == 0
+
+
 @pytest.mark.slow  # a second for the closing
 async def test_a_stop_does_not_wait_for_strangers(listen: Listen) -> None:
     port = await listen(delay=FOR_EVER, patience=FOR_EVER, open_timeout=FOR_EVER)
