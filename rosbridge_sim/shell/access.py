@@ -80,7 +80,7 @@ class Access:
             shown = origins[0][:100].encode("ascii", "replace").decode()
             text = f"Pages from {shown} may not connect here; --allow-origin would let them\n"
             return Refusal(HTTPStatus.FORBIDDEN, text)
-        if not self.is_shown(request):  # whoever has shown no token takes no client's place
+        if not self.is_shown(request):  # a connection without the token takes no client's place
             return Refusal(HTTPStatus.UNAUTHORIZED, "The token is wrong\n") if any(_shown_tokens(request)) else None
         if self.is_full(num_clients):
             text = f"There are {num_clients} clients already, and no room for more; try again later\n"

@@ -319,14 +319,14 @@ class DirectSocket(ServerConnection):
         self.transport.close()
 
     def _read_early(self, data: bytes) -> bytes:
-        """Count what comes; what of it stands behind the HTTP request."""
+        """Count what comes, and return what of it stands behind the HTTP request."""
         if self.request is None:
             data = self._read_head(data)
         self.num_early += len(data)
         return data
 
     def _read_head(self, data: bytes) -> bytes:
-        """Give the library the HTTP request, if it is not too long; what comes behind it."""
+        """Give the library the HTTP request, if it is not too long; return what comes behind it."""
         seen = self._head + data
         end = seen.find(_BLANK_LINE)
         self._num_head += len(data) if end < 0 else end + len(_BLANK_LINE) - len(self._head)

@@ -79,6 +79,7 @@ MAX_OPENING = 256
 hundred in one go (the backlog), and each has its request read in the next turn of the loop. Together with strangers
 they leave most of the usual 1,024 file descriptors to clients."""
 
+_SILENT = "its request had not come when too many other connections did"
 _CROWDED = "more connections without a token came than there are places for (--max-strangers)"
 
 
@@ -142,7 +143,7 @@ class _Socket(DirectSocket):
 
     def evict(self) -> None:
         """Close it without waiting for the other side: its place is taken."""
-        _log.info("%s cut off: %s", _address_of(self), _CROWDED if self.request is not None else "it asks for nothing")
+        _log.info("%s cut off: %s", _address_of(self), _CROWDED if self.request is not None else _SILENT)
         self.forget()
         if self.protocol.state is State.OPEN:
             self.protocol.fail(CloseCode.TRY_AGAIN_LATER, _CROWDED)

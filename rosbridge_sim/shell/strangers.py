@@ -51,7 +51,7 @@ _GONE = "the connection was lost"
 
 
 class Evictable(Protocol):
-    """What stands in a place."""
+    """A holder of a place."""
 
     def evict(self) -> None:
         """Leave at once: another one takes the place. Must not raise."""
@@ -261,4 +261,4 @@ _STATUS = b'{"op":"status"'
 
 
 def _ignore() -> None:
-    """Nobody is left to be told."""
+    """Do nothing: the stranger is gone or has become a client."""

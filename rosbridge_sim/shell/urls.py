@@ -64,7 +64,7 @@ LEAST_SECRET = 3
 
 
 def secrets_of(url: str) -> set[str]:
-    """What `shown_url` leaves out, in every spelling in which others may repeat it."""
+    """The parts that `shown_url` leaves out, in every spelling in which the far side may repeat them."""
     _, _, rest = url.partition("://")
     head, _, query = rest.partition("?")
     secrets = {part.partition("=")[2] for part in re.split(r"[&;#]", query)}
@@ -75,7 +75,7 @@ def secrets_of(url: str) -> set[str]:
 
 
 def hide(text: str, secrets: Iterable[str]) -> str:
-    """A text of somebody else's without secrets that it repeats."""
+    """A text from the far side without the secrets that it repeats."""
     for secret in sorted(secrets, key=len, reverse=True):
         if len(secret) >= LEAST_SECRET:
             text = text.replace(secret, "...")
