@@ -422,7 +422,12 @@ def _is_id(value: object) -> bool:
     return isinstance(value, (bool, int)) or (isinstance(value, float) and math.isfinite(value))
 
 
+_TOKEN = re.compile(r"""(['"]token['"]\s{0,8}:\s{0,8}['"])[^'"]*""", re.IGNORECASE)
+"""What an `auth` shows, as JSON and as Python write it."""
+
+
 def _shorten(text: str) -> str:
+    text = _TOKEN.sub(r"\1...", text[: 4 * _SHOWN])
     short = text if len(text) <= _SHOWN else text[:_SHOWN] + "..."
     return short.encode("utf-8", "replace").decode()
 

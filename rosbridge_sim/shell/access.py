@@ -1,12 +1,10 @@
 """Who may connect, and how fast a client may talk: what is judged before anything reaches the bus.
 
 A WebSocket handshake is refused with an HTTP status and a text where the page that asks is none of ours (403), where
-the token that it shows is wrong (401), or where there is no room (503). A client that shows no token may still send
-`{"op": "auth", "token": ...}` first, since a page in a browser can set no header. Until then its other ops are
-refused, each with an answer, and after a while its connection is closed with code 1008.
+the token that it shows is wrong (401), or where there is no room (503). A client that shows no token may still show it
+in a message; `strangers.py` sees to those.
 
-What clients may do once they are in is `graph/policy.py`. Who needs no `Warden`, since no token is wanted and no rate
-is set, pays nothing for one.
+What clients may do once they are in is `graph/policy.py`. A client needs a `Warden` only where a rate is set.
 """
 
 from __future__ import annotations
@@ -15,7 +13,7 @@ import hmac
 import logging
 import re
 import ssl
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from urllib.parse import parse_qs, urlsplit
@@ -24,7 +22,7 @@ from websockets.http11 import Request
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.peer import FrameWork, Peer, Work
-from rosbridge_sim.protocol.ops import ActionResult, Auth, Id, Op, ServiceResponse
+from rosbridge_sim.protocol.ops import ActionResult, Id, Op, ServiceResponse
 from rosbridge_sim.shell.origins import OriginRules
 
 __all__ = ["Access", "Bucket", "Refusal", "Warden", "load_certificate"]
@@ -33,14 +31,6 @@ _log = logging.getLogger("rosbridge_sim.access")
 
 LEAST_BURST = 100
 """Frames that may always come at once: what a program with many topics says when it connects."""
-
-MAX_TRIES = 3
-"""Wrong tokens in messages before the connection is closed at once."""
-
-MAX_UNPROVEN_SIZE = 16 * 1024
-"""A longer frame of a client that has shown no token is not even read [bytes]."""
-
-_NO_TOKEN = "This server wants a token first: as ?token= in the URL, as a Bearer token, or by the op auth"  # noqa: S105
 
 _ANSWERS = (ServiceResponse, ActionResult)
 """Ops that others wait for: they count, but are never refused for coming too fast."""
@@ -74,16 +64,20 @@ class Access:
     Attributes:
         token: what a client must show; None lets everybody in.
         origins: the web pages that may connect. A handshake that shows the token is not asked for its page.
-        max_clients: at once; None is no limit.
+        max_clients: at once; None is no limit. Only those count that have shown the token, if one is wanted.
+        max_strangers: connections at once that have not.
         max_rate: frames a second from one client, after a burst of as many (or of LEAST_BURST); None is no limit.
         patience: how long a client may be connected without a token [s].
+        delay: how long the answer to a wrong token waits [s]; twice as long after each further one on a connection.
     """
 
     token: str | None = field(default=None, repr=False)
     origins: OriginRules = field(default_factory=OriginRules)
     max_clients: int | None = 1_000
+    max_strangers: int = 100
     max_rate: int | None = None
     patience: float = 10.0
+    delay: float = 0.5
 
     def judge(
         self, request: Request, num_clients: int, *, is_loopback: bool, own_names: frozenset[str] = frozenset()
@@ -101,12 +95,16 @@ class Access:
             why = self.origins.judge(origins, hosts, own_names, is_loopback=is_loopback)
             if why is not None:
                 return Refusal(HTTPStatus.FORBIDDEN, f"{why}\n", origins[0])
-        if self.token is not None and not self.is_shown(request) and any(_shown_tokens(request)):
-            return Refusal(HTTPStatus.UNAUTHORIZED, "The token is wrong\n")
-        if self.max_clients is not None and num_clients >= self.max_clients:
+        if not self.is_shown(request):  # a connection without the token takes no client's place
+            return Refusal(HTTPStatus.UNAUTHORIZED, "The token is wrong\n") if any(_shown_tokens(request)) else None
+        if self.is_full(num_clients):
             text = f"There are {num_clients} clients already, and no room for more; try again later\n"
             return Refusal(HTTPStatus.SERVICE_UNAVAILABLE, text)
         return None
+
+    def is_full(self, num_clients: int) -> bool:
+        """Whether there is no room for one more client."""
+        return self.max_clients is not None and num_clients >= self.max_clients
 
     def is_shown(self, request: Request) -> bool:
         """Whether the request itself shows the token, or none is wanted."""
@@ -149,55 +147,30 @@ class Bucket:
 
 
 class Warden:
-    """Stands before a client's peer: lets ops through once the token was shown, and not faster than allowed.
+    """Stands before a client's peer: lets ops through, and not faster than allowed."""
 
-    Attributes:
-        is_proven: the token was shown, or none is wanted.
-    """
-
-    def __init__(
-        self,
-        peer: Peer,
-        access: Access,
-        now: float,
-        *,
-        is_proven: bool,
-        on_proven: Callable[[], None],
-        close: Callable[[str], None],
-    ) -> None:
-        """A warden for one connection.
+    def __init__(self, peer: Peer, max_rate: int, now: float) -> None:
+        """A warden for one client.
 
         Args:
             peer: who does what is let through.
-            access: the rules.
+            max_rate: frames a second.
             now: monotonic time [s].
-            is_proven: the handshake has shown the token.
-            on_proven: called when a message has.
-            close: called with a reason when the connection is to be closed with code 1008.
         """
-        self.is_proven = is_proven
         self._peer = peer
-        self._access = access
-        self._on_proven = on_proven
-        self._close = close
-        self._num_tries = 0
+        self._max_rate = max_rate
         self._num_too_many = 0
         self._is_counted = False
         self._tell_at = now
-        rate = access.max_rate
-        self._bucket = None if rate is None else Bucket(rate, max(rate, LEAST_BURST), now)
+        self._bucket = Bucket(max_rate, max(max_rate, LEAST_BURST), now)
 
     def begin(self, frame: bytes, now: float) -> Work | None:
         """Do what `Peer.begin` does, as far as it is allowed. A frame that comes too fast is not even decoded."""
-        session, bucket = self._peer.session, self._bucket
-        if not self.is_proven:
-            if len(frame) > MAX_UNPROVEN_SIZE:
-                session.remark("error", _NO_TOKEN)
-                return None
-        elif bucket is not None and not bucket.take(now) and not _ANSWER.match(frame[:_LOOKED_AT]):
+        if not self._bucket.take(now) and not _ANSWER.match(frame[:_LOOKED_AT]):
             self._slow_down(now)
             return None
         self._is_counted = True
+        session = self._peer.session
         op = session.receive_plain(frame)
         if op is None:
             return FrameWork(session.receive(frame, now), self._judge)
@@ -207,47 +180,20 @@ class Warden:
     def _judge(self, op: Op, now: float) -> None:
         """Do an op, or refuse it. The first one of a frame is counted with the frame, further ones each for itself."""
         is_counted, self._is_counted = self._is_counted, False
-        if not self.is_proven:
-            self._prove(op)
-        elif is_counted or self._bucket is None or self._bucket.take(now) or isinstance(op, _ANSWERS):
+        if is_counted or self._bucket.take(now) or isinstance(op, _ANSWERS):
             self._peer.do(op, now)
         else:
             self._slow_down(now, op.id)
 
-    def expire(self) -> None:
-        """Close the connection if it has still shown no token."""
-        if not self.is_proven:
-            self._peer.session.remark("error", _NO_TOKEN)
-            self._close("no token was shown in time")
-
-    def _prove(self, op: Op) -> None:
-        """Take the op that shows the token; refuse all others until then."""
-        if not isinstance(op, Auth) or op.token is None:
-            self._refuse(op, _NO_TOKEN)
-        elif self._num_tries >= MAX_TRIES:
-            pass  # the connection is closing; what was on its way is not even tried
-        elif self._access.is_token(op.token):
-            self.is_proven = True
-            self._on_proven()
-        else:
-            self._num_tries += 1
-            self._refuse(op, "The token is wrong")
-            if self._num_tries == MAX_TRIES:
-                self._close("wrong tokens")
-
-    def _refuse(self, op: Op, why: str) -> None:
-        if not self._peer.refuse(op, why):
-            self._peer.session.remark("error", why, op.id)
-
     def _slow_down(self, now: float, op_id: Id = None) -> None:
         """Refuse a frame, or an op of one; the client hears of it once a second."""
         if not self._num_too_many:
-            _log.warning("%s sends more than %s frames a second", self._peer.address, self._access.max_rate)
+            _log.warning("%s sends more than %s frames a second", self._peer.address, self._max_rate)
         self._num_too_many += 1
         self._peer.num_errors += 1
         if now >= self._tell_at:
             self._tell_at = now + 1.0
-            why = f"Too fast: at most {self._access.max_rate} frames a second are taken from one client"
+            why = f"Too fast: at most {self._max_rate} frames a second are taken from one client"
             self._peer.session.remark("error", f"{why}; refused so far: {self._num_too_many}", op_id)
 
 

@@ -376,6 +376,7 @@ def _limits(settings: Settings) -> ServerLimits:
             token=settings.token,
             origins=OriginRules(settings.allow_origin, settings.allow_host),
             max_clients=settings.max_clients,
+            max_strangers=settings.max_strangers,
             max_rate=settings.max_rate,
         ),
         policy=Policy(

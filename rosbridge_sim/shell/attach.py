@@ -28,8 +28,8 @@ from rosbridge_sim.graph.line import MARK, Line, Values
 from rosbridge_sim.graph.mirror import Mirror
 from rosbridge_sim.protocol.flow import OutboxLimits
 from rosbridge_sim.shell.dialing import DialedSocket, why_gone, why_not
+from rosbridge_sim.shell.library_log import quiet
 from rosbridge_sim.shell.lookup import Lookup
-from rosbridge_sim.shell.server import quiet
 from rosbridge_sim.shell.urls import port_of, shown_url
 
 __all__ = ["AttachLimits", "Attachment", "is_own_address"]

@@ -19,6 +19,7 @@ from rosbridge_sim.shell.command_line import (
 from rosbridge_sim.shell.file_commands import run_bag, run_map, run_scenario, run_schema
 from rosbridge_sim.shell.sources import PREFIX, Parser, SettingError, layout
 from rosbridge_sim.shell.tools.text import read_body
+from rosbridge_sim.shell.urls import shown_url
 
 if TYPE_CHECKING:
     from rosbridge_sim.shell.tools.client import Bridge
@@ -56,7 +57,8 @@ def _add_bridge(parser: Parser, patience: float = PATIENCE, *, is_call: bool = F
     url = os.environ.get(f"{PREFIX}URL") or DEFAULT_URL
     token = os.environ.get(f"{PREFIX}TOKEN") or None
     add_json(parser)
-    parser.add_argument("--url", default=url, help=f"any rosbridge, also as {PREFIX}URL [{url}]".replace("%", "%%"))
+    text = f"any rosbridge, also as {PREFIX}URL [{shown_url(url)}]"  # a token may stand in it
+    parser.add_argument("--url", default=url, help=text.replace("%", "%%"))
     parser.add_argument("--token", default=token, help=f"what lets us in, also as {PREFIX}TOKEN")
     text = "how long the service may take; 0 is for ever" if is_call else "how long an answer may take"
     parser.add_argument(

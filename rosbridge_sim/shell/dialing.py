@@ -11,7 +11,7 @@ import asyncio
 import os
 import socket
 import ssl
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 from websockets.asyncio.client import ClientConnection
@@ -22,7 +22,7 @@ from websockets.speedups import apply_mask
 
 from rosbridge_sim.shell.direct import head_of
 from rosbridge_sim.shell.tools.text import safe
-from rosbridge_sim.shell.urls import DEFAULT_PORT, shown_url
+from rosbridge_sim.shell.urls import DEFAULT_PORT, hide, secrets_of, shown_url
 
 __all__ = ["DialedSocket", "why_gone", "why_not"]
 
@@ -103,7 +103,9 @@ class DialedSocket(ClientConnection):
                 self._on_message(message)
 
 
-def why_not(url: str, error: Exception, patience: float, *, flag: str, token: str) -> str:
+def why_not(
+    url: str, error: Exception, patience: float, *, flag: str, token: str, secrets: Collection[str] = ()
+) -> str:
     """Why there is no connection, and what to do about it.
 
     Args:
@@ -112,13 +114,15 @@ def why_not(url: str, error: Exception, patience: float, *, flag: str, token: st
         patience: how long an answer was waited for [s].
         flag: where the URL was given.
         token: where a token can be given.
+        secrets: what was sent and is not to be shown, beside what stands in the URL.
     """
     shown = shown_url(url)
+    hidden = secrets_of(url) | set(secrets)
     is_bad_url = isinstance(error, (InvalidURI, ValueError)) and not isinstance(error, (UnicodeError, ssl.SSLError))
     if is_bad_url:
         return f"{flag}: expected a URL such as ws://127.0.0.1:{DEFAULT_PORT}; got {shown!r}"
     if isinstance(error, InvalidStatus):
-        why = _why_status(error, token)
+        why = _why_status(error, token, hidden)
     elif isinstance(error, TimeoutError):
         why = f"no answer within {patience:g} s; not a rosbridge, or one that is stuck"
     elif isinstance(error, ssl.SSLCertVerificationError):
@@ -134,11 +138,12 @@ def why_not(url: str, error: Exception, patience: float, *, flag: str, token: st
     elif isinstance(error, OSError) and not isinstance(error, ConnectionError):
         why = f"cannot be reached: {error.strerror or error}"
     else:
-        why = f"not a rosbridge: {safe(str(error.__cause__ or error) or type(error).__name__)}"
+        why = f"not a rosbridge: {safe(hide(str(error.__cause__ or error), hidden) or type(error).__name__)}"
     return f"{shown}: {why}"
 
 
-def _why_status(error: InvalidStatus, token: str) -> str:
+def _why_status(error: InvalidStatus, token: str, hidden: Collection[str]) -> str:
+    """What an HTTP status says about it, without what a server repeats of our request."""
     response = error.response
     denials = {
         401: f"it wants a token ({token})",
@@ -146,18 +151,19 @@ def _why_status(error: InvalidStatus, token: str) -> str:
         429: "it refuses us",
         503: "it takes nobody now",
     }
-    status = f"HTTP {response.status_code} {safe(response.reason_phrase)}".strip()
-    said = (response.body or b"").decode(errors="replace").strip()
+    status = f"HTTP {response.status_code} {safe(hide(response.reason_phrase, hidden))}".strip()
+    said = hide((response.body or b"").decode(errors="replace").strip(), hidden)
     said = f": {safe(said)}" if said and "\n" not in said and "<" not in said else ""
     return f"{denials.get(response.status_code, 'not a rosbridge')} ({status}){said}"
 
 
-def why_gone(url: str, closed: ConnectionClosed) -> str:
-    """How a connection ended that nobody here wanted to end."""
+def why_gone(url: str, closed: ConnectionClosed, secrets: Collection[str] = ()) -> str:
+    """How a connection ended that nobody here wanted to end; see `why_not`."""
     shown = shown_url(url)
+    hidden = secrets_of(url) | set(secrets)
     if closed.rcvd is None:
         if closed.sent is not None and closed.sent.reason:  # a frame too long, a ping that nobody answers
-            return f"{shown}: the connection was given up: {safe(closed.sent.reason)}"
+            return f"{shown}: the connection was given up: {safe(hide(closed.sent.reason, hidden))}"
         return f"{shown}: the connection was lost"
-    reason = f": {safe(closed.rcvd.reason)}" if closed.rcvd.reason else ""
+    reason = f": {safe(hide(closed.rcvd.reason, hidden))}" if closed.rcvd.reason else ""
     return f"{shown}: the server has closed the connection ({closed.rcvd.code}){reason}"

@@ -41,6 +41,9 @@ __all__ = ["DirectSocket", "Receiver", "head_of"]
 MAX_HELD = 64 * 2**10
 """Received bytes that may wait for their turn before the transport is told to stop reading."""
 
+MAX_EARLY = 16 * 2**10
+"""The same before the other side is trusted; and the longest HTTP request, which is what Node.js takes."""
+
 LARGE = 16 * 2**10
 """A frame from here on is not copied once more to stand behind its head [bytes]."""
 
@@ -49,6 +52,11 @@ COMPRESSED_AT_ONCE = 32 * 2**10
 fragments (RFC 6455 section 5.4), and others have their turn in between."""
 
 _BLANK_LINE = b"\r\n\r\n"
+
+_TOO_LONG = (
+    b"HTTP/1.1 431 Request Header Fields Too Large\r\nConnection: close\r\nContent-Type: text/plain; charset=utf-8\r\n"
+    b"Content-Length: 48\r\n\r\nA request may have at most 16,384 bytes of head\n"
+)
 _OPEN, _CLOSED = State.OPEN, State.CLOSED
 _CONTROL = 0x08
 """Bit of a frame's first byte: a ping, a pong or a close (RFC 6455 section 5.2)."""
@@ -96,6 +104,10 @@ class DirectSocket(ServerConnection):
 
     Attributes:
         on_room: called when the transport takes bytes again.
+        on_too_long: called before a frame is refused for its length, or for having no mask.
+        is_trusted: less is kept of what others send. To be set before `listen`, and never taken back.
+        num_early: bytes that came behind the HTTP request while it was not trusted.
+        is_held: what comes is kept for later.
         unsent: what `send_more` has still to send, compressed.
         is_text: the message that the receiver is handed now was sent as text; later it may say anything.
     """
@@ -104,11 +116,15 @@ class DirectSocket(ServerConnection):
         super().__init__(*args, **kwargs)
         self.on_room: Callable[[], None] = _ignore
         self.is_text = True
+        self.on_too_long: Callable[[], None] = _ignore
+        self.is_trusted = False
+        self.num_early = 0
+        self._num_head = 0  # bytes of the HTTP request so far
         self._receiver: Receiver | None = None
         self._head = b""  # the last bytes of the HTTP request so far: they may hold the beginning of its end
         self._kept = bytearray()  # what is no whole frame yet, or waits for its turn
         self._need = 0  # length from which on `_kept` is worth looking at
-        self._is_held = True
+        self.is_held = True
         self._takes_more = True
         self._is_paused = False
         self._has_ended = False  # the other side says nothing any more
@@ -129,10 +145,22 @@ class DirectSocket(ServerConnection):
     def listen(self, receiver: Receiver) -> None:
         """Hand all messages to a receiver from now on, those first that have come already."""
         self._receiver = receiver
-        if self._kept or self._has_ended:
+        self.is_held = True
+        if self._kept or self._has_ended or self._is_paused:
             receiver.wait(had_turn=False)
         else:
-            self._is_held = False
+            self.is_held = False
+
+    def pause(self) -> None:
+        """Read nothing more from the transport until `go_on`. For a receiver that takes no next message now."""
+        if not self._is_paused and not self.transport.is_closing():
+            self._is_paused = True
+            self.transport.pause_reading()
+
+    def put_back(self, message: bytes) -> None:
+        """Have a message come again, before all that is kept. For a receiver that took no next message."""
+        frame = head_of(message, mask_bit=0x80) + bytes(4) + message  # a key of zeros changes nothing
+        self._kept[:0] = frame
 
     def go_on(self, until: float) -> bool:
         """Handle what was held back until that time of `perf_counter` [s].
@@ -141,13 +169,13 @@ class DirectSocket(ServerConnection):
             Whether something is held back still, be it the end.
         """
         assert self._receiver is not None, "before that, what comes is kept"
-        self._is_held = self._check is not None and not self._go_on_checking(until)
-        if self._is_held:
+        self.is_held = self._check is not None and not self._go_on_checking(until)
+        if self.is_held:
             return True
         kept, self._kept = self._kept, bytearray()
         if kept:
             self._read(kept, until)
-        if self._is_held:
+        if self.is_held:
             return True
         if self._is_paused:
             self._is_paused = False
@@ -236,15 +264,14 @@ class DirectSocket(ServerConnection):
 
     def data_received(self, data: bytes) -> None:
         """Handle what came, or keep it."""
-        if self.request is None:
-            data = self._read_head(data)
-        if self._kept or self._is_held:
+        if not self.is_trusted:
+            data = self._read_early(data)
+        if self._kept or self.is_held:
             kept = self._kept
             kept += data
-            if self._is_held:
-                if len(kept) > MAX_HELD and not self._is_paused:
-                    self._is_paused = True
-                    self.transport.pause_reading()
+            if self.is_held:
+                if len(kept) > (MAX_HELD if self.is_trusted else MAX_EARLY):
+                    self.pause()
                 return
             if len(kept) < self._need:
                 return
@@ -255,9 +282,9 @@ class DirectSocket(ServerConnection):
 
     def _begin_to_read(self, data: bytes | bytearray) -> None:
         assert self._receiver is not None, "before that, what comes is kept"
-        if not self._read(data, self._receiver.begin()) and self._is_held:
+        if not self._read(data, self._receiver.begin()) and self.is_held:
             self._receiver.wait(had_turn=False)
-        elif self._is_held:
+        elif self.is_held:
             self._receiver.wait(had_turn=True)
 
     def eof_received(self) -> bool:  # type: ignore[override] # asyncio says so; the library never answers
@@ -267,7 +294,7 @@ class DirectSocket(ServerConnection):
             Whether the transport stays open: something is held back, and the end comes behind it.
         """
         self._has_ended = True
-        if self._is_held and (self._kept or self._receiver is not None):
+        if self.is_held and (self._kept or self._receiver is not None):
             return True
         self._end()
         return False
@@ -354,10 +381,23 @@ class DirectSocket(ServerConnection):
         super().eof_received()
         self.transport.close()
 
+    def _read_early(self, data: bytes) -> bytes:
+        """Count what comes, and return what of it stands behind the HTTP request."""
+        if self.request is None:
+            data = self._read_head(data)
+        self.num_early += len(data)
+        return data
+
     def _read_head(self, data: bytes) -> bytes:
-        """Give the library the HTTP request; what comes behind it."""
+        """Give the library the HTTP request, if it is not too long; return what comes behind it."""
         seen = self._head + data
         end = seen.find(_BLANK_LINE)
+        self._num_head += len(data) if end < 0 else end + len(_BLANK_LINE) - len(self._head)
+        if self._num_head > MAX_EARLY:
+            if not self.transport.is_closing():
+                self.transport.write(_TOO_LONG)
+                self.transport.close()
+            return b""
         if end < 0:
             self._head = seen[1 - len(_BLANK_LINE) :]
             super().data_received(data)
@@ -366,11 +406,12 @@ class DirectSocket(ServerConnection):
         super().data_received(data[:cut])
         return data[cut:]
 
-    def _read(self, data: bytes | bytearray, until: float) -> bool:  # noqa: C901, PLR0912, PLR0915 - a call a frame would cost a tenth
+    # A call a frame would cost a tenth.
+    def _read(self, data: bytes | bytearray, until: float) -> bool:  # noqa: C901, PLR0912, PLR0915
         """Handle the frames at the front of some bytes until that time; keep what is left.
 
         Returns:
-            Whether any was handled. `_is_held` tells whether whole frames were left for want of time.
+            Whether any was handled. `is_held` tells whether whole frames were left for want of time.
         """
         protocol, receiver = self.protocol, self._receiver
         max_size = protocol.max_message_size
@@ -398,7 +439,10 @@ class DirectSocket(ServerConnection):
                 size = int.from_bytes(view[position + 2 : start - 4], "big")
             stop = start + size
             if size < 0 or size > max_size:  # not masked, or too long: the library says so and closes
+                if not self._takes_more:  # whoever takes it may take longer ones
+                    break
                 need = 2
+                self.on_too_long()
                 super().data_received(bytes(view[position:]))
                 position = end
                 break
@@ -406,7 +450,7 @@ class DirectSocket(ServerConnection):
                 need = stop - position
                 break
             if not self._takes_more or clock() >= until:
-                self._is_held = True
+                self.is_held = True
                 break
             has_worked = True
             if (self._is_dropping or protocol.state is not _OPEN) and not first & _CONTROL:
@@ -427,5 +471,5 @@ class DirectSocket(ServerConnection):
             self._kept += view[position:]
             self._need = need
         if not self._takes_more:
-            self._is_held = True
+            self.is_held = True
         return has_worked

@@ -19,7 +19,8 @@ import logging
 import ssl
 import time
 import zlib
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Awaitable, Callable, Generator, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from http import HTTPStatus
@@ -43,14 +44,16 @@ from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.shell.access import Access, Refusal, Warden
 from rosbridge_sim.shell.direct import DirectSocket
 from rosbridge_sim.shell.inflate import Deflated, DeflatedText, LateDeflate, LateDeflateFactory, inflate
+from rosbridge_sim.shell.library_log import quiet
 from rosbridge_sim.shell.memory import LARGE_FRAME, MemoryReturn
 from rosbridge_sim.shell.memory_budget import MemoryBudget
 from rosbridge_sim.shell.origins import MAX_REMEMBERED, RefusedOrigins, own_names
+from rosbridge_sim.shell.strangers import MAX_UNPROVEN_SIZE, Places, Stranger
 from rosbridge_sim.shell.text_check import TextCheck
 from rosbridge_sim.shell.turns import Turns
 from rosbridge_sim.version import __version__
 
-__all__ = ["Client", "Server", "ServerLimits", "quiet"]
+__all__ = ["Client", "Server", "ServerLimits"]
 
 P = ParamSpec("P")
 
@@ -78,6 +81,14 @@ TLS_TIMEOUT = 5.0
 
 OPEN_TIMEOUT = 5.0
 """Longest time from there to the whole request [s]: one packet of a real client."""
+
+MAX_OPENING = 256
+"""Connections without a whole request at once; the oldest one is cut off for a new one. The system hands over some
+hundred in one go (the backlog), and each has its request read in the next turn of the loop. Together with strangers
+they leave most of the usual 1,024 file descriptors to clients."""
+
+_SILENT = "its request had not come when too many other connections did"
+_CROWDED = "more connections without a token came than there are places for (--max-strangers)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,26 +122,44 @@ class ServerLimits:
     open_timeout: float = OPEN_TIMEOUT
 
 
+class _Tables:
+    """All connections, and where those stand that are no clients yet."""
+
+    def __init__(self, max_strangers: int) -> None:
+        self.sockets: dict[_Socket, None] = {}
+        self.opening = Places(MAX_OPENING)
+        self.strangers = Places(max_strangers)
+
+
 class _Socket(DirectSocket):
-    """A connection that stands in a table for as long as it is open.
+    """A connection that stands in tables for as long as it is open."""
 
-    Attributes:
-        is_proven: its handshake has shown the token, if one is wanted.
-    """
-
-    is_proven = False
-
-    def __init__(self, table: dict[_Socket, None], *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - the library's own
+    def __init__(self, tables: _Tables, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - the library's own
         super().__init__(*args, **kwargs)
-        self._table = table
+        self._tables = tables
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        self._table[self] = None
         super().connection_made(transport)
+        self._tables.sockets[self] = None
+        self._tables.opening.take(self)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._table.pop(self, None)
+        self._tables.sockets.pop(self, None)
+        self._tables.opening.leave(self)
+        self._tables.strangers.leave(self)
         super().connection_lost(exc)
+
+    def evict(self) -> None:
+        """Close it without waiting for the other side: its place is taken."""
+        _log.info("%s cut off: %s", _address_of(self), _CROWDED if self.request is not None else _SILENT)
+        self.forget()
+        if self.protocol.state is State.OPEN:
+            self.protocol.fail(CloseCode.TRY_AGAIN_LATER, _CROWDED)
+            self.transport.write(b"".join(self.protocol.data_to_send()))
+        if self.transport.get_write_buffer_size():
+            self.transport.abort()
+        else:
+            self.transport.close()
 
 
 class ClientWatch(Protocol):
@@ -178,14 +207,12 @@ class Client:
         self._bus = bus
         bus.accounts[self.peer] = session.account
         self._begin_frame: Callable[[bytes, float], Work | None] = self.peer.begin
-        self._access = limits.access
         self._max_frame_size = limits.max_frame_size
         self._turns = turns
         self._watch = watch
         self._guard = bus.guard
         self._has_failed = False
         self._clock = socket.loop.time
-        self._deadline: asyncio.TimerHandle | None = None
         self._is_woken = False
         # The due time is kept here: a handle of uvloop whose delay rounds to 0 ms cannot tell it.
         self._alarm: asyncio.Handle | None = None
@@ -199,25 +226,8 @@ class Client:
         socket.on_room = self.carry
         self.peer.on_failure = self._fail
         self.peer.on_released = lambda: self._get_in_line(had_turn=False)
-        if not socket.is_proven or limits.access.max_rate is not None:
-            self._post_warden(limits.access)
-
-    def _post_warden(self, access: Access) -> None:
-        """Have frames looked at before they reach the peer."""
-        loop, is_proven = self.socket.loop, self.socket.is_proven
-        warden = Warden(
-            self.peer, access, loop.time(), is_proven=is_proven, on_proven=self._welcome, close=self._close_politely
-        )
-        self._begin_frame = warden.begin
-        if not is_proven:
-            self._deadline = loop.call_later(access.patience, self._contain, warden.expire)
-
-    def _welcome(self) -> None:
-        """The token was shown: no deadline any more, and no warden but for the rate."""
-        if self._deadline is not None:
-            self._deadline.cancel()
-        if self._access.max_rate is None:
-            self._begin_frame = self.peer.begin
+        if limits.access.max_rate is not None:
+            self._begin_frame = Warden(self.peer, limits.access.max_rate, self._clock()).begin
 
     # Memory, as a `Holder`
 
@@ -393,9 +403,8 @@ class Client:
     def leave(self) -> None:
         """Take the client off the bus, whatever was on its way to it. Twice is no error."""
         try:
-            for timer in (self._alarm, self._deadline):
-                if timer is not None:
-                    timer.cancel()
+            if self._alarm is not None:
+                self._alarm.cancel()
             self._turns.leave(self)
             self._work = None
             self.outbox.close()
@@ -433,11 +442,6 @@ class Client:
             _log.warning("%s reads too slowly: %d bytes wait; closing", self.peer.address, outbox.num_bytes)
             outbox.close()
             self._start_closing(CloseCode.POLICY_VIOLATION, "answers were left unread for too long")
-
-    def _close_politely(self, reason: str) -> None:
-        """Close with code 1008, after what the client was told."""
-        self.carry()
-        self._start_closing(CloseCode.POLICY_VIOLATION, reason)
 
     def _start_closing(self, code: CloseCode, reason: str) -> None:
         """Close with a code and a reason; nothing more of this client's is done."""
@@ -513,7 +517,7 @@ class Server:
         self._memory: MemoryReturn | None = None
         self._budget: MemoryBudget | None = None
         self._server: WebSocketServer | None = None
-        self._sockets: dict[_Socket, None] = {}
+        self._tables = _Tables(limits.access.max_strangers)
         self.is_loopback = False
         self.own_names: frozenset[str] = frozenset()
         self._refused_origins = RefusedOrigins()
@@ -537,7 +541,7 @@ class Server:
             ssl_handshake_timeout=None if tls is None else limits.tls_timeout,
             ssl_shutdown_timeout=None if tls is None else CLOSE_TIMEOUT,
             open_timeout=limits.open_timeout,
-            create_connection=partial(_Socket, self._sockets),  # type: ignore[arg-type] # it is only ever called
+            create_connection=partial(_Socket, self._tables),  # type: ignore[arg-type] # it is only ever called
             process_request=self._process_request,
             compression=None,
             extensions=[LateDeflateFactory()] if limits.is_compressing else None,
@@ -565,7 +569,7 @@ class Server:
                 async with asyncio.timeout(CLOSE_TIMEOUT):
                     await self._server.wait_closed()
             except TimeoutError:  # some do not read, not even that we go; some never said what they want
-                for socket in self._sockets:
+                for socket in self._tables.sockets:
                     socket.transport.abort()
                 await self._server.wait_closed()
 
@@ -573,11 +577,50 @@ class Server:
         """Serve a connection to its end."""
         assert isinstance(socket, _Socket)
         try:
-            await self._serve_client(socket)
+            await self._serve_socket(socket)
         except Exception:  # the library closes it with code 1011, and its own words about that are not logged
             self.num_bugs += 1
             _log.exception("%s could not be served", _address_of(socket))
             raise
+
+    async def _serve_socket(self, socket: _Socket) -> None:
+        """Serve a client, after it has shown the token if one is wanted."""
+        if not socket.is_trusted:
+            why = await self._let_prove(socket)
+            if why is not None:
+                _log.info("%s turned away: %s", _address_of(socket), why)
+                return
+        await self._serve_client(socket)
+
+    async def _let_prove(self, socket: _Socket) -> str | None:
+        """Wait until a stranger has shown the token; why it was closed if it has not, or has found no room."""
+        assert self._turns is not None, "it listens"
+        stranger = Stranger(socket, self._limits.access, self._turns, is_talkative=self._limits.is_talkative)
+        try:
+            socket.listen(stranger)
+            why = await stranger.wait_settled()
+            code = CloseCode.POLICY_VIOLATION
+            if why is None and self._limits.access.is_full(len(self.clients)):
+                code, why = CloseCode.TRY_AGAIN_LATER, f"there are {len(self.clients)} clients already; try again later"
+            if why is None:
+                self._tables.strangers.leave(socket)
+                self._trust(socket)
+                if stranger.rest:
+                    socket.put_back(stranger.rest)
+                return None
+            stranger.let_go()
+            with suppress(TimeoutError):
+                async with asyncio.timeout(CLOSE_TIMEOUT):
+                    await socket.close(code, why)
+            socket.transport.abort()
+            return why
+        finally:
+            stranger.leave()
+
+    def _trust(self, socket: _Socket) -> None:
+        """Have a connection treated as a client's from now on."""
+        socket.is_trusted = True
+        socket.protocol.max_message_size = self._limits.max_frame_size
 
     async def _serve_client(self, socket: _Socket) -> None:
         assert self._turns is not None, "it listens"
@@ -613,7 +656,9 @@ class Server:
         assert self._memory is not None, "it listens"
         self._memory.note_large_frame()
 
-    def _process_request(self, connection: ServerConnection, request: Request) -> Response | None:
+    def _process_request(
+        self, connection: ServerConnection, request: Request
+    ) -> Response | Awaitable[Response | None] | None:
         """Plain HTTP: None lets the WebSocket handshake go on."""
         try:
             return self._judge_request(connection, request)
@@ -622,7 +667,9 @@ class Server:
             _log.exception("a request of %s could not be answered", _address_of(connection))
             return connection.respond(HTTPStatus.INTERNAL_SERVER_ERROR, "The server failed; its log says why\n")
 
-    def _judge_request(self, connection: ServerConnection, request: Request) -> Response | None:
+    def _judge_request(
+        self, connection: ServerConnection, request: Request
+    ) -> Response | Awaitable[Response | None] | None:
         path = request.path.partition("?")[0]
         if path == "/healthz":
             return self._tell_health(connection)
@@ -632,17 +679,39 @@ class Server:
             return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; rosbridge is at /\n")
         if "Upgrade" not in request.headers:
             return None  # a browser that looks what is here: the library tells it
+        return self._judge_handshake(connection, request)
+
+    def _judge_handshake(
+        self, connection: ServerConnection, request: Request
+    ) -> Response | Awaitable[Response | None] | None:
+        assert isinstance(connection, _Socket)
         access = self._limits.access
         refusal = access.judge(request, len(self.clients), is_loopback=self.is_loopback, own_names=self.own_names)
         if refusal is None:
-            assert isinstance(connection, _Socket)
-            connection.is_proven = access.is_shown(request)
+            if access.is_shown(request):
+                self._tables.opening.leave(connection)
+                self._trust(connection)
+            else:
+                self._limit(connection)
             return None
         self._log_refusal(_address_of(connection), refusal)
         response = connection.respond(refusal.status, refusal.text)
-        if refusal.status is HTTPStatus.UNAUTHORIZED:
-            response.headers["WWW-Authenticate"] = "Bearer"
-        return response
+        return self._delay(connection, response) if refusal.status is HTTPStatus.UNAUTHORIZED else response
+
+    def _delay(self, connection: _Socket, response: Response) -> Awaitable[Response]:
+        """Send the refusal of a token after a while, during which the connection counts as a stranger."""
+        response.headers["WWW-Authenticate"] = "Bearer"
+        self._limit(connection)
+        return _answer_late(connection, response, self._limits.access.delay)
+
+    def _limit(self, connection: _Socket) -> None:
+        """Have a connection treated as a stranger's until it is trusted."""
+        protocol = connection.protocol
+        protocol.max_message_size = min(MAX_UNPROVEN_SIZE, self._limits.max_frame_size)
+        protocol.available_extensions = None  # what cannot come compressed need not be inflated
+        self._tables.opening.leave(connection)
+        if connection in self._tables.sockets:  # else it is lost already, and would keep its place
+            self._tables.strangers.take(connection)
 
     def _log_refusal(self, address: str, refusal: Refusal) -> None:
         """Warn of each web page once, and not of each of its attempts: a page in a tab may try every second."""
@@ -661,31 +730,25 @@ class Server:
             return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, f"{why}\n")
         return connection.respond(HTTPStatus.OK, "ok\n")
 
-    def _tell_version(self, connection: ServerConnection, request: Request) -> Response:
+    def _tell_version(self, connection: ServerConnection, request: Request) -> Response | Awaitable[Response]:
         """Answer name, version and protocol; with a token set, only to those who show it."""
         if not self._limits.access.is_shown(request):
-            response = connection.respond(HTTPStatus.UNAUTHORIZED, "The token is missing or wrong\n")
-            response.headers["WWW-Authenticate"] = "Bearer"
-            return response
+            assert isinstance(connection, _Socket)
+            return self._delay(
+                connection, connection.respond(HTTPStatus.UNAUTHORIZED, "The token is missing or wrong\n")
+            )
         response = connection.respond(HTTPStatus.OK, _VERSION + "\n")
         del response.headers["Content-Type"]
         response.headers["Content-Type"] = "application/json"
         return response
 
 
+async def _answer_late(connection: ServerConnection, response: Response, delay: float) -> Response:
+    """Keep a program that tries tokens waiting for its answer, and nobody else [s]."""
+    await asyncio.wait([connection.connection_lost_waiter], timeout=delay)
+    return response
+
+
 def _address_of(connection: ServerConnection) -> str:
     address = connection.remote_address
     return f"{address[0]}:{address[1]}" if address else ""
-
-
-class _Quiet(logging.LoggerAdapter[Any]):
-    """The library logs a traceback for each handshake that a port scanner breaks off; a line at debug is enough."""
-
-    def log(self, level: int, msg: object, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - logging's own signature
-        if level >= logging.INFO:
-            level = logging.DEBUG
-            kwargs.pop("exc_info", None)
-        super().log(level, msg, *args, **kwargs)
-
-
-quiet = _Quiet(logging.getLogger("rosbridge_sim.websockets"), {})

@@ -146,6 +146,12 @@ class Settings:
     )
     deny_param: tuple[str, ...] = _flag((), _ACCESS, PATTERNS, "parameters that they may not; repeatable")
     max_clients: int | None = _flag(1_000, _ACCESS, or_none(whole_number(1, 1_000_000), "none"), "clients at once")
+    max_strangers: int = _flag(
+        100,
+        _ACCESS,
+        whole_number(1, 100_000),
+        "connections at once that have not shown the token yet; the oldest one is closed for a new one",
+    )
     max_rate: int | None = _flag(
         None, _ACCESS, or_none(whole_number(1, 1_000_000), "none"), "frames a second from one client, after a burst"
     )

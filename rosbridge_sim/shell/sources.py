@@ -20,6 +20,7 @@ from rosbridge_sim.errors import DocumentError, hint
 from rosbridge_sim.shell.kinds import FILE, FOLDER, FOLDERS, SECRET, SWITCH, URLS, SettingError, show_size
 from rosbridge_sim.shell.settings import FIELDS, SHORT_FORMS, Settings, flag_of
 from rosbridge_sim.shell.toml_text import Lines, lines_of, place_of, read_toml
+from rosbridge_sim.shell.urls import hide_in_words, shown_url
 
 if TYPE_CHECKING:
     from rosbridge_sim.morai.items import ListedItem
@@ -91,7 +92,7 @@ def strange_variables(environ: Mapping[str, str]) -> list[str]:
 
 
 def format_config(settings: Settings, items: Sequence[ListedItem]) -> str:
-    """The settings as a TOML file that gives them back.
+    """The settings as a TOML file that gives them back, but for what is secret: that is for its owner to fill in.
 
     Args:
         settings: those to write.
@@ -110,10 +111,21 @@ def format_config(settings: Settings, items: Sequence[ListedItem]) -> str:
         choice = f" ({flag.kind.expects})" if flag.kind not in (SWITCH, FOLDERS) else ""
         shown = show_size(value) if flag.kind.sign == "SIZE" else value
         none = flag.kind.sign.rpartition("|")[2] if "|" in flag.kind.sign else "none"
-        lines += [f"# {flag.text}{choice}", f"{key} = {_toml(none if shown is None else shown)}"]
+        lines.append(f"# {flag.text}{choice}")
+        if flag.kind is SECRET and value is not None:
+            lines.append(f"# {key} is set, and is not printed: write it here, or into {_variable(key)}")
+            continue
+        if flag.kind is URLS and value != (bare := tuple(_bare_url(url) for url in value)):
+            lines.append("# a token or a password in a URL is not printed: write it where it belongs")
+            shown = bare
+        lines.append(f"{key} = {_toml(none if shown is None else shown)}")
     for key in _tables():
         lines += ["", f"# {flag_of(key).text}", f"[{key}]", *_entries(key, settings, items)]
     return "\n".join([*lines[1:], ""])
+
+
+def _bare_url(url: str) -> str:
+    return shown_url(url) if "?" in url or "@" in url else url
 
 
 def _entries(key: str, settings: Settings, items: Sequence[ListedItem]) -> list[str]:
@@ -195,8 +207,6 @@ def _read(key: str, value: object, where: str) -> object:
         raise SettingError(str(error)) from None
     except (ValueError, TypeError, KeyError, OverflowError, AttributeError):
         shown = "something else" if kind is SECRET else _show(value)
-        if kind is URLS:
-            shown = re.sub(r"\?[^'\"]*|//[^'\"/@]*@", "?...", shown)  # a token may stand there, or a password
         raise SettingError(f"{where}: expected {kind.expects}; got {shown}") from None
 
 
@@ -216,7 +226,7 @@ def _read_key(key: str, value: object, where: str) -> tuple[str, object]:
 
 
 def _show(value: object) -> str:
-    text = repr(value)
+    text = hide_in_words(repr(value))
     return text if len(text) <= 80 else text[:77] + "..."  # noqa: PLR2004 - a line of a terminal
 
 
@@ -232,7 +242,19 @@ class Parser(argparse.ArgumentParser):
         Raises:
             SettingError: always.
         """
-        raise SettingError(message.removeprefix("argument "))
+        raise SettingError(_without_values(message.removeprefix("argument ")))
+
+
+_STRANGE_WORDS = "unrecognized arguments: "
+
+
+def _without_values(message: str) -> str:
+    """A message of the library's without words that may be secrets: of words that mean nothing, the flags alone."""
+    if message.startswith(_STRANGE_WORDS):
+        words = message.removeprefix(_STRANGE_WORDS).split()
+        flags = [word.partition("=")[0] for word in words if word.startswith("-")]
+        message = _STRANGE_WORDS + " ".join(flags or words)
+    return hide_in_words(message)
 
 
 def _from_flags(argv: Sequence[str], *, is_attaching: bool = False) -> dict[str, object]:

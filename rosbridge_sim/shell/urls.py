@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import urllib.parse
+from collections.abc import Iterable
 
-__all__ = ["DEFAULT_PORT", "check_url", "full_url", "port_of", "shown_url"]
+__all__ = ["DEFAULT_PORT", "check_url", "full_url", "hide", "hide_in_words", "port_of", "secrets_of", "shown_url"]
 
 DEFAULT_PORT = 9090
 
@@ -49,6 +51,40 @@ def port_of(url: str) -> int:
 def shown_url(url: str) -> str:
     """The URL without what nobody should read in a log: a token in its query, a name and password."""
     scheme, mark, rest = url.partition("://")
-    netloc = rest.partition("/")[0].partition("?")[0]
-    path = rest[len(netloc) :].partition("?")[0]
+    if not mark:
+        scheme, rest = "", url
+    rest = re.split(r"[?#]", rest, maxsplit=1)[0]
+    netloc = rest.partition("/")[0]
+    path = rest[len(netloc) :]
     return f"{scheme}{mark}{netloc.rpartition('@')[2]}{'' if path == '/' else path}"
+
+
+LEAST_SECRET = 3
+"""Characters of a secret that is looked for in texts: a shorter one stands in too many words to be one."""
+
+
+def secrets_of(url: str) -> set[str]:
+    """The parts that `shown_url` leaves out, in every spelling in which the far side may repeat them."""
+    _, _, rest = url.partition("://")
+    head, _, query = rest.partition("?")
+    secrets = {part.partition("=")[2] for part in re.split(r"[&;#]", query)}
+    name, _, password = head.partition("/")[0].rpartition("@")[0].partition(":")
+    secrets |= {password or name, query}
+    secrets |= {urllib.parse.unquote(one) for one in secrets} | {urllib.parse.unquote_plus(one) for one in secrets}
+    return secrets | {urllib.parse.quote(one, safe="") for one in secrets}
+
+
+def hide(text: str, secrets: Iterable[str]) -> str:
+    """A text from the far side without the secrets that it repeats."""
+    for secret in sorted(secrets, key=len, reverse=True):
+        if len(secret) >= LEAST_SECRET:
+            text = text.replace(secret, "...")
+    return text
+
+
+_SECRETS_IN_WORDS = re.compile(r"\?[^'\"\s]*=[^'\"\s]*|//[^'\"/@\s]*@|(?<=token[=:])[^'\"\s]+", re.IGNORECASE)
+
+
+def hide_in_words(text: str) -> str:
+    """Words of a command line or a file as a message may quote them: a query, a password or a token may stand there."""
+    return _SECRETS_IN_WORDS.sub(lambda match: {"?": "?...", "/": "//...@"}.get(match[0][0], "..."), text)

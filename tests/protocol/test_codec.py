@@ -168,3 +168,20 @@ def test_a_long_object_without_an_op_is_not_quoted_in_full() -> None:
     assert len(steps) > 2  # others have their turn in between
     assert "without an op" in str(steps[-1])
     assert len(str(steps[-1])) < 1_000
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        b'{"op":"auth","token":"s3same","x":',
+        b'{"op": "auth", "token" : "s3same"} rubbish',
+        b'["op", {"token": "s3same"}]',
+        b'{"token": "s3same"}',
+        b'{"op": ["token", {"token": "s3same"}]}',
+        b'{"op":"auth","token":"' + b"s3same" * 100 + b'",}',
+    ],
+)
+def test_a_frame_that_cannot_be_used_is_quoted_without_its_token(frame: bytes) -> None:
+    errors = [str(one) for one in decode_frame(frame) if isinstance(one, FrameError)]
+    assert errors
+    assert "s3same" not in "".join(errors)

@@ -35,6 +35,29 @@ def test_mistake_is_one_line_and_code_2(words: tuple[str, ...], line: str) -> No
     assert done.complaint.startswith(line)
 
 
+def test_help_shows_the_url_of_the_environment_without_its_token(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("ROSBRIDGE_SIM_URL", "ws://far:1/?token=s3same")
+    monkeypatch.setenv("ROSBRIDGE_SIM_TOKEN", "s3same")
+    monkeypatch.setattr(sys, "argv", ["rosbridge-sim", "topic", "echo", "--help"])
+    with pytest.raises(SystemExit):
+        __main__.main()
+    said = capsys.readouterr().out
+    assert "[ws://far:1]" in said
+    assert "s3same" not in said
+
+
+@pytest.mark.parametrize(
+    "words", [("topic", "list", "--tokn", "s3same"), ("topic", "list", "x?token=s3same", "-z=s3same")]
+)
+def test_mistake_beside_a_token_is_told_without_it(words: tuple[str, ...]) -> None:
+    done = run(*words)
+    assert done.code == 2
+    assert done.complaint.startswith("unrecognized arguments: -")
+    assert "s3same" not in done.complaint
+
+
 def test_main_knows_the_tools(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(sys, "argv", ["rosbridge-sim", "schema", "show", "std_msgs/String"])
     assert __main__.main() == 0

@@ -9,12 +9,14 @@ from contextlib import asynccontextmanager
 import pytest
 from websockets.asyncio.client import connect
 from websockets.asyncio.server import ServerConnection, serve
-from websockets.exceptions import ConnectionClosed
-from websockets.frames import CloseCode
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed, ConnectionClosedError, InvalidHandshake, InvalidStatus, InvalidURI
+from websockets.frames import Close, CloseCode
+from websockets.http11 import Response
 
 from rosbridge_sim.protocol.flow import BinaryFrame
 from rosbridge_sim.shell import dialing
-from rosbridge_sim.shell.dialing import DialedSocket, why_gone
+from rosbridge_sim.shell.dialing import DialedSocket, why_gone, why_not
 from tests.support import PATIENCE
 
 Handler = Callable[[ServerConnection], Awaitable[None]]
@@ -189,3 +191,29 @@ async def test_it_is_told_why_it_ended(end: str, said: str) -> None:
         closed = socket.protocol.close_exc
         assert isinstance(closed, ConnectionClosed)
         assert why_gone("ws://far:1/?token=x", closed).startswith(f"ws://far:1: {said}")
+
+
+SECRET_URL = "ws://me:pass%20word@far:1/?token=s3same/%2B"  # noqa: S105 - a test's own
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        InvalidStatus(
+            Response(404, "No /?token=s3same/%2B", Headers(), b"There is no /?token=s3same/%2B for pass word")
+        ),
+        InvalidStatus(Response(401, "Unauthorized", Headers(), b"not s3same/+, not Bearer b3arer")),
+        InvalidURI(SECRET_URL, "no"),
+        InvalidHandshake(f"strange: {SECRET_URL}"),
+    ],
+)
+def test_reason_for_no_connection_shows_no_secret_that_was_sent(error: Exception) -> None:
+    said = why_not(SECRET_URL, error, 1.0, flag="--url", token="--token", secrets=("b3arer",))  # noqa: S106 - a flag
+    assert said.startswith(("ws://far:1: ", "--url: "))
+    assert not [secret for secret in ("s3same", "pass", "b3arer") if secret in said]
+
+
+def test_reason_for_a_lost_connection_shows_no_secret_that_was_sent() -> None:
+    closed = ConnectionClosedError(Close(1008, "bad token s3same/+ or b3arer"), None)
+    said = why_gone(SECRET_URL, closed, secrets=("b3arer",))
+    assert said == "ws://far:1: the server has closed the connection (1008): bad token ... or ..."

@@ -42,6 +42,7 @@ OTHER: dict[str, object] = {
     "allow_param": ("/h/*",),
     "deny_param": ("/i",),
     "max_clients": None,
+    "max_strangers": 7,
     "max_rate": 100,
     "max_held": 5,
     "max_calls": 6,
@@ -89,6 +90,9 @@ OTHER: dict[str, object] = {
     "log_level": "debug",
 }
 """A value other than the default for every setting that has one."""
+
+NOT_PRINTED = {"token": None, "attach": ("ws://a:9090", "wss://b")}
+"""What is left of values with secrets in them when they are printed."""
 
 
 def as_words(key: str, value: object) -> list[str]:
@@ -154,7 +158,7 @@ def test_every_setting_is_a_flag_a_variable_a_key_and_an_option(name: str, tmp_p
         paths = value if isinstance(value, tuple) else (value,)
         beside = tuple(str(tmp_path / str(path)) for path in paths)
         value = beside if kind is FOLDERS else beside[0]
-    assert getattr(from_file, name) == value
+    assert getattr(from_file, name) == NOT_PRINTED.get(name, value)
 
 
 def test_flag_beats_environment_beats_file_beats_default(tmp_path: Path) -> None:
@@ -233,7 +237,9 @@ def test_printed_config_gives_the_settings_back(tmp_path: Path) -> None:
         "keyfile": "/k.pem",
     }
     file.write_text(format_config(check_options({**OTHER, **paths}), []))
-    assert read_settings(["--config", str(file)], {}) == check_options({**OTHER, **paths, "config": str(file)})
+    assert read_settings(["--config", str(file)], {}) == check_options(
+        {**OTHER, **paths, **NOT_PRINTED, "config": str(file)}
+    )
 
 
 def test_printed_config_has_all_items_then_what_is_said_of_others(tmp_path: Path) -> None:
@@ -281,6 +287,33 @@ def test_bad_token_is_not_shown() -> None:
     assert mistake(["--token", "my secret"]) == f"--token: {said}"
     assert mistake([], {"ROSBRIDGE_SIM_TOKEN": "geheimniß"}) == f"ROSBRIDGE_SIM_TOKEN: {said}"
     assert "geheim" not in repr(check_options({"token": "geheim"}))
+
+
+def test_printed_config_says_where_secrets_belong_and_shows_none(tmp_path: Path) -> None:
+    urls = ["ws://a:9090", "wss://me:geheim@b/x?token=geheim"]
+    text = format_config(check_options({"token": "geheim", "attach": urls}), [])
+    assert "geheim" not in text
+    assert "# token is set, and is not printed: write it here, or into ROSBRIDGE_SIM_TOKEN\n" in text
+    assert '# a token or a password in a URL is not printed: write it where it belongs\nattach = ["ws://a:9090"' in text
+    (tmp_path / "s.toml").write_text(text.replace("# token is set", 'token = "geheim"\n# token is set'))
+    assert read_settings(["--config", str(tmp_path / "s.toml")], {}).token == "geheim"  # noqa: S105 - a test's own
+    assert "not printed" not in format_config(check_options({"attach": "ws://a/x"}), [])
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--tokn", "geheim"],
+        ["--tokn=geheim"],
+        ["token=geheim"],
+        ["ws://h/?token=geheim"],
+        ["--port", "ws://me:geheim@h"],
+        ["--ping-interval", "?token=geheim"],
+        ["--allow-publish", "token=geheim x"],
+    ],
+)
+def test_mistake_beside_a_token_is_told_without_it(words: list[str]) -> None:
+    assert "geheim" not in mistake(words)
 
 
 def test_attach_takes_urls_and_flags_in_any_order_and_does_not_listen() -> None:

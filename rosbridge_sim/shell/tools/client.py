@@ -25,6 +25,7 @@ from rosbridge_sim.errors import FrameError
 from rosbridge_sim.protocol.fragments import Defragmenter
 from rosbridge_sim.protocol.ops import Fragment
 from rosbridge_sim.shell.dialing import why_gone, why_not
+from rosbridge_sim.shell.library_log import quiet
 from rosbridge_sim.shell.tools.faults import BridgeError, RefusedError
 from rosbridge_sim.shell.tools.text import note, safe
 from rosbridge_sim.shell.urls import full_url, shown_url
@@ -74,6 +75,7 @@ async def open_bridge(url: str, token: str | None, patience: float) -> AsyncIter
         RefusedError: it ended by itself.
     """
     url = full_url(url)
+    secrets = (token,) if token else ()
     headers = {"Authorization": f"Bearer {_check_token(token)}"} if token else {}
     try:
         connection = await connect(
@@ -85,14 +87,16 @@ async def open_bridge(url: str, token: str | None, patience: float) -> AsyncIter
             ping_interval=None,  # a server that is busy with a long call answers no ping, and that is no fault
             max_size=MAX_SIZE,
             proxy=None,  # the environment's are for the web
+            logger=quiet,
         )
     except (OSError, ValueError, WebSocketException) as error:
-        raise BridgeError(why_not(url, error, patience, flag="--url", token="--token")) from None  # noqa: S106 - a flag
+        text = why_not(url, error, patience, flag="--url", token="--token", secrets=secrets)  # noqa: S106 - a flag
+        raise BridgeError(text) from None
     async with connection:
         try:
             yield Bridge(connection, url, patience)
         except ConnectionClosed as closed:
-            raise RefusedError(why_gone(url, closed)) from None
+            raise RefusedError(why_gone(url, closed, secrets)) from None
 
 
 def _check_token(token: str) -> str:
