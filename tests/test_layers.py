@@ -18,13 +18,14 @@ ROOT = Path(__file__).parent.parent / PACKAGE
 
 ARROWS: dict[str, set[str]] = {
     "errors": set(),
+    "suggestions": set(),
     "weight": set(),
-    "schema": {"errors", "weight"},
-    "protocol": {"errors", "weight"},
+    "schema": {"errors", "suggestions", "weight"},
+    "protocol": {"errors", "suggestions", "weight"},
     "world": {"errors"},
-    "graph": {"errors", "protocol", "schema"},
-    "morai": {"errors", "graph", "protocol", "schema", "world"},
-    "shell": {"errors", "graph", "morai", "protocol", "schema", "world"},
+    "graph": {"errors", "protocol", "schema", "suggestions"},
+    "morai": {"errors", "graph", "protocol", "schema", "suggestions", "world"},
+    "shell": {"errors", "graph", "morai", "protocol", "schema", "suggestions", "world"},
     "__main__": {"", "errors", "shell"},
     "": {"errors", "shell"},
 }
@@ -40,6 +41,7 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "world": {"numpy"},
     "morai": {"msgspec", "numpy", "orjson", "pydantic", "pydantic_core", "pyproj"},
     "errors": set(),
+    "suggestions": set(),
     "weight": {"numpy"},
 }
 """Third-party libraries of each room below the shell; none of them does I/O by itself."""

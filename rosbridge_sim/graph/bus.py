@@ -22,12 +22,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import count, takewhile
 
-from rosbridge_sim.errors import EncodingError, GraphError, PeerError, UnknownPackageError
+from rosbridge_sim.errors import EncodingError, GraphError, PeerError, Reason, UnknownPackageError
 from rosbridge_sim.graph.actions import Actions
 from rosbridge_sim.graph.channels import Answer, Call, Deliver, Handle, OnAnswer, Service, Subscription, Topic
 from rosbridge_sim.graph.guard import Guard
 from rosbridge_sim.graph.owner import Body, Owner, decode_body, resolve, size_of_body
 from rosbridge_sim.graph.parameters import Parameters
+from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.schema.compile import MessageType, OpaqueType
 from rosbridge_sim.schema.store import Message, Store
@@ -93,6 +94,7 @@ class Bus:
         total: what all owners together make this process hold.
         accounts: those of owners that have a limit, by owner.
         guard: sees to it that a failure of ours hurts as few as possible.
+        on_refusal: called with each mistake that a client is told of.
         num_published, num_calls: counters since the start.
     """
 
@@ -115,6 +117,7 @@ class Bus:
         self.service_timeout = service_timeout
         self.max_calls = max_calls
         self.guard = Guard()
+        self.on_refusal: Callable[[RefusedRequest], None] = lambda _refusal: None
         self.total = Account()
         self.accounts: dict[Owner, Account] = {}
         self._own_account = Account(total=self.total)
@@ -163,7 +166,8 @@ class Bus:
         if is_exclusive:
             topic.owner = owner
         elif topic.owner is not None and topic.owner is not owner:
-            raise GraphError(f"Topic {topic.name} is published by {topic.owner.name} alone; others may only subscribe")
+            text = f"Topic {topic.name} is published by {topic.owner.name} alone; others may only subscribe"
+            raise GraphError(text, reason=Reason.NAME_TAKEN)
         if is_on_demand:
             topic.on_demand[owner] = None
         topic.advertise(owner, key, depth)
@@ -195,9 +199,8 @@ class Bus:
         problem: PeerError | None = None
         failure: Exception | None = None
         if topic.depth and not topic.keep(sender, message, self.accounts.get(sender)):
-            problem = GraphError(
-                f"{topic.name}: this client makes the server hold too much; the message is not latched"
-            )
+            text = f"{topic.name}: this client makes the server hold too much; the message is not latched"
+            problem = GraphError(text, reason=Reason.TOO_MUCH)
         for subscription in topic.subscriptions:
             try:
                 subscription.deliver(topic, message, sender, now)
@@ -288,12 +291,12 @@ class Bus:
         """
         topic = self.find_topic(name)
         if topic is None and type_name is None:
-            raise GraphError(f"Cannot infer topic type for topic {name} as it is not yet advertised")
+            raise self._no_topic(name)
         if topic is None or type_name is None:
             return self._message_type(type_name) if type_name is not None else topic.type  # type: ignore[union-attr] # one is there
         why = self.type_conflict(name, type_name)
         if why is not None:
-            raise GraphError(why)
+            raise GraphError(why, reason=Reason.TYPE_CONFLICT)
         return topic.type
 
     def check_type(self, name: str, type_name: str) -> None:
@@ -348,7 +351,7 @@ class Bus:
         old = self.services.get(name)
         if old is not None:
             if old.is_exclusive and old.owner is not owner:
-                raise GraphError(f"Service {name} is provided by {old.owner.name} alone")
+                raise GraphError(f"Service {name} is provided by {old.owner.name} alone", reason=Reason.NAME_TAKEN)
             if old.owner is not owner:
                 owner.tell("warning", f"Duplicate service advertised. Overwriting {name}.")
             self._drop_service(old, f"Service {name} was unadvertised")
@@ -371,7 +374,8 @@ class Bus:
         """
         service = self.services.get(resolve(name))
         if service is None or service.owner is not owner:
-            raise GraphError(f"Service {name} has not been advertised via rosbridge, can't unadvertise.")
+            text = f"Service {name} has not been advertised via rosbridge, can't unadvertise."
+            raise GraphError(text, reason=Reason.NOT_ADVERTISED)
         self._drop_service(service, None if answers_calls else f"Service {service.name} was unadvertised")
 
     def call(
@@ -391,17 +395,18 @@ class Bus:
         try:
             service = self.services.get(resolve(name))
             if service is None:
-                raise GraphError(f"Service {name} does not exist")
+                raise GraphError(f"Service {name} does not exist", reason=Reason.NO_SUCH_SERVICE)
             request = decode_body(service.type.request, args, self.stamp_ns)
             held = self._held(caller).calls
             if len(held) >= self.max_calls:
-                raise GraphError(f"Too many calls in flight: at most {self.max_calls}")
+                raise GraphError(f"Too many calls in flight: at most {self.max_calls}", reason=Reason.TOO_MUCH)
             # The simulator's own services answer at once, or hold their caller.
             size = 0 if service.is_exclusive else size_of_body(request, args)
             if size and not self.account_of(caller).take(size):
-                raise GraphError("Too much in flight: this client makes the server hold too much")
+                text = "Too much in flight: this client makes the server hold too much"
+                raise GraphError(text, reason=Reason.TOO_MUCH)
         except PeerError as error:
-            on_answer(Answer(is_ok=False, values=str(error)))
+            on_answer(Answer(is_ok=False, values=str(error), reason=error.reason))
             return
         call = Call(service, caller, request, on_answer, self, num_bytes=size)
         service.calls[call] = None
@@ -413,7 +418,7 @@ class Bus:
         except PeerError as error:
             if isinstance(error, EncodingError):
                 self.guard.note_encoding(service.name, error)
-            call.refuse(str(error))
+            call.refuse(str(error), error.reason)
         except Exception as error:  # noqa: BLE001 - a bug of ours in the provider's own state
             call.refuse("The provider failed; the server's log says why")
             self.guard.blame(service.owner, error)
@@ -535,11 +540,17 @@ class Bus:
         topic = self.topics.get(absolute)
         if topic is None:
             if type_name is None:
-                raise GraphError(f"Cannot infer topic type for topic {name} as it is not yet advertised")
+                raise self._no_topic(name)
             topic = self.topics[absolute] = Topic(absolute, self._message_type(type_name))
         elif type_name is not None and (why := self.type_conflict(absolute, type_name)) is not None:
-            raise GraphError(why)
+            raise GraphError(why, reason=Reason.TYPE_CONFLICT)
         return topic
+
+    @staticmethod
+    def _no_topic(name: str) -> GraphError:
+        """The error of a topic that is not there, and whose type was not said."""
+        text = f"Cannot infer topic type for topic {name} as it is not yet advertised"
+        return GraphError(text, reason=Reason.UNKNOWN_TOPIC)
 
     def _message_type(self, name: str) -> MessageType | OpaqueType:
         """The type of that name; one that is only relayed where its whole package is unknown."""

@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 import msgspec
 import orjson
 
-from rosbridge_sim.errors import FieldError, GraphError
+from rosbridge_sim.errors import FieldError, GraphError, Reason
 from rosbridge_sim.protocol.codec import is_absent
 from rosbridge_sim.protocol.ops import ABSENT, Body
 from rosbridge_sim.schema.compile import MessageType, OpaqueType
@@ -18,10 +18,12 @@ from rosbridge_sim.schema.sizes import size_of
 __all__ = [
     "Body",
     "Correlating",
+    "Explaining",
     "Holdable",
     "Owner",
     "Tell",
     "decode_body",
+    "explain",
     "hold",
     "resolve",
     "size_of_body",
@@ -70,6 +72,22 @@ class Correlating(Protocol):
         """Return a function that does what `tell` does, with the id of the request that is handled right now."""
 
 
+@runtime_checkable
+class Explaining(Protocol):
+    """An owner that is told, with a text about its request, which kind of mistake it made."""
+
+    def explain(self, level: str, text: str, reason: Reason) -> None:
+        """Do what `tell` does, for a reason that the log and `/sim/refusals` name."""
+
+
+def explain(owner: Owner, level: str, text: str, reason: Reason) -> None:
+    """Tell an owner why its request was refused; one that keeps no account of reasons only hears the text."""
+    if isinstance(owner, Explaining):
+        owner.explain(level, text, reason)
+    else:
+        owner.tell(level, text)
+
+
 def hold(owner: Owner) -> Callable[[], None]:
     """Hold an owner's input, so that what it sends next waits for something that takes time.
 
@@ -98,7 +116,7 @@ def resolve(name: str) -> str:
     """
     if not _NAME.fullmatch(name):
         shown = name if len(name) <= 80 else name[:77] + "..."  # noqa: PLR2004 - a line of a terminal
-        raise GraphError(f"{shown!r} is not a valid graph name")
+        raise GraphError(f"{shown!r} is not a valid graph name", reason=Reason.BAD_NAME)
     return name if name[0] == "/" else "/" + name
 
 
@@ -139,6 +157,7 @@ def decode_body(message_type: MessageType | OpaqueType, body: Body, stamp_ns: in
     if isinstance(body, list):
         names = [f.name for f in message_type.definition.fields] if isinstance(message_type, MessageType) else []
         if len(body) > len(names):
-            raise GraphError(f"{message_type.name} takes {len(names)} arguments, but got {len(body)}")
+            text = f"{message_type.name} takes {len(names)} arguments, but got {len(body)}"
+            raise GraphError(text, reason=Reason.WRONG_VALUE)
         return message_type.check(dict(zip(names, body, strict=False)), stamp_ns)
     return message_type.check({} if body is None else body, stamp_ns)

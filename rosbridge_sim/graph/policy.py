@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from fnmatch import translate
 from functools import lru_cache
 
-from rosbridge_sim.errors import GraphError
+from rosbridge_sim.errors import GraphError, Reason
 from rosbridge_sim.graph.owner import resolve
 
 __all__ = ["OPEN", "Policy", "Rule"]
@@ -72,27 +72,27 @@ class Policy:
     def check_publish(self, topic: str) -> None:
         """Raise GraphError if the topic may not be published to."""
         if not self.publish.admits(topic):
-            raise GraphError(f"Not allowed to publish to {topic}")
+            raise GraphError(f"Not allowed to publish to {topic}", reason=Reason.NOT_ALLOWED)
 
     def check_subscribe(self, topic: str) -> None:
         """Raise GraphError if the topic may not be listened to."""
         if not self.subscribe.admits(topic):
-            raise GraphError(f"Not allowed to subscribe to {topic}")
+            raise GraphError(f"Not allowed to subscribe to {topic}", reason=Reason.NOT_ALLOWED)
 
     def check_call(self, name: str) -> None:
         """Raise GraphError if the service may not be called, or no goal be sent to the action."""
         if not self.may_call(name):
-            raise GraphError(f"Not allowed to call {name}")
+            raise GraphError(f"Not allowed to call {name}", reason=Reason.NOT_ALLOWED)
 
     def check_offer(self, name: str) -> None:
         """Raise GraphError if no service and no action may be offered under that name."""
         if not self.service.admits(name):
-            raise GraphError(f"Not allowed to offer {name}")
+            raise GraphError(f"Not allowed to offer {name}", reason=Reason.NOT_ALLOWED)
 
     def check_parameter(self, name: str) -> None:
         """Raise GraphError if the parameter may be neither read nor written."""
         if not self.parameter.admits(name):
-            raise GraphError(f"Not allowed to use the parameter {name}")
+            raise GraphError(f"Not allowed to use the parameter {name}", reason=Reason.NOT_ALLOWED)
 
     def may_call(self, name: str) -> bool:
         """Whether a service may be called, or a goal be sent to an action."""

@@ -13,9 +13,10 @@ import re
 from dataclasses import dataclass
 from typing import Final
 
+from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.state import Body, Kind
 
-__all__ = ["CATALOGUE", "DEFAULT_EGO", "Model", "default_model", "find_model", "model_of_data_id"]
+__all__ = ["CATALOGUE", "DEFAULT_EGO", "Model", "default_model", "find_model", "model_of_data_id", "suggest_model"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +104,7 @@ CATALOGUE: Final[tuple[Model, ...]] = (
 DEFAULT_EGO: Final = CATALOGUE[0]
 
 _IGNORED = re.compile(r"[\W_]+")  # blanks, `_`, `-`, brackets
+_LEADING_YEAR = re.compile(r"(19|20)\d\d_")
 _YEAR = re.compile(r"(19|20)\d\d(?=[a-z])")
 
 
@@ -133,6 +135,12 @@ def find_model(name: str) -> Model | None:
     `2015_Kia_K5`. Another year is another car.
     """
     return _BY_KEY.get(_key(name)) if len(name) <= MAX_NAME else None
+
+
+def suggest_model(name: str) -> str:
+    """Return the nearest model for the end of an error; an empty text where none comes near."""
+    names = [model.name for model in CATALOGUE]
+    return hint(name, [*names, *(_LEADING_YEAR.sub("", each) for each in names)], cutoff=0.6)
 
 
 def model_of_data_id(data_id: int, kind: Kind) -> Model | None:

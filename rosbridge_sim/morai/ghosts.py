@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.errors import FieldError
-from rosbridge_sim.morai.catalogue import Model, find_model
+from rosbridge_sim.morai.catalogue import Model, find_model, suggest_model
 from rosbridge_sim.morai.commands import Ghost, Pose
 from rosbridge_sim.morai.stage import FIRST_UID, MAX_ENTITIES, MAX_FILE_UID, Stage
 from rosbridge_sim.world import dynamics
@@ -96,7 +96,8 @@ class Ghosts:
             raise FieldError(f"unique_id {ghost.unique_id}: expected a vehicle's, it is an ego's")
         model = find_model(ghost.name)
         if model is None or model.kind is not Kind.VEHICLE:
-            raise FieldError(f"unique_id {ghost.unique_id}: the catalogue has no vehicle {ghost.name[:80]!r}")
+            text = f"unique_id {ghost.unique_id}: the catalogue has no vehicle {ghost.name[:80]!r}"
+            raise FieldError(f"{text}{suggest_model(ghost.name)}")
         return model
 
     def _check_vehicle(self, uid: int) -> None:

@@ -21,8 +21,9 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Final, Protocol
 
-from rosbridge_sim.errors import DocumentError, GraphError, hint
+from rosbridge_sim.errors import DocumentError, GraphError
 from rosbridge_sim.graph.owner import resolve
+from rosbridge_sim.suggestions import hint
 
 __all__ = [
     "MAX_RATE",

@@ -19,11 +19,12 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError
+from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.bus import Call, Owner
+from rosbridge_sim.graph.owner import explain
 from rosbridge_sim.morai.answers import complain, request_of, respond
 from rosbridge_sim.morai.bindings import Bindings
-from rosbridge_sim.morai.catalogue import find_model
+from rosbridge_sim.morai.catalogue import find_model, suggest_model
 from rosbridge_sim.morai.commands import lamps_of
 from rosbridge_sim.morai.convert import gear_of, maker, time_text
 from rosbridge_sim.morai.ego import CtrlMode, Ego
@@ -105,14 +106,14 @@ class Services(Part):
             what = f"on, master {user_id!r}, {sync.step_ms} ms a tick" if sync.is_on else "off"
             _log.info("synchronous mode %s, frame %d", what, node.world.frame)
         else:
-            call.caller.tell("warning", f"{call.service.name}: {outcome.why}")
+            explain(call.caller, "warning", f"{call.service.name}: {outcome.why}", outcome.reason)
         node.follow(outcome, now)
         respond(call, self._make_cmd(user_id, node.world.frame, outcome.is_accepted, sync.step_ms))
 
     def _wait_for_tick(self, ego: Ego, call: Call, now: float) -> None:
         request, node = request_of(call), self._node
         if node.is_moving:  # a listener of a tick's topics asks for the next one from within
-            raise GraphError(f"{call.service.name}: a tick is in progress")
+            raise GraphError(f"{call.service.name}: a tick is in progress", reason=Reason.NOT_NOW)
 
         def answer(result: TickResult) -> None:
             if call.is_done:  # given up, or the caller has left: perhaps the ego is gone, too
@@ -121,7 +122,7 @@ class Services(Part):
                 call.refuse(node.failure)
                 return
             if not result.is_accepted:
-                call.caller.tell("warning", f"{call.service.name}: {result.why}")
+                explain(call.caller, "warning", f"{call.service.name}: {result.why}", result.reason)
             frame = node.world.frame
             is_paused, status = result.is_paused, ego.status()
             respond(call, self._make_tick(result.is_accepted, is_paused, frame, status, time_text(frame)))
@@ -172,7 +173,7 @@ class Services(Part):
         else:
             result = outcome.is_accepted
             if not result:
-                call.caller.tell("warning", f"{call.service.name}: {outcome.why}")
+                explain(call.caller, "warning", f"{call.service.name}: {outcome.why}", outcome.reason)
         respond(call, self._make_result(result))
 
     def _submit(self, read: Callable[[], Command], frame: int, caller: Owner, now: float) -> Outcome:
@@ -203,7 +204,7 @@ class Services(Part):
     def _read_add(self, request: Any, sender: Owner, where: str) -> Command:  # noqa: ANN401 - a generated struct
         model = find_model(request.name)
         if model is None:
-            raise FieldError(f"the catalogue has no model {request.name[:80]!r}")
+            raise FieldError(f"the catalogue has no model {request.name[:80]!r}{suggest_model(request.name)}")
         place, heading_deg = (request.position.x, request.position.y, request.position.z), request.heading
         if not all(-MAX_COORDINATE <= figure <= MAX_COORDINATE for figure in place):
             raise FieldError(f"position: expected numbers within +-{MAX_COORDINATE:g}, got {place}")
@@ -241,7 +242,7 @@ class Services(Part):
         """
         outcome = self._submit(lambda: command, frame, sender, now)
         if not outcome.is_accepted:
-            raise GraphError(f"{topic}: {outcome.why}")
+            raise GraphError(f"{topic}: {outcome.why}", reason=outcome.reason)
 
     # Real time
 

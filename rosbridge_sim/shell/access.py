@@ -23,7 +23,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from websockets.http11 import Request
 
-from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.errors import DocumentError, Reason
 from rosbridge_sim.graph.peer import FrameWork, Peer, Work
 from rosbridge_sim.protocol.ops import ActionResult, Auth, Id, Op, ServiceResponse
 
@@ -197,6 +197,7 @@ class Warden:
         if not self.is_proven:
             if len(frame) > MAX_UNPROVEN_SIZE:
                 session.remark("error", _NO_TOKEN)
+                self._peer.note(Reason.NO_TOKEN, _NO_TOKEN)
                 return None
         elif bucket is not None and not bucket.take(now) and not _ANSWER.match(frame[:_LOOKED_AT]):
             self._slow_down(now)
@@ -222,6 +223,7 @@ class Warden:
         """Close the connection if it has still shown no token."""
         if not self.is_proven:
             self._peer.session.remark("error", _NO_TOKEN)
+            self._peer.note(Reason.NO_TOKEN, _NO_TOKEN)
             self._close("no token was shown in time")
 
     def _prove(self, op: Op) -> None:
@@ -240,19 +242,19 @@ class Warden:
                 self._close("wrong tokens")
 
     def _refuse(self, op: Op, why: str) -> None:
-        if not self._peer.refuse(op, why):
+        if not self._peer.refuse(op, why, Reason.NO_TOKEN):
             self._peer.session.remark("error", why, op.id)
 
     def _slow_down(self, now: float, op_id: Id = None) -> None:
         """Refuse a frame, or an op of one; the client hears of it once a second."""
-        if not self._num_too_many:
-            _log.warning("%s sends more than %s frames a second", self._peer.address, self._access.max_rate)
         self._num_too_many += 1
         self._peer.num_errors += 1
         if now >= self._tell_at:
             self._tell_at = now + 1.0
             why = f"Too fast: at most {self._access.max_rate} frames a second are taken from one client"
-            self._peer.session.remark("error", f"{why}; refused so far: {self._num_too_many}", op_id)
+            text = f"{why}; refused so far: {self._num_too_many}"
+            self._peer.session.remark("error", text, op_id)
+            self._peer.note(Reason.TOO_FAST, text)
 
 
 def load_certificate(certfile: str | None, keyfile: str | None) -> ssl.SSLContext | None:

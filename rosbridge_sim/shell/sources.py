@@ -16,10 +16,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from rosbridge_sim.errors import DocumentError, hint
+from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.kinds import FILE, FOLDER, FOLDERS, SECRET, SWITCH, URLS, SettingError, show_size
 from rosbridge_sim.shell.settings import FIELDS, SHORT_FORMS, Settings, flag_of
 from rosbridge_sim.shell.toml_text import Lines, lines_of, place_of, read_toml
+from rosbridge_sim.suggestions import hint
 
 if TYPE_CHECKING:
     from rosbridge_sim.morai.items import ListedItem

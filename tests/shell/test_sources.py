@@ -69,6 +69,7 @@ OTHER: dict[str, object] = {
     "anyone_may_stop": True,
     "schema_path": ("x", "y"),
     "strict_types": True,
+    "quiet_clients": True,
     "listen": False,
     "attach": ("ws://a:9090", "wss://b/?token=abc"),
     "attach_sockets": "per-topic",
