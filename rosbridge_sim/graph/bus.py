@@ -29,6 +29,7 @@ from rosbridge_sim.graph.guard import Guard
 from rosbridge_sim.graph.owner import Body, Owner, decode_body, resolve, size_of_body
 from rosbridge_sim.graph.parameters import Parameters
 from rosbridge_sim.graph.refusals import RefusedRequest
+from rosbridge_sim.graph.unpublished import UnpublishedTopics
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.schema.compile import MessageType, OpaqueType
 from rosbridge_sim.schema.store import Message, Store
@@ -94,6 +95,7 @@ class Bus:
         total: what all owners together make this process hold.
         accounts: those of owners that have a limit, by owner.
         guard: sees to it that a failure of ours hurts as few as possible.
+        unpublished: subscriptions to topics that nobody publishes.
         on_refusal: called with each mistake that a client is told of.
         num_published, num_calls: counters since the start.
     """
@@ -117,6 +119,7 @@ class Bus:
         self.service_timeout = service_timeout
         self.max_calls = max_calls
         self.guard = Guard()
+        self.unpublished = UnpublishedTopics()
         self.on_refusal: Callable[[RefusedRequest], None] = lambda _refusal: None
         self.total = Account()
         self.accounts: dict[Owner, Account] = {}
@@ -275,6 +278,7 @@ class Bus:
         topic = subscription.topic
         topic.subscriptions = tuple(s for s in topic.subscriptions if s is not subscription)
         self._held(subscription.owner).subscriptions.pop(subscription, None)
+        self.unpublished.forget(subscription)
         self._orphan(topic, now)
         self._tell_holdings(subscription.owner)
 
@@ -476,6 +480,9 @@ class Bus:
         while self._deadlines and self._deadlines[0][2].is_done:
             self._pop_deadline()
         first = self._deadlines[0][0] if self._deadlines else None
+        unpublished = self.unpublished.next_due()
+        if first is None or (unpublished is not None and unpublished < first):
+            first = unpublished
         for topic in self._orphans:  # in order of orphaning, so the first is the earliest
             if topic.orphaned_at is not None:
                 due = topic.orphaned_at + TYPE_MEMORY
@@ -483,12 +490,17 @@ class Bus:
         return first
 
     def expire(self, now: float) -> None:
-        """Give up the calls whose time is over and forget the topics that nobody has held for a while."""
+        """Give up the calls whose time is over and forget the topics that nobody has held for a while.
+
+        A listener that has waited for a while for a topic without a publisher is told.
+        """
         while self._deadlines and (self._deadlines[0][0] <= now or self._deadlines[0][2].is_done):
             refuse = self._pop_deadline().refuse
             self.guard.attempt("a time-out", refuse, "Timeout exceeded while waiting for service response")
         for topic in list(takewhile(lambda topic: _is_over(topic, now), self._orphans)):
             self.guard.attempt("forgetting a topic", self._forget, topic)
+        for topic, tell in self.unpublished.take_due(now):
+            self.guard.attempt("a word about a topic that nobody publishes", tell, topic)
 
     def leave(self, owner: Owner, now: float) -> None:
         """Take away all that `owner` holds, answer those who wait for it, tell the watchers. Twice is no error."""

@@ -36,7 +36,7 @@ from rosbridge_sim.protocol.feed import read_qos, read_terms
 from rosbridge_sim.protocol.session import Feed, Session
 from rosbridge_sim.schema.compile import MessageType, OpaqueType
 from rosbridge_sim.schema.store import Message
-from rosbridge_sim.suggestions import hint
+from rosbridge_sim.suggestions import hint, listing
 
 __all__ = ["NODE_NAME", "FrameWork", "Peer", "Work"]
 
@@ -48,6 +48,12 @@ _IMPLICIT = object()
 
 MAX_ID = 1_024
 """Longest id of what is held [characters]; any other id is only echoed."""
+
+MAX_WATCHED = 100
+"""Topics of one client at most that it is told of when nobody publishes them: as many lines in the log."""
+
+MAX_ALIKE = 3
+"""Topics of the same type that such a word names."""
 
 _TIDY = 1_000
 """Ended calls or goals that a provider's list may hold before it is tidied: late answers to them are no mistake."""
@@ -399,7 +405,7 @@ class Peer:
         self._policy.check_publish(op.topic)
         return self._bus.type_to_publish(op.topic, op.type or None)
 
-    def _subscribe(self, op: ops.Subscribe, _now: float) -> None:
+    def _subscribe(self, op: ops.Subscribe, now: float) -> None:
         self._policy.check_subscribe(op.topic)
         qos = read_qos(op.qos)
         bus = self._bus
@@ -415,6 +421,8 @@ class Peer:
 
             listening = _Listening(feed, bus.subscribe(self, op.topic, deliver, type_name=op.type))
             self._listenings[op.topic] = listening
+            if len(self._listenings) <= MAX_WATCHED:
+                bus.unpublished.watch(listening.subscription, self._tell_unpublished, now)
         elif op.type is not None:
             bus.check_type(op.topic, op.type)
         feed = listening.feed
@@ -426,6 +434,17 @@ class Peer:
                     feed.send(message, bus.stamp_ns)
                 except EncodingError as error:
                     bus.guard.note_encoding(op.topic, error)
+
+    def _tell_unpublished(self, topic: Topic) -> None:
+        """Tell that a topic has no publisher yet. That is no mistake; it may be a wrong name."""
+        published = [each for each in self._bus.topics.values() if each.publishers and self._policy.may_see(each.name)]
+        near = hint(topic.name, [each.name for each in published])
+        alike = [each.name for each in published if each.type is topic.type][:MAX_ALIKE]
+        of_type = f"; of this type there is {listing(alike)}" if alike else ""
+        text = f"{topic.name} ({topic.type.name}) is subscribed to, and nobody publishes it"
+        text += f"{self._bus.unpublished.advise(topic)}{near}{of_type}"
+        _log.info("%s: %s", self.address, text, extra={"client": self.address})
+        self._remark("info", text)
 
     def _unsubscribe(self, op: ops.Unsubscribe, now: float) -> None:
         listening = self._listenings.get(op.topic)

@@ -30,6 +30,7 @@ from rosbridge_sim.morai.convert import Converter, maker
 from rosbridge_sim.morai.ego import CtrlMode, Ego
 from rosbridge_sim.morai.frames import TF, Mount, Transforms
 from rosbridge_sim.morai.items import Items
+from rosbridge_sim.morai.missing_sensors import advise
 from rosbridge_sim.morai.network_settings import DEFAULTS, NetworkSettings
 from rosbridge_sim.morai.outputs import Outputs
 from rosbridge_sim.morai.pace import Pace
@@ -200,6 +201,7 @@ class Node:
             part.bind_ego(self.egos[0], bindings)
         self.items.open()
         bus.watchers.append(self._see_off)
+        bus.unpublished.advise = advise
         bus.stamp_ns = world.frame * STEP_NS
         self._announce(0.0)
         self.announce_mounts(0.0)

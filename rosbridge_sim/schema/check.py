@@ -260,7 +260,7 @@ def _advise(name: str, shape: Shape, given: Mapping[object, object], owner: str)
     if inner is not None and not others and slot.field.array is None and field_name not in given:
         known = inner.slots.keys() | inner.aliases.keys()
         if any(key in known for key in islice(given, _LOOKED_AT)):  # the message itself, without what wraps it
-            return f"; wrap it in `{field_name}`: {{\"{field_name}\": {{...}}}}"
+            return f'; wrap it in `{field_name}`: {{"{field_name}": {{...}}}}'
     return f"{hint(name, [*shape.slots, *shape.aliases])}; {owner} has {listing(shape.slots)}"
 
 
