@@ -156,7 +156,9 @@ def _tool(name: str) -> Callable[[Sequence[str]], int]:
 _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
     "serve": _serve,
     "attach": _attach,
-    **{name: _tool(name) for name in ("topic", "service", "schema", "bag", "scenario", "map", "record")},
+    **{
+        name: _tool(name) for name in ("topic", "service", "tick", "wait", "schema", "bag", "scenario", "map", "record")
+    },
 }
 
 

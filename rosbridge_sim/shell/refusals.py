@@ -191,8 +191,10 @@ def escape(text: str, max_length: int = MAX_TEXT) -> str:
 
 
 def _line(request: RefusedRequest) -> str:
+    """Return op, subject and text; many texts begin with the subject themselves."""
+    text = request.text.removeprefix(f"{request.subject}: ")
     what = f"{request.op} {escape(request.subject, MAX_NAME)}".strip()
-    return f"{what}: {escape(request.text)}" if what else escape(request.text)
+    return f"{what}: {escape(text)}" if what else escape(text)
 
 
 def _shorten(request: RefusedRequest) -> RefusedRequest:

@@ -296,7 +296,8 @@ def _make_parser(*, is_attaching: bool) -> argparse.ArgumentParser:
 _SERVE_TEXT = (
     "A rosbridge v2 server that needs no ROS, with a driving world inside that answers like MORAI SIM: Drive."
     " rosbridge-sim attach URL has the world stand behind somebody else's rosbridge, as MORAI SIM does. Other commands"
-    " look at any rosbridge: rosbridge-sim topic, service, schema, record; or at files: bag, scenario, map (--help)."
+    " talk to any rosbridge: rosbridge-sim topic, service, tick, wait, schema, record; or look at files: bag, scenario,"
+    " map (--help)."
 )
 
 _ATTACH_TEXT = (

@@ -146,7 +146,7 @@ async def test_refused_ticks_and_starts_and_commands_are_in_the_log_and_on_the_t
     assert refusals["refusals"][3]["text"] == "Service /SyncModCmd does not exist (did you mean /SyncModeCmd?)"
     said = [line for line in lines(ears) if line.startswith(f"127.0.0.1:{port}: refused: ")]
     assert [line.rpartition("(")[2] for line in said] == ["not_master)", "unknown_field)", "no_such_service)"]
-    assert "the last one: call_service /SyncModeWaitForTick: " in "".join(lines(ears)), "written at the end"
+    assert "the last one: call_service /SyncModeWaitForTick: another" in "".join(lines(ears)), "written at the end"
 
 
 async def test_quiet_clients_leaves_no_line(ears: pytest.LogCaptureFixture) -> None:
