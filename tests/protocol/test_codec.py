@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rosbridge_sim.errors import FrameError
+from rosbridge_sim.errors import FrameError, Reason
 from rosbridge_sim.protocol import codec
 from rosbridge_sim.protocol.codec import decode_frame, is_absent, op_frame, publish_head, response_frame, status_frame
 from rosbridge_sim.protocol.ops import OPS, CallService, Fragment, Id, Op, Publish, Subscribe
@@ -168,3 +168,19 @@ def test_a_long_object_without_an_op_is_not_quoted_in_full() -> None:
     assert len(steps) > 2  # others have their turn in between
     assert "without an op" in str(steps[-1])
     assert len(str(steps[-1])) < 1_000
+
+
+@pytest.mark.parametrize(
+    ("op", "end"),
+    [
+        ("publsh", "(did you mean publish?)"),
+        ("callService", "(did you mean call_service?)"),
+        ("nothing like it", "]"),
+        (7, "]"),
+    ],
+)
+def test_nearest_op_is_suggested_behind_the_list(op: object, end: str) -> None:
+    (error,) = decode_frame(json.dumps({"op": op}).encode())
+    assert isinstance(error, FrameError)
+    assert str(error).endswith(end)
+    assert error.reason is Reason.UNKNOWN_OP

@@ -406,3 +406,28 @@ def test_a_typed_array_in_any_place_is_taken_or_refused(
             message_type.encode_cbor(value)
             with contextlib.suppress(FieldError):  # a wide string has no bytes in ROS 2
                 message_type.encode_raw(value)
+
+
+WRAPPED = {"Req": "string user_id\nuint64 frame", "Head": "string a"}
+
+
+@pytest.mark.parametrize(
+    ("text", "body", "advice"),
+    [
+        ("Req request", {"user_id": "me"}, 'user_id; wrap it in `request`: {"request": {...}}'),
+        ("Req request", {"x": 1, "frame": 3}, 'x; wrap it in `request`: {"request": {...}}'),
+        ("Req request", {"request": {}, "user_id": "me"}, "user_id; it has request"),
+        ("Req request", {"x": 1}, "x; it has request"),
+        ("Req request", {"requst": {"user_id": "me"}}, "requst (did you mean request?); it has request"),
+        ("Req[] requests", {"user_id": "me"}, "user_id; it has requests"),
+        ("Req request\nHead h", {"user_id": "me"}, "user_id; it has request, h"),
+        ("int32 idx\nint32 status", {"trafficLightIndex": 1}, "trafficLightIndex; it has idx, status"),
+        ("Req request", {"request": {"userid": 1}}, "request.userid (did you mean user_id?); p/Req has user_id, frame"),
+        ("", {"x" * 10**6: 1}, "; it has no fields"),
+    ],
+)  # fmt: skip
+def test_unknown_field_comes_with_what_is_likely_meant(text: str, body: object, advice: str) -> None:
+    said = refusal(make(text, **WRAPPED), body)
+    assert said.startswith("Message type p/T does not have a field ")
+    assert said.endswith(advice)
+    assert len(said) < 1_000
