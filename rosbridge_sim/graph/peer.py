@@ -17,7 +17,7 @@ effect in the order in which they were sent, and nobody else waits.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, NoReturn, Protocol, TypeVar
 
@@ -262,13 +262,17 @@ class Peer:
 
     def _suggest(self, reason: Reason, op: ops.Op) -> str:
         """Return the nearest name that this client may use, for the end of an error; perhaps nothing."""
+        names: Iterable[str]
+        may_know: Callable[[str], bool]
         if reason is Reason.UNKNOWN_TOPIC and isinstance(op, (ops.Publish, ops.Subscribe)):
-            return hint(resolve(op.topic), filter(self._policy.may_see, self._bus.topics))
-        if reason is Reason.NO_SUCH_SERVICE and isinstance(op, ops.CallService):
-            return hint(resolve(_split_id(op)[0]), filter(self._policy.may_call, self._bus.services))
-        if reason is Reason.NO_SUCH_ACTION and isinstance(op, ops.SendActionGoal):
-            return hint(resolve(op.action), filter(self._policy.may_call, self._actions.by_name))
-        return ""
+            name, names, may_know = op.topic, self._bus.topics, self._policy.may_see
+        elif reason is Reason.NO_SUCH_SERVICE and isinstance(op, ops.CallService):
+            name, names, may_know = _split_id(op)[0], self._bus.services, self._policy.may_call
+        elif reason is Reason.NO_SUCH_ACTION and isinstance(op, ops.SendActionGoal):
+            name, names, may_know = op.action, self._actions.by_name, self._policy.may_call
+        else:
+            return ""
+        return hint(resolve(name), names if self._policy == OPEN else filter(may_know, names))
 
     def refuse(self, op: ops.Op, why: str, reason: Reason = Reason.REFUSED) -> bool:
         """Answer an op that is not to be done, if it waits for an answer; else False, and it gets no answer."""

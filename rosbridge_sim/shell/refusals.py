@@ -184,9 +184,17 @@ class RefusalLog:
             self._timer = self._loop.call_later(PERIOD, self._end_periods)
 
 
+def cut(text: str, max_length: int = MAX_TEXT) -> str:
+    """Return both ends of a text that is too long [characters]: an error's advice stands at its end."""
+    if len(text) <= max_length:
+        return text
+    end = max_length // 3
+    return f"{text[: max_length - end - 5]} ... {text[-end:]}"
+
+
 def escape(text: str, max_length: int = MAX_TEXT) -> str:
     """Return a client's text in one printable line, cut to a length [characters]."""
-    shown = text if len(text) <= max_length else text[:max_length] + "..."
+    shown = cut(text, max_length)
     return shown if shown.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in shown)
 
 
@@ -201,4 +209,4 @@ def _shorten(request: RefusedRequest) -> RefusedRequest:
     """Return the same with texts of which no more is held than is shown."""
     if len(request.text) <= MAX_TEXT and len(request.subject) <= MAX_NAME:
         return request
-    return request._replace(text=escape(request.text), subject=escape(request.subject, MAX_NAME))
+    return request._replace(text=cut(request.text), subject=cut(request.subject, MAX_NAME))

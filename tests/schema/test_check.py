@@ -408,9 +408,6 @@ def test_a_typed_array_in_any_place_is_taken_or_refused(
                 message_type.encode_raw(value)
 
 
-WRAPPED = {"Req": "string user_id\nuint64 frame", "Head": "string a"}
-
-
 @pytest.mark.parametrize(
     ("text", "body", "advice"),
     [
@@ -427,7 +424,7 @@ WRAPPED = {"Req": "string user_id\nuint64 frame", "Head": "string a"}
     ],
 )  # fmt: skip
 def test_unknown_field_comes_with_what_is_likely_meant(text: str, body: object, advice: str) -> None:
-    said = refusal(make(text, **WRAPPED), body)
+    said = refusal(make(text, Req="string user_id\nuint64 frame", Head="string a"), body)
     assert said.startswith("Message type p/T does not have a field ")
     assert said.endswith(advice)
     assert len(said) < 1_000

@@ -167,3 +167,12 @@ async def test_flood_of_mistakes_leaves_two_lines_and_two_messages(ears: pytest.
     ours = [line for line in lines(ears) if "unknown_topic" in line]
     assert len(ours) == 2
     assert "1,999 more refused" in ours[1]
+
+
+async def test_advice_at_the_end_of_a_long_text_is_shown(ears: pytest.LogCaptureFixture) -> None:
+    async with Simulator(port=0, world=False) as sim, await Client.open(sim.url) as client:
+        await client.send("publsh", topic="/x")
+        await client.settle()
+    (line,) = [line for line in lines(ears) if "unknown_op" in line]
+    assert line.endswith("(did you mean publish?) (unknown_op)")
+    assert len(line) < 500, "which is what the log cuts at"
