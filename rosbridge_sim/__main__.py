@@ -41,7 +41,8 @@ def main() -> int:
         code = _COMMANDS[name](argv)
         sys.stdout.flush()
     except DocumentError as error:
-        print(f"rosbridge-sim: {error}", file=sys.stderr)  # noqa: T201 - a person waits for it, no log
+        for line in str(error).splitlines():  # a settings file may have several mistakes
+            print(f"rosbridge-sim: {line}", file=sys.stderr)  # noqa: T201 - a person waits for it, no log
         return 2
     except OSError as error:
         from rosbridge_sim.shell.command_line import OUTPUT_LOST, drop_output  # noqa: PLC0415 - serve does without
@@ -156,7 +157,9 @@ def _tool(name: str) -> Callable[[Sequence[str]], int]:
 _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
     "serve": _serve,
     "attach": _attach,
-    **{name: _tool(name) for name in ("topic", "service", "schema", "bag", "scenario", "map", "record")},
+    **{
+        name: _tool(name) for name in ("topic", "service", "tick", "wait", "schema", "bag", "scenario", "map", "record")
+    },
 }
 
 

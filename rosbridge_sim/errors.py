@@ -17,8 +17,7 @@ bug of ours: it is raised, logged with its traceback and counted.
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Collection
+from enum import Enum
 
 __all__ = [
     "DefinitionError",
@@ -28,10 +27,10 @@ __all__ = [
     "FrameError",
     "GraphError",
     "PeerError",
+    "Reason",
     "RosbridgeSimError",
     "TypeNameError",
     "UnknownPackageError",
-    "hint",
 ]
 
 
@@ -39,8 +38,61 @@ class RosbridgeSimError(Exception):
     """The root of the tree."""
 
 
+class Reason(Enum):
+    """Why a request of a client was refused, as a word of ours: the log counts by it, and programs can compare it.
+
+    A text of a client's never becomes a reason, so there are no more reasons than stand here.
+    """
+
+    # the frame
+    BAD_FRAME = "bad_frame"
+    UNKNOWN_OP = "unknown_op"
+    BAD_OP = "bad_op"
+    # the message
+    UNKNOWN_TYPE = "unknown_type"
+    UNKNOWN_FIELD = "unknown_field"
+    WRONG_TYPE = "wrong_type"
+    WRONG_VALUE = "wrong_value"
+    NOT_ENCODABLE = "not_encodable"
+    # topics, services, actions
+    UNKNOWN_TOPIC = "unknown_topic"
+    NO_SUCH_SERVICE = "no_such_service"
+    NO_SUCH_ACTION = "no_such_action"
+    TYPE_CONFLICT = "type_conflict"
+    NAME_TAKEN = "name_taken"
+    NOT_ADVERTISED = "not_advertised"
+    BAD_NAME = "bad_name"
+    STRAY_ANSWER = "stray_answer"
+    # access and limits
+    NO_TOKEN = "no_token"  # noqa: S105 - a word, and no secret
+    NOT_ALLOWED = "not_allowed"
+    TOO_MUCH = "too_much"
+    TOO_FAST = "too_fast"
+    # synchronous mode
+    SYNC_OFF = "sync_off"
+    NOT_MASTER = "not_master"
+    NO_MASTER = "no_master"
+    PAUSED = "paused"
+    LATE_FRAME = "late_frame"
+    FAR_FRAME = "far_frame"
+    # all else
+    NOT_NOW = "not_now"
+    REFUSED = "refused"
+
+
 class PeerError(RosbridgeSimError):
-    """Somebody else's fault; the text is fit to be sent to them."""
+    """A mistake of a client, or of another peer; the text is fit to be sent to it.
+
+    Attributes:
+        reason: which kind of mistake.
+    """
+
+    reason = Reason.REFUSED
+
+    def __init__(self, text: str, *, reason: Reason | None = None) -> None:
+        super().__init__(text)
+        if reason is not None:
+            self.reason = reason
 
 
 class FrameError(PeerError):
@@ -51,14 +103,18 @@ class FrameError(PeerError):
         op: the `op` that it named, as far as it could be read, or None.
     """
 
-    def __init__(self, text: str, op_id: object = None, op: str | None = None) -> None:
-        super().__init__(text)
+    reason = Reason.BAD_FRAME
+
+    def __init__(self, text: str, op_id: object = None, op: str | None = None, *, reason: Reason | None = None) -> None:
+        super().__init__(text, reason=reason)
         self.op_id = op_id
         self.op = op
 
 
 class TypeNameError(PeerError):
     """A type name that is malformed, or a type that its (known) package lacks."""
+
+    reason = Reason.UNKNOWN_TYPE
 
 
 class UnknownPackageError(TypeNameError):
@@ -68,12 +124,16 @@ class UnknownPackageError(TypeNameError):
 class FieldError(PeerError):
     """A message that does not fit its type; the text names the path of the field."""
 
+    reason = Reason.WRONG_VALUE
+
 
 class EncodingError(PeerError):
     """A message that fits its type and cannot be written all the same; the cause is what its encoder raised.
 
     The bug is ours, yet it concerns that message alone: its publisher is told, and no connection is closed.
     """
+
+    reason = Reason.NOT_ENCODABLE
 
 
 class GraphError(PeerError):
@@ -95,9 +155,3 @@ class DefinitionError(DocumentError):
         super().__init__(f"{source}:{line}:{column}: {text}")
         self.line = line
         self.column = column
-
-
-def hint(name: str, known: Collection[str], cutoff: float = 0.7) -> str:
-    """For the end of an error: ` (did you mean ...?)`, or nothing where no known name comes near."""
-    close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=cutoff)
-    return f" (did you mean {close[0]}?)" if close else ""

@@ -18,14 +18,15 @@ ROOT = Path(__file__).parent.parent / PACKAGE
 
 ARROWS: dict[str, set[str]] = {
     "errors": set(),
+    "suggestions": set(),
     "weight": set(),
     "version": set(),
-    "schema": {"errors", "weight"},
-    "protocol": {"errors", "weight"},
+    "schema": {"errors", "suggestions", "weight"},
+    "protocol": {"errors", "suggestions", "weight"},
     "world": {"errors"},
-    "graph": {"errors", "protocol", "schema"},
-    "morai": {"errors", "graph", "protocol", "schema", "world"},
-    "shell": {"errors", "graph", "morai", "protocol", "schema", "version", "world"},
+    "graph": {"errors", "protocol", "schema", "suggestions"},
+    "morai": {"errors", "graph", "protocol", "schema", "suggestions", "world"},
+    "shell": {"errors", "graph", "morai", "protocol", "schema", "suggestions", "version", "world"},
     "__main__": {"", "errors", "shell"},
     "": {"errors", "shell", "version"},
 }
@@ -41,6 +42,7 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "world": {"numpy"},
     "morai": {"msgspec", "numpy", "orjson", "pydantic", "pydantic_core", "pyproj"},
     "errors": set(),
+    "suggestions": set(),
     "weight": {"numpy"},
     "version": set(),
 }

@@ -66,6 +66,26 @@ def test_the_javascript_drives(server: ServerProcess, tmp_path: Path) -> None:
     assert float(match[3]) > 10.0
 
 
+SHOWN = "error: Message type morai_msgs/CtrlCmd does not have a field acel (did you mean accel?); it has longlCmdType, "
+
+
+@pytest.mark.client
+@pytest.mark.slow
+def test_the_lines_for_roslibpy_show_a_status(server: ServerProcess, tmp_path: Path) -> None:
+    script = tmp_path / "status.py"
+    script.write_text(at_port(example("status-python"), server.port))
+    assert run([sys.executable, str(script)], tmp_path).startswith(SHOWN)
+
+
+@pytest.mark.client
+@pytest.mark.slow
+def test_the_lines_for_roslib_show_a_status(server: ServerProcess, tmp_path: Path) -> None:
+    script = tmp_path / "status.mjs"
+    script.write_text(at_port(example("status-node"), server.port))
+    (tmp_path / "node_modules").symlink_to(require_node_modules())
+    assert run([require_tool("node"), "--preserve-symlinks", str(script)], tmp_path).startswith(SHOWN)
+
+
 @pytest.mark.slow
 def test_the_simulator_in_process_runs(tmp_path: Path) -> None:
     script = tmp_path / "simulator.py"
@@ -161,7 +181,15 @@ def test_the_table_of_models_is_read(tmp_path: Path) -> None:
 def test_every_flag_that_it_names_exists() -> None:
     flags = set(re.findall(r"`(--[a-z-]+)", README))
     assert len(flags) > 15
-    commands = [["serve"], ["topic", "echo"], ["topic", "pub"], ["service", "call"], ["record"], ["map", "info"]]
+    commands = [
+        ["serve"],
+        ["topic", "echo"],
+        ["topic", "pub"],
+        ["service", "call"],
+        ["record"],
+        ["tick"],
+        ["map", "info"],
+    ]
     helped = "".join(run([sys.executable, "-m", "rosbridge_sim", *words, "--help"], ROOT) for words in commands)
     helped += "".join(run([sys.executable, f"scripts/soak/{name}.py", "--help"], ROOT) for name in ("fuzz", "mixed"))
     assert sorted(flag for flag in flags if not re.search(rf"(?<!\w){flag}\b", helped)) == []

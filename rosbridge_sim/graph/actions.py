@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, Final, Protocol
 
-from rosbridge_sim.errors import EncodingError, GraphError, PeerError
+from rosbridge_sim.errors import EncodingError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.channels import Call, Handle, Service
 from rosbridge_sim.graph.guard import Guard
 from rosbridge_sim.graph.owner import Body, Owner, decode_body, gives_way, resolve, size_of_body, take_over
@@ -55,11 +55,13 @@ class Outcome:
         is_ok: `result` on the wire: it came to an end at its provider's, however that went.
         status: the end; UNKNOWN where it never got there.
         values: the result when `is_ok`, else a text that says why not.
+        reason: the caller's mistake, where it is one.
     """
 
     is_ok: bool
     status: int
     values: Message | str
+    reason: Reason | None = field(default=None, compare=False)
 
 
 OnFeedback = Callable[[Message], None]
@@ -194,7 +196,7 @@ class Actions:
         self._check_cancel(name, owner, old)
         if old is not None and old.owner is not owner:
             if old.is_exclusive and not gives_way(old.owner, owner):
-                raise GraphError(f"Action {name} is provided by {old.owner.name} alone")
+                raise GraphError(f"Action {name} is provided by {old.owner.name} alone", reason=Reason.NAME_TAKEN)
             owner.tell("warning", f"Duplicate action advertised. Overwriting {name}.")
             self._bus.guard.attempt("the loss of an action", take_over, old.owner, "action", name, owner)
         if old is not None:
@@ -215,7 +217,8 @@ class Actions:
         """
         action = self.by_name.get(resolve(name))
         if action is None or action.owner is not owner:
-            raise GraphError(f"Action {name} has not been advertised via rosbridge, can't unadvertise.")
+            text = f"Action {name} has not been advertised via rosbridge, can't unadvertise."
+            raise GraphError(text, reason=Reason.NOT_ADVERTISED)
         self._drop(action, f"Action {action.name} was unadvertised")
 
     def send(
@@ -233,19 +236,20 @@ class Actions:
         try:
             action = self.by_name.get(resolve(name))
             if action is None:
-                raise GraphError(f"Action {name} does not exist")
+                raise GraphError(f"Action {name} does not exist", reason=Reason.NO_SUCH_ACTION)
             if isinstance(args, Message):
                 request = args.value
             else:
                 request = decode_body(action.type.goal, args, self._bus.stamp_ns)
             held = self._goals.setdefault(caller, {})
             if len(held) >= self.max_goals:
-                raise GraphError(f"Too many goals under way: at most {self.max_goals}")
+                raise GraphError(f"Too many goals under way: at most {self.max_goals}", reason=Reason.TOO_MUCH)
             size = size_of_body(request, args)
             if size and not self._bus.account_of(caller).take(size):
-                raise GraphError("Too much under way: this client makes the server hold too much")
+                text = "Too much under way: this client makes the server hold too much"
+                raise GraphError(text, reason=Reason.TOO_MUCH)
         except PeerError as error:
-            on_outcome(Outcome(is_ok=False, status=GoalStatus.UNKNOWN, values=str(error)))
+            on_outcome(Outcome(is_ok=False, status=GoalStatus.UNKNOWN, values=str(error), reason=error.reason))
             return None
         goal = Goal(action, caller, request, on_outcome, on_feedback, self, num_bytes=size)
         action.goals[goal] = None
@@ -333,7 +337,9 @@ class Actions:
         if service is None or not service.is_exclusive or service.owner is owner or gives_way(service.owner, owner):
             return
         if old is None or service.owner is not old.owner:
-            raise GraphError(f"Service {service.name} is provided by {service.owner.name} alone")
+            raise GraphError(
+                f"Service {service.name} is provided by {service.owner.name} alone", reason=Reason.NAME_TAKEN
+            )
 
     def _drop(self, action: Action, why: str) -> None:
         provided = self._provided.get(action.owner, {})

@@ -25,7 +25,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import count, takewhile
 
-from rosbridge_sim.errors import EncodingError, GraphError, PeerError, UnknownPackageError
+from rosbridge_sim.errors import EncodingError, GraphError, PeerError, Reason, UnknownPackageError
 from rosbridge_sim.graph.actions import Actions
 from rosbridge_sim.graph.channels import Answer, Call, Deliver, Handle, OnAnswer, Service, Subscription, Topic
 from rosbridge_sim.graph.guard import Guard
@@ -41,6 +41,8 @@ from rosbridge_sim.graph.owner import (
     take_over,
 )
 from rosbridge_sim.graph.parameters import Parameters
+from rosbridge_sim.graph.refusals import RefusedRequest
+from rosbridge_sim.graph.unpublished import UnpublishedTopics
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.schema.compile import (
     ActionType,
@@ -113,6 +115,8 @@ class Bus:
         total: what all owners together make this process hold.
         accounts: those of owners that have a limit, by owner.
         guard: sees to it that a failure of ours hurts as few as possible.
+        unpublished: subscriptions to topics that nobody publishes.
+        on_refusal: called with each mistake that a client is told of.
         num_published, num_calls: counters since the start.
     """
 
@@ -135,6 +139,8 @@ class Bus:
         self.service_timeout = service_timeout
         self.max_calls = max_calls
         self.guard = Guard()
+        self.unpublished = UnpublishedTopics()
+        self.on_refusal: Callable[[RefusedRequest], None] = lambda _refusal: None
         self.total = Account()
         self.accounts: dict[Owner, Account] = {}
         self._own_account = Account(total=self.total)
@@ -182,7 +188,8 @@ class Bus:
         """
         topic, message_type = self._topic_for(owner, name, type_name)
         if not is_exclusive and topic.owner is not None and topic.owner is not owner:
-            raise GraphError(f"Topic {topic.name} is published by {topic.owner.name} alone; others may only subscribe")
+            text = f"Topic {topic.name} is published by {topic.owner.name} alone; others may only subscribe"
+            raise GraphError(text, reason=Reason.NAME_TAKEN)
         self._settle(owner, topic, message_type)
         if is_exclusive:
             topic.owner = owner
@@ -218,9 +225,8 @@ class Bus:
         problem: PeerError | None = None
         failure: Exception | None = None
         if topic.depth and not topic.keep(sender, message, self.accounts.get(sender)):
-            problem = GraphError(
-                f"{topic.name}: this client makes the server hold too much; the message is not latched"
-            )
+            text = f"{topic.name}: this client makes the server hold too much; the message is not latched"
+            problem = GraphError(text, reason=Reason.TOO_MUCH)
         for subscription in topic.subscriptions:
             try:
                 subscription.deliver(topic, message, sender, now)
@@ -309,6 +315,7 @@ class Bus:
         topic = subscription.topic
         topic.remove(subscription)
         self._held(subscription.owner).subscriptions.pop(subscription, None)
+        self.unpublished.forget(subscription)
         self._orphan(topic, now)
         self._tell_holdings(subscription.owner)
 
@@ -325,12 +332,12 @@ class Bus:
         """
         topic = self.find_topic(name)
         if topic is None and type_name is None:
-            raise GraphError(f"Cannot infer topic type for topic {name} as it is not yet advertised")
+            raise self._no_topic(name)
         if topic is None or type_name is None:
             return self._message_type(type_name) if type_name is not None else topic.type  # type: ignore[union-attr] # one is there
         why = self.type_conflict(name, type_name)
         if why is not None:
-            raise GraphError(why)
+            raise GraphError(why, reason=Reason.TYPE_CONFLICT)
         return self._type_at(topic, type_name)
 
     def retype(self, subscription: Subscription, type_name: str) -> bool:
@@ -347,7 +354,7 @@ class Bus:
         had_messages = subscription in topic.subscriptions
         asked = topic.type if topic.is_settled or subscription.wanted is None else subscription.wanted
         if self.store.canonical(type_name) != asked.name:
-            raise GraphError(_conflict(topic.name, type_name, asked.name))
+            raise GraphError(_conflict(topic.name, type_name, asked.name), reason=Reason.TYPE_CONFLICT)
         subscription.wanted = asked
         topic.sort()
         return not had_messages
@@ -399,7 +406,7 @@ class Bus:
         old = self.services.get(name)
         if old is not None:
             if old.is_exclusive and old.owner is not owner and not gives_way(old.owner, owner):
-                raise GraphError(f"Service {name} is provided by {old.owner.name} alone")
+                raise GraphError(f"Service {name} is provided by {old.owner.name} alone", reason=Reason.NAME_TAKEN)
             if old.owner is not owner:
                 owner.tell("warning", f"Duplicate service advertised. Overwriting {name}.")
                 self.guard.attempt("the loss of a service", take_over, old.owner, "service", name, owner)
@@ -423,7 +430,8 @@ class Bus:
         """
         service = self.services.get(resolve(name))
         if service is None or service.owner is not owner:
-            raise GraphError(f"Service {name} has not been advertised via rosbridge, can't unadvertise.")
+            text = f"Service {name} has not been advertised via rosbridge, can't unadvertise."
+            raise GraphError(text, reason=Reason.NOT_ADVERTISED)
         self._drop_service(service, None if answers_calls else f"Service {service.name} was unadvertised")
 
     def call(
@@ -443,17 +451,18 @@ class Bus:
         try:
             service = self.services.get(resolve(name))
             if service is None:
-                raise GraphError(f"Service {name} does not exist")
+                raise GraphError(f"Service {name} does not exist", reason=Reason.NO_SUCH_SERVICE)
             request = decode_body(service.type.request, args, self.stamp_ns)
             held = self._held(caller).calls
             if len(held) >= self.max_calls:
-                raise GraphError(f"Too many calls in flight: at most {self.max_calls}")
+                raise GraphError(f"Too many calls in flight: at most {self.max_calls}", reason=Reason.TOO_MUCH)
             # The simulator's own services answer at once, or hold their caller.
             size = 0 if service.is_exclusive else size_of_body(request, args)
             if size and not self.account_of(caller).take(size):
-                raise GraphError("Too much in flight: this client makes the server hold too much")
+                text = "Too much in flight: this client makes the server hold too much"
+                raise GraphError(text, reason=Reason.TOO_MUCH)
         except PeerError as error:
-            on_answer(Answer(is_ok=False, values=str(error)))
+            on_answer(Answer(is_ok=False, values=str(error), reason=error.reason))
             return
         call = Call(service, caller, request, on_answer, self, num_bytes=size)
         service.calls[call] = None
@@ -465,7 +474,7 @@ class Bus:
         except PeerError as error:
             if isinstance(error, EncodingError):
                 self.guard.note_encoding(service.name, error)
-            call.refuse(str(error))
+            call.refuse(str(error), error.reason)
         except Exception as error:  # noqa: BLE001 - a bug of ours in the provider's own state
             call.refuse("The provider failed; the server's log says why")
             self.guard.blame(service.owner, error)
@@ -523,6 +532,9 @@ class Bus:
         while self._deadlines and self._deadlines[0][2].is_done:
             self._pop_deadline()
         first = self._deadlines[0][0] if self._deadlines else None
+        unpublished = self.unpublished.next_due()
+        if first is None or (unpublished is not None and unpublished < first):
+            first = unpublished
         for topic in self._orphans:  # in order of orphaning, so the first is the earliest
             if topic.orphaned_at is not None:
                 due = topic.orphaned_at + TYPE_MEMORY
@@ -530,12 +542,17 @@ class Bus:
         return first
 
     def expire(self, now: float) -> None:
-        """Give up the calls whose time is over and forget the topics that nobody has held for a while."""
+        """Give up the calls whose time is over and forget the topics that nobody has held for a while.
+
+        A listener that has waited for a while for a topic without a publisher is told.
+        """
         while self._deadlines and (self._deadlines[0][0] <= now or self._deadlines[0][2].is_done):
             refuse = self._pop_deadline().refuse
             self.guard.attempt("a time-out", refuse, "Timeout exceeded while waiting for service response")
         for topic in list(takewhile(lambda topic: _is_over(topic, now), self._orphans)):
             self.guard.attempt("forgetting a topic", self._forget, topic)
+        for topic, tell in self.unpublished.take_due(now):
+            self.guard.attempt("a word about a topic that nobody publishes", tell, topic)
 
     def leave(self, owner: Owner, now: float) -> None:
         """Take away all that `owner` holds, answer those who wait for it, tell the watchers. Twice is no error."""
@@ -587,12 +604,12 @@ class Bus:
         topic = self.topics.get(absolute)
         if topic is None:
             if type_name is None:
-                raise GraphError(f"Cannot infer topic type for topic {name} as it is not yet advertised")
+                raise self._no_topic(name)
             topic = self.topics[absolute] = Topic(absolute, self._message_type(type_name))
         elif type_name is None:
             return topic, topic.type
         elif (why := self.type_conflict(absolute, type_name, owner)) is not None:
-            raise GraphError(why)
+            raise GraphError(why, reason=Reason.TYPE_CONFLICT)
         return topic, self._type_at(topic, type_name)
 
     def _type_at(self, topic: Topic, type_name: str) -> MessageType | OpaqueType:
@@ -620,6 +637,12 @@ class Bus:
                 topic.forget_messages_of(owner)
                 self._held(owner).published.pop(topic, None)
                 self._tell_holdings(owner)
+
+    @staticmethod
+    def _no_topic(name: str) -> GraphError:
+        """The error of a topic that is not there, and whose type was not said."""
+        text = f"Cannot infer topic type for topic {name} as it is not yet advertised"
+        return GraphError(text, reason=Reason.UNKNOWN_TOPIC)
 
     def _message_type(self, name: str) -> MessageType | OpaqueType:
         """The type of that name; one that is only relayed where its whole package is unknown."""

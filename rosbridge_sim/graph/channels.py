@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.owner import Guest, Owner, Tell
 from rosbridge_sim.protocol.account import Account, HeldMessages
 from rosbridge_sim.protocol.smallest import Smallest
@@ -31,10 +32,12 @@ class Answer:
     Attributes:
         is_ok: `result` on the wire.
         values: the response when `is_ok`; else why not: a text, or whatever JSON value the provider sent.
+        reason: the caller's mistake, where it is one: no provider that fails, and none that is gone.
     """
 
     is_ok: bool
     values: object
+    reason: Reason | None = field(default=None, compare=False)
 
 
 OnAnswer = Callable[[Answer], None]
@@ -293,9 +296,14 @@ class Call:
         """End the call with a struct of the service's response type."""
         self._end(Answer(is_ok=True, values=Message(self.service.type.response, values)))
 
-    def refuse(self, why: object) -> None:
-        """End the call with `result: false` and a text (or what the provider sent in its place)."""
-        self._end(Answer(is_ok=False, values=why))
+    def refuse(self, why: object, reason: Reason | None = None) -> None:
+        """End the call with `result: false` and a text (or what the provider sent in its place).
+
+        Args:
+            why: the text.
+            reason: the caller's mistake, if it is one.
+        """
+        self._end(Answer(is_ok=False, values=why, reason=reason))
 
     def abandon(self) -> None:
         """End the call without an answer: its caller is gone."""

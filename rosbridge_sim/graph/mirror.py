@@ -134,7 +134,8 @@ class Mirror:
 
     def tell(self, level: str, text: str) -> None:
         """What would be told to a client, nobody there could hear: it goes to the log."""
-        self._note(logging.INFO, f"a program there is told: [{level}] {text}")
+        at = logging.WARNING if level == "error" else logging.INFO
+        self._note(at, f"a program there is told: [{level}] {text}")
 
     def fail(self, error: Exception) -> None:
         """See `Guarded`: the bridge's connections are made anew."""

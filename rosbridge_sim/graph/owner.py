@@ -9,7 +9,7 @@ from typing import Literal, Protocol, TypeAlias, runtime_checkable
 import msgspec
 import orjson
 
-from rosbridge_sim.errors import FieldError, GraphError
+from rosbridge_sim.errors import FieldError, GraphError, Reason
 from rosbridge_sim.protocol.codec import is_absent
 from rosbridge_sim.protocol.ops import ABSENT, Body
 from rosbridge_sim.schema.compile import MessageType, OpaqueType
@@ -18,12 +18,14 @@ from rosbridge_sim.schema.sizes import size_of
 __all__ = [
     "Body",
     "Correlating",
+    "Explaining",
     "Guest",
     "Holdable",
     "OfferKind",
     "Owner",
     "Tell",
     "decode_body",
+    "explain",
     "gives_way",
     "hold",
     "resolve",
@@ -96,6 +98,22 @@ class Correlating(Protocol):
         """Return a function that does what `tell` does, with the id of the request that is handled right now."""
 
 
+@runtime_checkable
+class Explaining(Protocol):
+    """An owner that is told, with a text about its request, which kind of mistake it made."""
+
+    def explain(self, level: str, text: str, reason: Reason) -> None:
+        """Do what `tell` does, for a reason that the log and `/sim/refusals` name."""
+
+
+def explain(owner: Owner, level: str, text: str, reason: Reason) -> None:
+    """Tell an owner why its request was refused; one that keeps no account of reasons only hears the text."""
+    if isinstance(owner, Explaining):
+        owner.explain(level, text, reason)
+    else:
+        owner.tell(level, text)
+
+
 def gives_way(old: Owner, new: Owner) -> bool:
     """Tell whether an owner must leave a name to another one, even a name that it has to itself."""
     return isinstance(old, Guest) and not isinstance(new, Guest)
@@ -138,7 +156,7 @@ def resolve(name: str) -> str:
     """
     if not _NAME.fullmatch(name):
         shown = name if len(name) <= 80 else name[:77] + "..."  # noqa: PLR2004 - a line of a terminal
-        raise GraphError(f"{shown!r} is not a valid graph name")
+        raise GraphError(f"{shown!r} is not a valid graph name", reason=Reason.BAD_NAME)
     return name if name[0] == "/" else "/" + name
 
 
@@ -194,5 +212,6 @@ def _by_name(message_type: MessageType | OpaqueType, values: list[object]) -> di
         raise FieldError(f"{message_type.name} is not known here, so its fields must be given by name, not in a list")
     names = [f.name for f in message_type.definition.fields]
     if len(values) > len(names):
-        raise GraphError(f"{message_type.name} takes {len(names)} arguments, but got {len(values)}")
+        text = f"{message_type.name} takes {len(names)} arguments, but got {len(values)}"
+        raise GraphError(text, reason=Reason.WRONG_VALUE)
     return dict(zip(names, values, strict=False))

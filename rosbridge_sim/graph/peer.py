@@ -20,24 +20,26 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, NoReturn, Protocol, TypeVar
 
 import msgspec
 import orjson
 
-from rosbridge_sim.errors import EncodingError, FrameError, GraphError, PeerError
+from rosbridge_sim.errors import EncodingError, FrameError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.actions import Goal, GoalStatus, Outcome
 from rosbridge_sim.graph.bus import Answer, Bus, Call, Owner, Subscription, Topic, decode_body, resolve
 from rosbridge_sim.graph.owner import OfferKind, Tell
 from rosbridge_sim.graph.policy import OPEN, Policy
+from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.codec import is_absent
 from rosbridge_sim.protocol.feed import read_qos, read_terms
 from rosbridge_sim.protocol.session import Feed, Session
 from rosbridge_sim.schema.compile import MessageType, OpaqueType
 from rosbridge_sim.schema.store import Message
+from rosbridge_sim.suggestions import hint, listing
 
 __all__ = ["NODE_NAME", "FrameWork", "Peer", "Work"]
 
@@ -53,8 +55,17 @@ MAX_ID = 1_024
 _EMPTY = re.compile(rb"\{\s*+\}")
 """JSON text of an object without fields."""
 
+MAX_WATCHED = 100
+"""Topics of one client at most that it is told of when nobody publishes them: as many lines in the log."""
+
+MAX_ALIKE = 3
+"""Topics of the same type that such a word names."""
+
 _TIDY = 1_000
 """Ended calls or goals that a provider's list may hold before it is tidied: late answers to them are no mistake."""
+
+_SUBJECTS = ("topic", "service", "action")
+"""Fields of an op that name what it is about; an op has one of them at most."""
 
 _log = logging.getLogger("rosbridge_sim.graph")
 
@@ -157,6 +168,7 @@ class Peer:
         """
         self.session = session
         session.on_lost_answer = self._lose_answer
+        session.on_mistake = lambda error: self.note(error.reason, str(error))
         session.on_unsent = bus.guard.note_encoding
         self.on_failure: Callable[[Exception], None] = _raise
         self.address = address
@@ -164,6 +176,7 @@ class Peer:
         self.on_released: Callable[[], None] = _nothing
         self.num_holds = 0
         self._op_id: ops.Id = None  # of the op in hand
+        self._op: ops.Op | None = None  # the op in hand itself, for what is noted of it
         self._bus = bus
         self._policy = policy
         self._num_ids = 0
@@ -230,15 +243,49 @@ class Peer:
     def do(self, op: ops.Op, now: float) -> None:
         """Do one op; a mistake in it is told to the client."""
         self._op_id = op.id
+        self._op = op
         try:
             self._act[type(op)](op, now)
         except PeerError as error:
             self.num_errors += 1
-            self.session.remark("error", str(error), op.id)
+            text = f"{error}{self._suggest(error.reason, op)}"
+            self.session.remark("error", text, op.id)
+            self.note(error.reason, text, op)
+        self._op = None
 
-    def refuse(self, op: ops.Op, why: str) -> bool:
-        """Answer an op that is not to be done, if it waits for an answer; else False, and nothing is said."""
+    def note(self, reason: Reason, text: object, op: ops.Op | None = None) -> None:
+        """Tell the log and `/sim/refusals` of a mistake of this client's.
+
+        Args:
+            reason: the kind of mistake.
+            text: what the client was told.
+            op: what it is about, where that is known.
+        """
+        name = "" if op is None else type(op).__struct_config__.tag
+        subject = next((getattr(op, field) for field in _SUBJECTS if hasattr(op, field)), "")
+        refusal = RefusedRequest(
+            self.address, reason, str(name), str(subject), text if isinstance(text, str) else repr(text)
+        )
+        self._bus.guard.attempt("the account of a refusal", self._bus.on_refusal, refusal)
+
+    def _suggest(self, reason: Reason, op: ops.Op) -> str:
+        """Return the nearest name that this client may use, for the end of an error; perhaps nothing."""
+        names: Iterable[str]
+        may_know: Callable[[str], bool]
+        if reason is Reason.UNKNOWN_TOPIC and isinstance(op, (ops.Publish, ops.Subscribe)):
+            name, names, may_know = op.topic, self._bus.topics, self._policy.may_see
+        elif reason is Reason.NO_SUCH_SERVICE and isinstance(op, ops.CallService):
+            name, names, may_know = _split_id(op)[0], self._bus.services, self._policy.may_call
+        elif reason is Reason.NO_SUCH_ACTION and isinstance(op, ops.SendActionGoal):
+            name, names, may_know = op.action, self._actions.by_name, self._policy.may_call
+        else:
+            return ""
+        return hint(resolve(name), names if self._policy == OPEN else filter(may_know, names))
+
+    def refuse(self, op: ops.Op, why: str, reason: Reason = Reason.REFUSED) -> bool:
+        """Answer an op that is not to be done, if it waits for an answer; else False, and it gets no answer."""
         self.num_errors += 1
+        self.note(reason, why, op)
         if isinstance(op, ops.CallService):
             self.session.answer(op.service, _split_id(op)[1], why, is_ok=False)
         elif isinstance(op, ops.SendActionGoal):
@@ -251,6 +298,19 @@ class Peer:
     def tell(self, level: str, text: str) -> None:
         """Remark something that answers no request."""
         self._remark(level, text)
+        self._note_told(level, text, self._op)
+
+    def explain(self, level: str, text: str, reason: Reason) -> None:
+        """See `Explaining`."""
+        self._remark(level, text)
+        self.note(reason, text, self._op)
+
+    def _note_told(self, level: str, text: str, op: ops.Op | None) -> None:
+        """Note what was told without a reason; an `info` is no mistake."""
+        if level == "error":
+            self.note(Reason.REFUSED, text, op)
+        elif level != "info":
+            self.note(Reason.NOT_NOW, text, op)
 
     def _remark(self, level: str, text: str, op_id: ops.Id = None) -> None:
         """Remark something on behalf of others, who must not hear of a failure of this client's."""
@@ -261,11 +321,12 @@ class Peer:
 
     def teller(self) -> Tell:
         """See `Correlating`."""
-        op_id = self._op_id
+        op_id, op = self._op_id, self._op
 
         def tell(level: str, text: str) -> None:
             self.num_errors += level == "error"
             self._remark(level, text, op_id)
+            self._note_told(level, text, op)
 
         return tell
 
@@ -392,7 +453,7 @@ class Peer:
         topic = self._bus.find_topic(name)
         return topic.type.name if topic is not None else None
 
-    def _subscribe(self, op: ops.Subscribe, _now: float) -> None:
+    def _subscribe(self, op: ops.Subscribe, now: float) -> None:
         type_name = op.type
         if type_name is None and self._policy.needs_type(op.topic):
             type_name = self._type_name(op.topic)
@@ -412,6 +473,8 @@ class Peer:
 
             subscription = bus.subscribe(self, op.topic, deliver, type_name=type_name, tell=self.teller())
             listening = self._listenings[op.topic] = _Listening(feed, subscription)
+            if len(self._listenings) <= MAX_WATCHED:
+                bus.unpublished.watch(subscription, self._tell_unpublished, now)
         elif op.type is not None:
             was_mute = bus.retype(listening.subscription, op.type)
         feed = listening.feed
@@ -423,6 +486,17 @@ class Peer:
                     feed.send(message, bus.stamp_ns)
                 except EncodingError as error:
                     bus.guard.note_encoding(op.topic, error)
+
+    def _tell_unpublished(self, topic: Topic) -> None:
+        """Tell that a topic has no publisher yet. That is no mistake; it may be a wrong name."""
+        published = [each for each in self._bus.topics.values() if each.publishers and self._policy.may_see(each.name)]
+        near = hint(topic.name, [each.name for each in published])
+        alike = [each.name for each in published if each.type is topic.type][:MAX_ALIKE]
+        of_type = f"; of this type there is {listing(alike)}" if alike else ""
+        text = f"{topic.name} ({topic.type.name}) is subscribed to, and nobody publishes it"
+        text += f"{self._bus.unpublished.advise(topic)}{near}{of_type}"
+        _log.info("%s: %s", self.address, text, extra={"client": self.address})
+        self._remark("info", text)
 
     def _unsubscribe(self, op: ops.Unsubscribe, now: float) -> None:
         listening = self._listenings.get(op.topic)
@@ -445,11 +519,15 @@ class Peer:
         try:
             self._policy.check_call(service)
         except GraphError as error:
-            self.refuse(op, str(error))
+            self.refuse(op, str(error), error.reason)
             return
 
         def on_answer(answer: Answer) -> None:
-            self.session.answer(op.service, op_id, answer.values, is_ok=answer.is_ok, fragment_size=op.fragment_size)
+            values = answer.values
+            if answer.reason is not None:
+                values = f"{values}{self._suggest(answer.reason, op)}"
+                self.note(answer.reason, values, op)
+            self.session.answer(op.service, op_id, values, is_ok=answer.is_ok, fragment_size=op.fragment_size)
 
         self._bus.call(self, service, op.args, on_answer, now=now, timeout=op.timeout)
 
@@ -462,7 +540,8 @@ class Peer:
             limit = self._bus.max_calls
             provision.tidy()
             if len(call.service.calls) > limit:  # this one is among them
-                raise GraphError(f"Service {provision.name} has {limit} calls waiting already")
+                text = f"Service {provision.name} has {limit} calls waiting already"
+                raise GraphError(text, reason=Reason.TOO_MUCH)
             provision.num_calls += 1
             call_id = f"service_request:{provision.spelling}:{provision.num_calls}"
             provision.calls[call_id] = call
@@ -480,10 +559,13 @@ class Peer:
     def _respond(self, op: ops.ServiceResponse, _now: float) -> None:
         provision = self._provisions.get(resolve(op.service))
         if provision is None:
-            raise GraphError(f"Service {op.service} has not been advertised via rosbridge.")
+            text = f"Service {op.service} has not been advertised via rosbridge."
+            raise GraphError(text, reason=Reason.NOT_ADVERTISED)
         call = provision.calls.pop(op.id, None) if isinstance(op.id, str) else None
         if call is None:
-            self.session.remark("warning", f"Nobody waits for an answer of {op.service} with this id", op.id)
+            text = f"Nobody waits for an answer of {op.service} with this id"
+            self.session.remark("warning", text, op.id)
+            self.note(Reason.STRAY_ANSWER, text, op)
             return
         if call.is_done:  # timed out, or the caller has left
             return
@@ -529,7 +611,8 @@ class Peer:
         def take(goal: Goal) -> None:
             performance.tidy()
             if len(goal.action.goals) > self._actions.max_goals:  # this one is among them
-                raise GraphError(f"Action {op.action} has {self._actions.max_goals} goals under way already")
+                text = f"Action {op.action} has {self._actions.max_goals} goals under way already"
+                raise GraphError(text, reason=Reason.TOO_MUCH)
             performance.num_goals += 1
             goal_id = f"action_goal:{op.action}:{performance.num_goals}"
             performance.goals[goal_id] = goal
@@ -564,20 +647,25 @@ class Peer:
 
         def on_outcome(outcome: Outcome) -> None:
             self._goals.pop(key, None)
+            values = outcome.values
+            if outcome.reason is not None:
+                values = f"{values}{self._suggest(outcome.reason, op)}"
+                self.note(outcome.reason, values, op)
             end = {"action": op.action, "status": outcome.status, "result": outcome.is_ok, "id": op.id}
-            if isinstance(outcome.values, Message):
-                self.session.say("action_result", {"values": outcome.values}, op.fragment_size, **end)
+            if isinstance(values, Message):
+                self.session.say("action_result", {"values": values}, op.fragment_size, **end)
             else:
-                self.session.say("action_result", {}, op.fragment_size, values=outcome.values, **end)
+                self.session.say("action_result", {}, op.fragment_size, values=values, **end)
 
         try:
             self._policy.check_goal(op.action)
             if op.action_type is not None:
                 known = self._actions.by_name.get(resolve(op.action))
                 if known is not None and self._bus.store.canonical(op.action_type) != known.type.name:
-                    raise GraphError(f"Action {op.action} is of type {known.type.name}, not {op.action_type}")
+                    text = f"Action {op.action} is of type {known.type.name}, not {op.action_type}"
+                    raise GraphError(text, reason=Reason.TYPE_CONFLICT)
         except PeerError as error:
-            self.refuse(op, str(error))
+            self.refuse(op, str(error), error.reason)
             return
         goal = self._actions.send(self, op.action, op.args, on_outcome, on_feedback if op.feedback else None)
         if goal is not None and op.id is not None:
@@ -618,10 +706,13 @@ class Peer:
         """The goal that this client works on under that id; None if nobody waits for it any more."""
         performance = self._performances.get(resolve(op.action))
         if performance is None:
-            raise GraphError(f"Action {op.action} has not been advertised via rosbridge.")
+            text = f"Action {op.action} has not been advertised via rosbridge."
+            raise GraphError(text, reason=Reason.NOT_ADVERTISED)
         goal = performance.goals.get(op.id)
         if goal is None:
-            self.session.remark("warning", f"Nobody waits for a goal of {op.action} with this id", op.id)
+            text = f"Nobody waits for a goal of {op.action} with this id"
+            self.session.remark("warning", text, op.id)
+            self.note(Reason.STRAY_ANSWER, text, op)
         return None if goal is None or goal.is_done else goal
 
     @staticmethod
@@ -651,10 +742,11 @@ class Peer:
     def _check_room(self, op_id: ops.Id = None) -> None:
         """Raise GraphError if the client may not hold one more thing, under that id."""
         if isinstance(op_id, str) and len(op_id) > MAX_ID:
-            raise GraphError(f"The id of a topic has at most {MAX_ID} characters")
+            raise GraphError(f"The id of a topic has at most {MAX_ID} characters", reason=Reason.TOO_MUCH)
         limit = self._policy.max_held
         if self._num_ids + len(self._provisions) + len(self._performances) >= limit:
-            raise GraphError(f"At most {limit} topics, services and actions can be held by one client")
+            text = f"At most {limit} topics, services and actions can be held by one client"
+            raise GraphError(text, reason=Reason.TOO_MUCH)
 
 
 def _nothing() -> None:
@@ -678,7 +770,8 @@ def _read_status(number: int) -> GoalStatus:
     try:
         return GoalStatus(number)
     except ValueError:
-        raise GraphError(f"action_result: {number} is no status of action_msgs/GoalStatus") from None
+        text = f"action_result: {number} is no status of action_msgs/GoalStatus"
+        raise GraphError(text, reason=Reason.WRONG_VALUE) from None
 
 
 def _is_empty_object(body: ops.Body) -> bool:

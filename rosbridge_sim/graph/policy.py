@@ -43,7 +43,7 @@ from fnmatch import translate
 from functools import lru_cache, partial
 from typing import Final, NamedTuple, TypeAlias
 
-from rosbridge_sim.errors import GraphError
+from rosbridge_sim.errors import GraphError, Reason
 from rosbridge_sim.graph.actions import CANCEL
 from rosbridge_sim.graph.owner import resolve
 from rosbridge_sim.graph.republisher import NODE_NAME as REPUBLISHER
@@ -294,12 +294,12 @@ class Policy:
             way.name for way in self.ways.all_of(Way(Use.SERVICE, resolve(name))) if self._rule(way) is self.service
         ]
         if any(map(self.service.denies, names)) or (self.service.allow and not any(map(self.service.allows, names))):
-            raise GraphError(f"Not allowed to offer {name}")
+            raise GraphError(f"Not allowed to offer {name}", reason=Reason.NOT_ALLOWED)
 
     def check_parameter(self, name: str) -> None:
         """Raise GraphError if the parameter may be neither read nor written."""
         if not self.parameter.admits(name):
-            raise GraphError(f"Not allowed to use the parameter {name}")
+            raise GraphError(f"Not allowed to use the parameter {name}", reason=Reason.NOT_ALLOWED)
 
     def may_call(self, name: str) -> bool:
         """Tell whether a service may be called."""
@@ -343,7 +343,7 @@ class Policy:
     def _check(self, verb: str, use: Use, name: str, type_name: str = "") -> None:
         why = self._why_not(use, name, type_name)
         if why is not None:
-            raise GraphError(f"Not allowed to {verb} {name}{why}")
+            raise GraphError(f"Not allowed to {verb} {name}{why}", reason=Reason.NOT_ALLOWED)
 
     def _why_not(self, use: Use, name: str, type_name: str = "") -> str | None:
         """Return why a name may not be used: an empty text, or one that tells the other name; None if it may be.

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import logging
 from typing import Any
 
 from rosbridge_sim.graph.bus import Call
 from rosbridge_sim.graph.owner import Tell
 
 __all__ = ["complain", "request_of", "respond"]
-
-_log = logging.getLogger("rosbridge_sim.morai")
 
 
 def request_of(call: Call) -> Any:  # noqa: ANN401 - a generated struct
@@ -27,4 +24,3 @@ def respond(call: Call, response: Any) -> None:  # noqa: ANN401 - a generated st
 def complain(tell: Tell, text: str) -> None:
     """Tell a peer of its mistake where no answer can hold the reason."""
     tell("error", text)
-    _log.warning("%s", text)

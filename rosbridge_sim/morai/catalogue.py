@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.state import Body, Kind
 
 __all__ = [
@@ -127,6 +128,7 @@ CATALOGUE: Final[tuple[Model, ...]] = (
 DEFAULT_EGO: Final = CATALOGUE[0]
 
 _IGNORED = re.compile(r"[\W_]+")  # blanks, `_`, `-`, brackets
+_LEADING_YEAR = re.compile(r"(19|20)\d\d_")
 _YEAR = re.compile(r"(19|20)\d\d(?=[a-z])")
 
 
@@ -186,6 +188,11 @@ class Catalogue:
         `2015_Kia_K5`. Another year is another car.
         """
         return self._by_key.get(key_of_name(name)) if len(name) <= MAX_NAME else None
+
+    def suggest(self, name: str) -> str:
+        """Return the nearest model for the end of an error; an empty text where none comes near."""
+        names = [model.name for model in (*self.own, *CATALOGUE)]
+        return hint(name, [*names, *(_LEADING_YEAR.sub("", each) for each in names)], cutoff=0.6)
 
     def of_data_id(self, data_id: int, kind: Kind) -> Model | None:
         """Return the model that scenario files call by this number, or None; an ego is looked up among the vehicles."""

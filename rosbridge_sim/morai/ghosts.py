@@ -96,7 +96,8 @@ class Ghosts:
             raise FieldError(f"unique_id {ghost.unique_id}: expected a vehicle's, it is an ego's")
         model = self._stage.catalogue.find(ghost.name)
         if model is None or model.kind is not Kind.VEHICLE:
-            raise FieldError(f"unique_id {ghost.unique_id}: the catalogue has no vehicle {ghost.name[:80]!r}")
+            text = f"unique_id {ghost.unique_id}: the catalogue has no vehicle {ghost.name[:80]!r}"
+            raise FieldError(f"{text}{self._stage.catalogue.suggest(ghost.name)}")
         return model
 
     def _check_vehicle(self, uid: int) -> None:

@@ -14,10 +14,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from rosbridge_sim.errors import DocumentError, GraphError, TypeNameError, hint
+from rosbridge_sim.errors import DocumentError, GraphError, TypeNameError
 from rosbridge_sim.graph.bus import Bus, Owner
 from rosbridge_sim.graph.owner import Guest
 from rosbridge_sim.morai.network_settings import DEFAULTS, Choice, ItemKind, NetworkSettings, split_prefix
+from rosbridge_sim.suggestions import hint
 
 __all__ = ["Item", "Items", "ListedItem", "why_no_topic"]
 

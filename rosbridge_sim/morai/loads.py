@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 from rosbridge_sim.errors import DocumentError, GraphError, PeerError
 from rosbridge_sim.graph.bus import Call, Owner
-from rosbridge_sim.graph.owner import teller
+from rosbridge_sim.graph.owner import explain, teller
 from rosbridge_sim.morai.answers import complain, request_of, respond
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.convert import maker
@@ -112,7 +112,7 @@ class Loads(Part):
         command = _AtFrame()
         outcome = sync.submit(command, request.frame, node.world.frame, call.caller, now, is_ready=False)
         if not outcome.is_accepted:
-            call.caller.tell("warning", f"{call.service.name}: {outcome.why}")
+            explain(call.caller, "warning", f"{call.service.name}: {outcome.why}", outcome.reason)
             respond(call, self._make_result(False))  # noqa: FBT003 - the message's one field
             return
 

@@ -19,10 +19,11 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Final, Protocol
+from typing import Final, NoReturn, Protocol
 
-from rosbridge_sim.errors import DocumentError, GraphError, hint
+from rosbridge_sim.errors import DocumentError, GraphError
 from rosbridge_sim.graph.owner import resolve
+from rosbridge_sim.suggestions import hint
 
 __all__ = [
     "MAX_RATE",
@@ -177,52 +178,82 @@ def _key_text(key: str) -> str:
     return '"' + "".join(char if char.isprintable() else f"\\u{ord(char):04x}" for char in short) + '"'
 
 
-def read_choices(kind: ItemKind, table: object, place: Place = path_text) -> dict[str, Choice]:
+OnMistake = Callable[[DocumentError], None]
+"""Hears of a mistake; where it does not raise it, reading goes on with the next part."""
+
+
+def _raise(error: DocumentError) -> NoReturn:
+    raise error
+
+
+def read_choices(
+    kind: ItemKind, table: object, place: Place = path_text, on_mistake: OnMistake = _raise
+) -> dict[str, Choice]:
     """The choices of one table of the settings, by the absolute default names.
 
     Args:
         kind: which table it is.
         table: of a TOML file or of Python.
         place: what errors call a place in it.
+        on_mistake: hears of each mistake, at its place; raises the first one if nothing else is said.
 
     Raises:
-        DocumentError: the first mistake, at its place.
+        DocumentError: what `on_mistake` raises.
     """
     top = (kind.value,)
     if not isinstance(table, Mapping):
-        raise DocumentError(f'{place(top)}: expected a table such as "/NAME" = {{ on = true }}; got {_shown(table)}')
+        text = f'{place(top)}: expected a table such as "/NAME" = {{ on = true }}; got {_shown(table)}'
+        on_mistake(DocumentError(text))
+        return {}
     choices: dict[str, Choice] = {}
     for name, entry in table.items():
         path = (*top, str(name))
-        default = _read_name(name, kind, path, place)
-        if default in choices:
-            raise DocumentError(f"{place(path)}: expected each {kind.noun} once")
-        choices[default] = entry if isinstance(entry, Choice) else _read_choice(kind, default, entry, path, place)
+        try:
+            default = _read_name(name, kind, path, place)
+            if default in choices:
+                raise DocumentError(f"{place(path)}: expected each {kind.noun} once")  # noqa: TRY301 - as the others
+        except DocumentError as error:
+            on_mistake(error)
+            continue
+        is_read = isinstance(entry, Choice)
+        choices[default] = entry if is_read else _read_choice(kind, default, entry, path, place, on_mistake=on_mistake)
     return choices
 
 
-def _read_choice(kind: ItemKind, default: str, entry: object, path: tuple[str, ...], place: Place) -> Choice:
+def _read_choice(
+    kind: ItemKind, default: str, entry: object, path: tuple[str, ...], place: Place, *, on_mistake: OnMistake
+) -> Choice:
     keys = ["name", "rate", "on"] if kind is ItemKind.PUBLISHER else ["name", "on"]
     if not isinstance(entry, Mapping):
-        raise DocumentError(f"{place(path)}: expected a table of {', '.join(keys)}; got {_shown(entry)}")
+        on_mistake(DocumentError(f"{place(path)}: expected a table of {', '.join(keys)}; got {_shown(entry)}"))
+        return Choice()
     for key in entry:
         if key not in keys:
-            raise DocumentError(
-                f"{place((*path, str(key)))}: expected {', '.join(keys[:-1])} or {keys[-1]}{hint(str(key), keys)}"
-            )
+            text = f"{place((*path, str(key)))}: expected {', '.join(keys[:-1])} or {keys[-1]}{hint(str(key), keys)}"
+            on_mistake(DocumentError(text))
     name, rate, is_on = entry.get("name"), entry.get("rate"), entry.get("on")
-    if name is not None:
-        name = _read_name(name, kind, (*path, "name"), place)
-        owner = split_prefix(name)[0]
-        if owner not in ("/", split_prefix(default)[0]):
-            raise DocumentError(
-                f"{place((*path, 'name'))}: expected no name that begins with {owner}, which is an ego's"
-            )
+    try:
+        if name is not None:
+            name = _read_own_name(name, kind, default, (*path, "name"), place)
+    except DocumentError as error:
+        on_mistake(error)
     if not (is_on is None or isinstance(is_on, bool)):
-        raise DocumentError(f"{place((*path, 'on'))}: expected true or false; got {_shown(is_on)}")
-    if rate is not None:
-        rate = _read_rate(rate, (*path, "rate"), place)
+        on_mistake(DocumentError(f"{place((*path, 'on'))}: expected true or false; got {_shown(is_on)}"))
+    try:
+        if rate is not None:
+            rate = _read_rate(rate, (*path, "rate"), place)
+    except DocumentError as error:
+        on_mistake(error)
     return Choice(name, is_on, rate, place(path))
+
+
+def _read_own_name(name: object, kind: ItemKind, default: str, path: tuple[str, ...], place: Place) -> str:
+    """The name that an item is given; it may not look like another ego's."""
+    absolute = _read_name(name, kind, path, place)
+    owner = split_prefix(absolute)[0]
+    if owner not in ("/", split_prefix(default)[0]):
+        raise DocumentError(f"{place(path)}: expected no name that begins with {owner}, which is an ego's")
+    return absolute
 
 
 def _read_name(name: object, kind: ItemKind, path: tuple[str, ...], place: Place) -> str:

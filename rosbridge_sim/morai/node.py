@@ -21,7 +21,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
-from rosbridge_sim.errors import FieldError, GraphError, PeerError
+from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.bus import Bus, Owner
 from rosbridge_sim.graph.owner import hold
 from rosbridge_sim.morai.bindings import Bindings
@@ -31,6 +31,7 @@ from rosbridge_sim.morai.convert import Converter, maker
 from rosbridge_sim.morai.ego import CtrlMode, Ego
 from rosbridge_sim.morai.frames import TF, Mount, Transforms
 from rosbridge_sim.morai.items import Items
+from rosbridge_sim.morai.missing_sensors import advise
 from rosbridge_sim.morai.network_settings import DEFAULTS, NetworkSettings
 from rosbridge_sim.morai.outputs import Outputs
 from rosbridge_sim.morai.pace import Pace
@@ -101,11 +102,13 @@ class TickResult(NamedTuple):
         is_accepted: its frames have been computed.
         is_paused: the simulation was paused when that was decided.
         why: for a refusal, a text for the peer; empty otherwise.
+        reason: the kind of refusal that `why` puts into words.
     """
 
     is_accepted: bool
     is_paused: bool
     why: str = ""
+    reason: Reason = Reason.NOT_NOW
 
 
 OnTick = Callable[[TickResult], None]
@@ -208,6 +211,7 @@ class Node:
             part.bind_ego(self.egos[0], bindings)
         self.items.open()
         bus.watchers.append(self._see_off)
+        bus.unpublished.advise = advise
         bus.stamp_ns = world.frame * STEP_NS
         self._announce(0.0)
         self.announce_mounts(0.0)
@@ -292,7 +296,7 @@ class Node:
         is_paused = self.sync.is_paused
         if Effect.MOVE in outcome.effects:
             self._tick(self.sync.num_frames, now)
-        on_end(TickResult(outcome.is_accepted, is_paused, outcome.why))
+        on_end(TickResult(outcome.is_accepted, is_paused, outcome.why, outcome.reason))
 
     def take_turns(self, now: float) -> None:
         """Carry out the ticks that wait, as far as what they wait for has been read."""
@@ -593,7 +597,6 @@ class Node:
         if text not in told:
             told.add(text)
             owner.tell("warning", text)
-            _log.info("%s: %s", owner.name, text)
 
     def tell(self, level: str, text: str) -> None:
         """What the bus has to say to the simulator goes into the log."""

@@ -19,8 +19,9 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
-from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError
+from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.bus import Call, Owner
+from rosbridge_sim.graph.owner import explain
 from rosbridge_sim.morai.answers import complain, request_of, respond
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.commands import lamps_of
@@ -107,14 +108,14 @@ class Services(Part):
             what = f"on, master {user_id!r}, {sync.step_ms} ms a tick" if sync.is_on else "off"
             _log.info("synchronous mode %s, frame %d", what, node.world.frame)
         else:
-            call.caller.tell("warning", f"{call.service.name}: {outcome.why}")
+            explain(call.caller, "warning", f"{call.service.name}: {outcome.why}", outcome.reason)
         node.follow(outcome, now)
         respond(call, self._make_cmd(user_id, node.world.frame, outcome.is_accepted, sync.step_ms))
 
     def _wait_for_tick(self, ego: Ego, call: Call, now: float) -> None:
         request, node = request_of(call), self._node
         if node.is_moving:  # a listener of a tick's topics asks for the next one from within
-            raise GraphError(f"{call.service.name}: a tick is in progress")
+            raise GraphError(f"{call.service.name}: a tick is in progress", reason=Reason.NOT_NOW)
 
         def answer(result: TickResult) -> None:
             if call.is_done:  # given up, or the caller has left: perhaps the ego is gone, too
@@ -123,7 +124,7 @@ class Services(Part):
                 call.refuse(node.failure)
                 return
             if not result.is_accepted:
-                call.caller.tell("warning", f"{call.service.name}: {result.why}")
+                explain(call.caller, "warning", f"{call.service.name}: {result.why}", result.reason)
             frame = node.world.frame
             is_paused, status = result.is_paused, ego.status()
             respond(call, self._make_tick(result.is_accepted, is_paused, frame, status, time_text(frame)))
@@ -174,7 +175,7 @@ class Services(Part):
         else:
             result = outcome.is_accepted
             if not result:
-                call.caller.tell("warning", f"{call.service.name}: {outcome.why}")
+                explain(call.caller, "warning", f"{call.service.name}: {outcome.why}", outcome.reason)
         respond(call, self._make_result(result))
 
     def _submit(self, read: Callable[[], Command], frame: int, caller: Owner, now: float) -> Outcome:
@@ -203,9 +204,10 @@ class Services(Part):
         self._queue_silently(topic, self._read_remove(request, sender, topic), request.frame, sender, now)
 
     def _read_add(self, request: Any, sender: Owner, where: str) -> Command:  # noqa: ANN401 - a generated struct
-        model = self._node.stage.catalogue.find(request.name)
+        catalogue = self._node.stage.catalogue
+        model = catalogue.find(request.name)
         if model is None:
-            raise FieldError(f"the catalogue has no model {request.name[:80]!r}")
+            raise FieldError(f"the catalogue has no model {request.name[:80]!r}{catalogue.suggest(request.name)}")
         place, heading_deg = (request.position.x, request.position.y, request.position.z), request.heading
         if not all(-MAX_COORDINATE <= figure <= MAX_COORDINATE for figure in place):
             raise FieldError(f"position: expected numbers within +-{MAX_COORDINATE:g}, got {place}")
@@ -243,7 +245,7 @@ class Services(Part):
         """
         outcome = self._submit(lambda: command, frame, sender, now)
         if not outcome.is_accepted:
-            raise GraphError(f"{topic}: {outcome.why}")
+            raise GraphError(f"{topic}: {outcome.why}", reason=outcome.reason)
 
     # Real time
 

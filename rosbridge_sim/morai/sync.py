@@ -52,6 +52,8 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum
 from typing import Final, Generic, Literal, TypeVar
 
+from rosbridge_sim.errors import Reason
+
 __all__ = [
     "FRAME_MS",
     "MAX_AHEAD",
@@ -61,6 +63,7 @@ __all__ = [
     "NO_MASTER",
     "OF_A_MASTER",
     "OF_WAITING",
+    "REASONS",
     "TABLE",
     "Effect",
     "Event",
@@ -181,6 +184,11 @@ class Outcome:
     effects: tuple[Effect, ...] = ()
     why: str = ""
 
+    @property
+    def reason(self) -> Reason:
+        """The kind of refusal that `why` puts into words."""
+        return REASONS.get(self.why, Reason.REFUSED)
+
 
 def _yes(state: State, *effects: Effect) -> Outcome:
     return Outcome(state, is_accepted=True, effects=effects)
@@ -200,6 +208,18 @@ _MISFIT: Final = (
 _NOT_NEXT: Final = "strict frames: a tick must name the frame that it will end on"
 _TOO_FAR: Final = f"the frame is more than {MAX_AHEAD} frames ahead"
 _TOO_MANY: Final = f"{MAX_WAITING} commands are waiting already"
+
+REASONS: Final[Mapping[str, Reason]] = {
+    _OFF: Reason.SYNC_OFF,
+    _TAKEN: Reason.NOT_MASTER,
+    _LEADERLESS: Reason.NO_MASTER,
+    _IS_PAUSED: Reason.PAUSED,
+    _MISFIT: Reason.WRONG_VALUE,
+    _NOT_NEXT: Reason.LATE_FRAME,
+    _TOO_FAR: Reason.FAR_FRAME,
+    _TOO_MANY: Reason.TOO_MUCH,
+}
+"""The text of a refusal -> its kind."""
 
 
 TABLE: Final[Mapping[State, Mapping[Event, Outcome]]] = {

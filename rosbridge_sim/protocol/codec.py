@@ -24,8 +24,9 @@ from typing import Any, Protocol, TypeVar
 import msgspec
 import orjson
 
-from rosbridge_sim.errors import FrameError
+from rosbridge_sim.errors import FrameError, Reason
 from rosbridge_sim.protocol.ops import ABSENT, OPS, Body, Id, Op
+from rosbridge_sim.suggestions import hint
 from rosbridge_sim.weight import FULL, LIGHT, claim, weigh, weigh_exactly
 
 __all__ = [
@@ -370,16 +371,23 @@ def op_from_value(value: Any) -> Op:  # noqa: ANN401 - any JSON value
             "Received a message without an op.  All messages require 'op' field with value one of:"
             f" {list(OPS)}.  Original message was: {_shorten(str(value))}",
             op_id,
+            reason=Reason.UNKNOWN_OP,
         )
     op = OPS.get(name) if isinstance(name, str) else None
     if op is None:
-        raise FrameError(f"Unknown operation: {_shorten(str(name))}.  Allowed operations: {list(OPS)}", op_id)
+        near = hint(name, OPS, cutoff=0.6) if isinstance(name, str) else ""
+        raise FrameError(
+            f"Unknown operation: {_shorten(str(name))}.  Allowed operations: {list(OPS)}{near}",
+            op_id,
+            reason=Reason.UNKNOWN_OP,
+        )
     fields: dict[str, Any] = {}
     for field in msgspec.structs.fields(op):
         given = value.get(field.name)
         if given is None:
             if field.required:
-                raise FrameError(f"{name}: Expected a {field.name} field but none was found.", op_id)
+                text = f"{name}: Expected a {field.name} field but none was found."
+                raise FrameError(text, op_id, reason=Reason.BAD_OP)
         elif field.name in op.bodies:
             fields[field.name] = given
         else:
@@ -393,16 +401,18 @@ def _checked(given: Any, op: str, field: str, op_id: object) -> Any:  # noqa: AN
     # Python would let True pass for 1; rosbridge_suite does, we do not
     if not isinstance(given, classes) or (isinstance(given, bool) and bool not in classes):
         raise FrameError(
-            f"{op}: Expected field {field} to be one of {classes}. Invalid value: {_shorten(str(given))}", op_id
+            f"{op}: Expected field {field} to be one of {classes}. Invalid value: {_shorten(str(given))}",
+            op_id,
+            reason=Reason.BAD_OP,
         )
     # halves of a surrogate pair may stand at the ends of a fragment's data, and nowhere else
     if not isinstance(given, dict) and field != "data" and not _is_id(given):
-        raise FrameError(f"{op}: field {field} is no text or number that JSON knows", op_id)
+        raise FrameError(f"{op}: field {field} is no text or number that JSON knows", op_id, reason=Reason.BAD_OP)
     if isinstance(given, (int, float)) and classes == (int, float):
         try:
             return float(given)
         except OverflowError:  # JSON has integers beyond any float
-            raise FrameError(f"{op}: field {field} is out of range", op_id) from None
+            raise FrameError(f"{op}: field {field} is out of range", op_id, reason=Reason.BAD_OP) from None
     return given
 
 

@@ -52,6 +52,7 @@ class Session:
         num_received, num_refused: frames in, and those among them that held something that is no op.
         num_sent: messages of topics that went into the outbox.
         on_unsent: hears of a spelling of a topic whose message could not be encoded after it had waited for its turn.
+        on_mistake: hears of what is no op, after the peer was told.
         on_lost_answer: hears of what is no op but should have been the answer to a call or the end of a goal.
     """
 
@@ -84,6 +85,7 @@ class Session:
         self.num_refused = 0
         self.num_sent = 0
         self.on_lost_answer: Callable[[FrameError], None] = lambda _error: None
+        self.on_mistake: Callable[[FrameError], None] = lambda _error: None
         self.on_unsent: Callable[[str, EncodingError], None] = lambda _spelling, _error: None
         self._alarm = alarm
         self._is_talkative = is_talkative
@@ -174,6 +176,7 @@ class Session:
             self.on_lost_answer(error)
         if self._on_refused is None:
             self.remark("error", str(error), error.op_id)
+            self.on_mistake(error)
         else:
             self._on_refused(error)
 

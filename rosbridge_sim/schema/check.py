@@ -14,6 +14,7 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Annotated, Any, TypeAlias
 
 import msgspec
@@ -21,9 +22,10 @@ import numpy as np
 import numpy.typing as npt
 import orjson
 
-from rosbridge_sim.errors import FieldError
+from rosbridge_sim.errors import FieldError, Reason
 from rosbridge_sim.schema.names import Generation, printable
 from rosbridge_sim.schema.parse import INT_RANGES, MAX_FLOAT32, Definition, Field
+from rosbridge_sim.suggestions import hint, listing
 
 __all__ = [
     "ROS1",
@@ -202,31 +204,68 @@ def check(shape: Shape, value: object, stamp_ns: int, root: str | None = None) -
         return _Check(shape.dialect, stamp_ns).message(shape, value)
     except _Misfit as misfit:
         path = "".join(reversed(misfit.path)).removeprefix(".")
-        raise FieldError(misfit.say(root, printable(path))) from None
+        raise FieldError(misfit.say(root, printable(path)), reason=misfit.reason) from None
 
 
 class _Misfit(Exception):  # noqa: N818 - never leaves this module
     """A value that does not fit; each level adds its part of the path on the way up."""
 
-    def __init__(self, say: Callable[[str, str], str]) -> None:
+    def __init__(self, say: Callable[[str, str], str], reason: Reason) -> None:
         super().__init__()
         self.say = say
+        self.reason = reason
         self.path: list[str] = []
 
 
 def _wrong_type(full_type: str, value: object) -> _Misfit:
     got = type(value)
-    return _Misfit(lambda root, path: f"{root} message requires a {full_type} for field {path}, but got a {got}")
+    return _Misfit(
+        lambda root, path: f"{root} message requires a {full_type} for field {path}, but got a {got}",
+        Reason.WRONG_TYPE,
+    )
 
 
 def _wrong_value(full_type: str, why: str) -> _Misfit:
-    return _Misfit(lambda root, path: f"{root} message requires a {full_type} for field {path}, but got {why}")
+    return _Misfit(
+        lambda root, path: f"{root} message requires a {full_type} for field {path}, but got {why}",
+        Reason.WRONG_VALUE,
+    )
 
 
-def _unknown(name: str) -> _Misfit:
-    misfit = _Misfit(lambda root, path: f"Message type {root} does not have a field {path}")
+def _unknown(name: str, shape: Shape, given: Mapping[object, object]) -> _Misfit:
+    """A field that a message does not have, with what is likely meant by it."""
+
+    def say(root: str, path: str) -> str:
+        owner = "it" if path == printable(name) else shape.name
+        return f"Message type {root} does not have a field {path}{_advise(name, shape, given, owner)}"
+
+    misfit = _Misfit(say, Reason.UNKNOWN_FIELD)
     misfit.path.append("." + name)
     return misfit
+
+
+def _advise(name: str, shape: Shape, given: Mapping[object, object], owner: str) -> str:
+    """Return the nearest field and all that there are; or that what was given belongs into the only one.
+
+    Args:
+        name: the unknown field.
+        shape: the message that lacks it.
+        given: all that was given for that message.
+        owner: what the sentence calls it.
+    """
+    if not shape.slots:
+        return f"; {owner} has no fields"
+    (field_name, slot), *others = shape.slots.items()
+    inner = slot.shape
+    if inner is not None and not others and slot.field.array is None and field_name not in given:
+        known = inner.slots.keys() | inner.aliases.keys()
+        if any(key in known for key in islice(given, _LOOKED_AT)):  # the message itself, without what wraps it
+            return f'; wrap it in `{field_name}`: {{"{field_name}": {{...}}}}'
+    return f"{hint(name, [*shape.slots, *shape.aliases])}; {owner} has {listing(shape.slots)}"
+
+
+_LOOKED_AT = 100
+"""Keys of a message that are looked at for an advice: more than any message of ours has fields."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,7 +289,7 @@ class _Check:
                 # Where both names are given the wire's own one counts.
                 given.setdefault(shape.aliases[key], value.get(shape.aliases[key], item))
             elif not (shape.is_header and key == "seq"):
-                raise _unknown(str(key))
+                raise _unknown(str(key), shape, value)
         values = {}
         for name, slot in shape.slots.items():
             try:

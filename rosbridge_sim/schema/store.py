@@ -28,6 +28,7 @@ from rosbridge_sim.schema.parse import Definition, Field, parse_action, parse_me
 from rosbridge_sim.schema.sizes import size_of
 from rosbridge_sim.schema.standard import PACKAGES, WITHOUT_SERVICES, ros2_text, standard_names, standard_text
 from rosbridge_sim.schema.typedefs import full_text
+from rosbridge_sim.suggestions import hint
 
 __all__ = ["Leniency", "Message", "Store"]
 
@@ -453,7 +454,10 @@ class Store:
     def _unknown(self, package: str, name: str, kind: str, what: str) -> TypeNameError:
         is_standard = package in PACKAGES[1] or package in PACKAGES[2]
         if package in self._packages or (is_standard and not (kind == "srv" and package in WITHOUT_SERVICES)):
-            return TypeNameError(f"Unable to resolve type {name}: package {package} has no such {what}")
+            near = hint(
+                name.rpartition("/")[2], (short for one, k, short in self._texts if (one, k) == (package, kind))
+            )
+            return TypeNameError(f"Unable to resolve type {name}: package {package} has no such {what}{near}")
         return UnknownPackageError(
             f"Unable to import {package}.{kind} from package {package}. Caused by: no folder of definitions has it"
         )

@@ -20,7 +20,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from websockets.http11 import Request
 
-from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.errors import DocumentError, Reason
 from rosbridge_sim.graph.peer import FrameWork, Peer, Work
 from rosbridge_sim.protocol.ops import ActionResult, Id, Op, ServiceResponse
 from rosbridge_sim.shell.origins import OriginRules
@@ -187,14 +187,14 @@ class Warden:
 
     def _slow_down(self, now: float, op_id: Id = None) -> None:
         """Refuse a frame, or an op of one; the client hears of it once a second."""
-        if not self._num_too_many:
-            _log.warning("%s sends more than %s frames a second", self._peer.address, self._max_rate)
         self._num_too_many += 1
         self._peer.num_errors += 1
         if now >= self._tell_at:
             self._tell_at = now + 1.0
             why = f"Too fast: at most {self._max_rate} frames a second are taken from one client"
-            self._peer.session.remark("error", f"{why}; refused so far: {self._num_too_many}", op_id)
+            text = f"{why}; refused so far: {self._num_too_many}"
+            self._peer.session.remark("error", text, op_id)
+            self._peer.note(Reason.TOO_FAST, text)
 
 
 def load_certificate(certfile: str | None, keyfile: str | None) -> ssl.SSLContext | None:

@@ -45,6 +45,7 @@ from rosbridge_sim.shell.networks import DiskNetworks
 from rosbridge_sim.shell.origins import OriginRules
 from rosbridge_sim.shell.quota import DataQuota, in_thread
 from rosbridge_sim.shell.reading import ThreadReader
+from rosbridge_sim.shell.refusals import RefusalLog
 from rosbridge_sim.shell.replays import DiskRecordings
 from rosbridge_sim.shell.reports import TOPICS, WHO_IS_CONNECTED, Reports
 from rosbridge_sim.shell.server import Server, ServerLimits
@@ -197,7 +198,8 @@ class Simulator:
         self._limiter = LineLimiter(loop)
         self._limiter.start()
         self.descriptors = DescriptorWatch(loop)
-        self._reports = Reports(bus, server, loop)
+        frame = (lambda: -1) if node is None else (lambda: node.world.frame)
+        self._reports = Reports(bus, server, loop, RefusalLog(loop, frame, is_quiet=settings.quiet_clients))
         self._recordings, self._reader = recordings, reader
         self.bus, self.node, self._server, self._clockwork = bus, node, server, clockwork
         if settings.listen and settings.token is None and not server.is_loopback:

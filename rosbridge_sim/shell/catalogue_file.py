@@ -22,9 +22,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from rosbridge_sim.errors import DocumentError, hint
+from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.catalogue import Catalogue, Model, class_of_data_id, default_model, key_of_name
 from rosbridge_sim.shell.kinds import show_size
+from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.state import Body, Kind
 
 __all__ = ["COLUMNS", "read_catalogue"]

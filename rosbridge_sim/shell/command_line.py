@@ -61,7 +61,8 @@ def run_command(parser: argparse.ArgumentParser, argv: Sequence[str]) -> int:
         note(str(error))
         return 1
     except DocumentError as error:
-        note(str(error))
+        for line in str(error).splitlines():  # a settings file may have several mistakes
+            note(line)
         return 2
     except KeyboardInterrupt:
         end: int = options.end

@@ -1,4 +1,4 @@
-"""The commands that talk to a rosbridge, `rosbridge-sim topic|service|record ...`, and the table of all tools."""
+"""The commands that talk to a rosbridge (`rosbridge-sim topic`, `tick`, `record` ...), and the table of all tools."""
 
 from __future__ import annotations
 
@@ -34,6 +34,9 @@ PATIENCE = 5.0
 CALL_PATIENCE = 30.0
 """The same for a service that is called [s]: to load a scenario takes a while."""
 
+TICK_ID = "rosbridge-sim"
+"""User id of `tick` if nothing is said: the same in each run, so that a second run is the same master."""
+
 DEFAULT_RATE = 1.0
 """How often `pub` repeats itself if nothing is said [Hz], as `ros2 topic pub` does."""
 
@@ -46,20 +49,29 @@ def _with_bridge(options: Options, work: Callable[[Bridge], Awaitable[int]]) -> 
     from rosbridge_sim.shell.tools.client import open_bridge  # noqa: PLC0415 - --help and a mistake do without it
 
     async def main() -> int:
-        async with open_bridge(options.url, options.token, options.patience) as bridge:
+        patience = vars(options).get("wait") or options.patience
+        async with open_bridge(options.url, options.token, patience) as bridge:
             return await work(bridge)
 
     return asyncio.run(main())
 
 
-def _add_bridge(parser: Parser, patience: float = PATIENCE, *, is_call: bool = False) -> None:
-    """What every command that talks to a server takes."""
-    url = os.environ.get(f"{PREFIX}URL") or DEFAULT_URL
-    token = os.environ.get(f"{PREFIX}TOKEN") or None
+def _add_bridge(parser: Parser, patience: float = PATIENCE, *, is_call: bool = False, is_waiting: bool = False) -> None:
+    """Add the flags of every command that talks to a server.
+
+    Args:
+        parser: of the command.
+        patience: how long an answer may take if nothing is said [s].
+        is_call: the answer is that of a service.
+        is_waiting: the command waits for messages, by default for ever.
+    """
     add_json(parser)
-    text = f"any rosbridge, also as {PREFIX}URL [{shown_url(url)}]"  # a token may stand in it
-    parser.add_argument("--url", default=url, help=text.replace("%", "%%"))
-    parser.add_argument("--token", default=token, help=f"what lets us in, also as {PREFIX}TOKEN")
+    _add_server(parser)
+    if is_waiting:
+        text = "longest wait for a message, and for an answer; then end with code 1 and the reason"
+        parser.add_argument("--timeout", dest="wait", type=_seconds, metavar="SECONDS", help=f"{text} [for ever]")
+        parser.set_defaults(patience=patience)
+        return
     text = "how long the service may take; 0 is for ever" if is_call else "how long an answer may take"
     parser.add_argument(
         "--timeout",
@@ -71,10 +83,20 @@ def _add_bridge(parser: Parser, patience: float = PATIENCE, *, is_call: bool = F
     )
 
 
+def _add_server(parser: Parser) -> None:
+    """Add the flags that say which server is meant."""
+    url = os.environ.get(f"{PREFIX}URL") or DEFAULT_URL
+    token = os.environ.get(f"{PREFIX}TOKEN") or None
+    text = f"any rosbridge, also as {PREFIX}URL [{shown_url(url)}]"  # a token may stand in it
+    parser.add_argument("--url", default=url, help=text.replace("%", "%%"))
+    parser.add_argument("--token", default=token, help=f"what lets us in, also as {PREFIX}TOKEN")
+
+
 _seconds = make_number(0.001, 1e6, "seconds", float)
 _seconds_or_none = make_number(0, 1e6, "seconds, or 0", float)
 _hertz = make_number(0.001, 1e4, "times a second, at most 10,000", float)
 _count = make_number(1, 1e9, "a number from 1 on", int)
+_step = make_number(20, 1_000, "milliseconds, from 20 to 1,000", int)
 _window = make_number(2, 1e6, "a number from 2 to 1,000,000", int)
 
 
@@ -99,7 +121,7 @@ def _topic(argv: Sequence[str]) -> int:
     parser.add_argument("--once", action="store_const", const=1, dest="count", help="end after the first")
     parser.add_argument("--field", metavar="PATH", help="one field alone, as a.b or list[0].c")
     parser.add_argument("--type", metavar="TYPE", help="of a topic that is not there yet")
-    _add_bridge(parser)
+    _add_bridge(parser, is_waiting=True)
     parser.set_defaults(end=0)
 
     parser = add("hz", _show_rate, "how often messages come")
@@ -107,7 +129,7 @@ def _topic(argv: Sequence[str]) -> int:
     parser.add_argument("-w", "--window", type=_window, metavar="N", help="look back on so many messages [all]")
     parser.add_argument("-n", "--count", type=_window, help="end after so many messages")
     parser.add_argument("--type", metavar="TYPE", help="of a topic that is not there yet")
-    _add_bridge(parser)
+    _add_bridge(parser, is_waiting=True)
     parser.set_defaults(end=0)
 
     parser = add("pub", _publish, "publish a message: once a second until Ctrl-C if nothing else is said")
@@ -153,7 +175,9 @@ def _echo(options: Options) -> int:
         raise SettingError(f"--field: expected a path such as a.b or list[0].c; got {options.field!r}") from None
     return _with_bridge(
         options,
-        lambda bridge: topic.echo(bridge, options.name, options.type, path, options.count, is_json=options.json),
+        lambda bridge: topic.echo(
+            bridge, options.name, options.type, path, options.count, patience=options.wait, is_json=options.json
+        ),
     )
 
 
@@ -163,7 +187,13 @@ def _show_rate(options: Options) -> int:
     return _with_bridge(
         options,
         lambda bridge: show_rate(
-            bridge, options.name, options.type, options.window, options.count, is_json=options.json
+            bridge,
+            options.name,
+            options.type,
+            options.window,
+            options.count,
+            patience=options.wait,
+            is_json=options.json,
         ),
     )
 
@@ -261,7 +291,7 @@ def _record(argv: Sequence[str]) -> int:
         help="which, such as '/Ego*'; repeatable [all]",
     )
     parser.add_argument("-n", "--count", type=_count, help="end after so many messages")
-    _add_bridge(parser)
+    _add_bridge(parser, is_waiting=True)
     add_definitions(parser)
     parser.set_defaults(run=_run_record, end=0)
     return run_command(parser, argv)
@@ -273,9 +303,74 @@ def _run_record(options: Options) -> int:
     return _with_bridge(
         options,
         lambda bridge: record.record(
-            bridge, options.file, tuple(options.topics), choice_of(options), options.count, is_json=options.json
+            bridge,
+            options.file,
+            tuple(options.topics),
+            choice_of(options),
+            options.count,
+            patience=options.wait,
+            is_json=options.json,
         ),
     )
+
+
+# tick, wait
+
+
+def _tick(argv: Sequence[str]) -> int:
+    parser = Parser(
+        prog="rosbridge-sim tick",
+        description="Move a simulator in synchronous mode by so many ticks, and show the frame and the ego after each.",
+        epilog="With --start the mode is ended again, unless it was on before: then the connection is closed, and the"
+        " server's --sync-on-loss says what follows (wait: the world stands until the next tick --start).",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    parser.add_argument("count", metavar="N", nargs="?", type=_count, default=1, help="ticks [1]")
+    parser.add_argument("--start", action="store_true", help="become the master first, and end the mode at the end")
+    parser.add_argument("--id", default=TICK_ID, metavar="ID", help=f"user id of the master [{TICK_ID}]")
+    parser.add_argument("--step", type=_step, default=20, metavar="MS", help="length of a tick, a multiple of 20 [20]")
+    _add_bridge(parser, CALL_PATIENCE)
+    parser.set_defaults(run=_run_tick)
+    return run_command(parser, argv)
+
+
+def _run_tick(options: Options) -> int:
+    from rosbridge_sim.shell.tools.sync import tick  # noqa: PLC0415
+
+    if options.step % 20:
+        raise SettingError(f"--step: expected a multiple of 20 milliseconds; got {options.step:g}")
+    return _with_bridge(
+        options,
+        lambda bridge: tick(
+            bridge, options.count, options.id, options.step, is_starting=options.start, is_json=options.json
+        ),
+    )
+
+
+def _wait(argv: Sequence[str]) -> int:
+    parser = Parser(
+        prog="rosbridge-sim wait",
+        description="Wait until a rosbridge takes clients. Code 0: it does. Code 1: it does not in time.",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    _add_server(parser)
+    parser.add_argument(
+        "--timeout",
+        type=_seconds,
+        default=CALL_PATIENCE,
+        metavar="SECONDS",
+        help=f"longest wait [{CALL_PATIENCE:g}]",
+    )
+    parser.set_defaults(run=_run_wait)
+    return run_command(parser, argv)
+
+
+def _run_wait(options: Options) -> int:
+    from rosbridge_sim.shell.tools.wait import wait_until_ready  # noqa: PLC0415
+
+    return asyncio.run(wait_until_ready(options.url, options.token, options.timeout))
 
 
 TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
@@ -286,5 +381,7 @@ TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "scenario": run_scenario,
     "map": run_map,
     "record": _record,
+    "tick": _tick,
+    "wait": _wait,
 }
 """Name -> what runs it with the words behind the name."""

@@ -3,6 +3,7 @@
     /client_count        how many clients are connected; latched, at each change
     /connected_clients   who they are and since when; latched, at each change
     /sim/clients         what each has sent, was given and leaves unread; once a second while somebody listens
+    /sim/refusals        the last mistakes of clients, with reasons; latched, at changes, at most ten times a second
     /rosout              the log lines of this process, from level info on; clients may write there too
 
 The first two are rosbridge_suite's. The server is the node `/rosbridge_websocket` here, as its clients are.
@@ -19,11 +20,12 @@ from rosbridge_sim.graph.bus import Bus, Topic
 from rosbridge_sim.graph.peer import NODE_NAME
 from rosbridge_sim.graph.policy import Effect, Use, Way
 from rosbridge_sim.schema.store import Message
+from rosbridge_sim.shell.refusals import RefusalLog, escape
 from rosbridge_sim.shell.server import Client, Server
 
 __all__ = ["TOPICS", "WHO_IS_CONNECTED", "Reports"]
 
-TOPICS = ("/client_count", "/connected_clients", "/sim/clients", "/rosout")
+TOPICS = ("/client_count", "/connected_clients", "/sim/clients", "/rosout", "/sim/refusals")
 """The names of all of these."""
 
 WHO_IS_CONNECTED = Effect("learn who is connected", tuple(Way(Use.SUBSCRIBE, name) for name in TOPICS))
@@ -31,6 +33,12 @@ WHO_IS_CONNECTED = Effect("learn who is connected", tuple(Way(Use.SUBSCRIBE, nam
 
 PERIOD = 1.0
 """Between two messages on /sim/clients [s]."""
+
+REFUSALS_PERIOD = 0.1
+"""Shortest time between two messages on /sim/refusals [s]: a full one takes half a millisecond to make."""
+
+MAX_COUNT = 2**32 - 1
+"""Greatest number of refusals in a row that its field holds."""
 
 _LOG_TYPES = {1: "rosgraph_msgs/Log", 2: "rcl_interfaces/Log"}
 """The type of `/rosout` in each ROS generation; Lichtblick tells the two apart by it."""
@@ -51,26 +59,46 @@ class Reports:
 
     name = NODE_NAME
 
-    def __init__(self, bus: Bus, server: Server, loop: asyncio.AbstractEventLoop) -> None:
-        """Advertise the topics and follow the server's clients and this process's log, until `stop`."""
+    def __init__(
+        self, bus: Bus, server: Server, loop: asyncio.AbstractEventLoop, refusals: RefusalLog | None = None
+    ) -> None:
+        """Advertise the topics and follow the server's clients and this process's log, until `stop`.
+
+        Args:
+            bus: where the topics are.
+            server: whose clients are reported.
+            loop: whose timers are used.
+            refusals: what clients were refused; None for a log of its own.
+        """
         self.bus = bus
         self._server = server
         self._loop = loop
-        count, connected, clients, log = TOPICS
+        count, connected, clients, log, refused = TOPICS
         self._count = self._advertise(count, "std_msgs/Int32", depth=1, is_exclusive=True)
         self._connected = self._advertise(connected, "rosbridge_msgs/ConnectedClients", depth=1, is_exclusive=True)
         self._clients = self._advertise(clients, "rosbridge_sim_msgs/Clients", is_exclusive=True)
         self._log = _LogTopic(self, self._advertise(log, _LOG_TYPES[bus.store.ros]), bus.store.ros, loop)
         logging.getLogger("rosbridge_sim").addHandler(self._log)
+        self._refused = self._advertise(refused, "rosbridge_sim_msgs/Refusals", depth=1, is_exclusive=True)
+        self._refusals = RefusalLog(loop) if refusals is None else refusals
+        self._refusals.on_change = self._tell_refusals_soon
+        self._refusals_at = float("-inf")  # when they were told last [s]
+        self._refusals_timer: asyncio.TimerHandle | None = None
+        bus.on_refusal = self._refusals.note
         self._entries: dict[Client, Any] = {}  # generated structs
         self._soon: asyncio.Handle | None = None
         server.on_clients = self.tell_clients_soon
         self._timer = loop.call_later(PERIOD, self._tick)
         self._tell_clients()
+        self._tell_refusals()
 
     def stop(self) -> None:
         """Say nothing more."""
         self._timer.cancel()
+        if self._refusals_timer is not None:
+            self._refusals_timer.cancel()
+        self._refusals.on_change = lambda: None
+        self._refusals.stop()
         if self._soon is not None:
             self._soon.cancel()
         logging.getLogger("rosbridge_sim").removeHandler(self._log)
@@ -98,6 +126,32 @@ class Reports:
         self._entries = {client: known[client] for client in self._server.clients}
         self.publish(self._count, data=len(self._entries))
         self.publish(self._connected, clients=list(self._entries.values()))
+
+    def _tell_refusals_soon(self) -> None:
+        """Tell what was refused: at the end of this turn, or a while after the last time."""
+        if self._refusals_timer is None:
+            due = max(self._refusals_at + REFUSALS_PERIOD, self._loop.time())
+            self._refusals_timer = self._loop.call_at(due, self._tell_refusals)
+
+    def _tell_refusals(self) -> None:
+        self._refusals_timer = None
+        self._refusals_at = self._loop.time()
+        store = self.bus.store
+        make = store.message("rosbridge_sim_msgs/Refusal").struct
+        refusals = [
+            make(
+                stamp=store.time_value(noted.stamp_ns),
+                frame=noted.frame,
+                client=noted.request.client,
+                reason=noted.request.reason.value,
+                op=noted.request.op,
+                subject=escape(noted.request.subject),
+                text=escape(noted.request.text),
+                count=min(noted.count, MAX_COUNT),
+            )
+            for noted in self._refusals.kept()
+        ]
+        self.publish(self._refused, header=self.stamp(), total=self._refusals.total, refusals=refusals)
 
     def stamp(self) -> Any:  # noqa: ANN401 - a generated struct
         """A header with the time of day: these topics are about this process, not about the world in it."""

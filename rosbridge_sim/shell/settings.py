@@ -325,6 +325,9 @@ class Settings:
     log_level: Literal["debug", "info", "warning", "error"] = _flag(
         "info", _LOG, choice_of("debug", "info", "warning", "error"), "least level of the log on stderr"
     )
+    quiet_clients: bool = _flag(
+        default=False, group=_LOG, kind=SWITCH, text="write no log lines about mistakes of clients"
+    )
     config: str | None = _flag(
         None, _LOG, text_of("a TOML file", "FILE.toml"), "settings by their flags' names; paths are from its folder"
     )

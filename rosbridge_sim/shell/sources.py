@@ -1,8 +1,9 @@
 """Where settings come from: flags, the environment, a TOML file; and how they go back into one.
 
 A flag beats the environment, the environment beats the file, the file beats the default. A list is taken whole from
-the first place that has one; a rate that a flag gives is laid over what the file says of that publisher. Every mistake
-is a `SettingError` of one line that says where, what was expected and what came.
+the first place that has one; a rate that a flag gives is laid over what the file says of that publisher. A mistake is
+a `SettingError` of one line that says where, what was expected and what came; those of a file are told together, one a
+line.
 """
 
 from __future__ import annotations
@@ -12,15 +13,16 @@ import logging
 import os
 import re
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from rosbridge_sim.errors import DocumentError, hint
+from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.kinds import FILE, FOLDER, FOLDERS, SECRET, SWITCH, URLS, SettingError, show_size
 from rosbridge_sim.shell.settings import FIELDS, SHORT_FORMS, Settings, flag_of
 from rosbridge_sim.shell.toml_text import Lines, lines_of, place_of, read_toml
 from rosbridge_sim.shell.urls import hide_in_words, shown_url
+from rosbridge_sim.suggestions import hint
 
 if TYPE_CHECKING:
     from rosbridge_sim.morai.items import ListedItem
@@ -55,7 +57,7 @@ def read_settings(argv: Sequence[str], environ: Mapping[str, str], *, is_attachi
         is_attaching: the command is `attach`: its words without dashes are URLs, and it does not listen.
 
     Raises:
-        SettingError: the first mistake.
+        SettingError: the first mistake, or all those of the file, one a line.
         SystemExit: `--help` was asked for and printed.
     """
     return _merge(_from_flags(argv, is_attaching=is_attaching), _from_environment(environ))
@@ -317,7 +319,8 @@ def _make_parser(*, is_attaching: bool) -> argparse.ArgumentParser:
 _SERVE_TEXT = (
     "A rosbridge v2 server that needs no ROS, with a driving world inside that answers like MORAI SIM: Drive."
     " rosbridge-sim attach URL has the world stand behind somebody else's rosbridge, as MORAI SIM does. Other commands"
-    " look at any rosbridge: rosbridge-sim topic, service, schema, record; or at files: bag, scenario, map (--help)."
+    " talk to any rosbridge: rosbridge-sim topic, service, tick, wait, schema, record; or look at files: bag, scenario,"
+    " map (--help)."
 )
 
 _ATTACH_TEXT = (
@@ -391,21 +394,41 @@ def _from_file(path: Path) -> dict[str, object]:
     text, document = read_toml(path)
     lines = lines_of(text)
     values: dict[str, object] = {}
+    mistakes: list[DocumentError] = []
     for name, value in document.items():
         key = name.replace("_", "-")
         where = f"{path}{place_of(lines, (name,))}: {path_text((name,))}"
-        if key == "config":
-            raise SettingError(f"{where}: a settings file cannot name another one")
-        if key in SHORT_FORMS:
-            raise SettingError(f'{where}: expected [publishers] with lines such as "/Ego_topic" = {{ rate = 10 }}')
-        if key not in _keys():
-            raise SettingError(f"{where}: no such setting{hint(key, _keys())}")
-        if key in _tables():
-            _add(values, key, _read_table(key, name, value, path, lines), where)
-        else:
-            base, checked = _read_key(key, value, where)
-            _add(values, base, _beside(base, checked, path.parent), where)
+        try:
+            _check_key(key, where)
+            if key in _tables():
+                _add(values, key, _read_table(key, name, value, path, lines, on_mistake=mistakes.append), where)
+            else:
+                base, checked = _read_key(key, value, where)
+                _add(values, base, _beside(base, checked, path.parent), where)
+        except SettingError as error:
+            mistakes.append(error)
+    if mistakes:
+        more = [f"{path}: {len(mistakes) - MAX_MISTAKES:,} more mistakes"] if len(mistakes) > MAX_MISTAKES else []
+        raise SettingError("\n".join([*map(str, mistakes[:MAX_MISTAKES]), *more]))
     return values
+
+
+MAX_MISTAKES = 20
+"""Mistakes of one file that are told, one a line: a screen of a terminal."""
+
+
+def _check_key(key: str, where: str) -> None:
+    """Check that a key of a file is a setting.
+
+    Raises:
+        SettingError: it is none.
+    """
+    if key == "config":
+        raise SettingError(f"{where}: a settings file cannot name another one")
+    if key in SHORT_FORMS:
+        raise SettingError(f'{where}: expected [publishers] with lines such as "/Ego_topic" = {{ rate = 10 }}')
+    if key not in _keys():
+        raise SettingError(f"{where}: no such setting{hint(key, _keys())}")
 
 
 def read_network(path: Path) -> NetworkSettings:
@@ -435,14 +458,28 @@ def read_network(path: Path) -> NetworkSettings:
     return NetworkSettings(**tables)
 
 
-def _read_table(key: str, name: str, value: object, path: Path, lines: Lines) -> object:
-    """The choices of one table of a file; errors have their lines."""
+def _read_table(
+    key: str,
+    name: str,
+    value: object,
+    path: Path,
+    lines: Lines,
+    *,
+    on_mistake: Callable[[DocumentError], None] | None = None,
+) -> object:
+    """The choices of one table of a file; errors have their lines.
+
+    Raises:
+        SettingError: the first mistake, unless `on_mistake` hears of them.
+    """
     from rosbridge_sim.morai.network_settings import ItemKind, path_text, read_choices  # noqa: PLC0415 - as above
 
     def place(keys: tuple[str, ...]) -> str:
         at = (name, *keys[1:])
         return f"{path}{place_of(lines, at)}: {path_text(at)}"
 
+    if on_mistake is not None:
+        return read_choices(ItemKind(key), value, place, on_mistake)
     try:
         return read_choices(ItemKind(key), value, place)
     except DocumentError as error:

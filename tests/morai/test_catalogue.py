@@ -2,7 +2,15 @@ from __future__ import annotations
 
 import pytest
 
-from rosbridge_sim.morai.catalogue import CATALOGUE, DEFAULT_EGO, Model, default_model, find_model, model_of_data_id
+from rosbridge_sim.morai.catalogue import (
+    BUILT_IN,
+    CATALOGUE,
+    DEFAULT_EGO,
+    Model,
+    default_model,
+    find_model,
+    model_of_data_id,
+)
 from rosbridge_sim.world.state import Kind
 
 
@@ -81,3 +89,18 @@ def test_every_body_is_one_piece(model: Model) -> None:
 def test_a_name_that_is_too_long_is_no_models() -> None:
     assert find_model("2016_Hyundai_Ioniq") is not None
     assert find_model("2016_Hyundai_Ioniq" + " " * 10_000) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "near"),
+    [
+        ("2015_Kia_K6", "2015_Kia_K5"),
+        ("Hyundai Ionik 5", "Hyundai_Ioniq_5"),
+        ("Pedestrain", "Pedestrian"),
+        ("zeppelin", ""),
+        ("x" * 10**6, ""),
+    ],
+)
+def test_nearest_model_is_suggested(name: str, near: str) -> None:
+    assert BUILT_IN.suggest(name) == (f" (did you mean {near}?)" if near else "")
+    assert not near or find_model(near) is not None

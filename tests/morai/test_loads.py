@@ -158,7 +158,7 @@ def test_loads_of_one_client_are_read_one_after_the_other() -> None:
 
 
 @pytest.mark.parametrize("way", ["service", "topic"])
-def test_load_that_fails_says_why_and_lets_its_client_go_on(way: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_load_that_fails_says_why_and_lets_its_client_go_on(way: str) -> None:
     one = Set()
     client = one.wire()
     before = one.world.digest()
@@ -173,7 +173,6 @@ def test_load_that_fails_says_why_and_lets_its_client_go_on(way: str, caplog: py
     assert (status["op"], status["level"]) == ("status", "error")
     assert status.get("id") == (None if way == "service" else "p1")
     assert "no link 'no such link'" in status["msg"]
-    assert status["msg"] in caplog.text
     assert others[-1]["service"] == "/Service_MoraiEventCmd"
     if way == "service":
         assert others[0]["values"]["response"] == {"result": False}

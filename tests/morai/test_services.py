@@ -299,14 +299,13 @@ def test_a_load_at_a_frame() -> None:
 
 
 @pytest.mark.parametrize("name", ["nothing", "torn", "lost", "", "../../etc/passwd"])
-def test_a_load_that_cannot_be_is_false_and_says_why(name: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_load_that_cannot_be_is_false_and_says_why(name: str) -> None:
     stand, client = in_sync()
     before = stand.world.digest()
     assert client.ask("/Service_MoraiSL", file_name=name, **ALL) == {"result": False}
     assert client.ask("/SyncModeScenarioLoad", file_name=name, frame=1, **ALL) == {"result": False}
     assert [level for level, _ in client.told] == ["error", "error"]
     assert client.told[0][1].startswith("/Service_MoraiSL: ")
-    assert client.told[0][1] in caplog.text
     assert stand.world.digest() == before
 
 

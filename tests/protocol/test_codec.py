@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rosbridge_sim.errors import FrameError
+from rosbridge_sim.errors import FrameError, Reason
 from rosbridge_sim.protocol import codec
 from rosbridge_sim.protocol.codec import decode_frame, is_absent, op_frame, publish_head, response_frame, status_frame
 from rosbridge_sim.protocol.ops import OPS, CallService, Fragment, Id, Op, Publish, Subscribe
@@ -185,3 +185,19 @@ def test_a_frame_that_cannot_be_used_is_quoted_without_its_token(frame: bytes) -
     errors = [str(one) for one in decode_frame(frame) if isinstance(one, FrameError)]
     assert errors
     assert "s3same" not in "".join(errors)
+
+
+@pytest.mark.parametrize(
+    ("op", "end"),
+    [
+        ("publsh", "(did you mean publish?)"),
+        ("callService", "(did you mean call_service?)"),
+        ("nothing like it", "]"),
+        (7, "]"),
+    ],
+)
+def test_nearest_op_is_suggested_behind_the_list(op: object, end: str) -> None:
+    (error,) = decode_frame(json.dumps({"op": op}).encode())
+    assert isinstance(error, FrameError)
+    assert str(error).endswith(end)
+    assert error.reason is Reason.UNKNOWN_OP

@@ -143,7 +143,7 @@ def test_seq_is_dropped_where_headers_have_none() -> None:
         b'{"header":{"stamp":{"sec":12,"nanosec":340000000},"frame_id":"map"},'
         b'"others":[{"stamp":{"sec":12,"nanosec":340000000},"frame_id":""}]}'
     )
-    assert refusal(make("int32 x", ros=2), {"seq": 3}) == "Message type p/T does not have a field seq"
+    assert refusal(make("int32 x", ros=2), {"seq": 3}) == "Message type p/T does not have a field seq; it has x"
 
 
 @pytest.mark.parametrize("header", [None, {}, {"stamp": None}, {"seq": None, "stamp": None, "frame_id": ""}, ...])
@@ -234,9 +234,9 @@ OUT_OF_64 = "which is out of its range (0 to 18446744073709551615)"
     [
         ([], "Expected a JSON object for type p/T but received a <class 'list'>"),
         ("x", "Expected a JSON object for type p/T but received a <class 'str'>"),
-        ({"x": 1}, "Message type p/T does not have a field x"),
-        ({"u": {"v": {"x": 1}}}, "Message type p/T does not have a field u.v.x"),
-        ({"us": [{}, {"v": {"x": 1}}]}, "Message type p/T does not have a field us[1].v.x"),
+        ({"x": 1}, "Message type p/T does not have a field x; it has i, f, b, s, u, us, m, d, t, u64, u64s"),
+        ({"u": {"v": {"x": 1}}}, "Message type p/T does not have a field u.v.x; p/V has y"),
+        ({"us": [{}, {"v": {"x": 1}}]}, "Message type p/T does not have a field us[1].v.x; p/V has y"),
         ({"i": "a"}, "p/T message requires a int32 for field i, but got a <class 'str'>"),
         ({"i": True}, "p/T message requires a int32 for field i, but got a <class 'bool'>"),
         ({"i": 1.5}, "p/T message requires a int32 for field i, but got a <class 'float'>"),
@@ -273,7 +273,7 @@ def test_what_does_not_fit_is_refused_with_its_path(body: object, text: str) -> 
 
 
 def test_the_root_of_error_texts_can_be_named() -> None:
-    with pytest.raises(FieldError, match=r"^Message type other/Name does not have a field x$"):
+    with pytest.raises(FieldError, match=r"^Message type other/Name does not have a field x; it has i$"):
         make("int32 i").check({"x": 1}, 0, root="other/Name")
 
 
@@ -327,7 +327,7 @@ def test_documented_field_names_are_accepted_and_the_wire_name_goes_out() -> Non
     t = lenient("int32 type")
     assert t.encode_json(decode(t, {"longCmdType": 2})) == b'{"type":2}'
     assert decode(t, {"longCmdType": 2, "type": 1}).type == decode(t, {"type": 1, "longCmdType": 2}).type == 1
-    assert refusal(t, {"gone": 1}) == "Message type p/T does not have a field gone"
+    assert refusal(t, {"gone": 1}) == "Message type p/T does not have a field gone; it has type"
 
 
 def test_a_single_element_may_stand_for_an_array() -> None:
@@ -406,3 +406,25 @@ def test_a_typed_array_in_any_place_is_taken_or_refused(
             message_type.encode_cbor(value)
             with contextlib.suppress(FieldError):  # a wide string has no bytes in ROS 2
                 message_type.encode_raw(value)
+
+
+@pytest.mark.parametrize(
+    ("text", "body", "advice"),
+    [
+        ("Req request", {"user_id": "me"}, 'user_id; wrap it in `request`: {"request": {...}}'),
+        ("Req request", {"x": 1, "frame": 3}, 'x; wrap it in `request`: {"request": {...}}'),
+        ("Req request", {"request": {}, "user_id": "me"}, "user_id; it has request"),
+        ("Req request", {"x": 1}, "x; it has request"),
+        ("Req request", {"requst": {"user_id": "me"}}, "requst (did you mean request?); it has request"),
+        ("Req[] requests", {"user_id": "me"}, "user_id; it has requests"),
+        ("Req request\nHead h", {"user_id": "me"}, "user_id; it has request, h"),
+        ("int32 idx\nint32 status", {"trafficLightIndex": 1}, "trafficLightIndex; it has idx, status"),
+        ("Req request", {"request": {"userid": 1}}, "request.userid (did you mean user_id?); p/Req has user_id, frame"),
+        ("", {"x" * 10**6: 1}, "; it has no fields"),
+    ],
+)  # fmt: skip
+def test_unknown_field_comes_with_what_is_likely_meant(text: str, body: object, advice: str) -> None:
+    said = refusal(make(text, Req="string user_id\nuint64 frame", Head="string a"), body)
+    assert said.startswith("Message type p/T does not have a field ")
+    assert said.endswith(advice)
+    assert len(said) < 1_000

@@ -362,3 +362,11 @@ def test_message_that_could_not_be_written_once_is_not_tried_again() -> None:
     assert message.cbor.endswith(b"whole")
     with pytest.raises(EncodingError, match="std_msgs/String: cannot be written: ZeroDivisionError"):
         message.shared("a form", lambda: 1 // 0)
+
+
+def test_nearest_type_of_the_package_is_suggested() -> None:
+    texts = {("p", "msg", "Control"): "int8 a", ("q", "msg", "Contrl"): "int8 a", ("p", "srv", "Switch"): "---"}
+    with pytest.raises(TypeNameError, match=r"no such message \(did you mean Control\?\)$"):
+        Store(texts).message("p/Contrl")
+    with pytest.raises(TypeNameError, match=r"no such service \(did you mean Switch\?\)$"):
+        Store(texts).service("p/Swich")

@@ -465,7 +465,7 @@ async def test_patterns_hold_for_all_names_and_the_log_names_what_they_leave_ope
         "--deny-subscribe /tf",
         "--deny-subscribe /client_count",
     ]
-    assert lines[2].endswith("to learn who is connected: listening to /connected_clients, /sim/clients, /rosout")
+    assert lines[2].endswith("who is connected: listening to /connected_clients, /sim/clients, /rosout, /sim/refusals")
 
 
 async def test_log_says_that_patterns_do_not_hold_behind_a_bridge(caplog: pytest.LogCaptureFixture) -> None:

@@ -63,7 +63,7 @@ def test_main_knows_the_tools(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     assert __main__.main() == 0
     assert capsys.readouterr() == ("# A text.\n\nstring data  # a text\n", "")
     for name in TOOLS:
-        monkeypatch.setattr(sys, "argv", ["rosbridge-sim", name])
+        monkeypatch.setattr(sys, "argv", ["rosbridge-sim", name, "--no-such-flag"])
         assert __main__.main() == 2
 
 

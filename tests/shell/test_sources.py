@@ -72,6 +72,7 @@ OTHER: dict[str, object] = {
     "anyone_may_stop": True,
     "schema_path": ("x", "y"),
     "strict_types": True,
+    "quiet_clients": True,
     "listen": False,
     "attach": ("ws://a:9090", "wss://b/?token=abc"),
     "attach_sockets": "per-topic",
@@ -114,7 +115,8 @@ def mistake(argv: list[str], environ: dict[str, str] | None = None) -> str:
     with pytest.raises(SettingError) as caught:
         read_settings(argv, environ or {})
     text = str(caught.value)
-    assert "\n" not in text
+    if "--config" not in argv:
+        assert "\n" not in text
     return text
 
 
@@ -497,3 +499,31 @@ def test_what_looks_like_a_path() -> None:
     assert [looks_like_path(name) for name in ("demo", "demo.json", "./demo", "a/b", ".")] == [
         False, True, True, True, True,
     ]  # fmt: skip
+
+
+def test_all_mistakes_of_a_file_are_told_at_once_each_with_its_line(tmp_path: Path) -> None:
+    text = """\
+prot = 1
+host = 3
+start = "later"
+port = 9000
+rate = 3
+[publishers]
+"/clock" = { rate = 500, nam = "/c", on = 1 }
+"a b" = { on = false }
+"/tf" = 3
+[servces]
+"""
+    lines = mistake_in(tmp_path, text).split("\n")
+    assert [line.partition(": ")[0] for line in lines] == [
+        *("s.toml:1", "s.toml:2", "s.toml:3", "s.toml:5"),
+        *("s.toml:7", "s.toml:7", "s.toml:7", "s.toml:8", "s.toml:9", "s.toml:10"),
+    ]
+    assert lines[0].endswith("prot: no such setting (did you mean port?)")
+    assert lines[-1].endswith("servces: no such setting (did you mean services?)")
+
+
+def test_a_file_full_of_mistakes_is_a_screen_of_lines(tmp_path: Path) -> None:
+    lines = mistake_in(tmp_path, "".join(f"x{i} = 1\n" for i in range(5_000))).split("\n")
+    assert len(lines) == 21
+    assert lines[-1] == "s.toml: 4,980 more mistakes"

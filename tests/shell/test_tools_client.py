@@ -12,6 +12,8 @@ import pytest
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
+from rosbridge_sim.shell.tools.client import open_bridge
+from rosbridge_sim.shell.tools.topic import echo
 from tests.shell.tooling import (
     Frame,
     Reply,
@@ -240,7 +242,7 @@ async def test_bare_nan_is_understood_and_not_passed_on() -> None:
     assert for_programs.json == {"data": None}
 
 
-async def test_echo_says_when_nobody_answers_and_waits_on() -> None:
+async def test_echo_says_when_nobody_answers_and_waits_on(capsys: pytest.CaptureFixture[str]) -> None:
     asked = asyncio.Event()
 
     async def handle(connection: ServerConnection) -> None:
@@ -252,16 +254,14 @@ async def test_echo_says_when_nobody_answers_and_waits_on() -> None:
                 await connection.send('{"op": "publish", "topic": "/chatter", "msg": {"data": 1}}')
 
     silence = asyncio.Event()
-    async with talking_server(handle) as url:
+    async with talking_server(handle) as url, open_bridge(url, None, float(SHORT)) as bridge:
         loop = asyncio.get_running_loop()
-        tool = asyncio.create_task(
-            in_the_background("topic", "echo", "/chatter", "--once", "--timeout", SHORT, url=url)
-        )
+        tool = asyncio.create_task(echo(bridge, "/chatter", None, None, 1, patience=None, is_json=False))
         await asked.wait()
         loop.call_later(4 * float(SHORT), silence.set)
-        done = await tool
-    assert (done.code, done.out) == (0, "data: 1\n---\n")
-    assert done.complaint == f"{url}: no answer within {SHORT} s; is rosapi running there? Waiting for messages"
+        assert await tool == 0
+    said = f"rosbridge-sim: {url}: no answer within {SHORT} s; is rosapi running there? Waiting for messages\n"
+    assert capsys.readouterr() == ("data: 1\n---\n", said)
 
 
 @pytest.mark.slow

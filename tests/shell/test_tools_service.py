@@ -95,7 +95,7 @@ def test_request_may_be_left_out(server: ServerProcess) -> None:
     [
         (("/SyncModCmd",), "Service /SyncModCmd does not exist (did you mean /SyncModeCmd?)"),
         (("/nothing/like/it",), "Service /nothing/like/it does not exist"),
-        (("/rosapi/nodes", "{x: 1}"), "Message type rosapi/NodesRequest does not have a field x"),
+        (("/rosapi/nodes", "{x: 1}"), "Message type rosapi/NodesRequest does not have a field x; it has no fields"),
         (("/rosapi/set_param", "{name: /x, value: '{'}"), "JSON-formatted string."),
     ],
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from rosbridge_sim.shell.sources import hint
 from rosbridge_sim.shell.tools.client import Bridge, Frame, absolute, answer_of, words
 from rosbridge_sim.shell.tools.faults import RefusedError
+from rosbridge_sim.shell.tools.sync import why_silent
 from rosbridge_sim.shell.tools.text import note, safe
 
 __all__ = ["Listener", "no_topic"]
@@ -37,6 +38,22 @@ class Listener:
         listener._question = await bridge.send("call_service", service="/rosapi/topic_type", args={"topic": topic})
         listener._question_ends = bridge.now() + bridge.patience
         return listener
+
+    async def expect(self, patience: float | None) -> Frame:
+        """Return the next message.
+
+        Args:
+            patience: longest wait [s]; None is for ever.
+
+        Raises:
+            RefusedError: the topic cannot be had, or none came in time; the text says why, as far as it is known.
+        """
+        until = None if patience is None else self._bridge.now() + patience
+        msg = await self.next(until)
+        if msg is None:
+            assert patience is not None, "there was no deadline"
+            raise await why_silent(self._bridge, self._topic, patience)
+        return msg
 
     async def next(self, until: float | None = None) -> Frame | None:
         """The next message; None if none comes until then.

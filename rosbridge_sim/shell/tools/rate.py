@@ -11,6 +11,7 @@ from typing import Self
 
 from rosbridge_sim.shell.tools.client import Bridge, absolute
 from rosbridge_sim.shell.tools.listen import Listener
+from rosbridge_sim.shell.tools.sync import why_silent
 from rosbridge_sim.shell.tools.text import put, put_json
 
 __all__ = ["Rate", "Rates", "show_rate"]
@@ -74,19 +75,43 @@ class Rates:
 
 
 async def show_rate(
-    bridge: Bridge, name: str, type_name: str | None, window: int | None, count: int | None, *, is_json: bool
+    bridge: Bridge,
+    name: str,
+    type_name: str | None,
+    window: int | None,
+    count: int | None,
+    *,
+    patience: float | None,
+    is_json: bool,
 ) -> int:
-    """A report each second, and a last one when `count` messages have come."""
+    """Report each second, and a last time when `count` messages have come.
+
+    Args:
+        bridge: where.
+        name: of the topic.
+        type_name: its type; None for that of a topic that is there.
+        window: messages that are looked back on; None for many.
+        count: of messages; None for no end.
+        patience: longest wait for a message [s]; None is for ever.
+        is_json: one line of JSON for each report.
+
+    Raises:
+        RefusedError: the topic cannot be had, or no message came in time.
+    """
     topic = absolute(name)
     listener = await Listener.open(bridge, topic, type_name)
     rates = Rates(window or MAX_WINDOW)
     num_messages = num_reported = 0
     report_at = bridge.now() + REPORT_INTERVAL
+    give_up_at = math.inf if patience is None else bridge.now() + patience
     with _Line(is_json=is_json) as line:
         while num_messages != count:
-            if await listener.next(report_at) is not None:
+            if await listener.next(min(report_at, give_up_at)) is not None:
                 rates.add(bridge.now())
                 num_messages += 1
+                give_up_at = math.inf if patience is None else bridge.now() + patience
+            elif patience is not None and bridge.now() >= give_up_at:
+                raise await why_silent(bridge, topic, patience)
             if bridge.now() >= report_at:
                 line.write(rates.read(), is_new=num_messages > num_reported)
                 num_reported = num_messages

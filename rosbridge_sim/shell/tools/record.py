@@ -8,6 +8,7 @@ for once a second, and the bag is flushed as often.
 from __future__ import annotations
 
 import asyncio
+import math
 import signal
 import sys
 import time
@@ -22,7 +23,9 @@ from rosbridge_sim.shell.bags import BagGoneError, generation_of, open_bag
 from rosbridge_sim.shell.recording import PERIOD, Scribe
 from rosbridge_sim.shell.signals import on_stop_signals
 from rosbridge_sim.shell.tools.client import Bridge, Frame, absolute, words
+from rosbridge_sim.shell.tools.faults import RefusedError
 from rosbridge_sim.shell.tools.schema import Choice, open_store
+from rosbridge_sim.shell.tools.sync import why_standing
 from rosbridge_sim.shell.tools.text import note, put_json, safe
 
 __all__ = ["record"]
@@ -37,7 +40,14 @@ MAX_WAITING = 10_000
 
 
 async def record(
-    bridge: Bridge, path: str, patterns: tuple[str, ...], choice: Choice, count: int | None, *, is_json: bool
+    bridge: Bridge,
+    path: str,
+    patterns: tuple[str, ...],
+    choice: Choice,
+    count: int | None,
+    *,
+    patience: float | None,
+    is_json: bool,
 ) -> int:
     """Record until Ctrl-C, another signal to stop, the server's end, or so many messages.
 
@@ -47,11 +57,12 @@ async def record(
         patterns: of topics; empty for all.
         choice: what decides which definitions are known; the generation is the bag's.
         count: None for no end.
+        patience: longest wait for a message [s]; None is for ever.
         is_json: tell a program on stdout how it ended, and not a person.
 
     Raises:
         DocumentError: the bag cannot be written, or is not there any more.
-        RefusedError: the server is gone; the bag is finished all the same.
+        RefusedError: the server is gone, or no message came in time; the bag is finished all the same.
     """
     ros = generation_of(Path(path))
     store = open_store(Choice(choice.release, str(ros), choice.folders))
@@ -66,7 +77,7 @@ async def record(
     with on_stop_signals(stop, tape.finish):
         try:
             note(f"recording into {path}; Ctrl-C ends it")
-            await tape.run(count)
+            await tape.run(count, patience)
         except asyncio.CancelledError:
             pass  # a signal: that is how it ends
         finally:
@@ -91,18 +102,26 @@ class _Tape:
         self._clock_ns: int | None = None
         self._waiting: list[tuple[str, bytes]] = []
 
-    async def run(self, count: int | None) -> None:
-        """Record so many messages, or for ever."""
+    async def run(self, count: int | None, patience: float | None) -> None:
+        """Record so many messages, or for ever; see `record`."""
         look_at = self._bridge.now()
+        give_up_at = math.inf if patience is None else look_at + patience
+        num_before = 0
         while count is None or self._scribe.num_messages + len(self._waiting) < count:
             if self._bridge.now() >= look_at:
                 await self._look()
                 self._flush()
                 self._show()
                 look_at = self._bridge.now() + PERIOD
-            frame = await self._bridge.receive(look_at)
+            frame = await self._bridge.receive(min(look_at, give_up_at))
             if frame is not None:
                 self._hear(frame)
+            num_now = self._scribe.num_messages + len(self._waiting)
+            if patience is not None and num_now > num_before:
+                num_before, give_up_at = num_now, self._bridge.now() + patience
+            elif patience is not None and self._bridge.now() >= give_up_at:
+                text = f"no message to record within {patience:g} s"
+                raise RefusedError(f"{text}{await why_standing(self._bridge)}")
 
     def _flush(self) -> None:
         try:

@@ -156,7 +156,7 @@ async def call(bridge: Bridge, name: str, args: object, patience: float | None, 
         raise RefusedError(f"{safe(service)}: no answer within {patience:g} s; --timeout waits longer")
     if not answer.is_ok:
         text = answer.values if isinstance(answer.values, str) else render(answer.values)
-        near = await _near(bridge, service) if "does not exist" in text else ""
+        near = await _near(bridge, service) if text.endswith("does not exist") else ""  # ours names one itself
         raise RefusedError(f"{safe(text) or f'{safe(service)} refuses, and does not say why'}{near}")
     if is_json:
         put_json(answer.values)

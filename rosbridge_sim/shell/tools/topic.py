@@ -101,14 +101,33 @@ async def show_topic(bridge: Bridge, name: str, *, is_json: bool) -> int:
 
 
 async def echo(
-    bridge: Bridge, name: str, type_name: str | None, field: FieldPath | None, count: int | None, *, is_json: bool
+    bridge: Bridge,
+    name: str,
+    type_name: str | None,
+    field: FieldPath | None,
+    count: int | None,
+    *,
+    patience: float | None,
+    is_json: bool,
 ) -> int:
-    """Every message, or so many, each as it comes."""
+    """Show every message, or so many, each as it comes.
+
+    Args:
+        bridge: where.
+        name: of the topic.
+        type_name: its type; None for that of a topic that is there.
+        field: a part of each message; None for all of it.
+        count: of messages; None for no end.
+        patience: longest wait for a message [s]; None is for ever.
+        is_json: one line of JSON for each.
+
+    Raises:
+        RefusedError: the topic cannot be had, or no message came in time.
+    """
     listener = await Listener.open(bridge, absolute(name), type_name)
     num_left = count
     while num_left != 0:
-        msg = await listener.next()
-        assert msg is not None, "there was no deadline"
+        msg = await listener.expect(patience)
         value = msg if field is None else field.find(msg)
         (put_json if is_json else put_record)(value)
         if num_left is not None:

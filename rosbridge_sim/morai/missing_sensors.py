@@ -1,0 +1,28 @@
+"""Sensors that MORAI SIM has and this simulator does not: a word for whoever waits for their messages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from rosbridge_sim.graph.bus import Topic
+
+__all__ = ["advise"]
+
+_SENSORS: Final[Mapping[str, str]] = {
+    "sensor_msgs/CompressedImage": "camera",
+    "sensor_msgs/Image": "camera",
+    "sensor_msgs/CameraInfo": "camera",
+    "sensor_msgs/PointCloud": "lidar",
+    "sensor_msgs/PointCloud2": "lidar",
+    "sensor_msgs/LaserScan": "lidar",
+    "velodyne_msgs/VelodyneScan": "lidar",
+    "morai_msgs/RadarDetections": "radar",
+}
+"""Type of messages -> the sensor of MORAI SIM that publishes it."""
+
+
+def advise(topic: Topic) -> str:
+    """Return that the simulator lacks the sensor which would publish this topic; nothing where it lacks none."""
+    sensor = _SENSORS.get(topic.type.name)
+    return "" if sensor is None else f"; this simulator has no {sensor}: its sensors are GPS and IMU"

@@ -1,0 +1,212 @@
+"""Mistakes of clients, for the people who wrote the clients: lines in the log, and the list behind `/sim/refusals`.
+
+A client is told of each mistake by a status or in an answer, but many client libraries show neither. So the log has a
+WARNING line for each client and reason: the first refusal at once; those of the same client and reason in the next
+ten seconds together in one line, with their number and the last text. Reasons are our own words (`errors.Reason`), so
+no client can make lines by making up texts. The limits of all log lines (`log_limits.py`) hold for these lines, too.
+
+A refusal within those ten seconds costs some 2 us: it is counted, and its text is neither cut nor escaped before it is
+shown.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from rosbridge_sim.errors import Reason
+from rosbridge_sim.graph.refusals import RefusedRequest
+
+__all__ = ["MAX_TEXT", "Noted", "RefusalLog", "escape"]
+
+PERIOD: Final = 10.0
+"""Time for which refusals of one client and reason share a line [s]: a wrong publish at 50 Hz is six lines a minute."""
+
+MAX_TEXT: Final = 300
+"""Characters of a text that are shown; all our own texts are shorter but for what they quote."""
+
+MAX_NAME: Final = 100
+"""Characters of a topic's or service's name that are shown."""
+
+MAX_KINDS: Final = 2_000
+"""Pairs of client and reason that are known at once, some 300 bytes each. The oldest is forgotten first."""
+
+MAX_CLIENTS: Final = 20
+"""Clients whose refusals are kept: more programs than one person debugs at once."""
+
+MAX_KEPT: Final = 10
+"""Refusals kept of one client, so that a client that floods hides no other's."""
+
+_log = logging.getLogger("rosbridge_sim.server")
+
+
+@dataclass(slots=True)
+class _Kind:
+    """The refusals of one client for one reason in the current period.
+
+    Attributes:
+        until: when the period ends [s].
+        last: the last refusal that has no line yet.
+        num_unsaid: how many have none.
+    """
+
+    until: float
+    last: RefusedRequest
+    num_unsaid: int = 0
+
+
+@dataclass(slots=True)
+class Noted:
+    """A refusal that is kept, and how often it came in a row.
+
+    Attributes:
+        request: what was refused.
+        order: its place among all refusals.
+        stamp_ns: when the last one came [ns, the time of day].
+        frame: the world's at that time; -1 without a world.
+        count: how many came.
+    """
+
+    request: RefusedRequest
+    order: int
+    stamp_ns: int
+    frame: int
+    count: int = 1
+
+
+class RefusalLog:
+    """Logs and keeps what clients were refused.
+
+    Attributes:
+        on_change: called after each refusal.
+        total: refusals since the start.
+    """
+
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        frame: Callable[[], int] = lambda: -1,
+        *,
+        is_quiet: bool = False,
+        clock: Callable[[], float] | None = None,
+    ) -> None:
+        """A log without refusals.
+
+        Args:
+            loop: whose timer ends the periods.
+            frame: gives the world's frame.
+            is_quiet: keep refusals, but write no lines.
+            clock: monotonic time [s]; None for that of the loop.
+        """
+        self.on_change: Callable[[], None] = lambda: None
+        self.total = 0
+        self._loop = loop
+        self._clock = clock or loop.time
+        self._frame = frame
+        self._is_quiet = is_quiet
+        self._kinds: dict[tuple[str, Reason], _Kind] = {}
+        self._kept: dict[str, deque[Noted]] = {}
+        self._timer: asyncio.TimerHandle | None = None
+
+    def stop(self) -> None:
+        """Write the lines that are owed, and no more at a later time."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        self.flush(float("inf"))
+
+    def note(self, request: RefusedRequest) -> None:
+        """Take note of a refusal."""
+        self.total += 1
+        self._keep(request)
+        if not self._is_quiet:
+            self._say_or_count(request)
+        self.on_change()
+
+    def kept(self) -> list[Noted]:
+        """Return the refusals that are kept, oldest first."""
+        return sorted((noted for each in self._kept.values() for noted in each), key=lambda noted: noted.order)
+
+    def flush(self, now: float) -> None:
+        """Write a line for each period that has ended by now [s] and has refusals without one."""
+        for key, kind in list(self._kinds.items()):
+            if kind.until > now:
+                continue
+            if not kind.num_unsaid:
+                del self._kinds[key]
+                continue
+            request = kind.last
+            more = f"{kind.num_unsaid:,} more refused ({request.reason.value}), the last one: {_line(request)}"
+            _log.warning("%s: %s", request.client, more, extra={"client": request.client})
+            kind.until, kind.num_unsaid = now + PERIOD, 0
+
+    def _keep(self, request: RefusedRequest) -> None:
+        kept = self._kept.pop(request.client, None)
+        if kept is None:
+            kept = deque(maxlen=MAX_KEPT)
+            if len(self._kept) >= MAX_CLIENTS:
+                del self._kept[next(iter(self._kept))]
+        self._kept[request.client] = kept
+        last = kept[-1] if kept else None
+        stamp_ns, frame = time.time_ns(), self._frame()
+        if last is not None and last.request == request:
+            last.order, last.stamp_ns, last.frame, last.count = self.total, stamp_ns, frame, last.count + 1
+        else:
+            kept.append(Noted(_shorten(request), self.total, stamp_ns, frame))
+
+    def _say_or_count(self, request: RefusedRequest) -> None:
+        """Write a line now, or count the refusal for a line at the end of the period."""
+        now = self._clock()
+        key = (request.client, request.reason)
+        kind = self._kinds.get(key)
+        if kind is not None and (now < kind.until or kind.num_unsaid):
+            kind.num_unsaid += 1
+            kind.last = _shorten(request)
+            return
+        self._kinds.pop(key, None)
+        if len(self._kinds) >= MAX_KINDS:
+            del self._kinds[next(iter(self._kinds))]
+        self._kinds[key] = _Kind(now + PERIOD, _shorten(request))
+        text = f"{_line(request)} ({request.reason.value})"
+        _log.warning("%s: refused: %s", request.client, text, extra={"client": request.client})
+        if self._timer is None:
+            self._timer = self._loop.call_later(PERIOD, self._end_periods)
+
+    def _end_periods(self) -> None:
+        self._timer = None
+        self.flush(self._clock())
+        if self._kinds:
+            self._timer = self._loop.call_later(PERIOD, self._end_periods)
+
+
+def cut(text: str, max_length: int = MAX_TEXT) -> str:
+    """Return both ends of a text that is too long [characters]: an error's advice stands at its end."""
+    if len(text) <= max_length:
+        return text
+    end = max_length // 3
+    return f"{text[: max_length - end - 5]} ... {text[-end:]}"
+
+
+def escape(text: str, max_length: int = MAX_TEXT) -> str:
+    """Return a client's text in one printable line, cut to a length [characters]."""
+    shown = cut(text, max_length)
+    return shown if shown.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in shown)
+
+
+def _line(request: RefusedRequest) -> str:
+    """Return op, subject and text; many texts begin with the subject themselves."""
+    text = request.text.removeprefix(f"{request.subject}: ")
+    what = f"{request.op} {escape(request.subject, MAX_NAME)}".strip()
+    return f"{what}: {escape(text)}" if what else escape(text)
+
+
+def _shorten(request: RefusedRequest) -> RefusedRequest:
+    """Return the same with texts of which no more is held than is shown."""
+    if len(request.text) <= MAX_TEXT and len(request.subject) <= MAX_NAME:
+        return request
+    return request._replace(text=cut(request.text), subject=cut(request.subject, MAX_NAME))

@@ -1,0 +1,161 @@
+"""Each mistake that a client is told of is told to the bus as well, with a reason of ours."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from rosbridge_sim.errors import Reason
+from rosbridge_sim.graph.peer import Peer
+from rosbridge_sim.graph.policy import Policy, Rule
+from rosbridge_sim.graph.refusals import RefusedRequest
+from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
+from rosbridge_sim.protocol.session import Session
+from tests.graph.room import make_bus, make_peer
+
+ADVERTISED = {"op": "advertise", "topic": "/c", "type": "geometry_msgs/Twist"}
+OFFERED = {"op": "advertise_service", "service": "/add", "type": "rospy_tutorials/AddTwoInts"}
+CALL = {"op": "call_service", "service": "/add"}
+
+
+def refused(*frames: Any) -> list[RefusedRequest]:  # noqa: ANN401 - ops, or the texts of frames
+    """What is noted while a client sends these."""
+    bus = make_bus()
+    noted: list[RefusedRequest] = []
+    bus.on_refusal = noted.append
+    peer, _ = make_peer(bus)
+    for frame in frames:
+        text = frame if isinstance(frame, str) else json.dumps(frame)
+        peer.receive(text.encode(), 0.0)
+    return noted
+
+
+@pytest.mark.parametrize(
+    ("frames", "reason", "op", "subject"),
+    [
+        (["{"], Reason.BAD_FRAME, "", ""),
+        ([{"op": "publsh"}], Reason.UNKNOWN_OP, "", ""),
+        ([{"topic": "/c"}], Reason.UNKNOWN_OP, "", ""),
+        ([{"op": "subscribe"}], Reason.BAD_OP, "", ""),
+        ([{"op": "subscribe", "topic": 3}], Reason.BAD_OP, "", ""),
+        ([{"op": "subscribe", "topic": "/d"}], Reason.UNKNOWN_TOPIC, "subscribe", "/d"),
+        ([{"op": "publish", "topic": "/d", "msg": {}}], Reason.UNKNOWN_TOPIC, "publish", "/d"),
+        ([{"op": "advertise", "topic": "/d", "type": "std_msgs/Sting"}], Reason.UNKNOWN_TYPE, "advertise", "/d"),
+        ([{"op": "advertise", "topic": "a b", "type": "std_msgs/String"}], Reason.BAD_NAME, "advertise", "a b"),
+        ([ADVERTISED, ADVERTISED | {"type": "std_msgs/String"}], Reason.TYPE_CONFLICT, "advertise", "/c"),
+        ([ADVERTISED, {"op": "publish", "topic": "/c", "msg": {"x": 1}}], Reason.UNKNOWN_FIELD, "publish", "/c"),
+        (
+            [ADVERTISED, {"op": "publish", "topic": "/c", "msg": {"linear": {"x": "1"}}}],
+            Reason.WRONG_TYPE,
+            "publish",
+            "/c",
+        ),
+        ([{"op": "call_service", "service": "/ad"}], Reason.NO_SUCH_SERVICE, "call_service", "/ad"),
+        ([OFFERED, CALL | {"args": {"c": 1}}], Reason.UNKNOWN_FIELD, "call_service", "/add"),
+        ([OFFERED, CALL | {"args": {"a": 2**64}}], Reason.WRONG_VALUE, "call_service", "/add"),
+        ([{"op": "unadvertise_service", "service": "/add"}], Reason.NOT_ADVERTISED, "unadvertise_service", "/add"),
+        (
+            [{"op": "service_response", "service": "/add", "id": "1", "result": True}],
+            Reason.NOT_ADVERTISED,
+            "service_response",
+            "/add",
+        ),
+        (
+            [OFFERED, {"op": "service_response", "service": "/add", "id": "1", "result": True}],
+            Reason.STRAY_ANSWER,
+            "service_response",
+            "/add",
+        ),
+        (
+            [{"op": "send_action_goal", "action": "/fib", "action_type": "a/B", "id": "1"}],
+            Reason.NO_SUCH_ACTION,
+            "send_action_goal",
+            "/fib",
+        ),
+    ],
+)  # fmt: skip
+def test_mistake_is_noted_once_with_its_reason(frames: list[Any], reason: Reason, op: str, subject: str) -> None:
+    (noted,) = refused(*frames)
+    assert (noted.reason, noted.op, noted.subject) == (reason, op, subject)
+    assert noted.text
+
+
+def test_a_client_that_makes_no_mistake_is_not_noted() -> None:
+    call = {"op": "call_service", "service": "/add", "id": "1", "args": {"a": 1}}
+    answer = {"op": "service_response", "service": "/add", "id": "service_request:/add:1", "result": False}
+    assert refused(ADVERTISED, {"op": "publish", "topic": "/c", "msg": {}}, OFFERED, call, answer) == []
+
+
+def test_what_a_provider_refuses_is_no_mistake_of_its_caller() -> None:
+    call = {"op": "call_service", "service": "/add", "id": "1", "args": {"a": 1}}
+    answer = {"op": "service_response", "service": "/add", "id": "service_request:/add:1", "result": False}
+    assert refused(OFFERED, call, answer | {"values": "I will not"}) == []
+
+
+def test_not_allowed_is_a_reason_and_names_that_are_not_allowed_are_not_suggested() -> None:
+    bus = make_bus()
+    noted: list[RefusedRequest] = []
+    bus.on_refusal = noted.append
+    owner, _ = make_peer(bus)
+    for name in ("/secret_one", "/open_one"):
+        owner.receive(json.dumps(OFFERED | {"service": name}).encode(), 0.0)
+        owner.receive(json.dumps(ADVERTISED | {"topic": name}).encode(), 0.0)
+    secret = Rule(deny=("/secret*",))
+    policy = Policy(publish=secret, subscribe=secret, service=secret)
+    outbox = Outbox(OutboxLimits(), lambda: None, lambda: None)
+    peer = Peer(bus, Session(outbox, lambda _due: None), policy=policy)
+    for op in (
+        {"op": "call_service", "service": "/secret_one"},
+        {"op": "call_service", "service": "/_secret_one"},
+        {"op": "subscribe", "topic": "/_secret_one"},
+        {"op": "call_service", "service": "/opn_one"},
+        {"op": "subscribe", "topic": "/opn_one"},
+    ):
+        peer.receive(json.dumps(op).encode(), 0.0)
+    assert [each.reason for each in noted[:1]] == [Reason.NOT_ALLOWED]
+    assert not any("did you mean /secret" in each.text for each in noted)
+    assert [each.text.endswith(" (did you mean /open_one?)") for each in noted[3:]] == [True, True]
+
+
+def test_client_is_told_what_is_noted() -> None:
+    bus = make_bus()
+    noted: list[RefusedRequest] = []
+    bus.on_refusal = noted.append
+    peer, outbox = make_peer(bus)
+    peer.receive(json.dumps(OFFERED).encode(), 0.0)
+    peer.receive(b'{"op": "call_service", "service": "/ad", "id": "1"}', 0.0)
+    (answer,) = [json.loads(frame) for frame in outbox.take(2**20)]
+    assert answer["values"] == noted[0].text == "Service /ad does not exist (did you mean /add?)"
+
+
+def test_failure_of_the_account_changes_nothing_for_the_client() -> None:
+    bus = make_bus()
+
+    def fail(_refusal: RefusedRequest) -> None:
+        raise RuntimeError("a bug of ours")
+
+    bus.on_refusal = fail
+    peer, outbox = make_peer(bus)
+    peer.receive(b'{"op": "subscribe", "topic": "/d", "id": "1"}', 0.0)
+    (status,) = [json.loads(frame) for frame in outbox.take(2**20)]
+    assert (status["op"], status["id"], bus.guard.num_faults) == ("status", "1", 1)
+
+
+def test_what_is_told_during_an_op_is_noted_with_that_op() -> None:
+    bus = make_bus()
+    noted: list[RefusedRequest] = []
+    bus.on_refusal = noted.append
+    first, _ = make_peer(bus)
+    second, _ = make_peer(bus)
+    first.receive(json.dumps(OFFERED).encode(), 0.0)
+    second.receive(json.dumps(OFFERED).encode(), 0.0)
+    second.tell("info", "no mistake")
+    second.tell("error", "later")
+    second.explain("warning", "refused", Reason.PAUSED)
+    assert [(each.reason, each.op) for each in noted] == [
+        (Reason.NOT_NOW, "advertise_service"),
+        (Reason.REFUSED, ""),
+        (Reason.PAUSED, ""),
+    ]

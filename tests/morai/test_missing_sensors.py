@@ -1,0 +1,31 @@
+"""A client that waits for a camera is told that there is none."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from rosbridge_sim.graph.unpublished import PATIENCE
+from tests.graph.room import make_peer
+from tests.morai.stand import Stand
+
+
+@pytest.mark.parametrize(
+    ("topic", "type_name", "word"),
+    [
+        ("/image_jpeg/compressed", "sensor_msgs/CompressedImage", "no camera: its sensors are GPS and IMU"),
+        ("/lidar3D", "sensor_msgs/PointCloud2", "no lidar: its sensors are GPS and IMU"),
+        ("/radar", "morai_msgs/RadarDetections", "no radar: its sensors are GPS and IMU"),
+        ("/ego", "morai_msgs/EgoVehicleStatus", "of this type there is /Ego_topic"),
+    ],
+)
+def test_listener_to_a_sensor_that_is_missing_is_told_so(topic: str, type_name: str, word: str) -> None:
+    stand = Stand()
+    peer, outbox = make_peer(stand.bus)
+    for op in ({"op": "set_level", "level": "info"}, {"op": "subscribe", "topic": topic, "type": type_name}):
+        peer.receive(json.dumps(op).encode(), 0.0)
+    stand.bus.expire(PATIENCE)
+    (status,) = [json.loads(frame) for frame in outbox.take(2**20)]
+    assert (status["op"], status["level"]) == ("status", "info")
+    assert status["msg"].endswith(word)

@@ -1,0 +1,51 @@
+"""Suggestions help where a name comes near, and cost little where it does not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from rosbridge_sim.suggestions import MAX_KNOWN, MAX_NAME, hint, listing
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "near"),
+    [
+        ("wat", ["what", "water"], "what"),
+        ("/SyncModWaitForTick", ["/SyncModeCmd", "/SyncModeWaitForTick"], "/SyncModeWaitForTick"),
+        ("longl_cmd_type", ["accel", "longlCmdType"], "longlCmdType"),
+        ("LONGLCMDTYPE", ["accel", "longlCmdType"], "longlCmdType"),
+        ("publsh", ["publish", "png"], "publish"),
+        ("prot", ["host", "port"], "port"),
+    ],
+)
+def test_nearest_name_is_suggested(name: str, known: list[str], near: str) -> None:
+    assert hint(name, known) == f" (did you mean {near}?)"
+
+
+@pytest.mark.parametrize("name", ["", "zzz", "x" * (MAX_NAME + 1), "\ud800", "a" * 10**7])
+def test_name_that_is_like_none_or_too_long_gets_no_suggestion(name: str) -> None:
+    assert hint(name, ["port", "host"]) == ""
+    assert hint("port", [name]) == ""
+
+
+def test_only_the_first_names_are_looked_at() -> None:
+    looked_at = 0
+
+    def names() -> Iterator[str]:
+        nonlocal looked_at
+        while True:
+            looked_at += 1
+            yield f"/topic_{looked_at}"
+
+    assert hint("/topc_7", names()) == " (did you mean /topic_7?)"
+    assert looked_at <= MAX_KNOWN + 1
+
+
+def test_listing_names_a_dozen_and_cuts_long_names() -> None:
+    assert listing([]) == ""
+    assert listing(["a", "b"]) == "a, b"
+    assert listing(map(str, range(12))) == "0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11"
+    assert listing(map(str, range(13))) == "0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, ..."
+    assert listing(["x" * 1000]) == "x" * 60 + "..."
