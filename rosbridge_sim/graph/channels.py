@@ -46,12 +46,16 @@ class Subscription:
 
     Attributes:
         is_idle: it overhears what is published anyhow, but nothing has to be published for its sake.
+        is_general: its owner listens to everything that a publisher has, and not to this topic in particular.
+        is_recording: its owner keeps what it hears, so what is only shown again is not for it.
     """
 
     topic: Topic
     owner: Owner
     deliver: Deliver
     is_idle: bool = False
+    is_general: bool = False
+    is_recording: bool = False
 
 
 @dataclass(eq=False, slots=True)

@@ -194,7 +194,7 @@ class Mirror:
             if sender is source and line.has_services:
                 line.offer(name, message.framed(head))
 
-        return self._bus.subscribe(self, name, deliver, is_idle=not line.has_services)
+        return self._bus.subscribe(self, name, deliver, is_idle=not line.has_services, is_general=True)
 
     def _drop(self, key: Key) -> None:
         item = self._items.pop(key)

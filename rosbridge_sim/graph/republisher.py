@@ -7,8 +7,8 @@ his choice, in one of three ways that client libraries have:
     /tf2_web_republisher/...  the five topics of a ROS 1 action, see `actionlib`               (roslib's TFClient)
     /tf2_web_republisher      a ROS 2 action                                                   (roslib's ROS2TFClient)
 
-Rates count in the time that messages are stamped with: at R Hz second s is cut into R slots, and in each slot changes
-are looked for once, when the first transform of that slot is heard. So in synchronous mode what is told depends on the
+Rates count in simulated time, whatever messages are stamped with: at R Hz second s is cut into R slots, and in each slot
+changes are looked for once, when the first transform of that slot is heard. So in synchronous mode what is told depends on the
 frames alone, and stands in the listener's hands before the answer to the tick. Whatever came too late for its slot is
 looked at in the next one, even if nothing more is heard: that takes the timer, and so does finding topics that
 nobody listens to any more.
@@ -176,7 +176,7 @@ class Republisher:
             return
         if self._alarm is not None and now >= self._alarm:
             self._alarm = None
-            if self._bus.stamp_ns != self._alarm_set_ns:  # a clock that stands brings no new slot
+            if self._bus.time_ns != self._alarm_set_ns:  # a clock that stands brings no new slot
                 self._look_at_all(now)
         self._actionlib.advance(now)
         if now >= self._sweep_due:
@@ -304,13 +304,13 @@ class Republisher:
         waits = [self._look(stream, now) for stream in list(self._streams.values()) if stream.version != version]
         wait = min((wait for wait in waits if wait is not None), default=None)
         self._alarm = None if wait is None else now + min(wait, _LONGEST_WAIT)
-        self._alarm_set_ns = self._bus.stamp_ns
+        self._alarm_set_ns = self._bus.time_ns
 
     def _look(self, stream: _Stream, now: float) -> float | None:
         """Tell one who asked what has changed enough; before its next slot, how long it is until then [s]."""
         slot = None
         if stream.rate:
-            place = self._bus.stamp_ns * stream.rate / 1e9
+            place = self._bus.time_ns * stream.rate / 1e9
             slot = math.floor(place)
             if slot == stream.slot:
                 return (slot + 1 - place) / stream.rate

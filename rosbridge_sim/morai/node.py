@@ -11,6 +11,9 @@ answer and listen. It has the two ways in which the world moves:
 Both end in `_compute`: commands that waited for the frame, one step, the stamp, the topics. Nothing else moves the
 world, and nothing in here looks at a clock: `now` only says how much is owed. So a drive over ticks alone gives the
 same bytes on every run.
+
+Stamps are simulated time, or the time of day if `use_wall_time` was called: then the shell's clock is read once for
+each frame, all that the frame publishes has that one stamp, and everything but stamps is the same on every run.
 """
 
 from __future__ import annotations
@@ -37,7 +40,7 @@ from rosbridge_sim.morai.part import Part
 from rosbridge_sim.morai.releases import MANUAL, Profile, SpeedLimits
 from rosbridge_sim.morai.scenarios.scenario import Scenario
 from rosbridge_sim.morai.stage import FIRST_EGO, MAX_EGOS, MAX_ENTITIES, Library, Load, Stage
-from rosbridge_sim.morai.sync import Effect, Outcome, Sync
+from rosbridge_sim.morai.sync import Effect, Outcome, State, Sync
 from rosbridge_sim.world.state import STEP_NS, Gear, World
 from rosbridge_sim.world.step import step
 
@@ -198,7 +201,8 @@ class Node:
             part.bind_ego(self.egos[0], bindings)
         self.items.open()
         bus.watchers.append(self._see_off)
-        bus.stamp_ns = world.frame * STEP_NS
+        self._read_wall_ns: Callable[[], int] | None = None
+        self._set_time()
         self._announce(0.0)
         self.announce_mounts(0.0)
 
@@ -229,6 +233,7 @@ class Node:
         lost = self.sync.expire(now)
         if lost is not None:
             self._lose(lost, now)
+        self._outputs.show_in_pause(now)
         if not self.sync.is_free:
             return
         pace = self._pace
@@ -255,7 +260,7 @@ class Node:
         """When `advance` has something to do next [s]; None while only a call can move the world."""
         if self.failure is not None:
             return None if self._is_serving_on else now
-        dues = [self.sync.lease_due]
+        dues = [self.sync.lease_due, self._outputs.pause_due(now)]
         if self.sync.is_free:
             dues += [self._pace.due_at if self._pace.is_started else now, self._outputs.repeat_due]
         return min((due for due in dues if due is not None), default=None)
@@ -350,7 +355,7 @@ class Node:
             command(now)
         step(world, self._place)
         self.refresh()
-        self.bus.stamp_ns = world.frame * STEP_NS
+        self._set_time()
         if is_tick:
             self._outputs.show_every(world.frame, now)
         else:
@@ -360,6 +365,28 @@ class Node:
         while self.afterwards:
             self.afterwards.pop(0)(now)
         self._settle(now)
+
+    def use_wall_time(self, read_ns: Callable[[], int], now: float) -> None:
+        """Stamp with the time of day from now on: headers, /clock and tf alike. What is latched is published anew.
+
+        Args:
+            read_ns: the time of day, which never goes back [ns]; called once for each frame.
+            now: monotonic time [s].
+        """
+        self._read_wall_ns = read_ns
+        self._set_time()
+        self.refresh()
+        self._outputs.show_latched(now)
+        self._mounts = None
+        self.announce_mounts(now)
+
+    def _set_time(self) -> None:
+        """Have the time of the frame that the world is at, for all that is stamped until the next one."""
+        if self._read_wall_ns is not None:
+            self.convert.wall_ns = self._read_wall_ns()
+        frame = self.world.frame
+        self.bus.time_ns = frame * STEP_NS
+        self.bus.stamp_ns = self.convert.stamp_ns(frame)
 
     def _fail(self, error: Exception) -> None:
         """Stand still for good: half a step cannot be taken back. Refuse what waits for an answer and what comes."""
@@ -401,6 +428,7 @@ class Node:
                 self._announce(now)
         if not self.sync.is_free:
             self._outputs.forget_repeats()
+        self._outputs.set_paused(is_paused=self.sync.state is State.FREE_PAUSED, now=now)
         self._settle(now)
 
     def _announce(self, now: float, *, may_tick: bool = True) -> None:
@@ -564,7 +592,7 @@ class Node:
         for part in self._parts:
             part.forget()
         self._outputs.forget_repeats()
-        self.bus.stamp_ns = self.world.frame * STEP_NS
+        self._set_time()
         self.refresh()
         self._announce(now)
         self._mounts = None  # what waits for those who come late is of frame 0 again

@@ -432,6 +432,14 @@ class _WallClockBus(Bus):
     """A bus without a simulation: messages that leave their stamp open get the time of day."""
 
     @property
+    def time_ns(self) -> int:
+        return time.time_ns()
+
+    @time_ns.setter
+    def time_ns(self, time_ns: int) -> None:
+        """Nobody sets the time of day."""
+
+    @property
     def stamp_ns(self) -> int:
         return time.time_ns()
 

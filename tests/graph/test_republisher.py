@@ -117,6 +117,7 @@ class Stage:
     def __init__(self) -> None:
         self.bus = make_bus()
         self.now = 1000.0
+        self.is_stamp_standing = False
         self.world = Somebody(self, "/world")
         self.republisher = Republisher(self.bus)
 
@@ -125,7 +126,12 @@ class Stage:
 
     @property
     def seconds(self) -> float:
-        return self.bus.stamp_ns / 1e9
+        return self.bus.time_ns / 1e9
+
+    def _set_time(self, time_ns: int) -> None:
+        self.bus.time_ns = time_ns
+        if not self.is_stamp_standing:
+            self.bus.stamp_ns = time_ns
 
     @property
     def is_awake(self) -> bool:
@@ -134,7 +140,7 @@ class Stage:
 
     def frame(self, pose: Pose | None = None, parent: str = "map", child: str = "base_link") -> None:
         """One frame of the world: time passes, then its transform is published."""
-        self.bus.stamp_ns += 20_000_000
+        self._set_time(self.bus.time_ns + 20_000_000)
         self.now += FRAME
         if pose is not None:
             self.world.publish(written(parent, child, pose, self.seconds))
@@ -142,21 +148,31 @@ class Stage:
     def wait(self, seconds: float, *, is_clock_standing: bool = False) -> int:
         """Let time pass without a transform, with turns just when they are asked for; how many."""
         end, num = self.now + seconds, 0
-        start, stamp = self.now, self.bus.stamp_ns
+        start, stamp = self.now, self.bus.time_ns
         while (due := self.republisher.next_due(self.now)) is not None and due <= end:
             self.now = max(due, self.now)
             if not is_clock_standing:
-                self.bus.stamp_ns = stamp + round((self.now - start) * 1e9)
+                self._set_time(stamp + round((self.now - start) * 1e9))
             self.republisher.advance(self.now)
             num += 1
             assert num < 1000, "it spins"
         self.now = end
         if not is_clock_standing:
-            self.bus.stamp_ns = stamp + round(seconds * 1e9)
+            self._set_time(stamp + round(seconds * 1e9))
         return num
 
 
 # What is told
+
+
+def test_rates_count_in_simulated_time_whatever_messages_are_stamped_with() -> None:
+    stage = Stage()
+    stage.is_stamp_standing = True
+    client = stage.somebody()
+    client.listen(client.ask("base_link", rate=10.0))
+    for i in range(20):
+        stage.frame(Pose(float(i), 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    assert len(client.heard) == 5, "once in each tenth of a second from 0.02 s to 0.40 s"
 
 
 def test_the_answer_names_a_topic_where_what_is_known_waits() -> None:

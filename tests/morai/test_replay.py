@@ -193,8 +193,10 @@ def test_real_time_shows_the_same_frames(tape: Tape) -> None:
     client.listen("/Ego_topic")
     assert replay(client, PLAY, FILE, "drive")
     stand.run(5.0)
-    assert shown_x(client) == [value.position.x for value in ego_values(tape)]
+    recorded = [value.position.x for value in ego_values(tape)]
+    assert shown_x(client)[: len(recorded)] == recorded
     assert stand.node.sync.is_paused, "at the end"
+    assert set(shown_x(client)[len(recorded) :]) <= {recorded[-1]}, "the last frame is shown again in the pause"
 
 
 def test_end_pauses_until_play_begins_again_or_stop_goes_back(client: Client, stand: Stand) -> None:

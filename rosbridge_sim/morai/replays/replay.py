@@ -251,7 +251,7 @@ class Replay(Part):
     def _command(self, call: Call, now: float) -> None:
         if self._node.is_moving:
             raise GraphError("the world is moving")
-        self._commanded_ns = self._node.world.frame * STEP_NS
+        self._commanded_ns = self._node.bus.stamp_ns
         request: Any = call.request
         try:
             command = read_command(request.request)
