@@ -7,11 +7,11 @@ his choice, in one of three ways that client libraries have:
     /tf2_web_republisher/...  the five topics of a ROS 1 action, see `actionlib`               (roslib's TFClient)
     /tf2_web_republisher      a ROS 2 action                                                   (roslib's ROS2TFClient)
 
-Rates count in simulated time, whatever messages are stamped with: at R Hz second s is cut into R slots, and in each slot
-changes are looked for once, when the first transform of that slot is heard. So in synchronous mode what is told depends on the
-frames alone, and stands in the listener's hands before the answer to the tick. Whatever came too late for its slot is
-looked at in the next one, even if nothing more is heard: that takes the timer, and so does finding topics that
-nobody listens to any more.
+Rates count in simulated time, whatever messages are stamped with: at R Hz second s is cut into R slots, and in each
+slot changes are looked for once, when the first transform of that slot is heard. So in synchronous mode what is told
+depends on the frames alone, and stands in the listener's hands before the answer to the tick. Whatever came too late
+for its slot is looked at in the next one, even if nothing more is heard: that takes the timer, and so does finding
+topics that nobody listens to any more.
 
 While nobody asks it only overhears: then nothing is published for its sake, as it would be for any other listener. What
 a publisher of that kind told before is old by the time when somebody asks again, and is forgotten.

@@ -54,6 +54,9 @@ MAX_FRAMES: Final = 5
 LAST_RESERVED: Final = 1
 """MORAI's egos are 0, 2, 3, ...: nobody has seen a 1."""
 
+MAX_GONE: Final = 1_000
+"""Services of egos that have left which are remembered: a client may bring egos under ever new numbers."""
+
 _MEANWHILE: Final = "while the tick waited for a scenario that is being read"
 _PAUSED: Final = f"the simulation was paused {_MEANWHILE}"
 _ENDED: Final = f"synchronous mode has ended, or its master was lost, {_MEANWHILE}"
@@ -193,6 +196,7 @@ class Node:
         self._placing = [part.place for part in self._parts if type(part).place is not Part.place]
         self._settling = [part.settle for part in self._parts if type(part).settle is not Part.settle]
         self._bindings: dict[int, Bindings] = {}  # of the further egos, by their number
+        self._gone: dict[str, str] = {}  # services of egos that have left, and why they are not there
         bindings = Bindings(self.items)
         for part in self._parts:
             part.show_ego(self.egos[0], bindings.prefix, self._outputs)
@@ -513,9 +517,18 @@ class Node:
             part.bind_ego(ego, bindings)
         _log.info("ego %d has come: %s...", ego.index, bindings.prefix)
 
+    def why_gone(self, service: str) -> str:
+        """Why a service of an ego that may come back is not there; empty for any other name."""
+        return self._gone.get(service, "")
+
     def _drop_ego(self, ego: Ego, now: float) -> None:
         """Take a further ego's names away."""
         bindings = self._bindings.pop(ego.index)
+        for name in bindings.services:
+            self._gone.pop(name, None)
+            self._gone[name] = f"ego {ego.index} has left"
+        while len(self._gone) > MAX_GONE:
+            del self._gone[next(iter(self._gone))]
         bindings.release(now)
         self._outputs.remove(bindings.prefix, now)
         _log.info("ego %d is gone: %s...", ego.index, bindings.prefix)

@@ -24,6 +24,7 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.republisher import Republisher
 from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.stamps import Stamps
 from rosbridge_sim.morai.items import ListedItem
 from rosbridge_sim.morai.network_settings import NetworkSettings
 from rosbridge_sim.morai.node import Node, NodeSettings
@@ -50,6 +51,7 @@ from rosbridge_sim.shell.settings import Settings
 from rosbridge_sim.shell.sources import check_options
 from rosbridge_sim.shell.storage import DiskLibrary, Texts, read_definitions
 from rosbridge_sim.shell.urls import shown_url
+from rosbridge_sim.shell.wall_clock import WallClock
 from rosbridge_sim.world.state import World
 
 if TYPE_CHECKING:
@@ -174,6 +176,7 @@ class Simulator:
                 settings.data_dir, settings.data_quota, settings.data_quota_files, aside=in_thread(loop)
             )
             node = _make_node(bus, settings, recordings, reader, self._quota)
+        stamps = None if node is None else _choose_stamps(settings, node)
         clocks: list[Clock] = [republisher] if node is None else [node, republisher]
         clockwork = Clockwork(loop, bus, clocks, self._give_up)
         recordings.on_done = reader.on_done = clockwork.look
@@ -200,10 +203,10 @@ class Simulator:
         if settings.listen and settings.token is None and not server.is_loopback:
             _log.warning("%s wants no token: whoever reaches it is let in; --token sets one", self.url)
         if node is not None:
-            self._attach(bus, node, clockwork)
+            self._attach(bus, node, clockwork, stamps)
         clockwork.look()
 
-    def _attach(self, bus: Bus, node: Node, clockwork: Clockwork) -> None:
+    def _attach(self, bus: Bus, node: Node, clockwork: Clockwork, stamps: Stamps | None) -> None:
         """Dial the bridges."""
         settings = self.settings
         if not settings.attach:
@@ -222,6 +225,8 @@ class Simulator:
         )
         self.attachments = tuple(Attachment(bus, node, url, limits, clockwork.look) for url in settings.attach)
         for attachment in self.attachments:
+            attachment.mirror.stamps = stamps
+            attachment.mirror.why_gone = node.why_gone
             clockwork.add(attachment.mirror)
             attachment.start()
 
@@ -319,6 +324,15 @@ def _make_node(
         networks=DiskNetworks(settings.data_dir),
         reader=reader,
     )
+
+
+def _choose_stamps(settings: Settings, node: Node) -> Stamps:
+    """Which time the simulator stamps with."""
+    clock = WallClock()
+    choice = settings.stamps or ("sim" if settings.listen else "auto")
+    if choice == "auto" and not settings.attach:
+        _log.info("--stamps auto asks a bridge, and --attach names none: stamps are simulated time")
+    return Stamps(choice, lambda now: node.use_wall_time(clock.read_ns, now))
 
 
 def _network(settings: Settings) -> NetworkSettings:

@@ -228,6 +228,13 @@ class Settings:
     object_velocity_unit: Literal["km/h", "m/s"] | None = _flag(
         None, _FACE, or_none(choice_of("km/h", "m/s"), "profile"), "unit of objects' velocity"
     )
+    stamps: Literal["sim", "wall", "auto"] | None = _flag(
+        None,
+        _FACE,
+        or_none(choice_of("sim", "wall", "auto"), "default"),
+        "time in headers, /clock and tf: simulated, of day, or as /use_sim_time of the first bridge says;"
+        " sim for serve and auto for attach by default",
+    )
     start_mode: Literal["external", "keyboard"] = _flag(
         "external", _FACE, choice_of("external", "keyboard"), "whether /ctrl_cmd moves the ego from the start"
     )

@@ -63,6 +63,7 @@ OTHER: dict[str, object] = {
     "object_limit": 20,
     "object_velocity_unit": "m/s",
     "start_mode": "keyboard",
+    "stamps": "wall",
     "sync_frames": "strict",
     "sync_lease": 2.5,
     "sync_on_loss": "wait",
