@@ -82,6 +82,7 @@ class NodeSettings:
         sync_lease: silence after which a master is lost [s]; None counts departures only.
         sync_on_loss: what becomes of the world when the master is lost.
         anyone_may_stop: let others than the master stop synchronous mode.
+        replay_info: publish ReplayInfo of any drive for everybody, and not only for who listens to it in particular.
         on_world_failure: raise an exception of a step to the caller of `advance`, or stand still and refuse everything.
     """
 
@@ -94,6 +95,7 @@ class NodeSettings:
     sync_lease: float | None = None
     sync_on_loss: Literal["run", "pause", "wait"] = "run"
     anyone_may_stop: bool = False
+    replay_info: bool = False
     on_world_failure: Literal["exit", "serve"] = "exit"
 
 

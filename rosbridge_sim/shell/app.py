@@ -310,6 +310,7 @@ def _make_node(
         sync_lease=settings.sync_lease,
         sync_on_loss=settings.sync_on_loss,
         anyone_may_stop=settings.anyone_may_stop,
+        replay_info=settings.replay_info,
         on_world_failure=settings.on_world_failure,
     )
     scenario = library.opening_scenario(settings.scenario)

@@ -204,6 +204,13 @@ class Settings:
         cast("Mapping[str, Choice]", {}), _NETWORK, item_choices("services"), "the services that it offers"
     )
 
+    replay_info: bool = _flag(
+        default=False,
+        group=_NETWORK,
+        kind=SWITCH,
+        text="publish /ReplayInfo_topic of each drive for bridges and --record, too; a subscriber has it anyhow",
+    )
+
     release: Literal["22.R2", "26.R1"] = _flag(
         "22.R2", _FACE, choice_of("22.R2", "26.R1"), "MORAI SIM release whose message fields are used"
     )

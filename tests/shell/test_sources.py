@@ -64,6 +64,7 @@ OTHER: dict[str, object] = {
     "object_velocity_unit": "m/s",
     "start_mode": "keyboard",
     "stamps": "wall",
+    "replay_info": True,
     "sync_frames": "strict",
     "sync_lease": 2.5,
     "sync_on_loss": "wait",
