@@ -71,6 +71,8 @@ class _Stream:
         told: what each source was told to be last.
         slot: in which it was looked at last.
         version: of the frames, at that time.
+        is_due_whole: the next time that it is looked at, all sources are told, moved or not.
+        is_whole: what was told last told all sources.
     """
 
     owner: Owner
@@ -83,6 +85,8 @@ class _Stream:
     told: dict[str, Pose] = field(default_factory=dict)
     slot: int | None = None
     version: int = -1
+    is_due_whole: bool = False
+    is_whole: bool = False
 
 
 @dataclass(eq=False, slots=True)
@@ -92,24 +96,26 @@ class _Offer:
     Attributes:
         timeout: how long it may be without a listener [s].
         unheard_since: when the last one went [s]; None while there is one.
-        num_listeners: when it was looked at last.
+        listeners: when it was looked at last.
     """
 
     stream: _Stream
     topic: Topic
     timeout: float
     unheard_since: float | None
-    num_listeners: int = 0
+    listeners: tuple[Subscription, ...] = ()
 
     def greet(self) -> None:
         """Have everything told again if somebody has come who did not hear it.
 
-        What is told while nobody listens is told whole, for it waits, latched, for the first who comes.
+        What is told while nobody listens is told whole, for it waits, latched, for the first who comes. Who came first
+        has heard that, and is told what has changed since: not the same once more.
         """
-        num = len(self.topic.subscriptions)
-        if num == 0 or num > max(self.num_listeners, 1):
-            self.stream.told.clear()
-        self.num_listeners = num
+        before, self.listeners = self.listeners, self.topic.subscriptions
+        if not self.listeners:
+            self.stream.is_due_whole = True
+        elif any(one not in before for one in self.listeners):
+            self.stream.is_due_whole = bool(before) or not self.stream.is_whole
 
 
 class Republisher:
@@ -315,16 +321,21 @@ class Republisher:
             if slot == stream.slot:
                 return (slot + 1 - place) / stream.rate
         stream.version = self._frames.version
-        changed = []
+        if stream.is_due_whole:
+            stream.told.clear()
+            stream.is_due_whole = False
+        changed, num_placed = [], 0
         for source in stream.sources:
             placed = self._frames.look_up(stream.target, source)
             if placed is None:
                 continue
             stream.slot = slot
+            num_placed += 1
             if _has_moved(stream, stream.told.get(source), placed.pose):
                 stream.told[source] = placed.pose
                 changed.append(self._make_transform(stream.target, source, placed))
         if changed:
+            stream.is_whole = len(changed) == num_placed
             stream.send(changed, now)
         return None
 

@@ -171,7 +171,7 @@ def test_rates_count_in_simulated_time_whatever_messages_are_stamped_with() -> N
     client = stage.somebody()
     client.listen(client.ask("base_link", rate=10.0))
     for i in range(20):
-        stage.frame(Pose(float(i), 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+        stage.frame(at(float(i)))
     assert len(client.heard) == 5, "once in each tenth of a second from 0.02 s to 0.40 s"
 
 
@@ -532,3 +532,39 @@ def test_more_frames_than_can_be_asked_for_are_refused_before_they_are_read() ->
     stage = Stage()
     answer = Somebody(stage).call(*[""] * (MAX_PAIRS + 1))
     assert (answer.is_ok, answer.values) == (False, f"source_frames: expected at most {MAX_PAIRS}, got {MAX_PAIRS + 1}")
+
+
+def test_first_listener_is_not_told_again_what_was_latched_for_it() -> None:
+    """The flaw: between two slots what was told was forgotten, and told once more in the next slot, moved or not."""
+    for num_frames in range(6):
+        stage = Stage()
+        stage.frame(at(40.0))
+        client = stage.somebody()
+        name = client.ask("base_link", rate=10.0, trans_thres=0.1)
+        stage.frame(at(40.0))
+        for _ in range(num_frames):
+            stage.frame(at(40.0))
+        client.listen(name)
+        for _ in range(30):
+            stage.frame(at(40.0))
+        assert client.places() == [("base_link", 40.0)], f"{num_frames} frames later"
+
+
+def test_listener_that_follows_another_one_is_told_everything() -> None:
+    """Also where the first one leaves in the middle of a slot, and what is latched is a part."""
+    for num_frames in range(12):
+        stage = Stage()
+        client, late = stage.somebody(), stage.somebody()
+        name = client.ask("base_link", "post", rate=10.0, trans_thres=0.1)
+        client.listen(name)
+        stage.world.publish(written("map", "post", at(40.0)))
+        for i in range(10):
+            stage.frame(at(float(i)))
+        subscription = stage.bus.holdings(client).subscriptions
+        stage.bus.unsubscribe(next(iter(subscription)), stage.now)
+        for i in range(num_frames):
+            stage.frame(at(10.0 + i))
+        late.listen(name)
+        for i in range(12):
+            stage.frame(at(40.0 + i))
+        assert {source for source, _ in late.places()} == {"base_link", "post"}, f"{num_frames} frames later"
