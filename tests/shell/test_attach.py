@@ -693,3 +693,25 @@ async def test_everything_is_there_again_after_the_master_behind_the_bridge_was_
         await client.ask("/SyncModeWaitForTick", user_id="me", frame=frame + 1)
         assert (await client.message("/Ego_topic"))["position"]["x"] == 40.0
         assert sim.num_bugs == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_wanted", [False, True])
+async def test_drive_is_told_behind_a_bridge_where_that_is_wanted_and_not_followed_by_ourselves(
+    connect: Connect, *, is_wanted: bool
+) -> None:
+    async with FarSide() as far_side, attached(far_side.url, replay_info=is_wanted) as sim:
+        client = await connect(far_side.url)
+        await client.send("subscribe", topic="/ReplayInfo_topic", type="morai_msgs/ReplayInfo")
+        await client.send("subscribe", topic="/Object_topic", type="morai_msgs/ObjectStatusList")
+        frame = await lead(client)
+        for i in range(1, 6):
+            await client.ask("/SyncModeWaitForTick", user_id="me", frame=frame + i)
+        if is_wanted:
+            told = [await client.message("/ReplayInfo_topic") for _ in range(5)]
+            listed = [await client.message("/Object_topic") for _ in range(5)]
+            assert [one["npc_list"] for one in told] == [one["npc_list"] for one in listed]
+        else:
+            assert not [f for f in client.inbox if f.get("topic") == "/ReplayInfo_topic"]
+        assert sim.node is not None
+        assert not sim.node.stage.is_replaying
