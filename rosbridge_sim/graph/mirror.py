@@ -94,7 +94,8 @@ class Mirror:
         on_attached: called each time when everything is announced.
         on_failure: called when something done for the far side has failed by a bug of ours; raises it by itself.
         stamps: which time goes out; None where the far side is not to be asked about it.
-        why_gone: called with the name of a service that is not here any more; why it may come back, or an empty text.
+        why_gone: called with the name of a service that is not here any more; returns why it is not, if it may come
+            back, or an empty text.
     """
 
     name = NODE_NAME
@@ -367,7 +368,7 @@ class Mirror:
         self._survey_at = None
         if not line.name:
             self._rosapi.stop()
-            self._is_anew, self._return_at = False, None
+            self._is_anew = False
         for item in self._of(line):
             item.is_silent = False
             if item.subscription is not None:
@@ -518,7 +519,7 @@ class Mirror:
         desk.ask("/rosapi/topics", hear_topics, now)
 
     def _judge(self, topics: Values, services: Values, now: float, *, is_final: bool) -> bool:
-        """Look through its lists; return whether nothing is missing."""
+        """Look through its lists, and return whether nothing is missing."""
         is_whole = self._findings.judge(topics, services, self._items, is_final=is_final and not self._is_anew)
         if is_final and self._is_anew:
             self._is_anew = False
@@ -547,7 +548,8 @@ class Mirror:
                 if item.kind != "service":  # a service that is announced twice is registered anew
                     self._renounce(item)
                 self._announce(item)
-        self._begin_surveys(now)
+        if self._is_attached:
+            self._begin_surveys(now)
 
     def _take_back(self, now: float) -> None:
         """End the topics there until the bridge has forgotten that it has them."""
@@ -565,7 +567,8 @@ class Mirror:
                 item.is_silent = False
                 if item.line.is_open:
                     self._announce(item)
-        self._begin_surveys(now)
+        if self._is_attached:
+            self._begin_surveys(now)
 
     def _begin_surveys(self, now: float) -> None:
         self._num_surveys = 0

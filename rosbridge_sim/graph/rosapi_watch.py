@@ -1,4 +1,4 @@
-"""Whether a far side's rosapi is there, lost or back, from what becomes of our calls to it.
+"""The state of a far side's rosapi (there, lost or back), found from what becomes of our calls to it.
 
 Silence says nothing: a far side that is slow answers late. A refusal says that nobody serves the call. A single one may
 be a time-out over there, so two in a row are a loss. Rosapi that never answered cannot be lost.
@@ -22,7 +22,7 @@ MAX_REFUSALS: Final = 1
 
 
 class Seen(Enum):
-    """What an answer or a refusal has shown."""
+    """News that an answer or a refusal brings."""
 
     NOTHING_NEW = "nothing new"
     LOST = "lost"
@@ -48,7 +48,7 @@ class RosapiWatch:
             self.due = now + LOOK_PERIOD
 
     def stop(self) -> None:
-        """The connection is gone: whoever is there the next time is known as little as at first."""
+        """The connection is gone; the next one begins with nothing known."""
         self.due = None
         self._is_known = self._is_lost = False
         self._num_refusals = 0

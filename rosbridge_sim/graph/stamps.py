@@ -1,4 +1,4 @@
-"""Which time everything is stamped with: one choice for a process.
+"""The time that everything is stamped with: one choice for a process.
 
 A program on the far side compares our stamps with its own clock. That is simulated time where `/use_sim_time` is true,
 and the time of day elsewhere; with the other one its transforms and message filters find nothing. So `auto` asks the
@@ -52,7 +52,7 @@ class Stamps:
 
 
 def says_simulated(value: object) -> bool:
-    """Whether a value of the parameter, as rosapi tells it in JSON, makes programs use simulated time.
+    """Return whether a value of the parameter, as rosapi tells it in JSON, makes programs use simulated time.
 
     True and 1 do. A parameter that is not set is null, or an empty text, by the kind of server.
     """

@@ -198,7 +198,7 @@ class Node:
         self._placing = [part.place for part in self._parts if type(part).place is not Part.place]
         self._settling = [part.settle for part in self._parts if type(part).settle is not Part.settle]
         self._bindings: dict[int, Bindings] = {}  # of the further egos, by their number
-        self._gone: dict[str, str] = {}  # services of egos that have left, and why they are not there
+        self._gone: dict[str, int] = {}  # services of egos that have left, and the egos' numbers
         bindings = Bindings(self.items)
         for part in self._parts:
             part.show_ego(self.egos[0], bindings.prefix, self._outputs)
@@ -387,7 +387,7 @@ class Node:
         self.announce_mounts(now)
 
     def _set_time(self) -> None:
-        """Have the time of the frame that the world is at, for all that is stamped until the next one."""
+        """Take the time of the frame that the world is at, for all that is stamped until the next one."""
         if self._read_wall_ns is not None:
             self.convert.wall_ns = self._read_wall_ns()
         frame = self.world.frame
@@ -520,15 +520,16 @@ class Node:
         _log.info("ego %d has come: %s...", ego.index, bindings.prefix)
 
     def why_gone(self, service: str) -> str:
-        """Why a service of an ego that may come back is not there; empty for any other name."""
-        return self._gone.get(service, "")
+        """Return why a service of an ego that may come back is not there; an empty text for any other name."""
+        index = self._gone.get(service)
+        return "" if index is None or self.find_ego(index) is not None else f"ego {index} has left"
 
     def _drop_ego(self, ego: Ego, now: float) -> None:
         """Take a further ego's names away."""
         bindings = self._bindings.pop(ego.index)
         for name in bindings.services:
             self._gone.pop(name, None)
-            self._gone[name] = f"ego {ego.index} has left"
+            self._gone[name] = ego.index
         while len(self._gone) > MAX_GONE:
             del self._gone[next(iter(self._gone))]
         bindings.release(now)

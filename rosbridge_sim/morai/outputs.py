@@ -113,7 +113,7 @@ class Feed(_Publisher):
 
     @property
     def is_latched(self) -> bool:
-        """Whether its last message is kept for those who come late."""
+        """Return whether its last message is kept for those who come late."""
         return bool(self._depth)
 
     def tune(self, rate: float) -> None:
@@ -311,7 +311,7 @@ class Outputs:
             self._has_newcomer = False
 
     def pause_due(self, now: float) -> float | None:
-        """When `show_in_pause` has something to do next [s]."""
+        """Return when `show_in_pause` has something to do next [s]."""
         if self._pause_at is None:
             return None
         if self._has_newcomer:
@@ -341,7 +341,7 @@ class Outputs:
         return {one for feed in self._feeds for one in _listeners_in_pause(feed)}
 
     def _note_newcomer(self, _topic: Topic) -> None:
-        """Somebody has begun to listen, perhaps to a topic of these."""
+        """Note that somebody has begun to listen, perhaps to a topic of these."""
         if self._pause_at is not None:
             self._has_newcomer = True
 
@@ -364,7 +364,7 @@ class Outputs:
 
 
 def _listeners_in_pause(feed: Feed) -> list[Subscription]:
-    """Those to whom a topic is shown in a pause."""
+    """The listeners that a topic is shown to in a pause."""
     if not feed.is_shown_in_pause or feed.topic is None:
         return []
     return [one for one in feed.topic.subscriptions if not one.is_idle and not one.is_recording]

@@ -335,3 +335,32 @@ def test_a_longer_list_than_there_can_be_egos_is_refused_before_it_is_read() -> 
     with pytest.raises(FieldError, match=f"there are {MAX_EGOS} egos at most, got {MAX_EGOS + 1} entries"):
         put(stand.client(), *[7] * (MAX_EGOS + 1))
     assert len(stand.node.egos) == 1
+
+
+# Who has left
+
+
+def test_services_of_an_ego_that_left_are_known_until_it_comes_back() -> None:
+    stand, client = two_egos()
+    name = "/Ego-2/Service_MoraiEventCmd"
+    assert name in stand.bus.services
+    assert not stand.node.why_gone(name)
+    stand.node.reset(None, 0.0)
+    assert name not in stand.bus.services
+    assert stand.node.why_gone(name) == "ego 2 has left"
+    assert not stand.node.why_gone("/Service_MoraiEventCmd")
+    assert not stand.node.why_gone("/Ego-3/Service_MoraiEventCmd")
+    put(client, 2)
+    assert not stand.node.why_gone(name)
+
+
+def test_egos_under_ever_new_numbers_are_not_remembered_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rosbridge_sim.morai.node.MAX_GONE", 3)
+    stand, client = two_egos()
+    for index in range(10, 20):
+        stand.node.reset(None, 0.0)
+        put(client, index)
+    stand.node.reset(None, 0.0)
+    assert len(stand.node._gone) == 3
+    assert stand.node.why_gone("/Ego-19/Service_MoraiEventCmd")
+    assert not stand.node.why_gone("/Ego-10/Service_MoraiEventCmd")

@@ -280,7 +280,7 @@ def _is_a_clock(stamps: IntArray) -> bool:
 
 
 def _is_of_the_day(stamps: IntArray) -> bool:
-    """Whether these are, or come to be, times of day and not simulated ones."""
+    """Return whether these are, or come to be, times of day and not simulated ones."""
     return len(stamps) > 0 and int(stamps.max()) >= EARLIEST_DAY
 
 
