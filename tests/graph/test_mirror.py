@@ -1169,3 +1169,22 @@ def test_bridge_that_dies_without_its_rosapi_is_announced_to_once(stand: Stand) 
     stand.attach()
     stand.run(until=60.0)
     assert len(stand.far.ops("advertise")) == 4, "two topics on each of two sockets"
+
+
+def test_topics_that_were_taken_back_return_though_the_first_socket_was_lost_meanwhile() -> None:
+    stand = Stand(has_line_each=True)
+    stand.attach()
+    stand.run(until=sum(SURVEYS))
+    stand.mirror._take_back(10.0)
+    stand.pump()
+    assert "/state" not in {name for name, topic in stand.far.bus.topics.items() if topic.publishers}
+    stand.far.cut(stand.mirror, stand.line, 11.0)
+    stand.far.connect(stand.mirror, stand.line, 12.0)
+    stand.pump()
+    stand.run(until=10.0 + UNREGISTER_TIME)
+    assert {name for name, topic in stand.far.bus.topics.items() if topic.publishers} >= {"/state", "/plate"}
+    program = Program(stand.far)
+    program.send("subscribe", topic="/state")
+    stand.car.show("/state", data=6)
+    stand.pump()
+    assert [f["msg"] for f in program.received("publish")] == [{"data": 6}]
