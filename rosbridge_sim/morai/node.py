@@ -517,12 +517,14 @@ class Node:
         for part in self._parts:
             part.show_ego(ego, bindings.prefix, self._outputs)
             part.bind_ego(ego, bindings)
+        # only now: until all its services are back, none of them is to be taken for gone for good
+        self._gone = {name: index for name, index in self._gone.items() if index != ego.index}
         _log.info("ego %d has come: %s...", ego.index, bindings.prefix)
 
     def why_gone(self, service: str) -> str:
         """Return why a service of an ego that may come back is not there; an empty text for any other name."""
         index = self._gone.get(service)
-        return "" if index is None or self.find_ego(index) is not None else f"ego {index} has left"
+        return "" if index is None else f"ego {index} has left"
 
     def _drop_ego(self, ego: Ego, now: float) -> None:
         """Take a further ego's names away."""

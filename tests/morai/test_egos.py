@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError
+from rosbridge_sim.graph.bus import Owner
 from rosbridge_sim.morai.releases import Profile
 from rosbridge_sim.morai.stage import FIRST_EGO, MAX_EGOS
 from rosbridge_sim.world.state import Kind
@@ -352,6 +353,21 @@ def test_services_of_an_ego_that_left_are_known_until_it_comes_back() -> None:
     assert not stand.node.why_gone("/Ego-3/Service_MoraiEventCmd")
     put(client, 2)
     assert not stand.node.why_gone(name)
+
+
+def test_services_of_an_ego_are_never_taken_for_gone_for_good_while_it_leaves_and_returns() -> None:
+    stand, client = two_egos()
+    names = [name for name in stand.bus.services if name.startswith("/Ego-2/")]
+    lost: list[str] = []
+
+    def look(_owner: Owner) -> None:
+        lost.extend(name for name in names if name not in stand.bus.services and not stand.node.why_gone(name))
+
+    stand.bus.on_holdings.append(look)
+    stand.node.reset(None, 0.0)
+    put(client, 2)
+    assert names
+    assert not lost
 
 
 def test_egos_under_ever_new_numbers_are_not_remembered_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
