@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import AsyncExitStack
 from pathlib import Path
 
+import hypothesis
 import pytest
 import pytest_asyncio
 
@@ -15,6 +16,11 @@ from tests.places import Bridges, Place
 from tests.support import Client, ServerProcess, require_tool
 
 __all__ = ["Connect", "Serve", "Simulate", "require_tool"]
+
+hypothesis.settings.register_profile(
+    "ours", deadline=None
+)  # how long an example takes is the machine's, not the code's
+hypothesis.settings.load_profile("ours")
 
 Serve = Callable[..., ServerProcess]
 """`serve("--start", "sync")`: a server of the test's own."""

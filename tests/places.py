@@ -75,7 +75,8 @@ class Place:
             self.simulator = where = ServerProcess(log, flags)
         else:
             where = bridges.get(kind, flags)
-            self.simulator = AttachProcess(log, [where.url], flags)
+            # simulated time, so that a drive is the same in each place
+            self.simulator = AttachProcess(log, [where.url], ["--stamps", "sim", *flags])
         self.url, self.port = where.url, where.port
 
     @property

@@ -13,15 +13,15 @@ restarted finds its topic as it left it (rosbridge_suite keeps the publisher its
 A topic's type is its publishers'. Clients that only listen do not settle it, and a client gives way where a part of the
 server wants a name or a type (`Guest`): else any client could keep others' topics, or an ego's, from being there.
 
-Time comes as an argument: `now` is monotonic seconds. `stamp_ns` is the time that messages are stamped with;
-the node sets it each frame.
+Time comes as an argument: `now` is monotonic seconds. `time_ns` is the simulation's time, and `stamp_ns` the time that
+messages are stamped with: the same one, or the time of day. The node sets both at each frame.
 """
 
 from __future__ import annotations
 
 import heapq
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from itertools import count, takewhile
 
@@ -104,7 +104,8 @@ class Bus:
 
     Attributes:
         store: the types.
-        stamp_ns: the time for stamps that a message leaves open [ns]; simulation time where there is a world.
+        time_ns: simulation time where there is a world, else the time of day [ns]; bags and rates count in it.
+        stamp_ns: the time for stamps that a message leaves open [ns]: `time_ns`, or the time of day if that is chosen.
         actions: the third way of talking.
         parameters: the parameter server.
         watchers: called with `(owner, now)` after an owner has left.
@@ -129,6 +130,7 @@ class Bus:
         max_calls: int = MAX_CALLS,
     ) -> None:
         self.store = store
+        self.time_ns = 0
         self.stamp_ns = 0
         self.actions = Actions(self, max_calls)
         self.parameters = Parameters()
@@ -272,6 +274,28 @@ class Bus:
         except Exception as error:  # noqa: BLE001 - a listener that cannot end alone
             self.guard.note(f"a listener of {topic.name}", error)
 
+    def show(
+        self, sender: Owner, topic: Topic, message: Message, listeners: Iterable[Subscription], now: float
+    ) -> None:
+        """Hand something of our own to some listeners of a topic; otherwise as `announce`. It is not latched.
+
+        Args:
+            sender: who publishes there.
+            topic: of which they are listeners.
+            message: may have been published before.
+            listeners: to whom it is shown.
+            now: monotonic time [s].
+        """
+        for subscription in listeners:
+            try:
+                subscription.deliver(topic, message, sender, now)
+            except EncodingError as error:
+                self.guard.note_encoding(topic.name, error)
+            except PeerError as error:
+                _log.warning("a listener of %s refused a message: %s", topic.name, error)
+            except Exception as error:  # noqa: BLE001 - a bug of ours in one listener's own state
+                self.guard.contain(subscription.owner, error)
+
     def subscribe(
         self,
         owner: Owner,
@@ -281,6 +305,8 @@ class Bus:
         type_name: str | None = None,
         is_idle: bool = False,
         tell: Tell | None = None,
+        is_general: bool = False,
+        is_recording: bool = False,
     ) -> Subscription:
         """Listen to a topic. What is latched there is the caller's to fetch: `subscription.topic.latched`.
 
@@ -294,6 +320,8 @@ class Bus:
             type_name: in any accepted spelling; None takes the topic's.
             is_idle: overhear only; the subscription's own `is_idle` may be changed later.
             tell: tells the owner something about the subscription; None for `owner.tell`.
+            is_general: see `Subscription`.
+            is_recording: the same.
 
         Raises:
             GraphError: type conflict, or no type given for a topic that nobody has advertised.
@@ -303,7 +331,9 @@ class Bus:
         if type_name is not None and not isinstance(owner, Guest):
             self._settle(owner, topic, message_type)
         wanted = None if type_name is None else message_type
-        subscription = Subscription(topic, owner, deliver, is_idle, wanted, tell or owner.tell)
+        subscription = Subscription(
+            topic, owner, deliver, is_idle, wanted, tell or owner.tell, is_general=is_general, is_recording=is_recording
+        )
         topic.add(subscription)
         self._held(owner).subscriptions[subscription] = None
         self._tell_of(topic)

@@ -51,6 +51,8 @@ class Subscription:
         is_idle: it overhears what is published anyhow, but nothing has to be published for its sake.
         wanted: the type that it was made with; None where it takes any type that the topic has.
         tell: tells its owner something about it.
+        is_general: its owner listens to everything that a publisher has, and not to this topic in particular.
+        is_recording: its owner keeps what it hears, so what is only shown again is not for it.
     """
 
     topic: Topic
@@ -59,6 +61,8 @@ class Subscription:
     is_idle: bool
     wanted: MessageType | OpaqueType | None
     tell: Tell
+    is_general: bool = False
+    is_recording: bool = False
 
     @property
     def fits(self) -> bool:

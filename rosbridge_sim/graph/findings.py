@@ -48,6 +48,7 @@ class Findings:
 
     Attributes:
         taken: services of ours that it had before us, until that is said.
+        has_lost_topics: topics of ours that it listed once were missing in its last lists.
     """
 
     def __init__(self, address: str, ros: Literal[1, 2]) -> None:
@@ -58,6 +59,8 @@ class Findings:
             ros: the generation that we speak.
         """
         self.taken: list[str] = []
+        self.has_lost_topics = False
+        self._listed: set[str] = set()
         self._address = address
         self._ros = ros
         self._said: set[str] = set()
@@ -118,6 +121,30 @@ class Findings:
         if isinstance(time, dict) and ("sec" in time or "secs" in time) and ("secs" in time) != (ours == 1):
             self.say_once(f"it is of ROS {theirs}, and may refuse messages as ROS {ours} has them: use --ros {theirs}")
 
+    def judge_stamps(self, *, is_simulated: bool, is_wall: bool, is_settled: bool) -> None:
+        """Look at the time that programs there go by.
+
+        Args:
+            is_simulated: its `/use_sim_time` is true.
+            is_wall: ours goes out with the time of day.
+            is_settled: that follows from what it has just said.
+        """
+        if is_settled:
+            said = "is true" if is_simulated else "is not true"
+            self.say(
+                logging.INFO, f"its /use_sim_time {said}: stamps are {'the time of day' if is_wall else 'simulated'}"
+            )
+        elif is_simulated and is_wall:
+            self.say_once(
+                "its /use_sim_time is true, and our stamps are the time of day: programs there may find no transforms;"
+                " --stamps sim makes both simulated"
+            )
+        elif not is_simulated and not is_wall:
+            self.say_once(
+                "its /use_sim_time is not true, and our stamps are simulated time: programs there may find no"
+                " transforms; --stamps wall gives the time of day, or set the parameter before they start"
+            )
+
     def greet(self, ours: Collection[Key]) -> None:
         """Everything is announced there."""
         kinds = [kind for kind, _, _ in ours]
@@ -147,6 +174,8 @@ class Findings:
         there = {("topic", name) for name in types} | {("service", name) for name in names_of(services, "services")}
         announced = [key for key in ours if key[0] != "input"]
         missing = [key for key in announced if key[:2] not in there]
+        self.has_lost_topics = any(kind == "topic" and name in self._listed for kind, name, _ in missing)
+        self._listed.update(name for kind, name, _ in announced if kind == "topic" and name in types)
         if is_final:
             self._miss(missing, announced, ours)
         for kind, name, type_name in announced:

@@ -71,6 +71,7 @@ class Line:
         num_sent: messages of topics that went into the outbox, ever.
         waiting: ops that have come and are not done yet, oldest first.
         on_released: called when the last hold has ended.
+        on_mark: called with whether a call of MARK was answered or refused, and monotonic time [s]; silence is neither.
     """
 
     def __init__(
@@ -90,6 +91,7 @@ class Line:
         self.has_services = False
         self.num_sent = 0
         self.on_released: Callable[[], None] = _nothing
+        self.on_mark: Callable[[bool, float], None] = lambda _is_answered, _now: None
         self._limits = limits
         self._max_frame_size = max_frame_size
         self._on_refused = on_refused
@@ -110,7 +112,7 @@ class Line:
         self.waiting: deque[ops.Op] = deque()
         self._num_waiting_bytes = 0
         self._holds: set[object] = set()  # one of its own for each socket: a late release frees no later one
-        self._questions: dict[str, tuple[OnWord, float]] = {}
+        self._questions: dict[str, tuple[OnWord, float, str]] = {}
 
     def open(self, wake: Callable[[], None], carry: Callable[[], None]) -> None:
         """There is a socket.
@@ -155,15 +157,15 @@ class Line:
         mark = f"{_MARK}{self.credit.mark(now)}"
         return orjson.dumps({"op": "call_service", "service": MARK, "id": mark, "args": {}})
 
-    def ask(self, service: str, on_word: OnWord, now: float) -> None:
+    def ask(self, service: str, on_word: OnWord, now: float, **args: object) -> None:
         """Call a service there. `on_word` gets the answer, or None if it is a refusal, rubbish, or none comes in time.
 
         If the socket is lost before, it is never called.
         """
         self._num_asked += 1
         question = f"{_QUESTION}{self._num_asked}"
-        self._questions[question] = (on_word, now + PATIENCE)
-        self.say("call_service", id=question, service=service, args={})
+        self._questions[question] = (on_word, now + PATIENCE, service)
+        self.say("call_service", id=question, service=service, args=args)
 
     # In
 
@@ -217,10 +219,14 @@ class Line:
             elif _NUMBER.fullmatch(number):
                 self.credit.prove(int(number))
             self._wake()
+            self.on_mark(bool(op.result), now)
             return True
         question = self._questions.pop(op.id, None)
         if question is not None:
-            question[0](_values_of(op), now)
+            on_word, _, service = question
+            if service == MARK:
+                self.on_mark(bool(op.result), now)
+            on_word(_values_of(op), now)
         return question is not None or op.id.startswith(_QUESTION)  # perhaps one that came too late
 
     # Time
@@ -228,14 +234,14 @@ class Line:
     @property
     def due(self) -> float | None:
         """When `expire` has something to do [s]."""
-        dues = [until for _, until in self._questions.values()]
+        dues = [until for _, until, _ in self._questions.values()]
         if self.credit.due is not None:
             dues.append(self.credit.due)
         return min(dues, default=None)
 
     def expire(self, now: float) -> None:
         """Give up what was not answered in time."""
-        for question, (on_word, until) in list(self._questions.items()):
+        for question, (on_word, until, _) in list(self._questions.items()):
             if now >= until and self._questions.pop(question, None) is not None:
                 on_word(None, now)
         if self.credit.expire(now):

@@ -7,10 +7,19 @@ connection is lost and made again: a bridge that is restarted is no client that 
 
 What the far side has to be told at the beginning of each connection, in this order: topics, with what is latched on
 them; subscriptions; services; then a question, whose answer shows that all of it was handled. Services come last since
-clients wait for them. Before the very first time it is asked which services it has already.
+clients wait for them. Before the very first time it is asked which services it has already. Before all that it is asked
+for its `/use_sim_time`, where our stamps depend on it.
 
 rosbridge_suite answers no mistake: a type whose package is not built there gives a line in its own log and nothing
 else. So a while later we ask it which topics and services it has, and say what is missing.
+
+A ROS master that is restarted forgets everybody, and a bridge that lives on does not tell it of us again. What is seen
+here is that rosapi refuses its calls for a while. When it answers again, everything is announced anew. rosbridge_suite
+keeps a publisher for UNREGISTER_TIME after it was taken back, and registers nothing as long as it has one; so if the
+lists show that our topics are missing all the same, they are taken back for longer than that.
+
+A service of an ego that has left stays announced, and its calls are refused with the reason: rosbridge_suite takes a
+second to end a service, during which it handles nothing else.
 
 What it sends and what cannot be used is a line in our log, and has no other consequence.
 
@@ -29,6 +38,8 @@ from rosbridge_sim.errors import EncodingError, FrameError, PeerError
 from rosbridge_sim.graph.bus import Answer, Bus, Owner, Subscription, Topic, decode_body, resolve
 from rosbridge_sim.graph.findings import Findings, Key, names_of
 from rosbridge_sim.graph.line import MARK, Line, Values
+from rosbridge_sim.graph.rosapi_watch import RosapiWatch, Seen
+from rosbridge_sim.graph.stamps import PARAMETER, Stamps, says_simulated
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.codec import publish_head
 from rosbridge_sim.protocol.flow import OutboxLimits
@@ -46,6 +57,10 @@ SURVEYS: Final = (0.0, 1.0, 3.0)
 """When the far side is asked what it has [s]: each after the one before. In ROS 2 topics are found by and by."""
 
 
+UNREGISTER_TIME: Final = 11.0
+"""How long a topic is taken back so that rosbridge_suite gives its publisher up [s]: its `unregister_timeout` is 10."""
+
+
 @dataclass(slots=True)
 class _Item:
     """One thing that is mirrored.
@@ -56,6 +71,7 @@ class _Item:
         topic: for a topic or an input, on our bus.
         subscription: for a topic, ours to it.
         is_known: for a service, that it was announced there before.
+        is_silent: for a topic, that nothing is published there for now.
     """
 
     line: Line
@@ -65,6 +81,7 @@ class _Item:
     topic: Topic | None = None
     subscription: Subscription | None = None
     is_known: bool = False
+    is_silent: bool = False
 
 
 class Mirror:
@@ -76,6 +93,9 @@ class Mirror:
         on_lines: called when one has come or gone.
         on_attached: called each time when everything is announced.
         on_failure: called when something done for the far side has failed by a bug of ours; raises it by itself.
+        stamps: which time goes out; None where the far side is not to be asked about it.
+        why_gone: called with the name of a service that is not here any more; returns why it is not, if it may come
+            back, or an empty text.
     """
 
     name = NODE_NAME
@@ -105,6 +125,8 @@ class Mirror:
         self.on_lines: Callable[[], None] = lambda: None
         self.on_attached: Callable[[], None] = lambda: None
         self.on_failure: Callable[[Exception], None] = _raise
+        self.stamps: Stamps | None = None
+        self.why_gone: Callable[[str], str] = lambda _name: ""
         self._bus = bus
         self._source = source
         self._has_line_each = has_line_each
@@ -120,6 +142,10 @@ class Mirror:
         self._survey_at: float | None = None
         self._num_surveys = 0
         self._is_behind = False
+        self._is_time_known = False
+        self._rosapi = RosapiWatch()
+        self._is_anew = False  # all was announced once more on sockets that lived on
+        self._return_at: float | None = None  # of the topics that were taken back
         self.lines: dict[str, Line] = {"": self._make_line("")}
         bus.on_holdings.append(self._look)
         self._refresh()
@@ -158,9 +184,11 @@ class Mirror:
         no answers for a service that has ended, and its callers would hear of a failure.
         """
         wanted = dict.fromkeys(self._wanted())
-        awaited = {("service", name) for name in self._in_flight} - {key[:2] for key in wanted}
+        names = {key[:2] for key in wanted}
+        awaited = {("service", name) for name in self._in_flight} - names
         for key in [key for key in self._items if key not in wanted and key[:2] not in awaited]:
-            self._drop(key)
+            if key[0] != "service" or key[:2] in names or not self.why_gone(key[1]):
+                self._drop(key)
         for key in wanted:
             if key not in self._items:
                 self._add(key)
@@ -182,20 +210,20 @@ class Mirror:
         item = self._items[key] = _Item(line, kind, name, type_name)
         if kind == "topic":
             item.topic = self._bus.find_topic(name)
-            item.subscription = self._listen(line, name)
+            item.subscription = self._listen(item)
         elif kind == "input":
             item.topic = self._inputs[name] = self._bus.advertise(self, name, type_name)
         if line.is_open and (kind != "service" or line.has_services):
             self._announce(item)
 
-    def _listen(self, line: Line, name: str) -> Subscription:
-        source, head = self._source, publish_head(name)
+    def _listen(self, item: _Item) -> Subscription:
+        source, line, name, head = self._source, item.line, item.name, publish_head(item.name)
 
         def deliver(_topic: Topic, message: Message, sender: Owner, _now: float) -> None:
-            if sender is source and line.has_services:
+            if sender is source and line.has_services and not item.is_silent:
                 line.offer(name, message.framed(head))
 
-        return self._bus.subscribe(self, name, deliver, is_idle=not line.has_services)
+        return self._bus.subscribe(self, name, deliver, is_idle=not line.has_services, is_general=True)
 
     def _drop(self, key: Key) -> None:
         item = self._items.pop(key)
@@ -217,7 +245,9 @@ class Mirror:
         return line
 
     def _make_line(self, name: str) -> Line:
-        return Line(name, self._limits, self._max_frame_size, self._refuse)
+        line = Line(name, self._limits, self._max_frame_size, self._refuse)
+        line.on_mark = self._hear_mark
+        return line
 
     # What the far side is told
 
@@ -263,6 +293,37 @@ class Mirror:
         """
         self._now = now
         line.open(wake, carry)
+        stamps = self.stamps
+        if stamps is not None and stamps.is_open and self._bus.store.ros == 1:
+            self._ask_time(line, now, lambda now: self._announce_all(line, now))
+            return
+        if stamps is not None:
+            stamps.settle(now, is_simulated=False)  # in ROS 2 each program has a parameter of its own
+        self._announce_all(line, now)
+        if not line.name:
+            self._ask_time(line, now)
+
+    def _ask_time(self, line: Line, now: float, then: Callable[[float], None] = lambda _now: None) -> None:
+        """Ask which time programs there go by. What stamps depend on is settled by the answer, or by none in time."""
+        stamps = self.stamps
+        if stamps is None or self._bus.store.ros != 1:
+            return
+
+        def hear(values: Values | None, now: float) -> None:
+            if self._is_gone:
+                return
+            is_simulated = values is not None and says_simulated(values.get("value"))
+            was_open = stamps.is_open
+            stamps.settle(now, is_simulated=is_simulated)
+            self._is_time_known = values is not None
+            if values is not None or was_open:
+                self._findings.judge_stamps(is_simulated=is_simulated, is_wall=stamps.is_wall, is_settled=was_open)
+            then(now)
+
+        line.ask("/rosapi/get_param", hear, now, name=PARAMETER, default="")
+
+    def _announce_all(self, line: Line, now: float) -> None:
+        """Tell the far side of what goes over a line; of services when it has said which ones it has."""
         for item in self._of(line):
             if item.kind != "service":
                 self._announce(item)
@@ -272,6 +333,8 @@ class Mirror:
             self._announce_services(line, None, now)
 
     def _announce_services(self, line: Line, values: Values | None, now: float) -> None:
+        if self._is_gone:
+            return
         there = set(names_of(values, "services"))
         line.has_services = True
         for item in self._of(line):
@@ -286,14 +349,14 @@ class Mirror:
     def _begin(self, line: Line, values: Values | None, now: float) -> None:
         """All of a line is announced, and handled if the far side answers."""
         line.is_ready = True
+        self._rosapi.start(now)
         if not line.name and values is not None:
             self._findings.judge_time(values)
         if not self._is_attached and all(one.is_ready for one in self.lines.values()):
             self._is_attached = True
             self._findings.greet(self._items)
             self.on_attached()
-            self._num_surveys = 0
-            self._survey_at = now
+            self._begin_surveys(now)
 
     def lost(self, line: Line, now: float) -> None:
         """A line has lost its socket. Its calls that are still on their way here are answered to nobody."""
@@ -304,7 +367,11 @@ class Mirror:
         self._is_attached = False
         self._is_behind = self._is_any_late()
         self._survey_at = None
+        if not line.name:
+            self._rosapi.stop()
+            self._is_anew = False
         for item in self._of(line):
+            item.is_silent = False
             if item.subscription is not None:
                 item.subscription.is_idle = True
 
@@ -403,7 +470,8 @@ class Mirror:
             line.say("service_response", service=op.service, id=op.id, values={}, result=False, reason=why)
 
         if not self._serves(op.service):
-            tell(Answer(is_ok=False, values=f"Service {op.service} is not ours"))
+            why = self.why_gone(resolve(op.service)) or "it is not ours"
+            tell(Answer(is_ok=False, values=f"Service {op.service} is not served: {why}"))
             return
         name = resolve(op.service)
         self._in_flight[name] = self._in_flight.get(name, 0) + 1
@@ -431,7 +499,7 @@ class Mirror:
         def hear_services(topics: Values, services: Values | None, now: float) -> None:
             if services is None:
                 miss(now)
-            elif not self._findings.judge(topics, services, self._items, is_final=is_final):
+            elif not self._judge(topics, services, now, is_final=is_final):
                 again(now)
 
         def hear_topics(topics: Values | None, now: float) -> None:
@@ -451,12 +519,76 @@ class Mirror:
 
         desk.ask("/rosapi/topics", hear_topics, now)
 
+    def _judge(self, topics: Values, services: Values, now: float, *, is_final: bool) -> bool:
+        """Look through its lists, and return whether nothing is missing."""
+        is_whole = self._findings.judge(topics, services, self._items, is_final=is_final and not self._is_anew)
+        if is_final and self._is_anew:
+            self._is_anew = False
+            if self._findings.has_lost_topics:
+                self._take_back(now)
+        return is_whole
+
+    # When its master has forgotten us
+
+    def _hear_mark(self, is_answered: bool, now: float) -> None:  # noqa: FBT001 - a callback of one fact
+        """The far side has answered or refused a call of rosapi."""
+        seen = self._rosapi.hear(now, is_answered=is_answered)
+        if seen is Seen.LOST:
+            text = "rosapi does not answer there any more: was its ROS master restarted? All is announced when it does"
+            self._note(logging.WARNING, text)
+        elif seen is Seen.BACK:
+            self._note(logging.INFO, "rosapi answers again: everything is announced anew")
+            self._announce_anew(now)
+
+    def _announce_anew(self, now: float) -> None:
+        """Tell the far side of everything once more, over the sockets that there are."""
+        self._is_anew, self._return_at = True, None
+        for item in self._items.values():
+            item.is_silent = False
+            if item.line.has_services:
+                if item.kind != "service":  # a service that is announced twice is registered anew
+                    self._renounce(item)
+                self._announce(item)
+        if self._is_attached:
+            self._begin_surveys(now)
+
+    def _take_back(self, now: float) -> None:
+        """End the topics there until the bridge has forgotten that it has them."""
+        self._return_at = now + UNREGISTER_TIME
+        for item in self._items.values():
+            if item.kind == "topic":
+                self._renounce(item)
+                item.is_silent = True
+
+    def _bring_back(self, now: float) -> None:
+        """Announce the topics that were taken back."""
+        self._return_at = None
+        for item in self._items.values():
+            if item.is_silent:
+                item.is_silent = False
+                if item.line.is_open:
+                    self._announce(item)
+        if self._is_attached:
+            self._begin_surveys(now)
+
+    def _begin_surveys(self, now: float) -> None:
+        self._num_surveys = 0
+        self._survey_at = now
+
+    def _look_for_rosapi(self, now: float) -> None:
+        """Make a call whose answer shows whether rosapi is there, unless it is late with others."""
+        desk = self.lines[""]
+        if desk.is_ready and not desk.credit.is_late:
+            desk.ask(MARK, lambda _values, _now: None, now)
+        self._rosapi.note_asked(now)
+
     # Time
 
     def next_due(self, _now: float) -> float | None:
         """When `advance` has something to do next [s]."""
         dues = [line.due for line in self.lines.values()]
-        return min((due for due in (*dues, self._survey_at) if due is not None), default=None)
+        own = (self._survey_at, self._rosapi.due, self._return_at)
+        return min((due for due in (*dues, *own) if due is not None), default=None)
 
     def advance(self, now: float) -> None:
         """Give up what was not answered in time; ask what is to be asked by now."""
@@ -472,7 +604,13 @@ class Mirror:
                 num_dropped = sum(line.outbox.dropped.total() for line in self.lines.values())
                 text = f"it keeps up again; {num_dropped:,} messages of topics were dropped since it is connected"
             self._findings.say(logging.WARNING, text)
+        if self._rosapi.due is not None and now >= self._rosapi.due:
+            self._look_for_rosapi(now)
+        if self._return_at is not None and now >= self._return_at:
+            self._bring_back(now)
         if self._survey_at is not None and now >= self._survey_at:
+            if not self._is_time_known:  # rosapi may have started meanwhile
+                self._ask_time(self.lines[""], now)
             self._survey(now)
 
 

@@ -7,11 +7,11 @@ his choice, in one of three ways that client libraries have:
     /tf2_web_republisher/...  the five topics of a ROS 1 action, see `actionlib`               (roslib's TFClient)
     /tf2_web_republisher      a ROS 2 action                                                   (roslib's ROS2TFClient)
 
-Rates count in the time that messages are stamped with: at R Hz second s is cut into R slots, and in each slot changes
-are looked for once, when the first transform of that slot is heard. So in synchronous mode what is told depends on the
-frames alone, and stands in the listener's hands before the answer to the tick. Whatever came too late for its slot is
-looked at in the next one, even if nothing more is heard: that takes the timer, and so does finding topics that
-nobody listens to any more.
+Rates count in simulated time, whatever messages are stamped with: at R Hz second s is cut into R slots, and in each
+slot changes are looked for once, when the first transform of that slot is heard. So in synchronous mode what is told
+depends on the frames alone, and stands in the listener's hands before the answer to the tick. Whatever came too late
+for its slot is looked at in the next one, even if nothing more is heard: that takes the timer, and so does finding
+topics that nobody listens to any more.
 
 While nobody asks it only overhears: then nothing is published for its sake, as it would be for any other listener. What
 a publisher of that kind told before is old by the time when somebody asks again, and is forgotten.
@@ -82,6 +82,8 @@ class _Stream:
         told: what each source was told to be last.
         slot: in which it was looked at last.
         version: of the frames, at that time.
+        is_due_whole: the next time that it is looked at, all sources are told, moved or not.
+        is_whole: what was told last told all sources.
     """
 
     owner: Owner
@@ -94,6 +96,8 @@ class _Stream:
     told: dict[str, Pose] = field(default_factory=dict)
     slot: int | None = None
     version: int = -1
+    is_due_whole: bool = False
+    is_whole: bool = False
 
 
 @dataclass(eq=False, slots=True)
@@ -103,24 +107,26 @@ class _Offer:
     Attributes:
         timeout: how long it may be without a listener [s].
         unheard_since: when the last one went [s]; None while there is one.
-        num_listeners: when it was looked at last.
+        listeners: when it was looked at last.
     """
 
     stream: _Stream
     topic: Topic
     timeout: float
     unheard_since: float | None
-    num_listeners: int = 0
+    listeners: tuple[Subscription, ...] = ()
 
     def greet(self) -> None:
         """Have everything told again if somebody has come who did not hear it.
 
-        What is told while nobody listens is told whole, for it waits, latched, for the first who comes.
+        What is told while nobody listens is told whole, for it waits, latched, for the first who comes. Who came first
+        has heard that, and is told what has changed since: not the same once more.
         """
-        num = len(self.topic.subscriptions)
-        if num == 0 or num > max(self.num_listeners, 1):
-            self.stream.told.clear()
-        self.num_listeners = num
+        before, self.listeners = self.listeners, self.topic.subscriptions
+        if not self.listeners:
+            self.stream.is_due_whole = True
+        elif any(one not in before for one in self.listeners):
+            self.stream.is_due_whole = bool(before) or not self.stream.is_whole
 
 
 class Republisher:
@@ -189,7 +195,7 @@ class Republisher:
             return
         if self._alarm is not None and now >= self._alarm:
             self._alarm = None
-            if self._bus.stamp_ns != self._alarm_set_ns:  # a clock that stands brings no new slot
+            if self._bus.time_ns != self._alarm_set_ns:  # a clock that stands brings no new slot
                 self._look_at_all(now)
         self._actionlib.advance(now)
         if now >= self._sweep_due:
@@ -317,27 +323,32 @@ class Republisher:
         waits = [self._look(stream, now) for stream in list(self._streams.values()) if stream.version != version]
         wait = min((wait for wait in waits if wait is not None), default=None)
         self._alarm = None if wait is None else now + min(wait, _LONGEST_WAIT)
-        self._alarm_set_ns = self._bus.stamp_ns
+        self._alarm_set_ns = self._bus.time_ns
 
     def _look(self, stream: _Stream, now: float) -> float | None:
         """Tell one who asked what has changed enough; before its next slot, how long it is until then [s]."""
         slot = None
         if stream.rate:
-            place = self._bus.stamp_ns * stream.rate / 1e9
+            place = self._bus.time_ns * stream.rate / 1e9
             slot = math.floor(place)
             if slot == stream.slot:
                 return (slot + 1 - place) / stream.rate
         stream.version = self._frames.version
-        changed = []
+        if stream.is_due_whole:
+            stream.told.clear()
+            stream.is_due_whole = False
+        changed, num_placed = [], 0
         for source in stream.sources:
             placed = self._frames.look_up(stream.target, source)
             if placed is None:
                 continue
             stream.slot = slot
+            num_placed += 1
             if _has_moved(stream, stream.told.get(source), placed.pose):
                 stream.told[source] = placed.pose
                 changed.append(self._make_transform(stream.target, source, placed))
         if changed:
+            stream.is_whole = len(changed) == num_placed
             stream.send(changed, now)
         return None
 

@@ -84,6 +84,11 @@ class Bindings:
         """What the input topic of that default name is called."""
         return self._items.name_of(ItemKind.SUBSCRIBER, "/" + name, self.prefix)
 
+    @property
+    def services(self) -> list[str]:
+        """What the services that are there are called."""
+        return [item.name for item in self._own if item.kind is ItemKind.SERVICE and item.name is not None]
+
     def release(self, now: float) -> None:
         """Take it all away; whoever waits for an answer is told."""
         self._items.remove(self._own, now)

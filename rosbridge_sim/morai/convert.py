@@ -4,7 +4,8 @@ Inside, everything is SI and radians. MORAI mixes: the ego's velocity is m/s, an
 headings are degrees, a commanded wheel angle radians, the reported one radians by the manual and degrees in the field.
 Which of two it is says a `Profile`; fields that only some releases have are made where the type has them.
 
-Headers carry simulation time, and as `seq` the frame: it does not depend on who listens or how often.
+Headers carry simulation time, or the time of day if that is chosen, and as `seq` the frame: it does not depend on who
+listens or how often.
 """
 
 from __future__ import annotations
@@ -201,10 +202,12 @@ class Converter:
 
     Attributes:
         profile: the one in use.
+        wall_ns: the time of day of the frame in hand, which all its stamps get [ns]; None for simulated time.
     """
 
     def __init__(self, store: Store, profile: Profile = MANUAL) -> None:
         self.profile = profile
+        self.wall_ns: int | None = None
         self._store = store
         self._vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
         self._header = maker(store, "std_msgs/Header", "seq", "stamp", "frame_id")
@@ -262,12 +265,16 @@ class Converter:
     # Out
 
     def header(self, frame: int, frame_id: str = "") -> Any:  # noqa: ANN401 - a generated struct
-        """A header of that frame: `seq` is the frame, the stamp is simulated time."""
-        return self._header(frame & 0xFFFFFFFF, self._store.time_value(frame * STEP_NS), frame_id)
+        """A header of that frame: `seq` is the frame; see `stamp_ns`."""
+        return self._header(frame & 0xFFFFFFFF, self._store.time_value(self.stamp_ns(frame)), frame_id)
 
     def clock(self, frame: int) -> Any:  # noqa: ANN401 - a generated struct
-        """Simulated time."""
-        return self._clock(self._store.time_value(frame * STEP_NS))
+        """The time that the headers of that frame have, so that what they say is never ahead of the clock."""
+        return self._clock(self._store.time_value(self.stamp_ns(frame)))
+
+    def stamp_ns(self, frame: int) -> int:
+        """The time that everything of the frame in hand is stamped with [ns]."""
+        return frame * STEP_NS if self.wall_ns is None else self.wall_ns
 
     def ego_vehicle_status(self, world: World, row: int, unique_id: int, roads: Roads | None = None) -> Any:  # noqa: ANN401 - a generated struct
         """The state of a driven row.

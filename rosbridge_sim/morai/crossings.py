@@ -74,14 +74,22 @@ class Crossings(Part):
 
     def show(self, outputs: Outputs) -> None:
         """Publish what the world has once."""
-        outputs.add("/IntscnTL_topic", "morai_msgs/IntscnTL", self._intersections)
+        outputs.add("/IntscnTL_topic", "morai_msgs/IntscnTL", self._intersections, is_shown_in_pause=True)
 
     def show_ego(self, ego: Ego, prefix: str, outputs: Outputs) -> None:
         """Publish what each ego has of its own."""
         outputs.add(
-            prefix + "GetTrafficLightStatus", "morai_msgs/GetTrafficLightStatus", partial(self._light_ahead, ego)
+            prefix + "GetTrafficLightStatus",
+            "morai_msgs/GetTrafficLightStatus",
+            partial(self._light_ahead, ego),
+            is_shown_in_pause=True,
         )
-        outputs.add(prefix + "InsnStatus", "morai_msgs/IntersectionStatus", partial(self._intersection_around, ego))
+        outputs.add(
+            prefix + "InsnStatus",
+            "morai_msgs/IntersectionStatus",
+            partial(self._intersection_around, ego),
+            is_shown_in_pause=True,
+        )
 
     # Out
 

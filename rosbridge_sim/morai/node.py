@@ -11,6 +11,9 @@ answer and listen. It has the two ways in which the world moves:
 Both end in `_compute`: commands that waited for the frame, one step, the stamp, the topics. Nothing else moves the
 world, and nothing in here looks at a clock: `now` only says how much is owed. So a drive over ticks alone gives the
 same bytes on every run.
+
+Stamps are simulated time, or the time of day if `use_wall_time` was called: then the shell's clock is read once for
+each frame, all that the frame publishes has that one stamp, and everything but stamps is the same on every run.
 """
 
 from __future__ import annotations
@@ -39,7 +42,7 @@ from rosbridge_sim.morai.part import Part
 from rosbridge_sim.morai.releases import MANUAL, Profile, SpeedLimits
 from rosbridge_sim.morai.scenarios.scenario import Scenario
 from rosbridge_sim.morai.stage import FIRST_EGO, MAX_EGOS, MAX_ENTITIES, Library, Load, Stage
-from rosbridge_sim.morai.sync import Effect, Outcome, Sync
+from rosbridge_sim.morai.sync import Effect, Outcome, State, Sync
 from rosbridge_sim.world.state import STEP_NS, Gear, World
 from rosbridge_sim.world.step import step
 
@@ -52,6 +55,9 @@ MAX_FRAMES: Final = 5
 
 LAST_RESERVED: Final = 1
 """MORAI's egos are 0, 2, 3, ...: nobody has seen a 1."""
+
+MAX_GONE: Final = 1_000
+"""Services of egos that have left which are remembered: a client may bring egos under ever new numbers."""
 
 _MEANWHILE: Final = "while the tick waited for a scenario that is being read"
 _PAUSED: Final = f"the simulation was paused {_MEANWHILE}"
@@ -79,6 +85,7 @@ class NodeSettings:
         sync_on_loss: what becomes of the world when the master is lost.
         anyone_may_stop: let others than the master stop synchronous mode.
         catalogue: the models that clients name.
+        replay_info: publish ReplayInfo of any drive for everybody, and not only for who listens to it in particular.
         on_world_failure: raise an exception of a step to the caller of `advance`, or stand still and refuse everything.
     """
 
@@ -92,6 +99,7 @@ class NodeSettings:
     sync_on_loss: Literal["run", "pause", "wait"] = "run"
     anyone_may_stop: bool = False
     catalogue: Catalogue = BUILT_IN
+    replay_info: bool = False
     on_world_failure: Literal["exit", "serve"] = "exit"
 
 
@@ -203,6 +211,7 @@ class Node:
         self._placing = [part.place for part in self._parts if type(part).place is not Part.place]
         self._settling = [part.settle for part in self._parts if type(part).settle is not Part.settle]
         self._bindings: dict[int, Bindings] = {}  # of the further egos, by their number
+        self._gone: dict[str, int] = {}  # services of egos that have left, and the egos' numbers
         bindings = Bindings(self.items)
         for part in self._parts:
             part.show_ego(self.egos[0], bindings.prefix, self._outputs)
@@ -212,7 +221,8 @@ class Node:
         self.items.open()
         bus.watchers.append(self._see_off)
         bus.unpublished.advise = advise
-        bus.stamp_ns = world.frame * STEP_NS
+        self._read_wall_ns: Callable[[], int] | None = None
+        self._set_time()
         self._announce(0.0)
         self.announce_mounts(0.0)
 
@@ -243,6 +253,7 @@ class Node:
         lost = self.sync.expire(now)
         if lost is not None:
             self._lose(lost, now)
+        self._outputs.show_in_pause(now)
         if not self.sync.is_free:
             return
         pace = self._pace
@@ -269,7 +280,7 @@ class Node:
         """When `advance` has something to do next [s]; None while only a call can move the world."""
         if self.failure is not None:
             return None if self._is_serving_on else now
-        dues = [self.sync.lease_due]
+        dues = [self.sync.lease_due, self._outputs.pause_due(now)]
         if self.sync.is_free:
             dues += [self._pace.due_at if self._pace.is_started else now, self._outputs.repeat_due]
         return min((due for due in dues if due is not None), default=None)
@@ -364,7 +375,7 @@ class Node:
             command(now)
         step(world, self._place)
         self.refresh()
-        self.bus.stamp_ns = world.frame * STEP_NS
+        self._set_time()
         if is_tick:
             self._outputs.show_every(world.frame, now)
         else:
@@ -374,6 +385,28 @@ class Node:
         while self.afterwards:
             self.afterwards.pop(0)(now)
         self._settle(now)
+
+    def use_wall_time(self, read_ns: Callable[[], int], now: float) -> None:
+        """Stamp with the time of day from now on: headers, /clock and tf alike. What is latched is published anew.
+
+        Args:
+            read_ns: the time of day, which never goes back [ns]; called once for each frame.
+            now: monotonic time [s].
+        """
+        self._read_wall_ns = read_ns
+        self._set_time()
+        self.refresh()
+        self._outputs.show_latched(now)
+        self._mounts = None
+        self.announce_mounts(now)
+
+    def _set_time(self) -> None:
+        """Take the time of the frame that the world is at, for all that is stamped until the next one."""
+        if self._read_wall_ns is not None:
+            self.convert.wall_ns = self._read_wall_ns()
+        frame = self.world.frame
+        self.bus.time_ns = frame * STEP_NS
+        self.bus.stamp_ns = self.convert.stamp_ns(frame)
 
     def _fail(self, error: Exception) -> None:
         """Stand still for good: half a step cannot be taken back. Refuse what waits for an answer and what comes."""
@@ -415,6 +448,7 @@ class Node:
                 self._announce(now)
         if not self.sync.is_free:
             self._outputs.forget_repeats()
+        self._outputs.set_paused(is_paused=self.sync.state is State.FREE_PAUSED, now=now)
         self._settle(now)
 
     def _announce(self, now: float, *, may_tick: bool = True) -> None:
@@ -497,11 +531,23 @@ class Node:
         for part in self._parts:
             part.show_ego(ego, bindings.prefix, self._outputs)
             part.bind_ego(ego, bindings)
+        # only now: until all its services are back, none of them is to be taken for gone for good
+        self._gone = {name: index for name, index in self._gone.items() if index != ego.index}
         _log.info("ego %d has come: %s...", ego.index, bindings.prefix)
+
+    def why_gone(self, service: str) -> str:
+        """Return why a service of an ego that may come back is not there; an empty text for any other name."""
+        index = self._gone.get(service)
+        return "" if index is None else f"ego {index} has left"
 
     def _drop_ego(self, ego: Ego, now: float) -> None:
         """Take a further ego's names away."""
         bindings = self._bindings.pop(ego.index)
+        for name in bindings.services:
+            self._gone.pop(name, None)
+            self._gone[name] = ego.index
+        while len(self._gone) > MAX_GONE:
+            del self._gone[next(iter(self._gone))]
         bindings.release(now)
         self._outputs.remove(bindings.prefix, now)
         _log.info("ego %d is gone: %s...", ego.index, bindings.prefix)
@@ -578,7 +624,7 @@ class Node:
         for part in self._parts:
             part.forget()
         self._outputs.forget_repeats()
-        self.bus.stamp_ns = self.world.frame * STEP_NS
+        self._set_time()
         self.refresh()
         self._announce(now)
         self._mounts = None  # what waits for those who come late is of frame 0 again

@@ -9,6 +9,10 @@ Above, the first goes with the frame and the others are the same message again, 
 the 20 ms that the frame lasts. In synchronous mode the state of every frame goes out once, at any rate: that is what a
 tick is for. What is *sampled*, as a sensor is, keeps its rate there too, and comes once a frame at most.
 
+While a pause stops real time nothing moves, and a client that joins would see nothing. So some topics are *shown in a
+pause*: once a second, and at once to a new subscriber, as the world stands and with the number of its last frame.
+Where the world waits for ticks they are not: there each message belongs to a tick. Recordings do not get them.
+
 Parts speak of topics by their default names; what they are called, whether they are there and at which rate they go
 out, the network settings say.
 """
@@ -21,7 +25,7 @@ from fractions import Fraction
 from itertools import count
 from typing import Any, Final
 
-from rosbridge_sim.graph.bus import Bus, Owner, Topic
+from rosbridge_sim.graph.bus import Bus, Owner, Subscription, Topic
 from rosbridge_sim.graph.owner import gives_way
 from rosbridge_sim.morai.items import Item, Items, why_no_topic
 from rosbridge_sim.morai.network_settings import USUAL_RATE, ItemKind, split_prefix
@@ -31,6 +35,9 @@ from rosbridge_sim.world.state import DT
 __all__ = ["Feed", "Kept", "Outputs"]
 
 _FRAME_RATE: Final = 50
+
+PAUSE_PERIOD: Final = 1.0
+"""Between two showings in a pause [s]: soon enough for a person who looks on, and no load."""
 
 
 class _Publisher(Item):
@@ -88,12 +95,14 @@ class Feed(_Publisher):
         is_exclusive: bool = True,
         rate: float = USUAL_RATE,
         is_sampled: bool = False,
+        is_shown_in_pause: bool = False,
         depth: int = 0,
     ) -> None:
         """A topic; the arguments are those of `Outputs.add`."""
         super().__init__(name, type_name, is_exclusive=is_exclusive, rate=rate, depth=depth)
         self.make = make
         self.is_sampled = is_sampled
+        self.is_shown_in_pause = is_shown_in_pause
         self._up, self._down = 1, 1
 
     def bind(self, owner: Owner, bus: Bus, name: str, now: float) -> None:
@@ -102,6 +111,11 @@ class Feed(_Publisher):
         if self._depth:
             assert self.topic is not None
             bus.announce(owner, self.topic, Message(self.topic.type, self.make()), now)
+
+    @property
+    def is_latched(self) -> bool:
+        """Return whether its last message is kept for those who come late."""
+        return bool(self._depth)
 
     def tune(self, rate: float) -> None:
         """Go out so often [Hz]."""
@@ -149,6 +163,11 @@ class Outputs:
         self._feeds: list[Feed] = []
         self._repeats: list[tuple[float, int, Feed, Message]] = []
         self._ticket = count()
+        # In a pause: when to show the world next, who has been shown it, and whether somebody has come since.
+        self._pause_at: float | None = None
+        self._shown_to: set[Subscription] = set()
+        self._has_newcomer = False
+        bus.on_topic.append(self._note_newcomer)
 
     def add(
         self,
@@ -159,6 +178,7 @@ class Outputs:
         is_exclusive: bool = True,
         rate: float = USUAL_RATE,
         is_sampled: bool = False,
+        is_shown_in_pause: bool = False,
         is_everywhere: bool = True,
         depth: int = 0,
     ) -> Feed:
@@ -172,6 +192,7 @@ class Outputs:
             is_exclusive: nobody else may publish there.
             rate: publications a second of simulated time, unless somebody has chosen another one [Hz].
             is_sampled: in synchronous mode, too, it goes out at its rate in simulated time and not with every frame.
+            is_shown_in_pause: it goes out while a pause stops real time, see above.
             is_everywhere: every release has the type. Where one does not, nothing is published.
             depth: how many messages are kept for those who come late.
 
@@ -181,7 +202,16 @@ class Outputs:
         Raises:
             GraphError: somebody has given the topic another type.
         """
-        feed = Feed(name, type_name, make, is_exclusive=is_exclusive, rate=rate, is_sampled=is_sampled, depth=depth)
+        feed = Feed(
+            name,
+            type_name,
+            make,
+            is_exclusive=is_exclusive,
+            rate=rate,
+            is_sampled=is_sampled,
+            is_shown_in_pause=is_shown_in_pause,
+            depth=depth,
+        )
         self._items.add(feed, is_everywhere=is_everywhere)
         self._feeds.append(feed)
         return feed
@@ -260,6 +290,62 @@ class Outputs:
         if feed.topic is not None:
             self._bus.announce(self._owner, feed.topic, Message(feed.topic.type, feed.make()), now)
 
+    def show_latched(self, now: float) -> None:
+        """Publish anew what is kept for those who come late: it is stamped otherwise from now on."""
+        for feed in self._feeds:
+            if feed.is_latched:
+                self.show_now(feed, now)
+
+    def set_paused(self, *, is_paused: bool, now: float) -> None:
+        """Begin or end to show the world in a pause; twice is no error.
+
+        Args:
+            is_paused: a pause stops real time; not where the world waits for ticks.
+            now: monotonic time [s].
+        """
+        if not is_paused:
+            self._pause_at = None
+            self._shown_to.clear()
+        elif self._pause_at is None:
+            self._pause_at = now + PAUSE_PERIOD
+            self._shown_to = self._listeners_in_pause()
+            self._has_newcomer = False
+
+    def pause_due(self, now: float) -> float | None:
+        """Return when `show_in_pause` has something to do next [s]."""
+        if self._pause_at is None:
+            return None
+        if self._has_newcomer:
+            return now
+        return self._pause_at if self._listeners_in_pause() else None
+
+    def show_in_pause(self, now: float) -> None:
+        """Show the world as it stands: to all if it is time to, else to those who have come since; or do nothing."""
+        if self._pause_at is None:
+            return
+        is_time = now >= self._pause_at
+        if not is_time and not self._has_newcomer:
+            return
+        if is_time:
+            self._pause_at = now + PAUSE_PERIOD
+        shown_to = set() if is_time else self._shown_to
+        self._has_newcomer = False
+        self._shown_to = self._listeners_in_pause()
+        for feed in self._feeds:
+            listeners = [one for one in _listeners_in_pause(feed) if one not in shown_to]
+            value = feed.make() if listeners else None
+            if value is not None:
+                assert feed.topic is not None
+                self._bus.show(self._owner, feed.topic, Message(feed.topic.type, value), listeners, now)
+
+    def _listeners_in_pause(self) -> set[Subscription]:
+        return {one for feed in self._feeds for one in _listeners_in_pause(feed)}
+
+    def _note_newcomer(self, _topic: Topic) -> None:
+        """Note that somebody has begun to listen, perhaps to a topic of these."""
+        if self._pause_at is not None:
+            self._has_newcomer = True
+
     @property
     def repeat_due(self) -> float | None:
         """When `repeat` has something to do next [s]."""
@@ -276,3 +362,10 @@ class Outputs:
     def forget_repeats(self) -> None:
         """Real time has stopped: nothing is repeated."""
         self._repeats.clear()
+
+
+def _listeners_in_pause(feed: Feed) -> list[Subscription]:
+    """The listeners that a topic is shown to in a pause."""
+    if not feed.is_shown_in_pause or feed.topic is None:
+        return []
+    return [one for one in feed.topic.subscriptions if not one.is_idle and not one.is_recording]

@@ -51,6 +51,7 @@ def make_node(
     Raises:
         DocumentError: the scenario does not fit its map, or the network settings do not fit.
     """
+    chosen = settings or NodeSettings()
 
     def make_parts(node: Node) -> list[Part]:
         """All there are, in the order in which their topics go out with a frame."""
@@ -62,7 +63,7 @@ def make_node(
             Loads(node, reader or AtOnce(), networks),
             Services(node, sensors),
             Inputs(node),
-            Replay(node, recordings),
+            Replay(node, recordings, is_showing_drives=chosen.replay_info),
         ]
 
-    return Node(bus, world, library, scenario, settings=settings or NodeSettings(), make_parts=make_parts)
+    return Node(bus, world, library, scenario, settings=chosen, make_parts=make_parts)

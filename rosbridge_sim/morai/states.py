@@ -31,8 +31,10 @@ class States(Part):
 
     def show_ego(self, ego: Ego, prefix: str, outputs: Outputs) -> None:
         """Publish what each ego has of its own."""
-        outputs.add(prefix + "Ego_topic", "morai_msgs/EgoVehicleStatus", ego.status)
-        outputs.add(prefix + "Object_topic", "morai_msgs/ObjectStatusList", partial(self._objects, ego))
+        outputs.add(prefix + "Ego_topic", "morai_msgs/EgoVehicleStatus", ego.status, is_shown_in_pause=True)
+        outputs.add(
+            prefix + "Object_topic", "morai_msgs/ObjectStatusList", partial(self._objects, ego), is_shown_in_pause=True
+        )
         outputs.add(prefix + "CollisionData", "morai_msgs/CollisionData", partial(self._collisions, ego))
 
     def _objects(self, ego: Ego) -> Any:  # noqa: ANN401 - a generated struct

@@ -24,6 +24,7 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.republisher import Republisher
 from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.stamps import Stamps
 from rosbridge_sim.morai.items import ListedItem
 from rosbridge_sim.morai.network_settings import NetworkSettings
 from rosbridge_sim.morai.node import Node, NodeSettings
@@ -53,6 +54,7 @@ from rosbridge_sim.shell.settings import Settings
 from rosbridge_sim.shell.sources import check_options
 from rosbridge_sim.shell.storage import DiskLibrary, Texts, read_definitions
 from rosbridge_sim.shell.urls import shown_url
+from rosbridge_sim.shell.wall_clock import WallClock
 from rosbridge_sim.world.state import World
 
 if TYPE_CHECKING:
@@ -178,6 +180,7 @@ class Simulator:
             )
             node = _make_node(bus, settings, recordings, reader, self._quota)
         _complete_policy(limits.policy, node, is_attaching=bool(settings.attach))
+        stamps = None if node is None else _choose_stamps(settings, node)
         clocks: list[Clock] = [republisher] if node is None else [node, republisher]
         clockwork = Clockwork(loop, bus, clocks, self._give_up)
         recordings.on_done = reader.on_done = clockwork.look
@@ -207,10 +210,10 @@ class Simulator:
         for flag in limits.access.origins.open_flags() if settings.listen and settings.token is None else ():
             _log.warning("%s lets in any website that the user visits, since no token is set; --token sets one", flag)
         if node is not None:
-            self._attach(bus, node, clockwork)
+            self._attach(bus, node, clockwork, stamps)
         clockwork.look()
 
-    def _attach(self, bus: Bus, node: Node, clockwork: Clockwork) -> None:
+    def _attach(self, bus: Bus, node: Node, clockwork: Clockwork, stamps: Stamps | None) -> None:
         """Dial the bridges."""
         settings = self.settings
         if not settings.attach:
@@ -229,6 +232,8 @@ class Simulator:
         )
         self.attachments = tuple(Attachment(bus, node, url, limits, clockwork.look) for url in settings.attach)
         for attachment in self.attachments:
+            attachment.mirror.stamps = stamps
+            attachment.mirror.why_gone = node.why_gone
             clockwork.add(attachment.mirror)
             attachment.start()
 
@@ -313,6 +318,7 @@ def _make_node(
         sync_on_loss=settings.sync_on_loss,
         anyone_may_stop=settings.anyone_may_stop,
         catalogue=library.catalogue,
+        replay_info=settings.replay_info,
         on_world_failure=settings.on_world_failure,
     )
     scenario = library.opening_scenario(settings.scenario)
@@ -327,6 +333,15 @@ def _make_node(
         networks=DiskNetworks(settings.data_dir),
         reader=reader,
     )
+
+
+def _choose_stamps(settings: Settings, node: Node) -> Stamps:
+    """Which time the simulator stamps with."""
+    clock = WallClock()
+    choice = settings.stamps or ("sim" if settings.listen else "auto")
+    if choice == "auto" and not settings.attach:
+        _log.info("--stamps auto asks a bridge, and --attach names none: stamps are simulated time")
+    return Stamps(choice, lambda now: node.use_wall_time(clock.read_ns, now))
 
 
 def _network(settings: Settings) -> NetworkSettings:
@@ -452,6 +467,14 @@ def _why_not(settings: Settings, error: OSError | UnicodeError) -> str:
 
 class _WallClockBus(Bus):
     """A bus without a simulation: messages that leave their stamp open get the time of day."""
+
+    @property
+    def time_ns(self) -> int:
+        return time.time_ns()
+
+    @time_ns.setter
+    def time_ns(self, time_ns: int) -> None:
+        """Nobody sets the time of day."""
 
     @property
     def stamp_ns(self) -> int:

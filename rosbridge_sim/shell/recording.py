@@ -271,7 +271,7 @@ class Recorder:
             return
         self._seen.add(topic)  # before he subscribes, for that is told too
         if self._guard(lambda: self.scribe.add(topic.name, topic.type.name, is_latching=topic.is_latching), topic):
-            self._bus.subscribe(self, topic.name, self._write)
+            self._bus.subscribe(self, topic.name, self._write, is_general=self._rule is None, is_recording=True)
             for message in topic.latched:
                 try:
                     self._write(topic, message, self, 0.0)
@@ -292,8 +292,8 @@ class Recorder:
 
     def _write(self, topic: Topic, message: Message, _sender: Owner, _now: float) -> None:
         if self._is_on:  # a message of the same delivery, or one of several that are latched, may have ended it
-            stamp_ns = self._bus.stamp_ns
-            self._guard(lambda: self.scribe.write(topic.name, message, stamp_ns), topic)
+            time_ns = self._bus.time_ns
+            self._guard(lambda: self.scribe.write(topic.name, message, time_ns), topic)
 
     def _guard(self, work: Callable[[], None], topic: Topic | None = None) -> bool:
         """Do it, and return whether it went well. The log says what goes wrong, and nobody else is told.

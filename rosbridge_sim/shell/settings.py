@@ -224,6 +224,13 @@ class Settings:
         cast("Mapping[str, Choice]", {}), _NETWORK, item_choices("services"), "the services that it offers"
     )
 
+    replay_info: bool = _flag(
+        default=False,
+        group=_NETWORK,
+        kind=SWITCH,
+        text="publish /ReplayInfo_topic of each drive for bridges and --record, too; a subscriber has it anyhow",
+    )
+
     release: Literal["22.R2", "26.R1"] = _flag(
         "22.R2", _FACE, choice_of("22.R2", "26.R1"), "MORAI SIM release whose message fields are used"
     )
@@ -247,6 +254,13 @@ class Settings:
     )
     object_velocity_unit: Literal["km/h", "m/s"] | None = _flag(
         None, _FACE, or_none(choice_of("km/h", "m/s"), "profile"), "unit of objects' velocity"
+    )
+    stamps: Literal["sim", "wall", "auto"] | None = _flag(
+        None,
+        _FACE,
+        or_none(choice_of("sim", "wall", "auto"), "default"),
+        "time in headers, /clock and tf: simulated, of day, or as /use_sim_time of the first bridge says;"
+        " sim for serve and auto for attach by default",
     )
     start_mode: Literal["external", "keyboard"] = _flag(
         "external", _FACE, choice_of("external", "keyboard"), "whether /ctrl_cmd moves the ego from the start"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections import Counter
 from pathlib import Path
@@ -108,13 +109,13 @@ async def drive(master: Client) -> None:
 
 
 async def run(
-    serve: Serve, connect: Connect, data: Path, bag: Path, hash_seed: str
+    serve: Serve, connect: Connect, data: Path, bag: Path, hash_seed: str, *more_flags: str
 ) -> tuple[list[str], dict[str, bytes]]:
     """Every frame that the topics gave, and the files that were saved."""
     (data / "Network").mkdir(parents=True)
     (data / "Network" / "demo.toml").write_text(NETWORK)
     shutil.copy(bag, data)
-    flags = ("--scenario", "town", "--start", "sync", "--seed", "7", "--data-dir", str(data))
+    flags = ("--scenario", "town", "--start", "sync", "--seed", "7", "--data-dir", str(data), *more_flags)
     url = serve(*flags, env={"PYTHONHASHSEED": hash_seed}).url
     master, watcher = await connect(url), await connect(url, is_recording=True)
     for topic, type_name in TOPICS.items():
@@ -129,14 +130,26 @@ async def run(
     return watcher.raw, {str(file.relative_to(saved)): file.read_bytes() for file in saved.rglob("*.*")}
 
 
-async def test_two_runs_of_everything_are_the_same_to_the_byte(serve: Serve, connect: Connect, tmp_path: Path) -> None:
+_STAMP = re.compile(r'("(?:stamp|clock|latest_command_time)":) ?\{"secs": ?(\d+), ?"nsecs": ?\d+\}')
+
+
+@pytest.mark.parametrize("stamps", ["sim", "wall"])
+async def test_two_runs_of_everything_are_the_same_to_the_byte(
+    serve: Serve, connect: Connect, tmp_path: Path, stamps: str
+) -> None:
+    """With the time of day, all but the stamps."""
     bag = tmp_path / "drive.mcap"
     async with Simulator(port=0, start="sync", scenario="town", record=bag) as sim:
         master = await connect(sim.url)
         await master.ask("/SyncModeCmd", user_id="master", start_sync_mode=True)
         await tick(master, 50)
-    first, files = await run(serve, connect, tmp_path / "first", bag, "1")
-    second, same_files = await run(serve, connect, tmp_path / "second", bag, "2")
+    first, files = await run(serve, connect, tmp_path / "first", bag, "1", "--stamps", stamps)
+    second, same_files = await run(serve, connect, tmp_path / "second", bag, "2", "--stamps", stamps)
+    if stamps == "wall":
+        times = [int(secs) for text in first for _, secs in _STAMP.findall(text)]
+        assert times
+        assert all(secs == 0 or secs > 1_000_000_000 for secs in times), "0 is that of no command"
+        first, second = ([_STAMP.sub(r"\1 {}", text) for text in texts] for texts in (first, second))
     frames: list[dict[str, Any]] = [json.loads(text) for text in first]
     heard = Counter(frame["topic"] for frame in frames if frame["op"] == "publish")
     assert set(TOPICS) - set(heard) <= {"/InsnStatus", "/Ego-2/InsnStatus"}, "of all but where nobody was"

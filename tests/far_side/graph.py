@@ -101,6 +101,7 @@ class Topic:
         self.subscriptions: dict[tuple[Client, str], Subscription] = {}
         self.is_latched = False
         self.has_publisher = False
+        self.is_registered = True
         self.task: asyncio.Task[None] | None = None
         self._types = types
         self._latched: Json | None = None
@@ -142,7 +143,7 @@ class Topic:
             await self._is_waiting.wait()
             while self._queue:
                 msg = self._queue.popleft()
-                for subscription in list(self.subscriptions.values()):
+                for subscription in list(self.subscriptions.values()) if self.is_registered else []:
                     if subscription.ids:
                         await subscription.give(msg)
             self._is_waiting.clear()
@@ -190,11 +191,16 @@ class Service:
 
 
 class Graph:
-    """All topics and services."""
+    """All topics and services, and the parameters.
+
+    Attributes:
+        parameters: by name, with its slash.
+    """
 
     def __init__(self, types: Types, start: Callable[..., asyncio.Task[None]]) -> None:
         self.types = types
         self.services: dict[str, Service] = {}
+        self.parameters: dict[str, object] = {}
         self._topics: dict[str, Topic] = {}
         self._start = start
 
@@ -202,6 +208,11 @@ class Graph:
     def topics(self) -> dict[str, Topic]:
         """Those which somebody publishes or hears."""
         return {name: topic for name, topic in self._topics.items() if topic.is_known}
+
+    @property
+    def registered(self) -> dict[str, Topic]:
+        """Those of `topics` that the master knows."""
+        return {name: topic for name, topic in self.topics.items() if topic.is_registered}
 
     def topic(self, name: str, type_name: object) -> Topic:
         """The topic of this name; a new one, if nobody has it and the type is known.
@@ -228,6 +239,7 @@ class Graph:
         """Somebody publishes; only the first of them decides whether it is latched."""
         if not topic.has_publisher:
             topic.is_latched = is_latched
+            topic.is_registered = True
         topic.has_publisher = True
         topic.publishers.setdefault(client, set()).add(mark)
 
@@ -239,6 +251,19 @@ class Graph:
         marks.discard(mark)
         if not marks and topic.publishers.pop(client, None) is not None and not topic.publishers:
             asyncio.get_running_loop().call_later(UNREGISTER_TIMEOUT, self._unregister, topic)
+
+    def forget_registrations(self) -> None:
+        """The master was restarted: it knows nobody, and rospy registers nothing that it has registered once.
+
+        So a publisher that lives on is found by nobody, and its messages reach nobody. A service or a subscription that
+        is made anew is registered.
+        """
+        for service in self.services.values():
+            service.tear_down()
+        self.services.clear()
+        for topic in self._topics.values():
+            topic.is_registered = False
+            topic.subscriptions.clear()
 
     def forget(self, topic: Topic) -> None:
         """Nobody has it any more."""

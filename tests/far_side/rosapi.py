@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 
 from rosbridge_sim.schema.parse import Definition, Field
@@ -20,13 +21,13 @@ def add_rosapi(graph: Graph) -> None:
     """Serve `/rosapi/*`."""
 
     def of_topic(key: str, answer: Callable[[Topic | None], object]) -> Callable[[Json], Json]:
-        return lambda args: {key: answer(graph.topics.get(args["topic"]))}
+        return lambda args: {key: answer(graph.registered.get(args["topic"]))}
 
     def of_service(key: str, answer: Callable[[Service | None], object]) -> Callable[[Json], Json]:
         return lambda args: {key: answer(graph.services.get(args["service"]))}
 
     def topics(_: Json) -> Json:
-        known = graph.topics
+        known = graph.registered
         return {"topics": list(known), "types": [topic.definition.name for topic in known.values()]}
 
     def details(find: Callable[[str], Definition]) -> Callable[[Json], Json]:
@@ -57,6 +58,7 @@ def add_rosapi(graph: Graph) -> None:
             of_topic("subscribers", lambda topic: [_NODE] if topic and topic.subscriptions else []),
         ),
         "get_time": ("GetTime", lambda _: {"time": now()}),
+        "get_param": ("GetParam", lambda args: {"value": json.dumps(graph.parameters.get(args["name"]))}),
         "message_details": ("MessageDetails", details(graph.types.message)),
         "service_request_details": ("ServiceRequestDetails", details(lambda name: graph.types.service(name)[0])),
         "service_response_details": ("ServiceResponseDetails", details(lambda name: graph.types.service(name)[1])),

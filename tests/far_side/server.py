@@ -133,6 +133,14 @@ class FarSide:
         request, response = self.graph.types.service(kind)
         self.graph.services[name] = Service(name, kind, request, response, handler=handler)
 
+    def restart_master(self) -> None:
+        """Have the ROS master restarted, without rosapi: the bridge lives on, and nobody there is known any more."""
+        self.graph.forget_registrations()
+
+    def start_rosapi(self) -> None:
+        """Start that node."""
+        add_rosapi(self.graph)
+
     # For its clients
 
     def start(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:

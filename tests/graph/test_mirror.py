@@ -6,7 +6,7 @@ import json
 import logging
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 
@@ -14,10 +14,12 @@ from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.bus import Bus, Call, Owner, Topic
 from rosbridge_sim.graph.findings import MAX_LINES, PERIOD
 from rosbridge_sim.graph.line import MARK, MAX_WAITING, PATIENCE, Line
-from rosbridge_sim.graph.mirror import OPS_PER_TURN, SURVEYS, Mirror
+from rosbridge_sim.graph.mirror import OPS_PER_TURN, SURVEYS, UNREGISTER_TIME, Mirror
 from rosbridge_sim.graph.owner import hold
 from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_watch import LOOK_PERIOD
+from rosbridge_sim.graph.stamps import Stamps
 from rosbridge_sim.protocol.credit import WINDOW
 from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.schema.store import Message
@@ -867,3 +869,322 @@ def test_long_backlog_is_done_in_turns_and_stops_the_reading_before_it_grows_wit
         pass
     assert stand.car.heard == list(range(num))
     assert not stand.line.is_full
+
+
+# Which time goes out
+
+
+class Wall:
+    """Counts how often the time of day was begun with."""
+
+    def __init__(self) -> None:
+        self.began_at: list[float] = []
+
+    def stamps(self, choice: Literal["sim", "wall", "auto"] = "auto") -> Stamps:
+        return Stamps(choice, self.began_at.append)
+
+
+class TimeStand(Stand):
+    """A stand whose stamps may depend on its far side.
+
+    Attributes:
+        wall: what happened to the time of day.
+        stamps: the choice.
+    """
+
+    def __init__(self, choice: Literal["sim", "wall", "auto"], **options: bool) -> None:
+        super().__init__(**options)
+        self.wall = Wall()
+        self.stamps = self.mirror.stamps = self.wall.stamps(choice)
+
+
+def use_sim_time(stand: Stand, value: str) -> None:
+    """Set the far side's parameter."""
+    stand.far.bus.parameters.put("/use_sim_time", value, make_peer(stand.far.bus)[0])
+
+
+def time_stand(value: object = None, *, choice: Literal["sim", "wall", "auto"] = "auto", **options: bool) -> TimeStand:
+    """A stand whose far side has this `/use_sim_time`, not attached yet."""
+    stand = TimeStand(choice, **options)
+    if value is not None:
+        use_sim_time(stand, json.dumps(value))
+    return stand
+
+
+@pytest.mark.parametrize("has_line_each", [False, True])
+@pytest.mark.parametrize(
+    ("value", "is_wall"), [(True, False), (1, False), (False, True), (0, True), (None, True), ("yes", True)]
+)
+def test_time_is_that_of_the_far_side_before_anything_is_announced(
+    value: object, *, is_wall: bool, has_line_each: bool, lines: Callable[[], list[str]]
+) -> None:
+    stand = time_stand(value, has_line_each=has_line_each)
+    assert stand.stamps.is_open
+    stand.attach()
+    assert stand.num_attached == 1
+    assert stand.far.frames[0]["op"] == "call_service"
+    assert stand.far.frames[0]["args"] == {"name": "/use_sim_time", "default": ""}
+    assert (stand.stamps.is_open, stand.stamps.is_wall) == (False, is_wall)
+    assert stand.wall.began_at == [0.0] * is_wall
+    said = [line for line in lines() if "/use_sim_time" in line]
+    text = "is not true: stamps are the time of day" if is_wall else "is true: stamps are simulated"
+    assert said == [f"ws://far:9090: its /use_sim_time {text}"]
+
+
+def test_what_the_far_side_says_later_changes_nothing_and_is_one_warning(lines: Callable[[], list[str]]) -> None:
+    stand = time_stand()
+    stand.attach()
+    lines()
+    use_sim_time(stand, "true")
+    for _ in range(3):
+        stand.cut()
+        stand.attach()
+    assert stand.stamps.is_wall
+    text = (
+        "its /use_sim_time is true, and our stamps are the time of day: programs there may find no transforms;"
+        " --stamps sim makes both simulated"
+    )
+    assert [line for line in lines() if "/use_sim_time" in line] == [f"ws://far:9090: {text}"]
+
+
+def test_second_bridge_that_disagrees_is_one_warning(lines: Callable[[], list[str]]) -> None:
+    first, second = time_stand(value=True), Stand()
+    second.mirror.stamps = first.mirror.stamps
+    first.attach()
+    lines()
+    second.attach()
+    assert not first.stamps.is_wall
+    text = (
+        "its /use_sim_time is not true, and our stamps are simulated time: programs there may find no transforms;"
+        " --stamps wall gives the time of day, or set the parameter before they start"
+    )
+    assert [line for line in lines() if "/use_sim_time" in line] == [f"ws://far:9090: {text}"]
+
+
+@pytest.mark.parametrize(("choice", "value"), [("sim", True), ("wall", False), ("wall", None)])
+def test_bridge_that_agrees_with_the_user_is_no_line(
+    choice: Literal["sim", "wall"], value: object, lines: Callable[[], list[str]]
+) -> None:
+    stand = time_stand(value, choice=choice)
+    stand.attach()
+    assert not [line for line in lines() if "/use_sim_time" in line]
+
+
+def test_far_side_that_tells_no_time_is_waited_for_no_longer_than_for_any_answer() -> None:
+    stand = time_stand()
+    stand.far.mute.add("/rosapi/get_param")
+    stand.attach()
+    assert stand.num_attached == 0
+    stand.run(until=PATIENCE)
+    assert stand.num_attached == 1
+    assert stand.wall.began_at == [PATIENCE]
+
+
+def test_rosapi_that_starts_later_and_disagrees_is_one_warning(lines: Callable[[], list[str]]) -> None:
+    stand = time_stand(has_rosapi=False)
+    stand.attach()
+    assert stand.wall.began_at == [0.0]
+    use_sim_time(stand, "true")
+    Rosapi(stand.far.bus)
+    lines()
+    stand.run(until=sum(SURVEYS))
+    assert sum("--stamps sim makes both simulated" in line for line in lines()) == 1
+
+
+def test_socket_that_is_lost_before_the_time_is_told_settles_nothing() -> None:
+    stand = time_stand(value=True)
+    stand.far.connect(stand.mirror, stand.line)
+    stand.far.cut(stand.mirror, stand.line)
+    assert stand.stamps.is_open
+    stand.attach()
+    assert not stand.stamps.is_open
+    assert stand.num_attached == 1
+
+
+def test_mirror_that_has_left_announces_nothing_when_the_time_is_told() -> None:
+    stand = time_stand(value=True)
+    stand.far.connect(stand.mirror, stand.line)
+    stand.mirror.leave(0.0)
+    stand.pump()
+    assert not stand.far.ops("advertise")
+    assert not stand.far.ops("advertise_service")
+
+
+def test_in_ros_2_nobody_is_asked_and_stamps_are_the_time_of_day() -> None:
+    bus = Bus(make_store_of_ros2())
+    far, wall = FarBridge(), Wall()
+    mirror = Mirror(bus, Car(bus), "ws://far:9090")
+    mirror.stamps = wall.stamps()
+    far.connect(mirror, mirror.lines[""])
+    far.pump(mirror)
+    assert mirror.stamps.is_wall
+    assert not [frame for frame in far.ops("call_service") if frame["service"] == "/rosapi/get_param"]
+
+
+# What has gone and may come back
+
+
+def test_service_of_what_may_come_back_stays_announced_and_says_why_it_does_not_serve(stand: Stand) -> None:
+    stand.mirror.why_gone = lambda name: "ego 2 has left" if name == "/honk" else ""
+    program = Program(stand.far)
+    stand.bus.withdraw(stand.car, "/honk")
+    stand.pump()
+    assert not stand.far.ops("unadvertise_service")
+    program.send("call_service", service="/honk", args={"data": True})
+    stand.pump()
+    (answer,) = program.received("service_response")
+    assert answer["result"] is False
+    (told,) = stand.far.ops("service_response")
+    assert told["reason"] == "Service /honk is not served: ego 2 has left"
+    stand.bus.provide(stand.car, "/honk", "std_srvs/SetBool", stand.car._honk, is_exclusive=True)
+    program.send("call_service", service="/honk", args={"data": True})
+    stand.pump()
+    (answer,) = program.received("service_response")
+    assert answer["values"]["message"] == "beep"
+    assert len(stand.far.ops("advertise_service")) == 1
+
+
+def test_service_of_what_may_come_back_is_announced_to_a_bridge_that_was_restarted() -> None:
+    for has_line_each in (False, True):
+        stand = Stand(has_line_each=has_line_each)
+        stand.mirror.why_gone = lambda _name: "ego 2 has left"
+        stand.attach()
+        stand.bus.withdraw(stand.car, "/honk")
+        stand.pump()
+        stand.cut()
+        stand.attach()
+        assert "/honk" in stand.far.bus.services
+        assert stand.num_attached == 2
+        stand.mirror.leave(0.0)
+        stand.pump()
+        assert "/honk" not in stand.far.bus.services
+
+
+def test_service_that_is_remembered_no_longer_is_taken_back_there(stand: Stand) -> None:
+    why = "ego 2 has left"
+    stand.mirror.why_gone = lambda _name: why
+    stand.bus.withdraw(stand.car, "/honk")
+    stand.pump()
+    why = ""
+    stand.bus.advertise(stand.car, "/other", "std_msgs/Int32")
+    stand.pump()
+    assert [frame["service"] for frame in stand.far.ops("unadvertise_service")] == ["/honk"]
+
+
+# A master that is restarted behind a bridge that lives on
+
+
+def lose_rosapi(stand: Stand, *, seconds: float = 10.0) -> float:
+    """Take the far side's rosapi away for so long; when it is [s]."""
+    (rosapi,) = {service.owner for name, service in stand.far.bus.services.items() if name.startswith("/rosapi/")}
+    stand.far.bus.leave(rosapi, 0.0)
+    stand.run(until=seconds)
+    return seconds
+
+
+def test_rosapi_that_is_lost_is_one_warning_and_its_return_has_everything_announced_anew(
+    stand: Stand, lines: Callable[[], list[str]]
+) -> None:
+    stand.run(until=sum(SURVEYS))
+    lines()
+    num_before = len(stand.far.frames)
+    lose_rosapi(stand)
+    text = "rosapi does not answer there any more: was its ROS master restarted? All is announced when it does"
+    assert [line for line in lines() if "rosapi" in line] == [f"ws://far:9090: {text}"]
+    assert not [f for f in stand.far.frames[num_before:] if f["op"] != "call_service"], "the stream goes on as it was"
+    num_before = len(stand.far.frames)
+    Rosapi(stand.far.bus)
+    stand.run(until=30.0)
+    anew = [(f["op"], f.get("topic", f.get("service"))) for f in stand.far.frames[num_before:]]
+    assert [one for one in anew if one[0] not in {"call_service", "publish"}] == [
+        ("unadvertise", "/state"),
+        ("advertise", "/state"),
+        ("unadvertise", "/plate"),
+        ("advertise", "/plate"),
+        ("unsubscribe", "/pedal"),
+        ("subscribe", "/pedal"),
+        ("advertise_service", "/honk"),
+    ]
+    assert ("publish", "/plate") in anew, "what is latched"
+    assert [line for line in lines() if "rosapi" in line] == [
+        "ws://far:9090: rosapi answers again: everything is announced anew"
+    ]
+    program = Program(stand.far)
+    program.send("call_service", service="/honk", args={"data": True})
+    stand.pump()
+    assert program.received("service_response")[0]["values"]["message"] == "beep"
+
+
+def test_topics_that_the_bridge_does_not_register_anew_are_taken_back_for_long_enough(stand: Stand) -> None:
+    stand.run(until=sum(SURVEYS))
+    lose_rosapi(stand)
+    Rosapi(stand.far.bus)
+    bus, topics = stand.far.bus, stand.far.bus.topics
+    forgotten = {name: topics[name] for name in ("/state", "/plate")}
+    for name in forgotten:  # the new master does not know them, and what is advertised again is not registered
+        del topics[name]
+    deaf(stand, *forgotten)
+    num_before = len(stand.far.frames)
+    stand.run(until=10.0 + 1.0 + sum(SURVEYS) + 1.0)
+    taken = [f for f in stand.far.frames[num_before:] if f["op"] == "unadvertise"]
+    assert len(taken) == 4, "at once, and for good when they were missing all the same"
+    num_before = len(stand.far.frames)
+    stand.car.show("/state", data=5)
+    stand.pump()
+    assert not [f for f in stand.far.frames[num_before:] if f["op"] == "publish"], "that would register them as before"
+    stand.far._receive = lambda peer, frame, now: FarBridge._receive(stand.far, peer, frame, now)  # type: ignore[method-assign]
+    stand.run(until=10.0 + 1.0 + sum(SURVEYS) + UNREGISTER_TIME + 1.0)
+    assert {"/state", "/plate"} <= set(bus.topics)
+    program = Program(stand.far)
+    program.send("subscribe", topic="/state")
+    stand.car.show("/state", data=6)
+    stand.pump()
+    assert [f["msg"] for f in program.received("publish")] == [{"data": 6}]
+
+
+def test_far_side_that_is_silent_has_not_lost_its_rosapi(stand: Stand, lines: Callable[[], list[str]]) -> None:
+    stand.run(until=sum(SURVEYS))
+    stand.far.mute.add(MARK)
+    stand.run(until=60.0)
+    stand.far.mute.clear()
+    stand.run(until=120.0)
+    assert not [line for line in lines() if "any more" in line]
+    assert len(stand.far.ops("advertise")) == 2
+
+
+def test_one_refusal_is_no_loss(stand: Stand, lines: Callable[[], list[str]]) -> None:
+    stand.run(until=sum(SURVEYS))
+    lose_rosapi(stand, seconds=LOOK_PERIOD + 0.5)
+    Rosapi(stand.far.bus)
+    stand.run(until=60.0)
+    assert not [line for line in lines() if "any more" in line]
+    assert len(stand.far.ops("advertise")) == 2
+
+
+def test_bridge_that_dies_without_its_rosapi_is_announced_to_once(stand: Stand) -> None:
+    stand.run(until=sum(SURVEYS))
+    lose_rosapi(stand)
+    stand.cut()
+    Rosapi(stand.far.bus)
+    stand.attach()
+    stand.run(until=60.0)
+    assert len(stand.far.ops("advertise")) == 4, "two topics on each of two sockets"
+
+
+def test_topics_that_were_taken_back_return_though_the_first_socket_was_lost_meanwhile() -> None:
+    stand = Stand(has_line_each=True)
+    stand.attach()
+    stand.run(until=sum(SURVEYS))
+    stand.mirror._take_back(10.0)
+    stand.pump()
+    assert "/state" not in {name for name, topic in stand.far.bus.topics.items() if topic.publishers}
+    stand.far.cut(stand.mirror, stand.line, 11.0)
+    stand.far.connect(stand.mirror, stand.line, 12.0)
+    stand.pump()
+    stand.run(until=10.0 + UNREGISTER_TIME)
+    assert {name for name, topic in stand.far.bus.topics.items() if topic.publishers} >= {"/state", "/plate"}
+    program = Program(stand.far)
+    program.send("subscribe", topic="/state")
+    stand.car.show("/state", data=6)
+    stand.pump()
+    assert [f["msg"] for f in program.received("publish")] == [{"data": 6}]

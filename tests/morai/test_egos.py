@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError
+from rosbridge_sim.graph.bus import Owner
 from rosbridge_sim.morai.releases import Profile
 from rosbridge_sim.morai.stage import FIRST_EGO, MAX_EGOS
 from rosbridge_sim.world.state import Kind
@@ -432,3 +433,47 @@ def test_a_longer_list_than_there_can_be_egos_is_refused_before_it_is_read() -> 
     with pytest.raises(FieldError, match=f"there are {MAX_EGOS} egos at most, got {MAX_EGOS + 1} entries"):
         put(stand.client(), *[7] * (MAX_EGOS + 1))
     assert len(stand.node.egos) == 1
+
+
+# Who has left
+
+
+def test_services_of_an_ego_that_left_are_known_until_it_comes_back() -> None:
+    stand, client = two_egos()
+    name = "/Ego-2/Service_MoraiEventCmd"
+    assert name in stand.bus.services
+    assert not stand.node.why_gone(name)
+    stand.node.reset(None, 0.0)
+    assert name not in stand.bus.services
+    assert stand.node.why_gone(name) == "ego 2 has left"
+    assert not stand.node.why_gone("/Service_MoraiEventCmd")
+    assert not stand.node.why_gone("/Ego-3/Service_MoraiEventCmd")
+    put(client, 2)
+    assert not stand.node.why_gone(name)
+
+
+def test_services_of_an_ego_are_never_taken_for_gone_for_good_while_it_leaves_and_returns() -> None:
+    stand, client = two_egos()
+    names = [name for name in stand.bus.services if name.startswith("/Ego-2/")]
+    lost: list[str] = []
+
+    def look(_owner: Owner) -> None:
+        lost.extend(name for name in names if name not in stand.bus.services and not stand.node.why_gone(name))
+
+    stand.bus.on_holdings.append(look)
+    stand.node.reset(None, 0.0)
+    put(client, 2)
+    assert names
+    assert not lost
+
+
+def test_egos_under_ever_new_numbers_are_not_remembered_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rosbridge_sim.morai.node.MAX_GONE", 3)
+    stand, client = two_egos()
+    for index in range(10, 20):
+        stand.node.reset(None, 0.0)
+        put(client, index)
+    stand.node.reset(None, 0.0)
+    assert len(stand.node._gone) == 3
+    assert stand.node.why_gone("/Ego-19/Service_MoraiEventCmd")
+    assert not stand.node.why_gone("/Ego-10/Service_MoraiEventCmd")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import math
 from collections.abc import Callable
@@ -706,3 +707,128 @@ def test_sync_for_a_change_of_gear_alone() -> None:
         client.tick("gear", 5)
         assert client.ask("/Service_MoraiEventCmd", option=0, gear=-1)["gear"] == gear
     assert client.stop("gear", 0)["result"]
+
+
+# Stamps
+
+DAY_NS = 1_700_000_000 * 10**9
+
+
+class Day:
+    """A clock that the shell would have.
+
+    Attributes:
+        num_read: how often it was read.
+    """
+
+    def __init__(self) -> None:
+        self.num_read = 0
+
+    def read_ns(self) -> int:
+        self.num_read += 1
+        return DAY_NS + 1_000 * self.num_read
+
+
+def stamp_of(stamp: dict[str, int]) -> int:
+    return stamp["secs"] * 10**9 + stamp["nsecs"]
+
+
+def stamps_in(value: object) -> list[int]:
+    """All times of day in a message."""
+    if isinstance(value, list):
+        return [stamp for one in value for stamp in stamps_in(one)]
+    if not isinstance(value, dict):
+        return []
+    if set(value) == {"secs", "nsecs"}:
+        return [stamp_of(value)]
+    return [stamp for one in value.values() for stamp in stamps_in(one)]
+
+
+def without_stamps(value: Any) -> Any:  # noqa: ANN401 - any JSON
+    """The same without what says when it is."""
+    if isinstance(value, (list, tuple)):
+        return [without_stamps(one) for one in value]
+    if not isinstance(value, dict):
+        return value
+    return {key: without_stamps(one) for key, one in value.items() if key not in {"stamp", "clock"}}
+
+
+EVERYTHING = (
+    *("/clock", "/tf", "/tf_static", "/Ego_topic", "/Object_topic", "/CollisionData", "/IntscnTL_topic"),
+    *("/gps", "/imu"),
+    *("/sim/process/state/msg/MoraiSimProcStatus", "/GetTrafficLightStatus", "/SyncModeInfo"),
+)
+
+
+@pytest.mark.parametrize("is_synchronous", [False, True])
+def test_all_topics_of_a_frame_have_one_time_of_day(*, is_synchronous: bool) -> None:
+    stand = Stand("crossing")
+    day = Day()
+    stand.node.use_wall_time(day.read_ns, stand.now)
+    client = stand.client()
+    client.listen(*EVERYTHING)
+    if is_synchronous:
+        client.start(time_step=100)
+        client.tick()
+    else:
+        stand.run(0.101)
+    assert stand.world.frame == 5
+    assert day.num_read == 1 + stand.world.frame, "once a frame"
+    clocks = [stamp_of(message["clock"]) for message in client.messages("/clock")]
+    assert clocks == [DAY_NS + 1_000 * (2 + i) for i in range(stand.world.frame)]
+    by_frame: dict[int, set[int]] = {}
+    for _, message in client.heard:
+        if "header" in message:
+            by_frame.setdefault(message["header"]["seq"], set()).update(stamps_in(message["header"]))
+    assert by_frame == {frame: {clock} for frame, clock in enumerate(clocks, start=1)}
+    assert [stamps_in(message) for message in client.messages("/tf")] == [[clock] for clock in clocks]
+    assert stand.bus.stamp_ns == clocks[-1]
+    assert stand.bus.time_ns == stand.world.frame * 20_000_000, "bags and rates count in simulated time"
+
+
+def test_time_of_day_renews_what_is_latched() -> None:
+    stand = Stand()
+    client = stand.client()
+    client.listen(*EVERYTHING)
+    stand.node.use_wall_time(Day().read_ns, 0.0)
+    assert {topic for topic, _ in client.heard} == {"/tf_static", "/sim/process/state/msg/MoraiSimProcStatus"}
+    assert all(stamps_in(message.get("header", message))[0] == DAY_NS + 1_000 for _, message in client.heard)
+
+
+def test_messages_and_answers_without_a_stamp_of_their_own_get_that_of_the_frame() -> None:
+    stand = Stand()
+    stand.node.use_wall_time(Day().read_ns, 0.0)
+    client = stand.client()
+    client.send("/mine", "geometry_msgs/PointStamped")
+    client.listen("/mine")
+    client.send("/mine", "geometry_msgs/PointStamped")
+    assert stamp_of(client.messages("/mine")[0]["header"]["stamp"]) == DAY_NS + 1_000
+    client.call("/Morai_SimProc", {"request": {"sim_process_status": 2}})
+    client.listen("/sim/process/state/msg/MoraiSimProcStatus")
+    topic = stand.bus.find_topic("/sim/process/state/msg/MoraiSimProcStatus")
+    assert topic is not None
+    status = json.loads(topic.latched[0].json)
+    assert stamp_of(status["latest_command_time"]) == DAY_NS + 1_000
+
+
+def drive_all(*, has_wall: bool) -> tuple[list[Any], str]:
+    """All that a drive gives, but for its stamps, and the world's hash at its end."""
+    stand = Stand("crossing", start="sync")
+    if has_wall:
+        stand.node.use_wall_time(Day().read_ns, 0.0)
+    client = stand.client()
+    client.listen(*EVERYTHING)
+    client.start(time_step=40)
+    answers = []
+    for i in range(30):
+        client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=0.5, front_steer=0.1)
+        answers.append(client.tick(frame=2 * i + 2))
+    client.send("/SaveSensorData", "morai_msgs/SaveSensorData", is_custom_file_name=True, custom_file_name="one")
+    stand.node.reset(None, 0.0)
+    answers.append(client.tick())
+    return [without_stamps(client.heard), without_stamps(answers), stand.drawer.saved], stand.world.digest()
+
+
+def test_time_of_day_changes_stamps_and_nothing_else() -> None:
+    assert drive_all(has_wall=True) == drive_all(has_wall=False)
+    assert drive_all(has_wall=False)[0][2][0][2], "sensor data was saved"

@@ -7,7 +7,7 @@ from rosbridge_sim.graph.bus import Bus, Owner, Topic
 from rosbridge_sim.morai.items import Items
 from rosbridge_sim.morai.outputs import Feed, Outputs
 from rosbridge_sim.schema.store import Message
-from tests.morai.stand import Client, Stand, make_store, network_settings, rates
+from tests.morai.stand import Client, Stand, make_store, network_settings, put_egos, rates
 
 
 @pytest.mark.parametrize("rate", [1.0, 7.0, 10.0, 30.0, 50.0, 60.0, 100.0, 119.88, 120.0])
@@ -126,3 +126,152 @@ def test_a_listener_that_complains_does_not_stop_the_world(caplog: pytest.LogCap
     bus.subscribe(listener, "/clock", complain)
     outputs.show_every(1, 0.0)
     assert "a listener of /clock refused a message: not that one" in caplog.text
+
+
+# In a pause
+
+SHOWN = ("/Ego_topic", "/Object_topic", "/IntscnTL_topic", "/GetTrafficLightStatus", "/InsnStatus")
+"""Of the first ego, in its pause."""
+
+SILENT = ("/clock", "/tf", "/gps", "/imu", "/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic")
+
+
+def pause(stand: Stand, client: Client, *, is_paused: bool = True) -> None:
+    client.now = stand.now
+    client.ask("/Service_MoraiEventCmd", option=8, set_pause=is_paused)
+
+
+@pytest.fixture
+def paused() -> tuple[Stand, Client]:
+    """A world that was paused after 0.3 s, and the client that did it."""
+    stand = Stand("crossing")
+    client = stand.client()
+    stand.run(0.3)
+    pause(stand, client)
+    return stand, client
+
+
+def count_of(client: Client) -> dict[str, int]:
+    """How many messages it heard, by topic."""
+    return {topic: len(client.messages(topic)) for topic, _ in client.heard}
+
+
+def test_states_are_shown_once_a_second_in_a_pause() -> None:
+    stand = Stand("crossing")
+    client = stand.client()
+    client.listen(*SHOWN, *SILENT)
+    stand.run(0.3)
+    pause(stand, client)
+    last = {topic: client.messages(topic)[-1] for topic in count_of(client)}
+    client.heard.clear()
+    stand.run(0.9)
+    assert not client.heard
+    stand.run(3.0)
+    heard = count_of(client)
+    assert heard == dict.fromkeys([topic for topic in SHOWN if topic in last], 3)
+    assert {"/Ego_topic", "/Object_topic", "/IntscnTL_topic", "/GetTrafficLightStatus"} <= set(heard)
+    assert all(message == last[topic] for topic, message in client.heard), "header.seq and stamp among it"
+
+
+def test_new_subscriber_sees_a_paused_world_at_once_and_nobody_else_is_told(paused: tuple[Stand, Client]) -> None:
+    stand, client = paused
+    client.listen("/Ego_topic", "/clock", "/tf", "/gps")
+    assert stand.node.next_due(stand.now) == stand.now
+    stand.run(0.0)
+    late = stand.client()
+    late.listen("/Ego_topic", "/Object_topic")
+    stand.run(0.0)
+    assert count_of(client) == {"/Ego_topic": 1}
+    assert count_of(late) == {"/Ego_topic": 1, "/Object_topic": 1}
+    assert late.messages("/Ego_topic")[0]["header"]["seq"] == stand.world.frame
+
+
+def test_paused_world_without_listeners_wakes_nobody(paused: tuple[Stand, Client]) -> None:
+    stand, client = paused
+    assert stand.node.next_due(stand.now) is None
+    client.listen("/Ego_topic")
+    stand.run(10.0)
+    assert len(client.heard) == 11
+    client.leave()
+    assert stand.node.next_due(stand.now) is None
+
+
+def test_further_egos_are_shown_in_a_pause_too() -> None:
+    stand = Stand()
+    client = stand.client()
+    client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(2))
+    stand.run(0.1)
+    pause(stand, client)
+    client.listen("/Ego-2/Ego_topic", "/Ego-2/Object_topic")
+    stand.run(0.0)
+    assert set(count_of(client)) == {"/Ego-2/Ego_topic", "/Ego-2/Object_topic"}
+
+
+def test_states_are_not_shown_again_once_the_pause_is_over(paused: tuple[Stand, Client]) -> None:
+    stand, client = paused
+    client.listen("/Ego_topic")
+    pause(stand, client, is_paused=False)
+    stand.run(2.0)
+    frames = [message["header"]["seq"] for message in client.messages("/Ego_topic")]
+    assert frames == list(range(frames[0], frames[0] + len(frames)))
+
+
+def test_world_that_waits_for_ticks_is_not_shown_between_them(paused: tuple[Stand, Client]) -> None:
+    stand, client = paused
+    client.start()
+    late = stand.client()
+    late.listen("/Ego_topic")
+    stand.run(5.0)
+    assert not late.heard, "LED_PAUSED"
+    pause(stand, client, is_paused=False)
+    stand.run(5.0)
+    assert not late.heard, "LED"
+    client.tick()
+    assert len(late.heard) == 1
+    waiting = Stand(start="sync")
+    late = waiting.client()
+    late.listen("/Ego_topic")
+    waiting.run(5.0)
+    pause(waiting, late)
+    waiting.run(5.0)
+    assert not late.heard, "OPEN and OPEN_PAUSED"
+
+
+def test_recording_gets_nothing_of_what_is_shown_in_a_pause(paused: tuple[Stand, Client]) -> None:
+    stand, client = paused
+    heard: list[Topic] = []
+
+    def note(topic: Topic, _message: Message, _sender: Owner, _now: float) -> None:
+        heard.append(topic)
+
+    stand.bus.subscribe(client, "/Ego_topic", note, is_recording=True)
+    stand.run(3.0)
+    assert not heard
+    assert stand.node.next_due(stand.now) is None
+
+
+def test_listener_that_fails_in_a_pause_keeps_nothing_from_the_others(paused: tuple[Stand, Client]) -> None:
+    stand, client = paused
+
+    def fail(_topic: Topic, _message: Message, _sender: Owner, _now: float) -> None:
+        raise FieldError("not this one")
+
+    stand.bus.subscribe(client, "/Ego_topic", fail)
+    late = stand.client()
+    late.listen("/Ego_topic")
+    stand.run(2.0)
+    assert count_of(late) == {"/Ego_topic": 3}
+
+
+def test_ego_that_leaves_in_a_pause_is_shown_no_longer() -> None:
+    stand = Stand()
+    client = stand.client()
+    client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(2))
+    stand.run(0.1)
+    pause(stand, client)
+    client.listen("/Ego-2/Ego_topic")
+    stand.run(0.0)
+    stand.node.reset(None, stand.now)
+    client.heard.clear()
+    stand.run(3.0)
+    assert not client.heard

@@ -72,6 +72,31 @@ def test_what_was_converted_comes_back_to_the_last_bit(factor: float) -> None:
     assert (exact_quotient(products, factor) * factor == products).all()
 
 
+@pytest.mark.parametrize("has_jump", [False, True])
+def test_bag_of_simulated_time_counts_by_it_though_messages_have_the_time_of_day(*, has_jump: bool) -> None:
+    """The second is of a drive in which the time of day was chosen after its beginning."""
+    day = 1_700_000_000 * SECOND
+    take = reading()
+    for i in range(5):
+        said = i * SECOND // 50 if has_jump and i < 2 else day + i * 1_000
+        take.take_ego(0, ego(float(i)), (said, i * SECOND // 50))
+        take.take_objects(
+            Struct(npc_list=[thing(3, float(i))], pedestrian_list=[], obstacle_list=[]), (said, i * SECOND // 50)
+        )
+    recording = take.finish()
+    assert recording.duration_ns == 4 * SECOND // 50
+    assert [ego_at(recording, 0.02 * i) for i in range(5)] == [0.0, 1.0, 2.0, 3.0, 4.0]
+
+
+def test_bag_of_the_time_of_day_counts_by_the_stamps_in_its_messages() -> None:
+    day = 1_700_000_000 * SECOND
+    take = reading()
+    for i, came in enumerate([0.013, 0.021, 0.055]):
+        take.take_ego(0, ego(float(i)), (day + i * SECOND // 50, day + round(came * SECOND)))
+    recording = take.finish()
+    assert recording.duration_ns == 2 * SECOND // 50
+
+
 def test_between_stamps_is_what_lies_between() -> None:
     take = reading()
     for i, (x, heading) in enumerate([(0.0, 170.0), (1.0, -170.0), (2.0, -170.0)]):

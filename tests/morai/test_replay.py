@@ -218,8 +218,10 @@ def test_real_time_shows_the_same_frames(tape: Tape) -> None:
     client.listen("/Ego_topic")
     assert replay(client, PLAY, FILE, "drive")
     stand.run(5.0)
-    assert shown_x(client) == [value.position.x for value in ego_values(tape)]
+    recorded = [value.position.x for value in ego_values(tape)]
+    assert shown_x(client)[: len(recorded)] == recorded
     assert stand.node.sync.is_paused, "at the end"
+    assert set(shown_x(client)[len(recorded) :]) <= {recorded[-1]}, "the last frame is shown again in the pause"
 
 
 def test_end_pauses_until_play_begins_again_or_stop_goes_back(client: Client, stand: Stand) -> None:
@@ -552,10 +554,10 @@ def test_answer_waits_for_the_recording_and_others_are_refused_meanwhile(tape: T
 # ReplayInfo
 
 
-def test_it_is_told_while_a_bag_is_replayed_and_only_then(stand: Stand, client: Client, tape: Tape) -> None:
+def test_it_is_told_while_a_bag_is_replayed(stand: Stand, client: Client, tape: Tape) -> None:
     client.listen(INFO)
     client.tick()
-    assert not client.messages(INFO)
+    client.heard.clear()
     assert replay(client, PLAY, FILE, "drive")
     for _ in range(3):
         client.tick()
@@ -572,8 +574,93 @@ def test_it_is_told_while_a_bag_is_replayed_and_only_then(stand: Stand, client: 
     assert len(client.messages(INFO)) == 3
     assert replay(client, STOP)
     client.tick()
-    assert len(client.messages(INFO)) == 3
     assert not stand.node.stage.is_replaying, "what we say ourselves is not replayed"
+
+
+@pytest.mark.parametrize("is_for_all", [False, True])
+def test_a_drive_is_told_to_who_listens_to_it_and_to_all_if_that_is_wanted(tape: Tape, *, is_for_all: bool) -> None:
+    stand = Stand(start="sync", recordings=tape, replay_info=is_for_all)
+    client, recorder = stand.client(), stand.client()
+    seen: list[Any] = []
+    stand.bus.subscribe(recorder, INFO, lambda _topic, message, _sender, _now: seen.append(message), is_general=True)
+    client.start()
+    client.tick()
+    assert len(seen) == is_for_all
+    client.listen(INFO, "/Ego_topic", "/Object_topic")
+    client.control(0, longlCmdType=1, accel=0.5, steering=0.2)
+    client.tick()
+    assert len(seen) == 1 + is_for_all
+    (info,), (ego,), (objects,) = (client.messages(name) for name in (INFO, "/Ego_topic", "/Object_topic"))
+    assert info["header"]["seq"] == stand.world.frame
+    assert (info["ego_acc"], info["linear_acceleration"]) == (0.5, ego["acceleration"])
+    assert info["ego_steer"] == pytest.approx(math.degrees(ego["wheel_angle"]), abs=1e-5)
+    assert [info[name] for name in ("npc_list", "pedestrian_list", "obstacle_list")] == [
+        objects[name] for name in ("npc_list", "pedestrian_list", "obstacle_list")
+    ]
+    assert not stand.node.stage.is_replaying, "what we say ourselves is not replayed"
+
+
+def test_nothing_is_told_of_a_drive_that_follows_somebodys_messages(client: Client, stand: Stand) -> None:
+    client.listen(INFO)
+    other = stand.client()
+    other.send(INFO, "morai_msgs/ReplayInfo", ego_acc=1.0)
+    assert stand.node.stage.is_replaying
+    client.heard.clear()
+    client.tick()
+    assert not client.heard
+
+
+def test_recording_of_a_drives_replay_info_alone_is_replayed(tape: Tape) -> None:
+    stand = Stand(start="sync", recordings=tape)
+    client = stand.client()
+    client.start()
+    tape.record(stand.bus, "driven", INFO)
+    client.listen("/Object_topic")
+    steer_frames(client, 30)
+    driven = [
+        [(one["unique_id"], one["position"], one["heading"]) for one in message["npc_list"]]
+        for message in client.messages("/Object_topic")
+    ]
+    stand = Stand("parked", start="sync", recordings=tape)
+    client = stand.client()
+    client.start()
+    client.listen("/Object_topic")
+    assert replay(client, PLAY, FILE, "driven")
+    for _ in range(30):
+        client.tick()
+    shown = [
+        [(one["unique_id"], one["position"], one["heading"]) for one in message["npc_list"]]
+        for message in client.messages("/Object_topic")
+    ]
+    assert shown == driven
+
+
+def test_messages_of_a_drive_that_a_far_bridge_gives_back_late_are_not_followed(stand: Stand, client: Client) -> None:
+    bridge = stand.client()
+    bridge.listen(INFO)
+    for _ in range(500):
+        client.tick()
+    echoes = bridge.messages(INFO)
+    assert len(echoes) == 500
+    for echo in (echoes[0], echoes[250], echoes[-1]):
+        bridge.send(INFO, "morai_msgs/ReplayInfo", **echo)
+    assert not stand.node.stage.is_replaying
+    assert not bridge.told
+
+
+def test_what_was_said_is_not_remembered_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rosbridge_sim.morai.replays.replay.MAX_SAID", 5)
+    stand = Stand("parked", start="sync")
+    client = stand.client()
+    client.start()
+    client.listen(INFO)
+    for _ in range(7):
+        client.tick()
+    messages = client.messages(INFO)
+    client.send(INFO, "morai_msgs/ReplayInfo", **messages[2])
+    assert not stand.node.stage.is_replaying
+    client.send(INFO, "morai_msgs/ReplayInfo", **messages[1])
+    assert stand.node.stage.is_replaying
 
 
 def test_what_a_far_bridge_gives_back_is_not_replayed(stand: Stand, client: Client) -> None:

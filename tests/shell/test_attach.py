@@ -5,21 +5,24 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from itertools import pairwise
 from typing import Any, NoReturn
 
 import pytest
 from websockets.asyncio.server import ServerConnection, serve
 
 from rosbridge_sim import DocumentError, Simulator
-from rosbridge_sim.graph import mirror
+from rosbridge_sim.graph import mirror, rosapi_watch
 from rosbridge_sim.morai.loads import Loads
 from rosbridge_sim.shell.app import AddressError
 from rosbridge_sim.shell.attach import is_own_address
 from tests.conftest import Connect
+from tests.far_side import graph as far_graph
 from tests.far_side.server import FarSide
-from tests.morai.stand import ByHand
+from tests.morai.stand import ByHand, put_egos
 from tests.support import PATIENCE, Client
 
 TOKEN = "sesame"  # noqa: S105 - opens nothing
@@ -517,3 +520,198 @@ async def test_own_server_is_not_dialled(host: str) -> None:
 )
 async def test_own_addresses_are_recognised(url: str, addresses: list[str], *, is_own: bool) -> None:
     assert await is_own_address(url, 9090, addresses) is is_own
+
+
+# Stamps
+
+DAY_NS = 10**18
+"""Of September 2001: later than any simulation, and earlier than any day on which this runs."""
+
+
+def stamp_of(header: dict[str, Any]) -> int:
+    stamp: dict[str, int] = header["stamp"]
+    return stamp["secs"] * 10**9 + stamp["nsecs"]
+
+
+class ExtrapolationError(Exception):
+    """A time that the transforms do not reach."""
+
+
+class TfBuffer:
+    """Where the car was at a time, as tf2's buffer tells it: between two transforms and never beyond them."""
+
+    def __init__(self) -> None:
+        self._places: list[tuple[int, float]] = []
+
+    def put(self, message: dict[str, Any]) -> None:
+        for one in message["transforms"]:
+            if one["child_frame_id"] == "base_link":
+                self._places.append((stamp_of(one["header"]), one["transform"]["translation"]["x"]))
+
+    def look_up(self, time_ns: int) -> float:
+        if not self._places or not self._places[0][0] <= time_ns <= self._places[-1][0]:
+            raise ExtrapolationError
+        for (before, x), (after, next_x) in pairwise(self._places):
+            if before <= time_ns <= after:
+                return x + (next_x - x) * (time_ns - before) / (after - before)
+        raise ExtrapolationError
+
+
+@pytest.mark.slow
+async def test_program_behind_a_bridge_finds_the_car_at_its_own_now(connect: Connect) -> None:
+    async with FarSide() as far_side, attached(far_side.url, start="run"):
+        client = await connect(far_side.url)
+        await client.send("advertise", topic="/ctrl_cmd", type="morai_msgs/CtrlCmd")
+        await client.send("publish", topic="/ctrl_cmd", msg={"longlCmdType": 2, "velocity": 30.0})
+        await client.send("subscribe", topic="/tf")
+        buffer = TfBuffer()
+        buffer.put(await client.message("/tf"))
+        wanted_ns = time.time_ns()
+        with pytest.raises(ExtrapolationError):
+            buffer.look_up(wanted_ns)  # not yet: a program waits for the next transform
+        async with asyncio.timeout(PATIENCE):
+            while True:
+                buffer.put(await client.message("/tf"))
+                try:
+                    x = buffer.look_up(wanted_ns)
+                except ExtrapolationError:
+                    continue
+                break
+        assert 40.0 <= x < 60.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("parameter", "options", "is_wall"),
+    [
+        (None, {}, True),
+        (True, {}, False),
+        (False, {}, True),
+        (None, {"stamps": "sim"}, False),
+        (True, {"stamps": "wall"}, True),
+    ],
+)
+async def test_headers_clock_and_transforms_have_the_time_of_the_bridge(
+    connect: Connect, parameter: object, options: dict[str, str], *, is_wall: bool
+) -> None:
+    async with FarSide() as far_side:
+        if parameter is not None:
+            far_side.graph.parameters["/use_sim_time"] = parameter
+        async with attached(far_side.url, **options):
+            client = await connect(far_side.url)
+            topics = {
+                "/clock": "rosgraph_msgs/Clock",
+                "/tf": "tf2_msgs/TFMessage",
+                "/Ego_topic": "morai_msgs/EgoVehicleStatus",
+            }
+            for topic in topics:
+                await client.send("subscribe", topic=topic)
+            await client.send("subscribe", topic="/tf_static")
+            static = (await client.message("/tf_static"))["transforms"][0]["header"]
+            frame = await lead(client)
+            await client.ask("/SyncModeWaitForTick", user_id="me", frame=frame + 1)
+            clock = await client.message("/clock")
+            ego = await client.message("/Ego_topic")
+            tf = await client.message("/tf")
+            stamps = {stamp_of({"stamp": clock["clock"]}), stamp_of(ego["header"])}
+            stamps |= {stamp_of(one["header"]) for one in tf["transforms"]}
+            (stamp,) = stamps
+            assert (stamp > DAY_NS) is is_wall
+            assert (stamp_of(static) > DAY_NS) is is_wall, "nothing was announced before it was settled"
+
+
+async def test_server_that_dials_a_bridge_keeps_simulated_stamps_and_warns(lines: Callable[[], list[str]]) -> None:
+    async with gateway() as bridge, Simulator(port=0, start="sync", attach=[bridge.url]) as sim:
+        assert sim.bus is not None
+        assert sim.bus.stamp_ns == 0
+        await until(lambda: any("--stamps wall" in line for line in lines()))
+
+
+async def test_ros_2_has_the_time_of_day(lines: Callable[[], list[str]]) -> None:
+    async with gateway(ros=2) as bridge, attached(bridge.url, ros=2) as sim:
+        assert sim.bus is not None
+        assert sim.bus.stamp_ns > DAY_NS
+        assert not [line for line in lines() if "use_sim_time" in line]
+
+
+async def test_auto_without_a_bridge_is_simulated_time_and_a_line(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO, "rosbridge_sim.app")
+    async with Simulator(port=0, start="sync", stamps="auto") as sim:
+        assert sim.bus is not None
+        assert sim.bus.stamp_ns == 0
+    assert any("--attach names none" in record.getMessage() for record in caplog.records)
+
+
+# What goes, and comes back
+
+
+@pytest.mark.slow
+async def test_services_of_an_ego_that_left_stay_announced_at_the_bridge(connect: Connect) -> None:
+    async with FarSide() as far_side, attached(far_side.url) as sim:
+        client = await connect(far_side.url)
+        await client.send("advertise", topic="/ego_setting", type="morai_msgs/MultiEgoSetting")
+        await client.send("publish", topic="/ego_setting", msg=put_egos(2))
+        await provided(client, "/Ego-2/Service_MoraiEventCmd")
+        assert sim.node is not None
+        sim.node.reset(None, 0.0)
+        service = "/Ego-2/Service_MoraiEventCmd"
+        assert service in (await client.values("/rosapi/services"))["services"]
+        answer = await client.call(service, {"request": {}})  # rosbridge_suite passes over `result`
+        assert answer["values"]["response"]["gear"] == 0
+        await client.send("publish", topic="/ego_setting", msg=put_egos(2))
+        await until(lambda: sim.node is not None and len(sim.node.egos) == 2)
+        answer = await client.call(service, {"request": {}})
+        assert answer["values"]["response"]["gear"] == 4
+        assert not [line for line in far_side.log if "Overwriting" in line]
+
+
+@pytest.mark.slow
+async def test_everything_is_there_again_after_the_master_behind_the_bridge_was_restarted(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch, lines: Callable[[], list[str]]
+) -> None:
+    for module, name, value in (
+        (rosapi_watch, "LOOK_PERIOD", 0.1),
+        (rosapi_watch, "LOST_PERIOD", 0.05),
+        (mirror, "SURVEYS", (0.0, 0.05, 0.1)),
+        (mirror, "UNREGISTER_TIME", 0.5),
+        (far_graph, "UNREGISTER_TIMEOUT", 0.2),
+    ):
+        monkeypatch.setattr(module, name, value)
+    async with FarSide() as far_side, attached(far_side.url) as sim:
+        await until(lambda: sim.attachments[0].mirror._findings._listed >= {"/Ego_topic", "/tf_static"})
+        far_side.restart_master()
+        await until(lambda: any("any more" in line for line in lines()))
+        assert len([line for line in lines() if "any more" in line]) == 1
+        far_side.start_rosapi()
+        client = await connect(far_side.url)
+        await provided(client, "/SyncModeWaitForTick")
+        async with asyncio.timeout(PATIENCE):
+            while "/Ego_topic" not in (await client.values("/rosapi/topics"))["topics"]:
+                pass
+        await client.send("subscribe", topic="/Ego_topic")
+        frame = await lead(client)
+        await client.ask("/SyncModeWaitForTick", user_id="me", frame=frame + 1)
+        assert (await client.message("/Ego_topic"))["position"]["x"] == 40.0
+        assert sim.num_bugs == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_wanted", [False, True])
+async def test_drive_is_told_behind_a_bridge_where_that_is_wanted_and_not_followed_by_ourselves(
+    connect: Connect, *, is_wanted: bool
+) -> None:
+    async with FarSide() as far_side, attached(far_side.url, replay_info=is_wanted) as sim:
+        client = await connect(far_side.url)
+        await client.send("subscribe", topic="/ReplayInfo_topic", type="morai_msgs/ReplayInfo")
+        await client.send("subscribe", topic="/Object_topic", type="morai_msgs/ObjectStatusList")
+        frame = await lead(client)
+        for i in range(1, 6):
+            await client.ask("/SyncModeWaitForTick", user_id="me", frame=frame + i)
+        if is_wanted:
+            told = [await client.message("/ReplayInfo_topic") for _ in range(5)]
+            listed = [await client.message("/Object_topic") for _ in range(5)]
+            assert [one["npc_list"] for one in told] == [one["npc_list"] for one in listed]
+        else:
+            assert not [f for f in client.inbox if f.get("topic") == "/ReplayInfo_topic"]
+        assert sim.node is not None
+        assert not sim.node.stage.is_replaying

@@ -59,6 +59,44 @@ async def test_drive_is_in_the_bag_as_the_listener_saw_it(
     assert recorded[-1].velocity.x > 0
 
 
+async def test_bag_counts_in_simulated_time_whatever_messages_are_stamped_with(
+    tmp_path: Path, connect: Connect
+) -> None:
+    async with Simulator(port=0, start="sync", stamps="wall", record=tmp_path / "a.mcap") as sim:
+        await drive(await connect(sim.url), 5)
+    seen = read_bag(tmp_path / "a.mcap")
+    for topic in ("/clock", "/Ego_topic", "/Object_topic"):
+        assert stamps_of(seen, topic) == [frame * FRAME_NS for frame in range(1, 6)]
+    days = [message.header.stamp.sec for topic, _, message in seen if topic == "/Ego_topic"]
+    assert min(days) > 1_000_000_000
+
+
+async def test_paused_world_is_not_recorded_again_and_again(tmp_path: Path, connect: Connect) -> None:
+    async with Simulator(port=0, record=tmp_path / "a.mcap") as sim:
+        client = await connect(sim.url)
+        await client.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
+        await client.send("subscribe", topic="/Ego_topic")
+        assert await client.message("/Ego_topic"), "the world as it stands"
+    stamps = stamps_of(read_bag(tmp_path / "a.mcap"), "/Ego_topic")
+    assert len(set(stamps)) == len(stamps)
+
+
+async def test_replay_info_alone_can_be_recorded_of_a_drive(tmp_path: Path, connect: Connect) -> None:
+    topics = ["/ReplayInfo_topic"]
+    async with Simulator(port=0, start="sync", record=tmp_path / "a.bag", record_topics=topics) as sim:
+        await drive(await connect(sim.url), 5)
+    assert stamps_of(read_bag(tmp_path / "a.bag"), "/ReplayInfo_topic") == [i * FRAME_NS for i in range(1, 6)]
+
+
+@pytest.mark.parametrize("is_wanted", [False, True])
+async def test_recording_of_everything_has_replay_info_where_it_is_wanted(
+    tmp_path: Path, connect: Connect, *, is_wanted: bool
+) -> None:
+    async with Simulator(port=0, start="sync", record=tmp_path / "a.bag", replay_info=is_wanted) as sim:
+        await drive(await connect(sim.url), 5)
+    assert len(stamps_of(read_bag(tmp_path / "a.bag"), "/ReplayInfo_topic")) == 5 * is_wanted
+
+
 async def test_commands_are_recorded_with_the_time_at_which_they_came(tmp_path: Path, connect: Connect) -> None:
     async with Simulator(port=0, start="sync", record=tmp_path / "a.bag") as sim:
         client = await connect(sim.url)

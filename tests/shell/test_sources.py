@@ -66,6 +66,8 @@ OTHER: dict[str, object] = {
     "object_limit": 20,
     "object_velocity_unit": "m/s",
     "start_mode": "keyboard",
+    "stamps": "wall",
+    "replay_info": True,
     "sync_frames": "strict",
     "sync_lease": 2.5,
     "sync_on_loss": "wait",

@@ -30,6 +30,9 @@ MAX_ENTRIES: Final = 2_000_000
 """States of objects, and of egos, that a recording may hold: 20 objects at 50 Hz for half an hour are 1.8 million, and
 0.4 GB while they are read."""
 
+EARLIEST_DAY: Final = 10**18
+"""The time of day in September 2001 [ns]; no simulation lasts for so long."""
+
 _LISTS: Final = (("npc_list", Kind.VEHICLE), ("pedestrian_list", Kind.PEDESTRIAN), ("obstacle_list", Kind.OBSTACLE))
 _NUM_FIGURES: Final = 13  # of an ObjectStatus
 _VELOCITY: Final = [OBJECT_COLUMNS.index(name) for name in ("speed", "lateral_speed", "climb")]
@@ -188,6 +191,9 @@ class Reading:
         """All that was taken, as arrays."""
         all_rows = [*self._egos.values(), self._samples]
         is_said = all(_is_a_clock(rows.stamps(is_said=True)) for rows in all_rows)
+        if any(_is_of_the_day(rows.stamps(is_said=True)) for rows in all_rows):
+            # Recorded by simulated time, as ours are: what was stamped with the time of day shows how long it took.
+            is_said &= any(_is_of_the_day(rows.stamps(is_said=False)) for rows in all_rows)
         egos = {index: self._ego_track(index, rows, is_said=is_said) for index, rows in sorted(self._egos.items())}
         objects = self._object_track(is_said=is_said) if self._samples.said else None
         return Recording(
@@ -272,6 +278,11 @@ class Reading:
 def _is_a_clock(stamps: IntArray) -> bool:
     """Whether the messages' own stamps can be gone by: they are set, and time does not go back."""
     return len(stamps) == 0 or bool(stamps[-1] > 0 and (np.diff(stamps) >= 0).all() and (np.diff(stamps) > 0).any())
+
+
+def _is_of_the_day(stamps: IntArray) -> bool:
+    """Return whether these are, or come to be, times of day and not simulated ones."""
+    return len(stamps) > 0 and int(stamps.max()) >= EARLIEST_DAY
 
 
 def _order(stamps: IntArray) -> IntArray:

@@ -6,10 +6,11 @@ What follows from what is `replay_table`'s, and why; this file finds out what ha
 from __future__ import annotations
 
 import logging
-from collections import deque
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
+
+from msgspec.structs import astuple
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError
 from rosbridge_sim.graph.bus import Call, Owner
@@ -34,8 +35,9 @@ __all__ = ["Replay"]
 STATUS: Final = "/sim/process/state/msg/MoraiSimProcStatus"
 INFO: Final = "/ReplayInfo_topic"
 
-MAX_SAID: Final = 250
-"""Messages of ours that are known again when a far bridge gives them back: five seconds of them."""
+MAX_SAID: Final = 15_000
+"""Messages of ours that are known again when a far bridge gives them back: five minutes of them, longer than a bridge
+stands still before its socket is given up. One that was not known would have the world follow itself."""
 
 SILENCE: Final = 50
 """Frames without a message after which a source that was stopped is heard again: it has ended, and what comes then is
@@ -70,12 +72,14 @@ class Replay(Part):
         state: where in the table it is.
     """
 
-    def __init__(self, node: Node, recordings: Recordings | None) -> None:
+    def __init__(self, node: Node, recordings: Recordings | None, *, is_showing_drives: bool = False) -> None:
         """Nothing is replayed yet.
 
         Args:
             node: whose part it is.
             recordings: where they come from; None for nowhere.
+            is_showing_drives: publish ReplayInfo of any drive for everybody, far bridges and recordings of everything
+                among them. Otherwise only for those who listen to it in particular.
         """
         self.state = State.SIMULATING
         self._recordings = recordings
@@ -86,7 +90,8 @@ class Replay(Part):
         self._source: Owner | None = None  # of network replay
         self._unheard: Owner | None = None
         self._unheard_at = 0  # the frame of his last message
-        self._said: deque[object] = deque(maxlen=MAX_SAID)  # prints of what we published ourselves
+        self._is_showing_drives = is_showing_drives
+        self._said: dict[int, None] = {}  # prints of what we published ourselves, oldest first
         self._loading: Call | None = None
         self._result, self._commanded_ns = Result.NONE, 0
         self._told: tuple[object, ...] = ()
@@ -251,7 +256,7 @@ class Replay(Part):
     def _command(self, call: Call, now: float) -> None:
         if self._node.is_moving:
             raise GraphError("the world is moving")
-        self._commanded_ns = self._node.world.frame * STEP_NS
+        self._commanded_ns = self._node.bus.stamp_ns
         request: Any = call.request
         try:
             command = read_command(request.request)
@@ -428,12 +433,19 @@ class Replay(Part):
             self._outputs.show_now(self._status, now)
 
     def _replay_info(self) -> Any:  # noqa: ANN401 - a generated struct, or None
-        """What is being replayed, for others than ourselves, who listen there too."""
-        if self.state is State.SIMULATING or self.state is State.FOLLOWING:
+        """The drive or what is being replayed, for others than ourselves, who listen there too.
+
+        While the world follows somebody's messages on the same topic they are the ones to be heard.
+        """
+        if self.state is State.FOLLOWING:
             return None
         node = self._node
         assert self._info.topic is not None, "it is published"
-        if not any(one.owner is not node and not one.is_idle for one in self._info.topic.subscriptions):
+        takes_all = self._is_showing_drives or self.state is not State.SIMULATING
+        if not any(
+            one.owner is not node and not one.is_idle and (takes_all or not one.is_general)
+            for one in self._info.topic.subscriptions
+        ):
             return None
         world, row = node.world, node.egos[0].row
         vector = self._vector
@@ -447,14 +459,17 @@ class Replay(Part):
             vector(0.0, 0.0, world.yaw_rate.item(row)),
             *node.convert.object_lists(world),
         )
-        self._said.append(_print_of(info))
+        self._said[_print_of(info)] = None
+        if len(self._said) > MAX_SAID:
+            del self._said[next(iter(self._said))]
         return info
 
 
-def _print_of(info: Any) -> tuple[object, ...]:  # noqa: ANN401 - a generated struct
+def _print_of(info: Any) -> int:  # noqa: ANN401 - a generated struct
     """What tells one ReplayInfo from another; the stamp alone does not, since who leaves it open gets that of now."""
     header = info.header
-    return header.stamp, header.frame_id, info.ego_acc, info.ego_steer, info.orientation, info.linear_acceleration
+    parts = [astuple(part) for part in (header.stamp, info.orientation, info.linear_acceleration)]
+    return hash((*parts, header.frame_id, info.ego_acc, info.ego_steer))
 
 
 def _beyond(recording: Recording) -> str:

@@ -26,8 +26,12 @@ def follow(ros: roslibpy.Ros, way: str) -> None:
         if math.dist(places[0][:2], places[-1][:2]) > 1.0:
             has_moved.set()
 
+    # `subscribe` adds a frame, then looks whether a request for all frames is due. The library's own thread may send
+    # that request in between; then a second one follows, whose first answer tells all places anew, moved or not.
+    client.republisher_update_requested = True
     client.subscribe("vehicle_center", lambda transform: centers.append(list(transform["translation"].values())))
     client.subscribe("/base_link", note)
+    client.update_goal()
     controls = roslibpy.Topic(ros, "/ctrl_cmd", "morai_msgs/CtrlCmd")
     controls.advertise()
     for _ in range(int(PATIENCE / 0.05)):

@@ -1,0 +1,60 @@
+"""The clock of stamps: what it says when the system's clock is set."""
+
+from __future__ import annotations
+
+import time
+from itertools import pairwise
+
+from rosbridge_sim.shell.wall_clock import WallClock
+
+SECOND = 1_000_000_000
+DAY = 1_700_000_000 * SECOND
+
+
+class Times:
+    """Two clocks of a system.
+
+    Attributes:
+        wall, steady: what they say [ns].
+    """
+
+    def __init__(self) -> None:
+        self.wall, self.steady = DAY, 5
+        self.clock = WallClock(lambda: self.wall, lambda: self.steady)
+
+    def after(self, passed_ns: int) -> int:
+        self.wall += passed_ns
+        self.steady += passed_ns
+        return self.clock.read_ns()
+
+
+def test_it_tells_the_systems_time() -> None:
+    times = Times()
+    assert [times.after(SECOND) for _ in range(3)] == [DAY + SECOND, DAY + 2 * SECOND, DAY + 3 * SECOND]
+    before = time.time_ns()
+    assert before <= WallClock().read_ns() <= time.time_ns()
+
+
+def test_system_clock_that_is_set_back_is_waited_for_at_half_the_pace() -> None:
+    times = Times()
+    seen = [times.after(20_000_000)]
+    times.wall -= SECOND // 10
+    seen += [times.after(20_000_000) for _ in range(20)]
+    steps = [after - before for before, after in pairwise(seen)]
+    assert min(steps) >= 10_000_000
+    assert steps[:9] == [10_000_000] * 9
+    assert seen[-1] == times.wall
+
+
+def test_system_clock_that_is_set_forward_is_followed() -> None:
+    times = Times()
+    times.after(SECOND)
+    times.wall += 3_600 * SECOND
+    assert times.after(SECOND) == times.wall
+
+
+def test_no_two_readings_are_the_same_even_if_no_time_passes() -> None:
+    times = Times()
+    assert [times.after(0) for _ in range(3)] == [DAY, DAY + 1, DAY + 2]
+    times.wall = 0
+    assert times.after(0) == DAY + 3
