@@ -176,8 +176,8 @@ def _toml_entries(text: str, path: Path) -> Iterator[_Entry]:
         if not isinstance(values, dict):
             raise DocumentError(f"{where}: expected a table, got {_shown(values)}")
         end = len(lines) if head is None or i + 1 == len(models) else heads[i + 1] - 1
-        columns = {key: _column(key, where) for key in values}
         own_lines = {} if head is None else dict(_lines_of(lines, head, end, path))
+        columns = {key: _column(key, own_lines.get(key, where)) for key in values}
         yield _Entry(
             where,
             {columns[key]: value for key, value in values.items()},

@@ -236,6 +236,7 @@ class DiskLibrary:
         """
         self._folders = [Path(folder) for folder in scenario_folders]
         self._own_map = own_map
+        self._opening: Path | None = None
         self._cache = DocumentCache()
         self.catalogue = BUILT_IN
         if own_models is not None:
@@ -251,7 +252,8 @@ class DiskLibrary:
         """The scenario that a client names.
 
         It is `NAME.json` (the suffix may be given or not) in one of the folders, or, as MORAI keeps them,
-        `MAP/NAME.json` there; `MAP/NAME` asks for one map's.
+        `MAP/NAME.json` there; `MAP/NAME` asks for one map's. After the folders comes the file that the server was
+        started with: programs begin an episode anew by loading it.
 
         Raises:
             DocumentError: no such scenario, a name that leads out of the folders, or a file that cannot be used.
@@ -266,6 +268,7 @@ class DiskLibrary:
             DocumentError: as above.
         """
         text, source = self.opening_file(name)
+        self._opening = Path(source)
         return read_scenario(text, source, catalogue=self.catalogue)
 
     def opening_file(self, name: str) -> tuple[bytes, str]:
@@ -275,8 +278,9 @@ class DiskLibrary:
             DocumentError: there is none, or it cannot be read.
         """
         path = Path(name)
-        is_any_file = looks_like_path(name) and (path.is_file() or name != path.name)
-        return self._read_scenario(path if is_any_file else self._find_scenario(name))
+        if looks_like_path(name) and (path.is_file() or name != path.name):
+            return self._read_scenario(path)
+        return self._read_scenario(self._find_scenario(name))
 
     def has_scenario(self, name: str) -> bool:
         """Whether `scenario` would find a file under a name; it need not be a good one."""
@@ -288,11 +292,17 @@ class DiskLibrary:
 
     def _find_scenario(self, name: str) -> Path:
         parts = safe_parts(name)
-        for folder in [*self._folders, DATA / "scenarios"]:
+        for folder in self._folders:
             path = _find_scenario(folder, parts)
             if path is not None:
                 return path
-        raise DocumentError(f"no scenario {name!r}; known are {', '.join(self.scenario_names()) or 'none'}")
+        if self._opening is not None and parts == (f"{self._opening.name.removesuffix('.json')}.json",):
+            return self._opening
+        path = _find_scenario(DATA / "scenarios", parts)
+        if path is not None:
+            return path
+        known = ", ".join(self.scenario_names())
+        raise DocumentError(f"no scenario {name!r}; known are {known}, and --scenario-path takes a folder")
 
     def _understand(self, path: Path) -> Scenario:
         text, source = self._read_scenario(path)
@@ -303,11 +313,9 @@ class DiskLibrary:
 
     def scenario_names(self) -> list[str]:
         """Some of the names that `scenario` takes, in order of search, for a person to read."""
-        names = []
-        for folder in [*self._folders, DATA / "scenarios"]:
-            found = sorted([*folder.glob("*.json"), *folder.glob("*/*.json")])
-            names += [path.relative_to(folder).with_suffix("").as_posix() for path in found]
-        return list(dict.fromkeys(names))[:MAX_LISTED]
+        own = [name for folder in self._folders for name in _names_in(folder)]
+        opening = [] if self._opening is None else [self._opening.name.removesuffix(".json")]
+        return list(dict.fromkeys([*own, *opening, *_names_in(DATA / "scenarios")]))[:MAX_LISTED]
 
     def map(self, name: str) -> RoadMap:
         """The map that a scenario names, or the one that stands in for all.
@@ -347,6 +355,12 @@ def safe_parts(name: str) -> tuple[str, ...]:
         raise DocumentError(f"{name[:80]!r} is no name of a scenario: expected NAME or MAP/NAME within --scenario-path")
     last = parts[-1]
     return (*parts[:-1], last if last.endswith(".json") else last + ".json")
+
+
+def _names_in(folder: Path) -> list[str]:
+    """The names of a folder's scenarios, sorted by path."""
+    found = sorted([*folder.glob("*.json"), *folder.glob("*/*.json")])
+    return [path.relative_to(folder).with_suffix("").as_posix() for path in found]
 
 
 def _find_scenario(folder: Path, parts: tuple[str, ...]) -> Path | None:

@@ -62,7 +62,7 @@ def test_without_groups_nobody_runs_the_lights() -> None:
     assert tiny.plan is not None
     assert shown(tiny.plan, 0.0, 100.0) == [[UNSET, Y, UNSET, UNSET]] * 2
     assert tiny.notes == (
-        EMPTY,
+        "the set of intersection controllers is empty; no group and schedule runs a light instead",
         f"{NO_CONTROLLER} and no group of lights that the schedule names; it runs nothing",
     )
 

@@ -235,6 +235,9 @@ def test_world_that_waits_for_ticks_is_not_shown_between_them(paused: tuple[Stan
     pause(waiting, late)
     waiting.run(5.0)
     assert not late.heard, "OPEN and OPEN_PAUSED"
+    pause(waiting, late, is_paused=False)
+    waiting.run(5.0)
+    assert not late.heard, "OPEN again"
 
 
 def test_recording_gets_nothing_of_what_is_shown_in_a_pause(paused: tuple[Stand, Client]) -> None:

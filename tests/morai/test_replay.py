@@ -333,7 +333,7 @@ def test_ego_that_the_world_has_not_is_told_to_whoever_asked(stand: Stand, clien
         ("/Ego-2/Ego_topic", value, stamp) for topic, value, stamp in tape.takes["drive"] if topic == "/Ego_topic"
     ]
     assert replay(client, PLAY, FILE, "two")
-    assert client.told == [("warning", "two: it holds an ego 2 and the world has none: that one is left out")]
+    assert client.told == [("info", "two: it holds an ego 2 and the world has none: that one is left out")]
     assert replay(client, STOP)
     client.told.clear()
     client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(2))
@@ -709,7 +709,7 @@ def test_recording_of_it_alone_moves_objects_and_pedals(client: Client, tape: Ta
     client.heard.clear()
     assert replay(client, PLAY, FILE, "told")
     note = "it holds no position of the ego: objects and pedals are replayed"
-    assert client.told == [("warning", f"told: {note}")]
+    assert client.told == [("info", f"told: {note}")]
     statuses = [client.tick()["vehicle_status"] for _ in range(NUM_FRAMES)]
     recorded = ego_values(tape)
     assert all(status["position"] == place for status in statuses)

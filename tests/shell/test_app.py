@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
 import re
 import socket
@@ -101,6 +102,28 @@ async def test_settings_reach_the_parts(connect: Connect) -> None:
         await client.ask("/SyncModeWaitForTick", user_id="me", frame=1)
         objects = await client.message("/Object_topic")
         assert objects["num_of_npcs"] + objects["num_of_pedestrian"] + objects["num_of_obstacle"] == 2
+
+
+async def test_own_catalogue_is_that_of_scenarios_and_of_clients(connect: Connect, tmp_path: Path) -> None:
+    models = tmp_path / "models.csv"
+    models.write_text(
+        "DataID,name,class,length,width,height\n,Fridge,obstacle,0.7,0.6,1.8\n20200003,Tank,vehicle,8,3,3\n"
+    )
+    place = {"initPositionMode": "Absolute", "pos": {"x": 40, "y": 0}}
+    scene = tmp_path / "scene.json"
+    scene.write_text(json.dumps({"egoVehicle": {"DataID": 20200003, "initPosition": place}}))
+    async with Simulator(port=0, start="sync", scenario=str(scene), catalogue=str(models)) as sim:
+        client = await connect(sim.url)
+        spec = await client.ask("/Service_MoraiVehicleSpec", unique_id=0)
+        assert spec["size"] == {"x": 8.0, "y": 3.0, "z": 3.0}
+        await client.send("subscribe", topic="/Object_topic")
+        frame = (await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20))["frame"]
+        await client.send("advertise", topic="/SyncModeAddObj", type="morai_msgs/SyncModeAddObj")
+        added = {"frame": frame + 1, "name": "fridge", "position": {"x": 60.0, "y": 0.0, "z": 0.0}}
+        await client.send("publish", topic="/SyncModeAddObj", msg=added)
+        await client.ask("/SyncModeWaitForTick", user_id="me", frame=frame + 1)
+        (fridge,) = (await client.message("/Object_topic"))["obstacle_list"]
+        assert (fridge["name"], fridge["size"]["z"]) == ("Fridge", 1.8)
 
 
 async def test_settings_may_be_given_whole() -> None:

@@ -646,7 +646,9 @@ async def test_auto_without_a_bridge_is_simulated_time_and_a_line(caplog: pytest
 
 
 @pytest.mark.slow
-async def test_services_of_an_ego_that_left_stay_announced_at_the_bridge(connect: Connect) -> None:
+async def test_services_of_an_ego_that_left_stay_announced_at_the_bridge(
+    connect: Connect, lines: Callable[[], list[str]]
+) -> None:
     async with FarSide() as far_side, attached(far_side.url) as sim:
         client = await connect(far_side.url)
         await client.send("advertise", topic="/ego_setting", type="morai_msgs/MultiEgoSetting")
@@ -658,6 +660,7 @@ async def test_services_of_an_ego_that_left_stay_announced_at_the_bridge(connect
         assert service in (await client.values("/rosapi/services"))["services"]
         answer = await client.call(service, {"request": {}})  # rosbridge_suite passes over `result`
         assert answer["values"]["response"]["gear"] == 0
+        assert any(f"a call of {service} is refused: " in line and "ego 2 has left" in line for line in lines())
         await client.send("publish", topic="/ego_setting", msg=put_egos(2))
         await until(lambda: sim.node is not None and len(sim.node.egos) == 2)
         answer = await client.call(service, {"request": {}})

@@ -148,7 +148,7 @@ def test_a_mistake_in_a_row_has_its_line_and_field(row: str, message: str, tmp_p
         ),
         (
             "[[model]]\nlenght = 4",
-            "m.toml:1: 'lenght': expected one of DataID, name, class, length, width, height,",
+            "m.toml:2: 'lenght': expected one of DataID, name, class, length, width, height,",
         ),
         ("[[model]]\nname = 7\nclass = 'car'", "m.toml:2: name: expected a name of at most 100 characters, got 7"),
         ("[[model]]\nDataID = true", "m.toml:2: DataID: expected a number such as 30200005, got True"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -235,8 +236,9 @@ def test_link_that_leads_out_is_refused(lay: Lay, demo: str) -> None:
 
 def test_unknown_scenario_is_told_with_the_known_ones(lay: Lay, demo: str) -> None:
     root = lay({"mine.json": demo, "Seoul/one.json": demo})
-    with pytest.raises(DocumentError, match="no scenario 'nothing'; known are Seoul/one, mine, demo"):
+    with pytest.raises(DocumentError, match="no scenario 'nothing'; known are Seoul/one, mine, demo") as caught:
         DiskLibrary([root]).scenario("nothing")
+    assert str(caught.value).endswith(", town, and --scenario-path takes a folder")
 
 
 def test_person_who_starts_the_server_may_name_any_file(lay: Lay, demo: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -249,6 +251,25 @@ def test_person_who_starts_the_server_may_name_any_file(lay: Lay, demo: str, mon
         library.opening_scenario("nowhere/x.json")
     with pytest.raises(DocumentError, match=r"no scenario 'x\.json'"):
         library.opening_scenario("x.json")
+
+
+def test_clients_may_load_the_file_that_the_server_was_started_with(lay: Lay, demo: str) -> None:
+    empty = json.dumps({"mapInfo": {"mapName": "track"}})
+    root = lay({"at/mine.json": demo, "at/other.json": demo, "at/plain": demo, "in/mine.json": empty})
+    library = DiskLibrary()
+    with pytest.raises(DocumentError, match="no scenario 'mine'"):
+        library.scenario("mine")
+    library.opening_scenario(str(root / "at/mine.json"))
+    assert [library.scenario(name).egos != () for name in ("mine", "mine.json")] == [True, True]
+    for name in ("other", "at/mine"):
+        with pytest.raises(DocumentError, match=f"no scenario '{name}'; known are mine, demo"):
+            library.scenario(name)
+    library.opening_scenario(str(root / "at/plain"))
+    assert library.scenario("plain").egos != ()
+    # A folder that is given for clients comes first.
+    library = DiskLibrary([root / "in"])
+    library.opening_scenario(str(root / "at/mine.json"))
+    assert library.scenario("mine").egos == ()
 
 
 def test_missing_scenario_folder_is_refused(tmp_path: Path) -> None:

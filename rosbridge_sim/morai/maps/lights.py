@@ -250,8 +250,7 @@ def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: lis
     plans = (
         read_document(_CONTROLLERS, *sorted_files["controllers"], MAX_BYTES) if "controllers" in sorted_files else []
     )
-    if lights and not plans and "controllers" in sorted_files:
-        notes.append("the set of intersection controllers is empty; lights are run by their groups and schedules")
+    first_note = len(notes)
     named = [(plan.idx, [_known(names, rows) for names in plan.TL]) for plan in plans]
     controllers = named or list(_controllers_of(synced, groups))
     schedules = read_document(_SCHEDULES, *sorted_files["schedules"], MAX_BYTES) if "schedules" in sorted_files else []
@@ -267,6 +266,11 @@ def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: lis
         names, schedule = found  # noqa: PLW2901 - with its colours in the groups' order
         notes.append(f"{what}; it runs the groups that it names, {', '.join(names)}")
         laid.append(_controller(schedule.idx, [synced_rows[name] for name in names], schedule, synced_rows, notes))
+    if lights and not plans and "controllers" in sorted_files:
+        what = "no group and schedule runs a light instead"
+        if any(controller.phases for controller in laid):
+            what = "lights are run by their groups and schedules"
+        notes.insert(first_note, f"the set of intersection controllers is empty; {what}")
     return Plan(lanes.roads, lights, laid, together=groups, passes=list(_passes(lanes)))
 
 

@@ -298,7 +298,7 @@ class Replay(Part):
             self._refuse(call, Result.REFUSED, _beyond(recording), now)
             return
         for note in [*recording.notes, *self._notes_on(recording, targets)]:
-            call.caller.tell("warning", f"{recording.name}: {note}")
+            call.caller.tell("info", f"{recording.name}: {note}")  # the command is obeyed: no mistake of the caller
             _log.warning("%s: %s", recording.name, note)
         seconds = recording.duration_ns / 1e9
         _log.info("%s: %.2f s are replayed for %s", recording.name, seconds, call.caller.name)

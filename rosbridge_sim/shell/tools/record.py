@@ -1,8 +1,8 @@
 """`record`: what is published on any rosbridge, into a bag, until Ctrl-C.
 
-Stamps are simulation time where the server has a `/clock`, as `rosbag record` does it with `use_sim_time`, or a clock
-by another name, and the time of day elsewhere. What comes before the first clock waits for it. New topics are looked
-for once a second, and the bag is flushed as often.
+Stamps are the time of `/clock`, or of a clock by another name, where the server has one, as with `use_sim_time`; else
+the time of day. What that clock shows is the server's choice (`--stamps`). What comes before the first clock waits for
+it. New topics are looked for once a second, and the bag is flushed as often.
 """
 
 from __future__ import annotations
