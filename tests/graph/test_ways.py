@@ -108,6 +108,23 @@ def test_plain_topic_that_is_named_as_those_of_actions_are_stays_open(join: Join
     assert client.says(**subscribe(f"/{part}", STATUS)) == [], "no action has an empty name"
 
 
+@pytest.mark.parametrize("slashes", ["{}/msg/{}", "/{}/{}", "{}//{}", "{}/{}/", "{}/msg//{}//"])
+@pytest.mark.parametrize(
+    ("part", "type_name"),
+    [
+        *((part, f"my_msgs/CountAction{part.title()}") for part in ("goal", "feedback", "result")),
+        *(("cancel", GOAL_ID), ("status", STATUS)),
+    ],
+)
+def test_no_spelling_of_a_type_opens_a_denied_action(join: Join, part: str, type_name: str, slashes: str) -> None:
+    client = join(deny(service="/count"))
+    spelled = slashes.format(*type_name.split("/"))
+    op = publish(f"/count/{part}", spelled)
+    assert is_refused(client, op)
+    assert is_refused(client, op | {"op": "publish", "msg": {}})
+    assert is_refused(client, op | {"op": "subscribe"})
+
+
 def test_denying_the_goals_topic_stops_goals_by_every_way(join: Join) -> None:
     client = join(deny(publish="/count/goal"))
     (end,) = client.says(**send("/count"))
@@ -165,6 +182,19 @@ def test_rosapi_lists_neither_the_action_nor_its_topics(bus: Bus, join: Join) ->
     assert client.learns("action_type", action="/count") == {"type": ""}
     topics = client.learns("topics")["topics"]
     assert ("/count/status" in topics, "/count/other" in topics) == (False, True)
+
+
+def test_errors_and_hints_name_no_topic_of_a_denied_action(bus: Bus, join: Join) -> None:
+    client, server = join(deny(service="/count")), join(Policy())
+    server.says(**publish("/count/status", STATUS))
+    (status,) = client.says(op="subscribe", topic="/count/statu")
+    assert status["msg"] == "Cannot infer topic type for topic /count/statu as it is not yet advertised"
+    client.says(op="set_level", level="info")
+    assert client.says(**subscribe("/count_status", STATUS)) == []
+    bus.expire(TYPE_MEMORY)
+    (info,) = client.hears()
+    assert info["level"] == "info"
+    assert "/count/status" not in info["msg"]
 
 
 # Transforms
@@ -251,6 +281,37 @@ def test_row_crosses_directions_for_deny_and_allow_alike(join: Join, tables: Tab
     assert not is_refused(join(with_rows(allow(publish="/other"), tables)), call("/pedal")), "services are open"
 
 
+@pytest.mark.parametrize("pattern", ["*", "/*", "**", "?*"])
+def test_pattern_that_names_nothing_holds_for_its_own_direction_alone(join: Join, tables: Tables, pattern: str) -> None:
+    client = join(with_rows(deny(publish=pattern), tables))
+    for op in (call("/pedal"), send("/count"), call("/count/_action/cancel_goal"), subscribe("/wheel", STRING)):
+        assert not is_refused(client, op)
+    for topic in ("/wheel", "/count/goal", "/count/cancel", "/any"):
+        assert is_refused(client, publish(topic, STRING))
+    client = join(with_rows(deny(service=pattern), tables))
+    assert not is_refused(client, publish("/wheel", STRING))
+    assert is_refused(client, call("/pedal"))
+    client = join(with_rows(allow(publish=pattern, service="/nothing"), tables))
+    assert not is_refused(client, publish("/wheel", STRING))
+    for op in (call("/pedal"), send("/count")):
+        assert is_refused(client, op)
+    client = join(with_rows(allow(service=pattern, publish="/nothing"), tables))
+    assert not is_refused(client, call("/pedal"))
+    for op in (publish("/wheel", STRING), publish("/count/goal", "my_msgs/CountActionGoal")):
+        assert is_refused(client, op)
+
+
+def test_denying_all_actions_closes_their_topics_too(join: Join) -> None:
+    client = join(deny(service="*"))
+    for op in (
+        send("/count"),
+        publish("/count/goal", "my_msgs/CountActionGoal"),
+        publish("/count/cancel", GOAL_ID),
+        subscribe("/count/feedback", "my_msgs/CountActionFeedback"),
+    ):
+        assert is_refused(client, op)
+
+
 def test_names_are_looked_up_once_and_not_per_message(join: Join, tables: Tables) -> None:
     policy = with_rows(deny(service="/pedal"), tables)
     client = join(policy)
@@ -297,6 +358,17 @@ def test_client_loses_what_becomes_another_name_of_something_denied(bus: Bus, jo
     bus.expire(TYPE_MEMORY)
 
 
+def test_name_of_a_type_is_not_kept_with_the_ways(join: Join, tables: Tables) -> None:
+    """A type that does not exist may be as long as a frame."""
+    policy = with_rows(deny(publish="/wheel"), tables)
+    client = join(policy)
+    client.says(**publish("/paint", STRING))
+    num_looks = tables.num_looks
+    for i in range(10):
+        assert client.says(**publish("/paint", f"a/{'x' * 1000}{i}")) != []
+    assert tables.num_looks == num_looks
+
+
 # What is left open
 
 
@@ -312,6 +384,8 @@ def test_log_names_what_a_pattern_leaves_open(tables: Tables) -> None:
     assert with_rows(deny(service="/other"), tables).left_open() == []
     assert with_rows(Policy(parameter=Rule(deny=("*",))), tables).left_open() == []
     assert with_rows(deny(publish="*", subscribe="*", service="*"), tables).left_open() == []
+    lines = with_rows(deny(publish="*"), tables).left_open()
+    assert lines == ["--deny-publish * leaves these ways open to steer: calling /pedal, /joystick"]
 
 
 def test_way_that_does_much_else_is_named_and_means_nothing_by_itself() -> None:
