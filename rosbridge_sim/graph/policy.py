@@ -11,8 +11,9 @@ of its thing, from the table `Ways`:
 - Where there are allow patterns for its direction, one of them must match it; or an allow pattern must match one of the
   other names, each again by those of its own direction.
 - A pattern of `*`, `?` and slashes alone names no thing, so it says nothing of other directions: `--deny-publish '*'`
-  makes observers that may call services, and `--allow-publish '*'` allows no call. One exception: where all actions are
-  denied, their topics are denied too, since an action of ROS 1 is nothing but its topics.
+  makes observers that may call services, and `--allow-publish '*'` allows no call.
+- A topic of an action of ROS 1 is judged in both directions, as the topic and as the action, wildcards included: such an
+  action is nothing but its topics.
 
 The table has a direction, from the narrow name to the wide one: `/Ego-2/ctrl_cmd` is judged as `/ctrl_cmd` too, but
 the pattern `/Ego-2/*` means ego 2 alone. Of the graph itself these are in it:
@@ -379,22 +380,18 @@ class Policy:
             return f", since it shows what {_SHOWN[0].name} does"
         return None
 
-    def _is_allowed(self, way: Way, ways: Iterable[Way]) -> bool:
-        if not self._rule(way).allow or (way.use is Use.SERVICE and way.name.startswith(ROSAPI)):
+    def _is_allowed(self, way: Way, ways: Sequence[Way]) -> bool:
+        if way.use is Use.SERVICE and way.name.startswith(ROSAPI):
             return True
-        return any(self._allows(way, each) for each in ways)
+        if any(_matches(_named(self._rule(each).allow), each.name) for each in ways):
+            return True
+        judged = (way, *(each for each in ways if each.use is Use.ACTION))
+        return all(not self._rule(each).allow or _matches(self._rule(each).allow, each.name) for each in judged)
 
     def _denies(self, way: Way, other: Way) -> bool:
         """Tell whether a deny pattern for another name of a way holds for the way."""
         patterns = self._rule(other).deny
         if other.use is not Use.ACTION and _is_crossing(way, other):
-            patterns = _named(patterns)
-        return _matches(patterns, other.name)
-
-    def _allows(self, way: Way, other: Way) -> bool:
-        """Tell whether an allow pattern for another name of a way holds for the way."""
-        patterns = self._rule(other).allow
-        if _is_crossing(way, other):
             patterns = _named(patterns)
         return _matches(patterns, other.name)
 

@@ -155,6 +155,27 @@ def test_allowing_an_action_opens_every_way_to_it(join: Join) -> None:
     assert is_refused(client, call("/other"))
 
 
+@pytest.mark.parametrize(
+    ("policy", "is_open"),
+    [
+        (allow(service="/mine/*"), False),
+        (allow(service="*"), True),
+        (allow(service="/mine/*", publish="/count/*", subscribe="/count/*"), True),
+        (allow(service="/mine/*", publish="*", subscribe="*"), False),
+        (allow(service="*", publish="/mine/*", subscribe="/mine/*"), False),
+        (allow(service="/count", publish="/mine/*", subscribe="/mine/*"), True),
+    ],
+)
+def test_topics_of_an_action_need_the_action_to_be_allowed(join: Join, policy: Policy, *, is_open: bool) -> None:
+    client = join(policy)
+    for op in (
+        publish("/count/goal", "my_msgs/CountActionGoal"),
+        publish("/count/cancel", GOAL_ID),
+        subscribe("/count/feedback", "my_msgs/CountActionFeedback"),
+    ):
+        assert is_refused(client, op) is not is_open
+
+
 def test_calling_a_service_is_not_sending_a_goal(join: Join) -> None:
     client = join(deny(publish="/count/goal"))
     assert not is_refused(client, call("/count"))
