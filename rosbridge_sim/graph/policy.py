@@ -12,7 +12,7 @@ of its thing, from the table `Ways`:
   other names, each again by those of its own direction.
 - A pattern of `*`, `?` and slashes alone names no thing, so it says nothing of other directions: `--deny-publish '*'`
   makes observers that may call services, and `--allow-publish '*'` allows no call.
-- A topic of an action of ROS 1 is judged in both directions, as the topic and as the action, wildcards included: such an
+- A topic of an action of ROS 1 is judged in both directions, as the topic and as the action, wildcards included: the
   action is nothing but its topics.
 
 The table has a direction, from the narrow name to the wide one: `/Ego-2/ctrl_cmd` is judged as `/ctrl_cmd` too, but

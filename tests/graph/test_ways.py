@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import cbor2
 import pytest
 
 from rosbridge_sim.graph import policy as policy_module
@@ -12,6 +14,7 @@ from rosbridge_sim.graph.bus import TYPE_MEMORY, Bus
 from rosbridge_sim.graph.policy import Effect, Policy, Rule, Use, Way, Ways
 from rosbridge_sim.graph.republisher import Republisher
 from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.protocol.png import Picture
 from tests.graph.room import Wire, make_bus
 
 FIBONACCI, STRING, TRIGGER = "example_interfaces/Fibonacci", "std_msgs/String", "std_srvs/Trigger"
@@ -216,6 +219,72 @@ def test_errors_and_hints_name_no_topic_of_a_denied_action(bus: Bus, join: Join)
     (info,) = client.hears()
     assert info["level"] == "info"
     assert "/count/status" not in info["msg"]
+
+
+# Frames
+
+
+def as_json(op: bytes) -> list[bytes]:
+    return [op]
+
+
+def as_pieces(op: bytes) -> list[bytes]:
+    half = len(op) // 2
+    parts = (op[:half].decode(), op[half:].decode())
+    return [json.dumps({"op": "fragment", "id": "f", "num": i, "total": 2, "data": parts[i]}).encode() for i in (0, 1)]
+
+
+def as_picture(op: bytes) -> list[bytes]:
+    picture = Picture(op)
+    while not picture.work():
+        pass
+    assert picture.frame is not None
+    return [picture.frame]
+
+
+def as_cbor(op: bytes) -> list[bytes]:
+    return [cbor2.dumps(json.loads(op))]
+
+
+def as_glued(op: bytes) -> list[bytes]:
+    return [b'{"op":"set_level","level":"warning"}' + op]
+
+
+def as_pieces_in_cbor(op: bytes) -> list[bytes]:
+    return [cbor2.dumps(json.loads(piece)) for piece in as_pieces(op)]
+
+
+@pytest.mark.parametrize(
+    "wrap", [as_json, as_pieces, as_picture, as_cbor, as_glued, as_pieces_in_cbor], ids=lambda f: f.__name__
+)
+@pytest.mark.parametrize("slash", ["/", ""])
+def test_patterns_hold_in_every_kind_of_frame_and_for_relative_names(
+    bus: Bus, join: Join, wrap: Callable[[bytes], list[bytes]], slash: str
+) -> None:
+    Rosapi(bus, Policy(parameter=Rule(deny=("/secret",))))
+    client = join(
+        Policy(
+            publish=Rule(deny=("/brake",)), subscribe=Rule(deny=("/camera/*",)), service=Rule(deny=("/count", "/stop"))
+        )
+    )
+    for op in (
+        publish(f"{slash}brake", STRING),
+        publish(f"{slash}brake", STRING) | {"op": "publish", "msg": {"data": "x"}},
+        subscribe(f"{slash}camera/front", STRING),
+        call(f"{slash}stop"),
+        {"op": "call_service", "service": f"{slash}stop#id"},
+        {"op": "advertise_service", "service": f"{slash}stop", "type": TRIGGER},
+        {"op": "advertise_action", "action": f"{slash}count", "type": FIBONACCI},
+        send(f"{slash}count", order=1),
+        publish(f"{slash}count/goal", "my_msgs/CountActionGoal"),
+        call("/rosapi/get_param", name=f"{slash}secret", default=""),
+        call("rosapi/set_param", name=f"{slash}secret", value="1"),
+    ):
+        for frame in wrap(json.dumps(op).encode()):
+            client.peer.receive(frame, 0.0)
+        (answer,) = client.hears()
+        assert "Not allowed to" in str(answer), op
+    assert {"/brake", "/camera/front", "/count/goal"}.isdisjoint(bus.topics)
 
 
 # Transforms
