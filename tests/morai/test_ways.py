@@ -120,6 +120,10 @@ def test_allowing_one_name_of_a_thing_allows_all(stand: Stand) -> None:
     assert may(policy, Use.SERVICE, "/SyncModeScenarioLoad")
     assert not may(policy, Use.PUBLISH, "/lamps")
     assert not may(policy, Use.SERVICE, "/SyncModeCmd")
+    objects = Rule(allow=("/SyncModeAddObj", "/SyncModeRemoveObj"))
+    policy = completed(Policy(publish=objects, service=Rule(allow=("/nothing",))), stand)
+    assert may(policy, Use.SERVICE, "/SyncModeAddObject")
+    assert may(policy, Use.SERVICE, "/SyncModeRemoveObject")
     policy = completed(Policy(publish=Rule(allow=("/Ego-2/*",))), stand)
     assert not may(policy, Use.PUBLISH, "/ctrl_cmd")
 
