@@ -275,7 +275,7 @@ def test_message_that_is_latched_under_a_remembered_type_does_not_outlive_it(bus
     publisher.says(op="advertise", topic="/t", type=STRING, latch=True)
     publisher.says(**published("/t", "old"))
     publisher.peer.leave(0.0)
-    bus.advertise(part, "/t", INT, is_exclusive=True)
+    bus.advertise(part, "/t", INT, depth=1, is_exclusive=True)
     assert client.says(op="subscribe", topic="/t") == []
 
 
