@@ -381,6 +381,8 @@ class Policy:
         return None
 
     def _is_allowed(self, way: Way, ways: Sequence[Way]) -> bool:
+        if not (self.service.allow or self.publish.allow or self.subscribe.allow):
+            return True
         if way.use is Use.SERVICE and way.name.startswith(ROSAPI):
             return True
         if any(_matches(_named(self._rule(each).allow), each.name) for each in ways):
@@ -391,6 +393,8 @@ class Policy:
     def _denies(self, way: Way, other: Way) -> bool:
         """Tell whether a deny pattern for another name of a way holds for the way."""
         patterns = self._rule(other).deny
+        if not patterns:
+            return False
         if other.use is not Use.ACTION and _is_crossing(way, other):
             patterns = _named(patterns)
         return _matches(patterns, other.name)
