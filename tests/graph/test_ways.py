@@ -478,6 +478,12 @@ def test_log_names_what_a_pattern_leaves_open(tables: Tables) -> None:
     assert lines == ["--deny-publish * leaves these ways open to steer: calling /pedal, /joystick"]
 
 
+def test_log_blames_no_wildcard_for_what_another_direction_closes(tables: Tables) -> None:
+    policy = Policy(publish=Rule(deny=("*",)), service=Rule(deny=("/pedal",)))
+    policy.ways.add(lambda: (Effect("ring", (PEDAL, Way(Use.SERVICE, "/bell"))),), tables.look_up)
+    assert policy.left_open() == ["--deny-service /pedal leaves these ways open to ring: calling /bell"]
+
+
 def test_way_that_does_much_else_is_named_and_means_nothing_by_itself() -> None:
     policy = deny(service="/reset")
     effect = Effect("steer", (WHEEL,), (Way(Use.SERVICE, "/reset"),))
