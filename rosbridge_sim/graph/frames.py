@@ -18,12 +18,13 @@ from typing import Any, NamedTuple
 import msgspec
 
 from rosbridge_sim.errors import GraphError
-from rosbridge_sim.graph.owner import Owner
+from rosbridge_sim.graph.owner import Guest, Owner
 
 __all__ = ["IDENTITY", "MAX_FRAMES", "MAX_NAME", "Frames", "Placed", "Pose", "compose", "frame_name", "invert", "turn"]
 
 MAX_FRAMES = 1_000
-"""Moving frames that are kept, and as many static ones; who was told longest ago goes first."""
+"""Moving frames that are kept, and as many static ones. The one that was told longest ago goes first, those of clients
+before the server's own: static ones are told once, and a client could push them out for good."""
 
 MAX_NAME = 256
 """Longest name of a frame [characters]."""
@@ -160,7 +161,8 @@ class Frames:
         edges.pop(child, None)
         edges[child] = _Edge(parent, pose, None if is_static else stamped.header.stamp, sender)
         if len(edges) > MAX_FRAMES:
-            del edges[next(iter(edges))]
+            of_clients = (name for name, edge in edges.items() if isinstance(edge.sender, Guest))
+            del edges[next(of_clients, next(iter(edges)))]
         self.version += 1
 
     def forget(self, is_meant: Callable[[Owner], bool]) -> None:

@@ -273,14 +273,18 @@ class Peer:
         names: Iterable[str]
         may_know: Callable[[str], bool]
         if reason is Reason.UNKNOWN_TOPIC and isinstance(op, (ops.Publish, ops.Subscribe)):
-            name, names, may_know = op.topic, self._bus.topics, self._policy.may_see
+            name, names, may_know = op.topic, self._bus.topics, self._may_see
         elif reason is Reason.NO_SUCH_SERVICE and isinstance(op, ops.CallService):
             name, names, may_know = _split_id(op)[0], self._bus.services, self._policy.may_call
         elif reason is Reason.NO_SUCH_ACTION and isinstance(op, ops.SendActionGoal):
-            name, names, may_know = op.action, self._actions.by_name, self._policy.may_call
+            name, names, may_know = op.action, self._actions.by_name, self._policy.may_send_goal
         else:
             return ""
         return hint(resolve(name), names if self._policy == OPEN else filter(may_know, names))
+
+    def _may_see(self, name: str) -> bool:
+        """Tell whether a topic that is there is any of this client's business."""
+        return self._policy.may_see(name, self._bus.topics[name].type.name)
 
     def refuse(self, op: ops.Op, why: str, reason: Reason = Reason.REFUSED) -> bool:
         """Answer an op that is not to be done, if it waits for an answer; else False, and it gets no answer."""
@@ -489,7 +493,7 @@ class Peer:
 
     def _tell_unpublished(self, topic: Topic) -> None:
         """Tell that a topic has no publisher yet. That is no mistake; it may be a wrong name."""
-        published = [each for each in self._bus.topics.values() if each.publishers and self._policy.may_see(each.name)]
+        published = [each for each in self._bus.topics.values() if each.publishers and self._may_see(each.name)]
         near = hint(topic.name, [each.name for each in published])
         alike = [each.name for each in published if each.type is topic.type][:MAX_ALIKE]
         of_type = f"; of this type there is {listing(alike)}" if alike else ""

@@ -10,6 +10,10 @@ of its thing, from the table `Ways`:
 - It is denied if a deny pattern matches any of them, each by the patterns of its own direction.
 - Where there are allow patterns for its direction, one of them must match it; or an allow pattern must match one of the
   other names, each again by those of its own direction.
+- A pattern of `*`, `?` and slashes alone names no thing, so it says nothing of other directions: `--deny-publish '*'`
+  makes observers that may call services, and `--allow-publish '*'` allows no call.
+- A topic of an action of ROS 1 is judged in both directions, as the topic and as the action, wildcards included: the
+  action is nothing but its topics.
 
 The table has a direction, from the narrow name to the wide one: `/Ego-2/ctrl_cmd` is judged as `/ctrl_cmd` too, but
 the pattern `/Ego-2/*` means ego 2 alone. Of the graph itself these are in it:
@@ -74,6 +78,9 @@ _ACTIONLIB: Final = {
 }
 """The five topics of an action of ROS 1, and how their types' names end: many a plain topic is called `status`."""
 
+_WILDCARDS: Final = "*?/"
+"""Characters of a pattern that names no thing, such as `*`: it means everything of its direction."""
+
 
 class Use(Enum):
     """Use of a name by a client; the values are words for the log."""
@@ -121,7 +128,7 @@ class Ways:
         self.on_change: dict[Callable[[float], None], None] = {}
         self._lookups: list[Lookup] = [_look_up]
         self._effects: list[Callable[[], Iterable[Effect]]] = [lambda: (_TRANSFORMS,)]
-        self._known: dict[tuple[Way, str], tuple[Way, ...]] = {}
+        self._known: dict[tuple[Way, tuple[Way, ...]], tuple[Way, ...]] = {}
 
     def add(self, effects: Callable[[], Iterable[Effect]], lookup: Lookup | None = None) -> None:
         """Add the rows of a part of the server.
@@ -148,14 +155,16 @@ class Ways:
             way: under an absolute name.
             type_name: of a topic, in any spelling.
         """
-        ways = self._known.get((way, type_name))
+        of_action = tuple(_look_up_topic(way, type_name))
+        key = (way, of_action)  # without the type: its name may be as long as a frame
+        ways = self._known.get(key)
         if ways is None:
-            found = dict.fromkeys([way, *_look_up_topic(way, type_name)])
+            found = dict.fromkeys([way, *of_action])
             for lookup in self._lookups:
                 found |= dict.fromkeys(lookup(way))
             if len(self._known) >= MAX_KNOWN:
                 self._known.clear()
-            ways = self._known[way, type_name] = tuple(found)
+            ways = self._known[key] = tuple(found)
         return ways
 
     def effects(self) -> Iterator[Effect]:
@@ -168,7 +177,10 @@ def _look_up_topic(way: Way, type_name: str) -> Iterator[Way]:
     """The action to which one of the five topics belongs."""
     action, _, part = way.name.rpartition("/")
     ending = _ACTIONLIB.get(part)
-    if ending is not None and action and type_name.endswith(ending) and way.use in {Use.PUBLISH, Use.SUBSCRIBE}:
+    if ending is None or not action or way.use not in {Use.PUBLISH, Use.SUBSCRIBE}:
+        return
+    package, _, short = type_name.rstrip("/").rpartition("/")  # needless slashes are no part of a type's name
+    if package and f"/{short}".endswith(ending):
         yield Way(Use.ACTION, action)
         if way.use is Use.PUBLISH and part == "cancel":
             yield Way(Use.SERVICE, action + CANCEL)
@@ -356,7 +368,7 @@ class Policy:
         way = Way(use, resolve(name))
         ways = self.ways.all_of(way, type_name)
         for each in ways:
-            if self._rule(each).denies(each.name):
+            if self._denies(way, each):
                 return "" if each.name == way.name else f", another way of {each.use.value} {each.name}"
         if not self._is_allowed(way, ways):
             return ""
@@ -368,10 +380,24 @@ class Policy:
             return f", since it shows what {_SHOWN[0].name} does"
         return None
 
-    def _is_allowed(self, way: Way, ways: Iterable[Way]) -> bool:
-        if not self._rule(way).allow or (way.use is Use.SERVICE and way.name.startswith(ROSAPI)):
+    def _is_allowed(self, way: Way, ways: Sequence[Way]) -> bool:
+        if not (self.service.allow or self.publish.allow or self.subscribe.allow):
             return True
-        return any(self._rule(each).allows(each.name) for each in ways)
+        if way.use is Use.SERVICE and way.name.startswith(ROSAPI):
+            return True
+        if any(_matches(_named(self._rule(each).allow), each.name) for each in ways):
+            return True
+        judged = (way, *(each for each in ways if each.use is Use.ACTION))
+        return all(not self._rule(each).allow or _matches(self._rule(each).allow, each.name) for each in judged)
+
+    def _denies(self, way: Way, other: Way) -> bool:
+        """Tell whether a deny pattern for another name of a way holds for the way."""
+        patterns = self._rule(other).deny
+        if not patterns:
+            return False
+        if other.use is not Use.ACTION and _is_crossing(way, other):
+            patterns = _named(patterns)
+        return _matches(patterns, other.name)
 
     def _rule(self, way: Way) -> Rule:
         if way.use is Use.PUBLISH:
@@ -379,7 +405,11 @@ class Policy:
         return self.subscribe if way.use is Use.SUBSCRIBE else self.service
 
     def _is_denied_by(self, use: Use, pattern: str, way: Way) -> bool:
-        return any(each.use is use and _matches((pattern,), each.name) for each in self.ways.all_of(way))
+        named = _named((pattern,))
+        return any(
+            each.use is use and _matches(named if _is_crossing(way, each) else (pattern,), each.name)
+            for each in self.ways.all_of(way)
+        )
 
     def _is_left_out(self, use: Use, way: Way) -> bool:
         return way.use is use and not self._is_allowed(way, self.ways.all_of(way))
@@ -418,9 +448,21 @@ def _shortened(text: str) -> str:
     return text if len(text) <= MAX_CHARS else text[: MAX_CHARS - 3] + "..."
 
 
+def _is_crossing(way: Way, other: Way) -> bool:
+    """Tell whether two names are judged by the patterns of different directions; actions are judged as services."""
+    services = {Use.SERVICE, Use.ACTION}
+    return way.use is not other.use and not {way.use, other.use} <= services
+
+
+@lru_cache(maxsize=64)
+def _named(patterns: tuple[str, ...]) -> tuple[str, ...]:
+    """The patterns that name something."""
+    return tuple(pattern for pattern in patterns if pattern.strip(_WILDCARDS))
+
+
 @lru_cache(maxsize=4096)
 def _matches(patterns: tuple[str, ...], name: str) -> bool:
-    return _compile(patterns).match(name) is not None
+    return bool(patterns) and _compile(patterns).match(name) is not None
 
 
 @lru_cache(maxsize=64)

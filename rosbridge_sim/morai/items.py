@@ -107,7 +107,7 @@ class Items:
     Attributes:
         settings: those in force.
         why_closed: why services and input topics refuse everything; None while they do not.
-        on_change: called with `now` after other settings have come into force.
+        on_change: called with `now` when other settings come into force, before items have the new names.
     """
 
     def __init__(self, owner: Owner, bus: Bus, settings: NetworkSettings = DEFAULTS) -> None:
@@ -197,10 +197,11 @@ class Items:
             if item.name is not None:
                 item.release(self._owner, self._bus, now, is_gone=False)
                 item.name = None
+        self.settings = settings
+        # Before anything is said under a new name: a client that may not hear it may be listening there already.
+        self._bus.guard.attempt("what follows other network settings", self.on_change, now)
         for item in self._items:
             self._place(item, settings, now)
-        self.settings = settings
-        self._bus.guard.attempt("what follows other network settings", self.on_change, now)
         _log.info("network settings: %d items have another name, or were turned on or off", len(moving))
 
     def name_of(self, kind: ItemKind, default: str, prefix: str = "/") -> str:

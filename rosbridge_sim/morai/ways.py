@@ -59,7 +59,7 @@ _EFFECTS: Final = (
     Effect(
         "move an ego",
         (*_publishing("/ctrl_cmd", "/ctrl_cmd_0", "/ghost_ctrl_cmd"), *_PLACE, *_calling("/SyncModeCtrlCmd")),
-        (*_REPLAYS, *_LOADS, *_RESET),
+        (*_EVENT, *_REPLAYS, *_LOADS, *_RESET),  # by the event service an ego is told to drive itself
     ),
     Effect("shift an ego's gear", (*_calling("/SyncModeSetGear"), *_EVENT), _PLACE),
     Effect("choose who drives an ego", _EVENT, _PLACE),
@@ -78,7 +78,7 @@ _EFFECTS: Final = (
     Effect(
         "stop time or let it go on",
         (*_EVENT, *_calling("/SyncModeCmd"), *_TICK),
-        _calling("/SyncModeScenarioLoad", "/Service_MoraiSL", "/Morai_SimProc"),
+        (*_LOADS, *_calling("/Morai_SimProc")),
     ),
     Effect("save sensor data", _publishing("/SaveSensorData"), _calling("/SyncModeCtrlCmd")),
     Effect(

@@ -30,6 +30,10 @@ from rosbridge_sim.shell.bags import Bag, BagGoneError, Channel
 
 __all__ = ["PERIOD", "Recorder", "Scribe"]
 
+MAX_TOPICS = 10_000
+"""Topics of one recording. A topic that is recorded is never forgotten: without a bound a client that advertises ever
+new names under `--record-topics '*'` would fill the memory."""
+
 PERIOD = 1.0
 """Between two flushes [s]: what a crash may cost."""
 
@@ -223,6 +227,7 @@ class Recorder:
         self._rule = Rule(patterns) if patterns else None
         self._loop = loop
         self._seen: set[Topic] = set()
+        self._is_full = False  # and the log says so
         self._given_up: set[Topic] = set()
         self._is_on = True
         self._timer = loop.call_later(PERIOD, self._tick)
@@ -268,6 +273,11 @@ class Recorder:
     def _look(self, topic: Topic) -> None:
         """Somebody publishes or listens there, perhaps for the first time."""
         if topic in self._seen or not self._is_on or not topic.is_settled or not self._is_wanted(topic):
+            return
+        if len(self._seen) >= MAX_TOPICS:
+            if not self._is_full:
+                self._is_full = True
+                _log.warning("%s: no further topics are recorded: %s are recorded already", self._path, MAX_TOPICS)
             return
         self._seen.add(topic)  # before he subscribes, for that is told too
         if self._guard(lambda: self.scribe.add(topic.name, topic.type.name, is_latching=topic.is_latching), topic):

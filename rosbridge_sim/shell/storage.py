@@ -203,6 +203,9 @@ MAX_LISTED = 20
 MAX_NAME = 200
 """Characters of a scenario's name."""
 
+MAX_NAME_BYTES = 255
+"""Bytes of one file's or folder's name: disks refuse a longer one, and 200 Korean characters have 600."""
+
 MIN_AGE = 2.0
 """A scenario file that was changed later than this may change again without its time of change telling so [s]: FAT
 counts in steps of two seconds. Programs write a scenario, load it and write the next one to the same file."""
@@ -336,7 +339,7 @@ class DiskLibrary:
         folder = DATA / "maps" / (self._own_map or name)
         if self._own_map is not None and (looks_like_path(self._own_map) or not folder.is_dir()):
             folder = Path(self._own_map)
-        if not folder.is_dir() or (self._own_map is None and not PLAIN_NAME.fullmatch(name)):
+        if (self._own_map is None and not _is_file_name(name)) or not folder.is_dir():
             known = ", ".join(map_names())
             raise DocumentError(f"no map {self._own_map or name!r}; known are {known}, and --map takes a folder")
         return folder
@@ -350,11 +353,17 @@ def map_names() -> list[str]:
 def safe_parts(name: str) -> tuple[str, ...]:
     """A client's name of a scenario, taken apart: (NAME.json,) or (MAP, NAME.json)."""
     parts = name.replace("\\", "/").split("/")
-    is_plain = len(name) <= MAX_NAME and all(PLAIN_NAME.fullmatch(part) for part in parts)
-    if not is_plain or len(parts) > len(("MAP", "NAME")):
+    is_plain = len(name) <= MAX_NAME and len(parts) <= len(("MAP", "NAME")) and all(map(_is_file_name, parts))
+    if not parts[-1].endswith(".json"):
+        parts[-1] += ".json"
+    if not is_plain or not _is_file_name(parts[-1]):
         raise DocumentError(f"{name[:80]!r} is no name of a scenario: expected NAME or MAP/NAME within --scenario-path")
-    last = parts[-1]
-    return (*parts[:-1], last if last.endswith(".json") else last + ".json")
+    return tuple(parts)
+
+
+def _is_file_name(part: str) -> bool:
+    """Tell whether a disk can have a file or folder of that name."""
+    return PLAIN_NAME.fullmatch(part) is not None and len(part.encode("utf-8", "surrogatepass")) <= MAX_NAME_BYTES
 
 
 def _names_in(folder: Path) -> list[str]:

@@ -22,7 +22,7 @@ from rosbridge_sim.graph.frames import (
     invert,
     turn,
 )
-from tests.graph.room import make_store
+from tests.graph.room import make_bus, make_peer, make_store
 
 Matrix = npt.NDArray[np.float64]
 
@@ -188,6 +188,19 @@ def test_who_was_told_longest_ago_goes_first_and_static_frames_stay() -> None:
     assert frames.look_up("fixed", "base") is not None
     assert frames.look_up("map", "n0") is None
     assert frames.look_up("map", "n1") is not None
+
+
+@pytest.mark.parametrize("is_static", [True, False])
+def test_client_that_tells_too_many_frames_pushes_out_its_own_and_none_of_the_servers(*, is_static: bool) -> None:
+    client, _ = make_peer(make_bus())
+    frames = Frames()
+    put(frames, "map", "base", Pose(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0), static=is_static)
+    for i in range(MAX_FRAMES + 5):
+        frames.put(stamped("map", f"client_{i}"), client, is_static=is_static)
+    assert len(frames) == MAX_FRAMES
+    assert frames.look_up("map", "base") is not None
+    assert frames.look_up("map", "client_0") is None
+    assert frames.look_up("map", f"client_{MAX_FRAMES + 4}") is not None
 
 
 def test_moving_frames_of_some_can_be_forgotten() -> None:

@@ -270,6 +270,15 @@ def test_type_that_is_only_remembered_keeps_no_part_of_the_server_out(bus: Bus) 
     assert bus.advertise(part, "/t", INT, is_exclusive=True).type.name == INT
 
 
+def test_message_that_is_latched_under_a_remembered_type_does_not_outlive_it(bus: Bus) -> None:
+    part, publisher, client = Part(), Wire(bus), Wire(bus)
+    publisher.says(op="advertise", topic="/t", type=STRING, latch=True)
+    publisher.says(**published("/t", "old"))
+    publisher.peer.leave(0.0)
+    bus.advertise(part, "/t", INT, depth=1, is_exclusive=True)
+    assert client.says(op="subscribe", topic="/t") == []
+
+
 def test_mirror_announces_the_simulators_types_whatever_clients_wanted_there(bus: Bus) -> None:
     part, client = Part(), Wire(bus)
     mirror = Mirror(bus, part, "far")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import cbor2
 import pytest
 
 from rosbridge_sim.graph import policy as policy_module
@@ -12,6 +14,7 @@ from rosbridge_sim.graph.bus import TYPE_MEMORY, Bus
 from rosbridge_sim.graph.policy import Effect, Policy, Rule, Use, Way, Ways
 from rosbridge_sim.graph.republisher import Republisher
 from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.protocol.png import Picture
 from tests.graph.room import Wire, make_bus
 
 FIBONACCI, STRING, TRIGGER = "example_interfaces/Fibonacci", "std_msgs/String", "std_srvs/Trigger"
@@ -108,6 +111,23 @@ def test_plain_topic_that_is_named_as_those_of_actions_are_stays_open(join: Join
     assert client.says(**subscribe(f"/{part}", STATUS)) == [], "no action has an empty name"
 
 
+@pytest.mark.parametrize("slashes", ["{}/msg/{}", "/{}/{}", "{}//{}", "{}/{}/", "{}/msg//{}//"])
+@pytest.mark.parametrize(
+    ("part", "type_name"),
+    [
+        *((part, f"my_msgs/CountAction{part.title()}") for part in ("goal", "feedback", "result")),
+        *(("cancel", GOAL_ID), ("status", STATUS)),
+    ],
+)
+def test_no_spelling_of_a_type_opens_a_denied_action(join: Join, part: str, type_name: str, slashes: str) -> None:
+    client = join(deny(service="/count"))
+    spelled = slashes.format(*type_name.split("/"))
+    op = publish(f"/count/{part}", spelled)
+    assert is_refused(client, op)
+    assert is_refused(client, op | {"op": "publish", "msg": {}})
+    assert is_refused(client, op | {"op": "subscribe"})
+
+
 def test_denying_the_goals_topic_stops_goals_by_every_way(join: Join) -> None:
     client = join(deny(publish="/count/goal"))
     (end,) = client.says(**send("/count"))
@@ -138,6 +158,27 @@ def test_allowing_an_action_opens_every_way_to_it(join: Join) -> None:
     assert is_refused(client, call("/other"))
 
 
+@pytest.mark.parametrize(
+    ("policy", "is_open"),
+    [
+        (allow(service="/mine/*"), False),
+        (allow(service="*"), True),
+        (allow(service="/mine/*", publish="/count/*", subscribe="/count/*"), True),
+        (allow(service="/mine/*", publish="*", subscribe="*"), False),
+        (allow(service="*", publish="/mine/*", subscribe="/mine/*"), False),
+        (allow(service="/count", publish="/mine/*", subscribe="/mine/*"), True),
+    ],
+)
+def test_topics_of_an_action_need_the_action_to_be_allowed(join: Join, policy: Policy, *, is_open: bool) -> None:
+    client = join(policy)
+    for op in (
+        publish("/count/goal", "my_msgs/CountActionGoal"),
+        publish("/count/cancel", GOAL_ID),
+        subscribe("/count/feedback", "my_msgs/CountActionFeedback"),
+    ):
+        assert is_refused(client, op) is not is_open
+
+
 def test_calling_a_service_is_not_sending_a_goal(join: Join) -> None:
     client = join(deny(publish="/count/goal"))
     assert not is_refused(client, call("/count"))
@@ -165,6 +206,85 @@ def test_rosapi_lists_neither_the_action_nor_its_topics(bus: Bus, join: Join) ->
     assert client.learns("action_type", action="/count") == {"type": ""}
     topics = client.learns("topics")["topics"]
     assert ("/count/status" in topics, "/count/other" in topics) == (False, True)
+
+
+def test_errors_and_hints_name_no_topic_of_a_denied_action(bus: Bus, join: Join) -> None:
+    client, server = join(deny(service="/count")), join(Policy())
+    server.says(**publish("/count/status", STATUS))
+    (status,) = client.says(op="subscribe", topic="/count/statu")
+    assert status["msg"] == "Cannot infer topic type for topic /count/statu as it is not yet advertised"
+    client.says(op="set_level", level="info")
+    assert client.says(**subscribe("/count_status", STATUS)) == []
+    bus.expire(TYPE_MEMORY)
+    (info,) = client.hears()
+    assert info["level"] == "info"
+    assert "/count/status" not in info["msg"]
+
+
+# Frames
+
+
+def as_json(op: bytes) -> list[bytes]:
+    return [op]
+
+
+def as_pieces(op: bytes) -> list[bytes]:
+    half = len(op) // 2
+    parts = (op[:half].decode(), op[half:].decode())
+    return [json.dumps({"op": "fragment", "id": "f", "num": i, "total": 2, "data": parts[i]}).encode() for i in (0, 1)]
+
+
+def as_picture(op: bytes) -> list[bytes]:
+    picture = Picture(op)
+    while not picture.work():
+        pass
+    assert picture.frame is not None
+    return [picture.frame]
+
+
+def as_cbor(op: bytes) -> list[bytes]:
+    return [cbor2.dumps(json.loads(op))]
+
+
+def as_glued(op: bytes) -> list[bytes]:
+    return [b'{"op":"set_level","level":"warning"}' + op]
+
+
+def as_pieces_in_cbor(op: bytes) -> list[bytes]:
+    return [cbor2.dumps(json.loads(piece)) for piece in as_pieces(op)]
+
+
+@pytest.mark.parametrize(
+    "wrap", [as_json, as_pieces, as_picture, as_cbor, as_glued, as_pieces_in_cbor], ids=lambda f: f.__name__
+)
+@pytest.mark.parametrize("slash", ["/", ""])
+def test_patterns_hold_in_every_kind_of_frame_and_for_relative_names(
+    bus: Bus, join: Join, wrap: Callable[[bytes], list[bytes]], slash: str
+) -> None:
+    Rosapi(bus, Policy(parameter=Rule(deny=("/secret",))))
+    client = join(
+        Policy(
+            publish=Rule(deny=("/brake",)), subscribe=Rule(deny=("/camera/*",)), service=Rule(deny=("/count", "/stop"))
+        )
+    )
+    for op in (
+        publish(f"{slash}brake", STRING),
+        publish(f"{slash}brake", STRING) | {"op": "publish", "msg": {"data": "x"}},
+        subscribe(f"{slash}camera/front", STRING),
+        call(f"{slash}stop"),
+        {"op": "call_service", "service": f"{slash}stop#id"},
+        {"op": "advertise_service", "service": f"{slash}stop", "type": TRIGGER},
+        {"op": "advertise_action", "action": f"{slash}count", "type": FIBONACCI},
+        send(f"{slash}count", order=1),
+        publish(f"{slash}count/goal", "my_msgs/CountActionGoal"),
+        call("/rosapi/get_param", name=f"{slash}secret", default=""),
+        call("rosapi/set_param", name=f"{slash}secret", value="1"),
+    ):
+        for frame in wrap(json.dumps(op).encode()):
+            client.peer.receive(frame, 0.0)
+        (answer,) = client.hears()
+        assert "Not allowed to" in str(answer), op
+    assert {"/brake", "/camera/front", "/count/goal"}.isdisjoint(bus.topics)
 
 
 # Transforms
@@ -251,6 +371,37 @@ def test_row_crosses_directions_for_deny_and_allow_alike(join: Join, tables: Tab
     assert not is_refused(join(with_rows(allow(publish="/other"), tables)), call("/pedal")), "services are open"
 
 
+@pytest.mark.parametrize("pattern", ["*", "/*", "**", "?*"])
+def test_pattern_that_names_nothing_holds_for_its_own_direction_alone(join: Join, tables: Tables, pattern: str) -> None:
+    client = join(with_rows(deny(publish=pattern), tables))
+    for op in (call("/pedal"), send("/count"), call("/count/_action/cancel_goal"), subscribe("/wheel", STRING)):
+        assert not is_refused(client, op)
+    for topic in ("/wheel", "/count/goal", "/count/cancel", "/any"):
+        assert is_refused(client, publish(topic, STRING))
+    client = join(with_rows(deny(service=pattern), tables))
+    assert not is_refused(client, publish("/wheel", STRING))
+    assert is_refused(client, call("/pedal"))
+    client = join(with_rows(allow(publish=pattern, service="/nothing"), tables))
+    assert not is_refused(client, publish("/wheel", STRING))
+    for op in (call("/pedal"), send("/count")):
+        assert is_refused(client, op)
+    client = join(with_rows(allow(service=pattern, publish="/nothing"), tables))
+    assert not is_refused(client, call("/pedal"))
+    for op in (publish("/wheel", STRING), publish("/count/goal", "my_msgs/CountActionGoal")):
+        assert is_refused(client, op)
+
+
+def test_denying_all_actions_closes_their_topics_too(join: Join) -> None:
+    client = join(deny(service="*"))
+    for op in (
+        send("/count"),
+        publish("/count/goal", "my_msgs/CountActionGoal"),
+        publish("/count/cancel", GOAL_ID),
+        subscribe("/count/feedback", "my_msgs/CountActionFeedback"),
+    ):
+        assert is_refused(client, op)
+
+
 def test_names_are_looked_up_once_and_not_per_message(join: Join, tables: Tables) -> None:
     policy = with_rows(deny(service="/pedal"), tables)
     client = join(policy)
@@ -297,6 +448,17 @@ def test_client_loses_what_becomes_another_name_of_something_denied(bus: Bus, jo
     bus.expire(TYPE_MEMORY)
 
 
+def test_name_of_a_type_is_not_kept_with_the_ways(join: Join, tables: Tables) -> None:
+    """A type that does not exist may be as long as a frame."""
+    policy = with_rows(deny(publish="/wheel"), tables)
+    client = join(policy)
+    client.says(**publish("/paint", STRING))
+    num_looks = tables.num_looks
+    for i in range(10):
+        assert client.says(**publish("/paint", f"a/{'x' * 1000}{i}")) != []
+    assert tables.num_looks == num_looks
+
+
 # What is left open
 
 
@@ -312,6 +474,14 @@ def test_log_names_what_a_pattern_leaves_open(tables: Tables) -> None:
     assert with_rows(deny(service="/other"), tables).left_open() == []
     assert with_rows(Policy(parameter=Rule(deny=("*",))), tables).left_open() == []
     assert with_rows(deny(publish="*", subscribe="*", service="*"), tables).left_open() == []
+    lines = with_rows(deny(publish="*"), tables).left_open()
+    assert lines == ["--deny-publish * leaves these ways open to steer: calling /pedal, /joystick"]
+
+
+def test_log_blames_no_wildcard_for_what_another_direction_closes(tables: Tables) -> None:
+    policy = Policy(publish=Rule(deny=("*",)), service=Rule(deny=("/pedal",)))
+    policy.ways.add(lambda: (Effect("ring", (PEDAL, Way(Use.SERVICE, "/bell"))),), tables.look_up)
+    assert policy.left_open() == ["--deny-service /pedal leaves these ways open to ring: calling /bell"]
 
 
 def test_way_that_does_much_else_is_named_and_means_nothing_by_itself() -> None:

@@ -120,6 +120,10 @@ def test_allowing_one_name_of_a_thing_allows_all(stand: Stand) -> None:
     assert may(policy, Use.SERVICE, "/SyncModeScenarioLoad")
     assert not may(policy, Use.PUBLISH, "/lamps")
     assert not may(policy, Use.SERVICE, "/SyncModeCmd")
+    objects = Rule(allow=("/SyncModeAddObj", "/SyncModeRemoveObj"))
+    policy = completed(Policy(publish=objects, service=Rule(allow=("/nothing",))), stand)
+    assert may(policy, Use.SERVICE, "/SyncModeAddObject")
+    assert may(policy, Use.SERVICE, "/SyncModeRemoveObject")
     policy = completed(Policy(publish=Rule(allow=("/Ego-2/*",))), stand)
     assert not may(policy, Use.PUBLISH, "/ctrl_cmd")
 
@@ -167,6 +171,19 @@ def test_client_that_had_the_new_name_before_loses_it() -> None:
     assert status["msg"].startswith("Not allowed to publish to /car/drive")
 
 
+def test_client_that_listens_under_the_new_name_hears_nothing_there() -> None:
+    """What is latched is said again under a new name, at once."""
+    from tests.graph.room import Wire  # noqa: PLC0415 - as above
+
+    stand = Stand()
+    stand.networks.tables["parked"] = {"publishers": {"/SyncModeInfo": {"name": "/mode"}, "/clock": {"name": "/now"}}}
+    spy, user = Wire(stand.bus, denying(stand, subscribe="/SyncModeInfo")), stand.client()
+    assert spy.says(op="subscribe", topic="/mode", type="morai_msgs/SyncModeInfo") == []
+    user.ask("/Service_MoraiSL", file_name="parked", **ALL, load_network_connection_data=True)
+    (status,) = spy.hears()
+    assert status["msg"].startswith("Not allowed to subscribe to /mode, another way of listening to /SyncModeInfo")
+
+
 def test_further_ego_that_comes_later_is_closed_from_the_start() -> None:
     from tests.graph.room import Wire  # noqa: PLC0415 - as above
 
@@ -192,8 +209,8 @@ LINES: tuple[tuple[Mapping[str, Any], dict[str, str], str], ...] = (
         {"publish": "/ctrl_cmd"},
         (
             "--deny-publish /ctrl_cmd leaves these ways open to move an ego: publishing /ghost_ctrl_cmd, /ego_setting,"
-            " calling /SyncModeCtrlCmd, publishing /ReplayInfo_topic, calling /Morai_SimProc, publishing /ScenarioLoad,"
-            " calling /Service_MoraiSL, /SyncModeScenarioLoad, and 1 more"
+            " calling /SyncModeCtrlCmd, /Service_MoraiEventCmd, publishing /ReplayInfo_topic, calling /Morai_SimProc,"
+            " publishing /ScenarioLoad, calling /Service_MoraiSL, and 2 more"
         ),
     ),
     (
@@ -213,6 +230,12 @@ LINES: tuple[tuple[Mapping[str, Any], dict[str, str], str], ...] = (
         ),
     ),
 )
+
+
+def test_log_names_the_loads_among_what_can_pause(stand: Stand) -> None:
+    (line,) = denying(stand, service="/SyncModeCmd").left_open()
+    assert "to stop time or let it go on: calling /Service_MoraiEventCmd, /SyncModeWaitForTick, publishing" in line
+    assert "publishing /ScenarioLoad" in line
 
 
 @pytest.mark.parametrize(("network", "patterns", "line"), LINES)

@@ -23,6 +23,7 @@ from rosbridge_sim.shell.clockwork import WorldFailedError
 from rosbridge_sim.shell.settings import Settings
 from rosbridge_sim.shell.sources import check_options, format_config
 from tests.conftest import Connect
+from tests.graph.room import Wire
 from tests.support import PATIENCE, ROOT
 
 
@@ -463,6 +464,28 @@ def test_public_names_are_there_and_no_others() -> None:
         assert getattr(rosbridge_sim, name) is not None
     with pytest.raises(AttributeError, match="has no attribute 'Simulation'"):
         _ = rosbridge_sim.Simulation
+
+
+# Names
+
+
+@pytest.mark.parametrize("is_reset", [False, True])
+async def test_client_can_take_none_of_the_names_that_the_server_has_alone(*, is_reset: bool) -> None:
+    shared = {"/tf", "/tf_static", "/ReplayInfo_topic", "/rosout"}
+    async with Simulator(port=0, start="sync") as sim:
+        assert sim.bus is not None
+        client = Wire(sim.bus)
+        if is_reset:
+            assert client.calls("/sim/reset", seed=-1)["result"] is True
+        outputs = {name: topic.type.name for name, topic in sim.bus.topics.items() if topic.publishers}
+        services = list(sim.bus.services)
+        assert {"/rosapi/set_param", "/rosapi/topics", "/republish_tfs", "/SyncModeCmd"} < set(services)
+        ops = [
+            *({"op": "advertise", "topic": name, "type": outputs[name]} for name in outputs),
+            *({"op": "advertise_service", "service": name, "type": "std_srvs/Trigger"} for name in services),
+            *({"op": "advertise_action", "action": name, "type": "my_msgs/Dig"} for name in sim.bus.actions.by_name),
+        ]
+        assert {op["topic"] for op in ops if client.says(**op) == []} == shared
 
 
 # Patterns

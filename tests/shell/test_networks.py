@@ -34,7 +34,9 @@ def test_most_scenarios_have_none_and_the_folder_need_not_be_there(folder: Path)
     assert DiskNetworks(folder.parent).network("demo") is None
 
 
-@pytest.mark.parametrize("name", ["", "..", "../x", "../../etc/x", "/etc/x", "a/b/c", "a\0b", "x" * 300, "town/.."])
+@pytest.mark.parametrize(
+    "name", ["", "..", "../x", "../../etc/x", "/etc/x", "a/b/c", "a\0b", "x" * 300, "한" * 84, "town/.."]
+)
 def test_a_name_that_leads_out_of_the_folder_is_refused(folder: Path, name: str) -> None:
     (folder.parent / "x.toml").write_text(TEXT)
     with pytest.raises(DocumentError, match="is no name of a scenario"):

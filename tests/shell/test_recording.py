@@ -15,10 +15,11 @@ import pytest
 
 from rosbridge_sim import DocumentError, Simulator
 from rosbridge_sim.schema.store import Message
+from rosbridge_sim.shell import recording
 from rosbridge_sim.shell.bags import open_bag
 from rosbridge_sim.shell.recording import Recorder, Scribe
 from tests.conftest import Connect
-from tests.graph.room import make_bus
+from tests.graph.room import Wire, make_bus
 from tests.shell.bag_reading import Seen, read_bag
 from tests.support import Client
 
@@ -109,6 +110,21 @@ async def test_commands_are_recorded_with_the_time_at_which_they_came(tmp_path: 
     seen = read_bag(tmp_path / "a.bag")
     assert [(at, one.accel) for topic, at, one in seen if topic == "/ctrl_cmd"] == [(2 * FRAME_NS, 0.25)]
     assert stamps_of(seen, "/chatter") == []
+
+
+async def test_topics_that_are_recorded_are_bounded_and_the_log_says_so_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recording, "MAX_TOPICS", 3)
+    path = tmp_path / "a.bag"
+    async with Simulator(port=0, world=False, record=path, record_topics=["/chat*"]) as sim:
+        assert sim.bus is not None
+        client = Wire(sim.bus)
+        for i in range(6):
+            client.says(op="publish", topic=f"/chat{i}", type="std_msgs/String", msg={"data": "x"})
+            client.says(op="unadvertise", topic=f"/chat{i}")
+    assert [topic for topic, _, _ in read_bag(path)] == ["/chat0", "/chat1", "/chat2"]
+    assert caplog.messages.count(f"{path}: no further topics are recorded: 3 are recorded already") == 1
 
 
 async def test_patterns_choose_topics_of_anybody(tmp_path: Path, connect: Connect) -> None:
@@ -234,7 +250,7 @@ async def test_file_that_was_deleted_ends_the_recording_and_nothing_else(
 async def test_file_that_was_deleted_just_before_the_end_is_told(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    path = tmp_path / "a.mcap"
+    path = tmp_path / "a.bag"
     async with Simulator(port=0, start="sync", record=path):
         path.unlink()
     assert [line for line in caplog.messages if "has ended" in line] == [

@@ -213,6 +213,9 @@ def test_scenario_of_two_maps_is_told(lay: Lay, demo: str, caplog: pytest.LogCap
         "a\nb",
         "*",
         "x" * 300,
+        "한" * 84,
+        "한" * 86 + "/x",
+        "x" * 199 + "é" * 28 + ".json",
     ],
 )
 def test_name_that_leads_out_is_refused(lay: Lay, demo: str, name: str) -> None:
@@ -284,7 +287,7 @@ def test_built_in_map_is_found() -> None:
     assert DiskLibrary().map("track").name == "track"
 
 
-@pytest.mark.parametrize("name", ["", "..", "nothing", "../maps/track", "/etc"])
+@pytest.mark.parametrize("name", ["", "..", "nothing", "../maps/track", "/etc", "한" * 86, "a\0b"])
 def test_unknown_map_is_told_with_the_known_ones(name: str) -> None:
     with pytest.raises(DocumentError, match=r"no map .*; known are loop, town, track"):
         DiskLibrary().map(name)
