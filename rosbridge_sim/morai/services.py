@@ -108,7 +108,7 @@ class Services(Part):
             what = f"on, master {user_id!r}, {sync.step_ms} ms a tick" if sync.is_on else "off"
             _log.info("synchronous mode %s, frame %d", what, node.world.frame)
         else:
-            explain(call.caller, "warning", f"{call.service.name}: {outcome.why}", outcome.reason)
+            explain(call.caller, "warning", f"{call.service.name}: {sync.why(outcome)}", outcome.reason)
         node.follow(outcome, now)
         respond(call, self._make_cmd(user_id, node.world.frame, outcome.is_accepted, sync.step_ms))
 

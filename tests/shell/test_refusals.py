@@ -143,6 +143,7 @@ async def test_refused_ticks_and_starts_and_commands_are_in_the_log_and_on_the_t
         ("no_such_service", "call_service", "/SyncModCmd"),
     ]
     assert {(each["client"], each["frame"]) for each in refusals["refusals"]} == {(f"127.0.0.1:{port}", frame - 1)}
+    assert [each["text"].rpartition(": ")[2] for each in refusals["refusals"][:2]] == ["'me'", "'me'"], "it is named"
     assert refusals["refusals"][3]["text"] == "Service /SyncModCmd does not exist (did you mean /SyncModeCmd?)"
     said = [line for line in lines(ears) if line.startswith(f"127.0.0.1:{port}: refused: ")]
     assert [line.rpartition("(")[2] for line in said] == ["not_master)", "unknown_field)", "no_such_service)"]
