@@ -103,6 +103,13 @@ async def test_quiet_account_writes_nothing_and_keeps_all(clock: Clock, caplog: 
     assert (noted.count, noted.frame, account.total) == (2, -1, 2)
 
 
+async def test_same_refusal_with_a_long_text_is_kept_once(account: RefusalLog) -> None:
+    for _ in range(MAX_KEPT + 1):
+        account.note(WRONG._replace(text="x" * 2 * MAX_TEXT, subject="/t" * 2 * MAX_TEXT))
+    (noted,) = account.kept()
+    assert (noted.count, len(noted.request.text)) == (MAX_KEPT + 1, MAX_TEXT)
+
+
 async def test_what_is_kept_is_bounded_and_no_client_pushes_out_another(account: RefusalLog) -> None:
     account.note(WRONG)
     for i in range(10 * MAX_KINDS):
