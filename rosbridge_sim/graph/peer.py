@@ -32,7 +32,7 @@ from rosbridge_sim.graph.actions import Goal, GoalStatus, Outcome
 from rosbridge_sim.graph.bus import Answer, Bus, Call, Owner, Subscription, Topic, decode_body, resolve
 from rosbridge_sim.graph.owner import OfferKind, Tell
 from rosbridge_sim.graph.policy import OPEN, Policy
-from rosbridge_sim.graph.refusals import RefusedRequest
+from rosbridge_sim.graph.refusals import refusal_of
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.codec import is_absent
 from rosbridge_sim.protocol.feed import read_qos, read_terms
@@ -63,9 +63,6 @@ MAX_ALIKE = 3
 
 _TIDY = 1_000
 """Ended calls or goals that a provider's list may hold before it is tidied: late answers to them are no mistake."""
-
-_SUBJECTS = ("topic", "service", "action")
-"""Fields of an op that name what it is about; an op has one of them at most."""
 
 _log = logging.getLogger("rosbridge_sim.graph")
 
@@ -261,11 +258,7 @@ class Peer:
             text: what the client was told.
             op: what it is about, where that is known.
         """
-        name = "" if op is None else type(op).__struct_config__.tag
-        subject = next((getattr(op, field) for field in _SUBJECTS if hasattr(op, field)), "")
-        refusal = RefusedRequest(
-            self.address, reason, str(name), str(subject), text if isinstance(text, str) else repr(text)
-        )
+        refusal = refusal_of(self.address, reason, text, op)
         self._bus.guard.attempt("the account of a refusal", self._bus.on_refusal, refusal)
 
     def _suggest(self, reason: Reason, op: ops.Op) -> str:

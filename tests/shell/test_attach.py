@@ -428,7 +428,7 @@ async def test_a_missing_package_is_one_line_and_the_rest_goes_on(
 
 
 @pytest.mark.slow
-async def test_a_far_side_that_sends_rubbish_is_lived_with(lines: Callable[[], list[str]]) -> None:
+async def test_a_far_side_that_sends_rubbish_is_lived_with(caplog: pytest.LogCaptureFixture) -> None:
     rubbish: list[str | bytes] = [
         "{",
         "[]",
@@ -449,8 +449,11 @@ async def test_a_far_side_that_sends_rubbish_is_lived_with(lines: Callable[[], l
     async with serve(answer, "127.0.0.1", 0) as server:
         url = f"ws://127.0.0.1:{server.sockets[0].getsockname()[1]}"
         async with attached(url) as sim:
-            await until(lambda: sum("it sent" in line or "a message of" in line for line in lines()) >= len(rubbish))
+            await until(lambda: sum("refused: " in line for line in caplog.messages) == 3)
             assert sim.num_bugs == 0
+        refused = [line.partition("refused")[2] for line in caplog.messages if "refused" in line]
+        assert [line.rpartition("(")[2] for line in refused[:3]] == ["bad_frame)", "unknown_op)", "wrong_type)"]
+        assert "2 more refused (bad_frame)" in "".join(caplog.messages), "lines of one reason share one"
 
 
 # What cannot be
