@@ -229,6 +229,21 @@ async def test_with_serve_both_kinds_of_clients_live_together(connect: Connect) 
         assert answer["frame"] == frame + 2
 
 
+async def test_mistakes_behind_a_bridge_are_on_the_topic_of_refusals(connect: Connect) -> None:
+    async with gateway() as bridge, Simulator(port=0, attach=[bridge.url], start="sync") as sim:
+        await asyncio.wait_for(sim.attachments[0].attached, PATIENCE)
+        far, near = await connect(bridge.url), await connect(sim.url)
+        await near.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)
+        await far.ask("/SyncModeWaitForTick", user_id="you", frame=1)
+        await far.send("publish", topic="/SyncModeAddObj", msg={"name": "Boxx"})
+        await near.subscribe("/sim/refusals")
+        message = await near.message_where("/sim/refusals", lambda message: len(message["refusals"]) == 2)
+    assert [(each["client"], each["reason"], each["subject"]) for each in message["refusals"]] == [
+        (bridge.url, "not_master", "/SyncModeWaitForTick"),
+        (bridge.url, "wrong_value", "/SyncModeAddObj"),
+    ]
+
+
 async def test_each_of_two_bridges_gets_everything(connect: Connect) -> None:
     async with gateway() as one, gateway() as other, attached(one.url, other.url):
         clients = [await connect(one.url), await connect(other.url)]

@@ -157,6 +157,25 @@ async def test_refused_ticks_and_starts_and_commands_are_in_the_log_and_on_the_t
     assert "the last one: call_service /SyncModeWaitForTick: another" in "".join(lines(ears)), "written at the end"
 
 
+async def test_what_is_found_later_is_noted_with_the_op_that_it_is_about() -> None:
+    async with Simulator(port=0, start="sync") as sim, await Client.open(sim.url) as client:
+        await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)
+        await client.send("publish", topic="/SyncModeRemoveObj", msg={"unique_id": 4_711, "frame": 1}, id="removal")
+        await client.ask("/SyncModeWaitForTick", user_id="me", frame=1)
+        await client.ask("/Service_MoraiSL", file_name="no such file", load_ego_vehicle_data=True)
+        await client.ask("/Service_MoraiVehicleSpec", unique_id=4_711)
+        await client.send("subscribe", topic="/sim/refusals")
+        message = await client.message_where("/sim/refusals", lambda message: len(message["refusals"]) == 3)
+        status = await client.take("status")
+    rows = [(each["reason"], each["op"], each["subject"]) for each in message["refusals"]]
+    assert rows == [
+        ("refused", "publish", "/SyncModeRemoveObj"),
+        ("refused", "call_service", "/Service_MoraiSL"),
+        ("wrong_value", "call_service", "/Service_MoraiVehicleSpec"),
+    ]
+    assert (status["id"], status["level"]) == ("removal", "error")
+
+
 async def test_quiet_clients_leaves_no_line(ears: pytest.LogCaptureFixture) -> None:
     async with Simulator(port=0, world=False, quiet_clients=True) as sim, await Client.open(sim.url) as client:
         await client.send("subscribe", topic="/nothing")
