@@ -564,6 +564,12 @@ class Peer:
             return
         if not op.result and (op.reason is not None or not _is_filled_object(op.values)):
             call.refuse(_read_refusal(op.values, provision.name) if op.reason is None else op.reason)
+            if op.result is None and op.reason is None and not _says_anything(op.values):
+                # what roslib sends for a provider whose function forgets to return true
+                text = f"{provision.name}: the answer has neither a result nor values, so its call has failed."
+                text += ' Send "result": true (with roslib, return true)'
+                self.session.remark("warning", text, op.id)
+                self.note(Reason.BAD_OP, text, op)
             return
         try:
             values = decode_body(call.service.type.response, op.values, self._bus.stamp_ns)
@@ -780,9 +786,14 @@ def _is_filled_object(body: ops.Body) -> bool:
     return isinstance(body, dict) and bool(body)
 
 
+def _says_anything(body: ops.Body) -> bool:
+    """Return whether a body is there and is no empty object."""
+    return not is_absent(body) and not _is_empty_object(body)
+
+
 def _read_refusal(values: ops.Body, service: str) -> object:
     """The reason that a provider gave: any JSON value; a text of ours where it gave none."""
-    if is_absent(values) or _is_empty_object(values):
+    if not _says_anything(values):
         return f"Service {service} failed; its provider gave no reason"
     try:
         reason: object = orjson.loads(bytes(values)) if isinstance(values, (bytes, msgspec.Raw)) else values

@@ -88,6 +88,15 @@ def test_a_client_that_makes_no_mistake_is_not_noted() -> None:
     assert refused(ADVERTISED, {"op": "publish", "topic": "/c", "msg": {}}, OFFERED, call, answer) == []
 
 
+@pytest.mark.parametrize("values", [{}, {"values": {}}, {"values": None}])
+def test_provider_that_forgets_its_result_is_told_and_noted(values: dict[str, Any]) -> None:
+    call = {"op": "call_service", "service": "/add", "id": "1", "args": {"a": 1}}
+    answer = {"op": "service_response", "service": "/add", "id": "service_request:/add:1", **values}
+    (noted,) = refused(OFFERED, call, answer)
+    assert (noted.reason, noted.op, noted.subject) == (Reason.BAD_OP, "service_response", "/add")
+    assert noted.text.endswith('so its call has failed. Send "result": true (with roslib, return true)')
+
+
 def test_what_a_provider_refuses_is_no_mistake_of_its_caller() -> None:
     call = {"op": "call_service", "service": "/add", "id": "1", "args": {"a": 1}}
     answer = {"op": "service_response", "service": "/add", "id": "service_request:/add:1", "result": False}

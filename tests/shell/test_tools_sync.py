@@ -111,6 +111,12 @@ async def test_recording_that_gets_nothing_ends_and_is_finished(standing: Simula
     assert (tmp_path / "a.mcap").read_bytes().endswith(b"\x89MCAP0\r\n")
 
 
+async def test_recording_of_topics_that_are_not_there_says_so(standing: Simulator, tmp_path: Path) -> None:
+    words = ("record", str(tmp_path / "a.mcap"), "--topics", "/Egg*", "--timeout", "0.1")
+    done = await in_the_background(*words, url=standing.url)
+    assert (done.code, done.err.count("within 0.1 s: none of the wanted topics is there")) == (1, 1)
+
+
 async def test_tool_that_gets_messages_in_time_does_not_end() -> None:
     async with Simulator(port=0) as sim:
         done = await in_the_background("topic", "echo", "/Ego_topic", "-n", "3", "--timeout", "1", url=sim.url)
