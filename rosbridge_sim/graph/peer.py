@@ -36,7 +36,7 @@ from rosbridge_sim.graph.refusals import refusal_of
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.codec import is_absent
 from rosbridge_sim.protocol.feed import read_qos, read_terms
-from rosbridge_sim.protocol.session import Feed, Session
+from rosbridge_sim.protocol.session import LEVELS, Feed, Session
 from rosbridge_sim.schema.compile import MessageType, OpaqueType
 from rosbridge_sim.schema.store import Message
 from rosbridge_sim.suggestions import hint, listing
@@ -730,6 +730,9 @@ class Peer:
     # The rest
 
     def _set_level(self, op: ops.SetLevel, _now: float) -> None:
+        if op.level not in LEVELS:  # the protocol has no answer for it; its author sees the log
+            expected = ", ".join(LEVELS)
+            self.note(Reason.WRONG_VALUE, f"set_level: expected one of {expected}; got {op.level[:MAX_ID]!r}", op)
         self.session.set_level(op.level)
 
     def _status(self, op: ops.Status, _now: float) -> None:
