@@ -191,15 +191,16 @@ class Items:
             raise mistake
 
     def _mistakes(self, settings: NetworkSettings) -> Iterator[DocumentError]:
-        """All that is wrong with these settings, some of it perhaps twice."""
-        yield from self._wrong_items(settings)
-        yield from self._wrong_names(settings)
+        """All that is wrong with these settings. Of a place with a mistake, what is on the bus says nothing new."""
+        mistakes = [*self._wrong_items(settings), *self._wrong_names(settings)]
+        yield from mistakes
+        told = tuple(map(str, mistakes))
         for item in self._items:
             name = _wanted(item, settings)
             if name is not None and name != item.name:
                 why = item.why_not(self._owner, self._bus, name)
-                if why is not None:
-                    where = settings.choice(item.kind, item.default, item.prefix).where
+                where = settings.choice(item.kind, item.default, item.prefix).where
+                if why is not None and not (where and any(text.startswith(f"{where}: ") for text in told)):
                     yield DocumentError(f"{where or f'{item.kind.noun} {item.default}'}: {why}")
 
     def change(self, settings: NetworkSettings, now: float) -> None:
