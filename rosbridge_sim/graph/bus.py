@@ -690,7 +690,8 @@ class Bus:
                 # not again before half as many have come: a look at all topics then costs each type a constant amount
                 self._tidy_types_at = max(MAX_REMEMBERED, len(self._opaque_types) * 3 // 2 + 1)
             opaque = self._opaque_types[canonical] = OpaqueType(canonical)
-            _log.warning("%s: its package is unknown; messages of this type are relayed unchecked", canonical)
+            near = self.store.near_package(canonical)
+            _log.warning("%s: its package is unknown%s; messages of this type are relayed unchecked", canonical, near)
         return opaque
 
     def _service_type(self, name: str) -> ServiceType | OpaqueServiceType:
@@ -724,7 +725,8 @@ class Bus:
             if len(self._unknown_types) >= MAX_REMEMBERED:
                 self._unknown_types.clear()
             self._unknown_types[canonical, what] = None
-            _log.warning("%s: its package is unknown; %s are relayed unchecked", canonical, what)
+            near = self.store.near_package(canonical)
+            _log.warning("%s: its package is unknown%s; %s are relayed unchecked", canonical, near, what)
         return canonical
 
     def _tell_of(self, topic: Topic) -> None:

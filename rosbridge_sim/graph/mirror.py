@@ -21,7 +21,8 @@ lists show that our topics are missing all the same, they are taken back for lon
 A service of an ego that has left stays announced, and its calls are refused with the reason: rosbridge_suite takes a
 second to end a service, during which it handles nothing else.
 
-What it sends and what cannot be used is a line in our log, and has no other consequence.
+What it sends and what cannot be used is a mistake of the bridge's, as that of any client: a line in our log, with a
+reason, and an entry on `/sim/refusals`. It has no other consequence.
 
 Many callers share a line and cannot be told apart. Where one of them has to wait for something (`hold`), so does all
 that comes behind it on the same line, and nothing else.
@@ -34,10 +35,12 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final, NoReturn
 
-from rosbridge_sim.errors import EncodingError, FrameError, PeerError
+from rosbridge_sim.errors import EncodingError, FrameError, PeerError, Reason
 from rosbridge_sim.graph.bus import Answer, Bus, Owner, Subscription, Topic, decode_body, resolve
 from rosbridge_sim.graph.findings import Findings, Key, names_of
 from rosbridge_sim.graph.line import MARK, Line, Values
+from rosbridge_sim.graph.owner import Tell
+from rosbridge_sim.graph.refusals import refusal_of
 from rosbridge_sim.graph.rosapi_watch import RosapiWatch, Seen
 from rosbridge_sim.graph.stamps import PARAMETER, Stamps, says_simulated
 from rosbridge_sim.protocol import ops
@@ -136,6 +139,7 @@ class Mirror:
         self._inputs: dict[str, Topic] = {}
         self._in_flight: dict[str, int] = {}
         self._line_in_hand: Line | None = None
+        self._op: ops.Op | None = None  # in hand, for what is noted of it
         self._now = 0.0
         self._is_attached = self._is_gone = False
         self._findings = Findings(address, bus.store.ros)
@@ -159,9 +163,36 @@ class Mirror:
         self._bus.leave(self, now)
 
     def tell(self, level: str, text: str) -> None:
-        """What would be told to a client, nobody there could hear: it goes to the log."""
-        at = logging.WARNING if level == "error" else logging.INFO
-        self._note(at, f"a program there is told: [{level}] {text}")
+        """Log what would be told to a client: no program there could hear it."""
+        self._note_told(level, text, self._op)
+
+    def explain(self, level: str, text: str, reason: Reason) -> None:
+        """See `Explaining`; the level is of no use, since no program there could hear it."""
+        assert level != "info", "that is no mistake"
+        self._note_mistake(reason, text, self._op)
+
+    def teller(self) -> Tell:
+        """See `Correlating`."""
+        op = self._op
+        return lambda level, text: self._note_told(level, text, op)
+
+    def _note_told(self, level: str, text: str, op: ops.Op | None) -> None:
+        """Note what was told without a reason, as `Peer` does."""
+        if level == "info":
+            self._note(logging.INFO, f"a program there is told: [{level}] {text}")
+        else:
+            self._note_mistake(Reason.REFUSED if level == "error" else Reason.NOT_NOW, text, op)
+
+    def _note_mistake(self, reason: Reason, text: object, op: ops.Op | None = None) -> None:
+        """Tell the log and `/sim/refusals` of a mistake of a program there.
+
+        Args:
+            reason: the kind of mistake.
+            text: what a client would be told.
+            op: what it is about, where that is known.
+        """
+        refusal = refusal_of(self.address, reason, text, op)
+        self._bus.guard.attempt("the account of a refusal", self._bus.on_refusal, refusal)
 
     def fail(self, error: Exception) -> None:
         """See `Guarded`: the bridge's connections are made anew."""
@@ -404,13 +435,13 @@ class Mirror:
             if self._is_gone or line.is_held or not line.waiting:
                 return False
             op = line.waiting.popleft()
-            self._line_in_hand = line
+            self._line_in_hand, self._op = line, op
             try:
                 self._do(line, op, now)
             except PeerError as error:
-                self._note(logging.WARNING, f"it sent what cannot be used: {error}")
+                self._note_mistake(error.reason, str(error), op)
             finally:
-                self._line_in_hand = None
+                self._line_in_hand = self._op = None
         return bool(line.waiting) and not line.is_held
 
     def hold(self) -> Callable[[], None]:
@@ -440,11 +471,8 @@ class Mirror:
         if topic is None:
             self._note(logging.WARNING, f"it sent a message of {op.topic}, for which nobody asked")
             return
-        try:
-            value = decode_body(topic.type, op.msg, self._bus.stamp_ns)
-            self._bus.publish(self, topic, Message(topic.type, value), now)
-        except PeerError as error:
-            self._note(logging.WARNING, f"a message of {op.topic}: {error}")
+        value = decode_body(topic.type, op.msg, self._bus.stamp_ns)
+        self._bus.publish(self, topic, Message(topic.type, value), now)
 
     def _call(self, line: Line, op: ops.CallService, now: float) -> None:
         session = line.session
@@ -466,7 +494,10 @@ class Mirror:
             # rosbridge_suite takes an object for the values and passes over `result`: the caller gets an empty
             # response, which in MORAI's types says no; whoever knows `reason` can say why
             why = str(answer.values)
-            self._note(logging.INFO, f"a call of {op.service} is refused: {why}")
+            if answer.reason is None:  # the simulator cannot, and it is no mistake of the caller's
+                self._note(logging.INFO, f"a call of {op.service} is refused: {why}")
+            else:
+                self._note_mistake(answer.reason, why, op)
             line.say("service_response", service=op.service, id=op.id, values={}, result=False, reason=why)
 
         if not self._serves(op.service):
@@ -482,7 +513,7 @@ class Mirror:
         return service is not None and service.owner is self._source
 
     def _refuse(self, error: FrameError) -> None:
-        self._note(logging.WARNING, f"it sent what cannot be read: {error}")
+        self._note_mistake(error.reason, str(error))
 
     def _note(self, level: int, text: str) -> None:
         self.note(level, text, self._now)

@@ -14,6 +14,7 @@ from rosbridge_sim.protocol.codec import is_absent
 from rosbridge_sim.protocol.ops import ABSENT, Body
 from rosbridge_sim.schema.compile import MessageType, OpaqueType
 from rosbridge_sim.schema.sizes import size_of
+from rosbridge_sim.suggestions import listing
 
 __all__ = [
     "Body",
@@ -212,6 +213,6 @@ def _by_name(message_type: MessageType | OpaqueType, values: list[object]) -> di
         raise FieldError(f"{message_type.name} is not known here, so its fields must be given by name, not in a list")
     names = [f.name for f in message_type.definition.fields]
     if len(values) > len(names):
-        text = f"{message_type.name} takes {len(names)} arguments, but got {len(values)}"
+        text = f"{message_type.name} takes {len(names)} arguments, but got {len(values)}; it has {listing(names)}"
         raise GraphError(text, reason=Reason.WRONG_VALUE)
     return dict(zip(names, values, strict=False))

@@ -32,11 +32,11 @@ from rosbridge_sim.graph.actions import Goal, GoalStatus, Outcome
 from rosbridge_sim.graph.bus import Answer, Bus, Call, Owner, Subscription, Topic, decode_body, resolve
 from rosbridge_sim.graph.owner import OfferKind, Tell
 from rosbridge_sim.graph.policy import OPEN, Policy
-from rosbridge_sim.graph.refusals import RefusedRequest
+from rosbridge_sim.graph.refusals import refusal_of
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.codec import is_absent
 from rosbridge_sim.protocol.feed import read_qos, read_terms
-from rosbridge_sim.protocol.session import Feed, Session
+from rosbridge_sim.protocol.session import LEVELS, Feed, Session
 from rosbridge_sim.schema.compile import MessageType, OpaqueType
 from rosbridge_sim.schema.store import Message
 from rosbridge_sim.suggestions import hint, listing
@@ -63,9 +63,6 @@ MAX_ALIKE = 3
 
 _TIDY = 1_000
 """Ended calls or goals that a provider's list may hold before it is tidied: late answers to them are no mistake."""
-
-_SUBJECTS = ("topic", "service", "action")
-"""Fields of an op that name what it is about; an op has one of them at most."""
 
 _log = logging.getLogger("rosbridge_sim.graph")
 
@@ -261,11 +258,7 @@ class Peer:
             text: what the client was told.
             op: what it is about, where that is known.
         """
-        name = "" if op is None else type(op).__struct_config__.tag
-        subject = next((getattr(op, field) for field in _SUBJECTS if hasattr(op, field)), "")
-        refusal = RefusedRequest(
-            self.address, reason, str(name), str(subject), text if isinstance(text, str) else repr(text)
-        )
+        refusal = refusal_of(self.address, reason, text, op)
         self._bus.guard.attempt("the account of a refusal", self._bus.on_refusal, refusal)
 
     def _suggest(self, reason: Reason, op: ops.Op) -> str:
@@ -575,6 +568,12 @@ class Peer:
             return
         if not op.result and (op.reason is not None or not _is_filled_object(op.values)):
             call.refuse(_read_refusal(op.values, provision.name) if op.reason is None else op.reason)
+            if op.result is None and op.reason is None and not _says_anything(op.values):
+                # what roslib sends for a provider whose function forgets to return true
+                text = f"{provision.name}: the answer has neither a result nor values, so its call has failed."
+                text += ' Send "result": true (with roslib, return true)'
+                self.session.remark("warning", text, op.id)
+                self.note(Reason.BAD_OP, text, op)
             return
         try:
             values = decode_body(call.service.type.response, op.values, self._bus.stamp_ns)
@@ -735,6 +734,9 @@ class Peer:
     # The rest
 
     def _set_level(self, op: ops.SetLevel, _now: float) -> None:
+        if op.level not in LEVELS:  # the protocol has no answer for it; its author sees the log
+            expected = ", ".join(LEVELS)
+            self.note(Reason.WRONG_VALUE, f"set_level: expected one of {expected}; got {op.level[:MAX_ID]!r}", op)
         self.session.set_level(op.level)
 
     def _status(self, op: ops.Status, _now: float) -> None:
@@ -791,9 +793,14 @@ def _is_filled_object(body: ops.Body) -> bool:
     return isinstance(body, dict) and bool(body)
 
 
+def _says_anything(body: ops.Body) -> bool:
+    """Return whether a body is there and is no empty object."""
+    return not is_absent(body) and not _is_empty_object(body)
+
+
 def _read_refusal(values: ops.Body, service: str) -> object:
     """The reason that a provider gave: any JSON value; a text of ours where it gave none."""
-    if is_absent(values) or _is_empty_object(values):
+    if not _says_anything(values):
         return f"Service {service} failed; its provider gave no reason"
     try:
         reason: object = orjson.loads(bytes(values)) if isinstance(values, (bytes, msgspec.Raw)) else values

@@ -12,7 +12,7 @@ import logging
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from rosbridge_sim.errors import DocumentError, GraphError, TypeNameError
 from rosbridge_sim.graph.bus import Bus, Owner
@@ -21,6 +21,9 @@ from rosbridge_sim.morai.network_settings import DEFAULTS, Choice, ItemKind, Net
 from rosbridge_sim.suggestions import hint
 
 __all__ = ["Item", "Items", "ListedItem", "why_no_topic"]
+
+MAX_MISTAKES: Final = 20
+"""Mistakes in the settings of the start that are told, one a line: a screen of a terminal."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
@@ -150,9 +153,12 @@ class Items:
         """Bring all items onto the bus.
 
         Raises:
-            DocumentError: the settings do not fit them.
+            DocumentError: the settings do not fit them: all mistakes, one a line.
         """
-        self.check(self.settings)
+        mistakes = list(dict.fromkeys(map(str, self._mistakes(self.settings))))
+        if mistakes:
+            more = [f"{len(mistakes) - MAX_MISTAKES:,} more mistakes"] if len(mistakes) > MAX_MISTAKES else []
+            raise DocumentError("\n".join([*mistakes[:MAX_MISTAKES], *more]))
         self._is_open = True
         for item in self._items:
             self._place(item, self.settings, 0.0)
@@ -178,17 +184,24 @@ class Items:
         """See whether these settings can be used now; nothing is changed.
 
         Raises:
-            DocumentError: an item that there is not, a rate where there is none, or a name that cannot be had.
+            DocumentError: an item that there is not, a rate where there is none, or a name that cannot be had; the
+                first mistake.
         """
-        self._check_items(settings)
-        self._check_names(settings)
+        for mistake in self._mistakes(settings):
+            raise mistake
+
+    def _mistakes(self, settings: NetworkSettings) -> Iterator[DocumentError]:
+        """All that is wrong with these settings. Of a place with a mistake, what is on the bus says nothing new."""
+        mistakes = [*self._wrong_items(settings), *self._wrong_names(settings)]
+        yield from mistakes
+        told = tuple(map(str, mistakes))
         for item in self._items:
             name = _wanted(item, settings)
             if name is not None and name != item.name:
                 why = item.why_not(self._owner, self._bus, name)
-                if why is not None:
-                    where = settings.choice(item.kind, item.default, item.prefix).where
-                    raise DocumentError(f"{where or f'{item.kind.noun} {item.default}'}: {why}")
+                where = settings.choice(item.kind, item.default, item.prefix).where
+                if why is not None and not (where and any(text.startswith(f"{where}: ") for text in told)):
+                    yield DocumentError(f"{where or f'{item.kind.noun} {item.default}'}: {why}")
 
     def change(self, settings: NetworkSettings, now: float) -> None:
         """Have other settings from here on. They must have been checked, with nothing done on the bus since."""
@@ -226,8 +239,8 @@ class Items:
             item.bind(self._owner, self._bus, name, now)
             item.name = name
 
-    def _check_items(self, settings: NetworkSettings) -> None:
-        """Whether there are all the items that something is chosen about; a further ego need not be there yet."""
+    def _wrong_items(self, settings: NetworkSettings) -> Iterator[DocumentError]:
+        """Items that something is chosen about and that are not there; a further ego need not be there yet."""
         rates = {(item.kind, item.default): item.rate for item in self._items}
         for kind in ItemKind:
             for name, choice in settings.choices(kind).items():
@@ -235,9 +248,9 @@ class Items:
                 if (kind, default) in self._elsewhere:
                     continue
                 if (kind, default) not in rates:
-                    raise DocumentError(f"{choice.where}: {self._no_such(kind, default)}")
-                if choice.rate is not None and rates[kind, default] is None:
-                    raise DocumentError(f"{choice.where}: expected no rate: it goes out whenever there is news")
+                    yield DocumentError(f"{choice.where}: {self._no_such(kind, default)}")
+                elif choice.rate is not None and rates[kind, default] is None:
+                    yield DocumentError(f"{choice.where}: expected no rate: it goes out whenever there is news")
 
     def _no_such(self, kind: ItemKind, default: str) -> str:
         """What to say of an item that there is not."""
@@ -246,8 +259,8 @@ class Items:
         near = f"; {default} is a {others[0]}" if others else hint(default, known)
         return f"the simulator has no such {kind.noun}{near}"
 
-    def _check_names(self, settings: NetworkSettings) -> None:
-        """A name is one item's, but for a publisher and a subscriber that share their default name as well."""
+    def _wrong_names(self, settings: NetworkSettings) -> Iterator[DocumentError]:
+        """Names of several items. A publisher and a subscriber that share their default name may share another."""
         ours = dict.fromkeys((item.kind, item.default) for item in self._items)
         taken: dict[tuple[bool, str], tuple[ItemKind, str, Choice]] = {}
         for prefix in settings.prefixes():
@@ -260,7 +273,7 @@ class Items:
                     (kind is ItemKind.SERVICE, choice.name), (kind, item, choice)
                 )
                 if (other_kind, other) != (kind, item) and (other_kind is kind or other != item):
-                    raise DocumentError(
+                    yield DocumentError(
                         f"{choice.where or theirs.where}: expected different names for {other} and {item};"
                         f" got {choice.name} for both"
                     )

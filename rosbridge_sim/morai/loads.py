@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 from rosbridge_sim.errors import DocumentError, GraphError, PeerError
 from rosbridge_sim.graph.bus import Call, Owner
-from rosbridge_sim.graph.owner import explain, teller
+from rosbridge_sim.graph.owner import Tell, explain, teller
 from rosbridge_sim.morai.answers import complain, request_of, respond
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.convert import maker
@@ -109,7 +109,7 @@ class Loads(Part):
     def _load_at_frame(self, call: Call, now: float) -> None:
         request, node = request_of(call), self._node
         sync, base = node.sync, node.stage.found_map
-        command = _AtFrame()
+        command, tell = _AtFrame(), teller(call.caller)
         outcome = sync.submit(command, request.frame, node.world.frame, call.caller, now, is_ready=False)
         if not outcome.is_accepted:
             explain(call.caller, "warning", f"{call.service.name}: {outcome.why}", outcome.reason)
@@ -120,10 +120,10 @@ class Loads(Part):
             is_usable = False
             try:
                 load, network = self._prepare(request, documents, call.caller, base)
-                command.carry_out = partial(self._carry_out, call, load, network, is_pausing=request.set_pause)
+                command.carry_out = partial(self._carry_out, call, tell, load, network, is_pausing=request.set_pause)
                 is_usable = True
             except (PeerError, DocumentError) as error:
-                complain(call.caller.tell, f"{call.service.name}: {error}")
+                complain(tell, f"{call.service.name}: {error}")
             finally:
                 (sync.ready if is_usable else sync.withdraw)(command)
                 respond(call, self._make_result(is_usable))
@@ -132,20 +132,22 @@ class Loads(Part):
         self._read(request, call.caller, base, finish, now)
 
     def _carry_out(
-        self, call: Call, load: Load, network: NetworkSettings | None, now: float, *, is_pausing: bool
+        self, call: Call, tell: Tell, load: Load, network: NetworkSettings | None, now: float, *, is_pausing: bool
     ) -> None:
         """A load's frame has come."""
         try:
             self._node.carry_out(load, is_pausing=is_pausing, now=now, network=network)
         except DocumentError as error:
-            complain(call.caller.tell, f"{call.service.name}: {error}")
+            complain(tell, f"{call.service.name}: {error}")
 
     # Now
 
     def _load_now(self, call: Call, now: float) -> None:
+        tell = teller(call.caller)
+
         def end(error: PeerError | DocumentError | None) -> None:
             if error is not None:
-                complain(call.caller.tell, f"{call.service.name}: {error}")
+                complain(tell, f"{call.service.name}: {error}")
             respond(call, self._make_load_result(error is None))
 
         self._start(request_of(call), call.caller, end, now)

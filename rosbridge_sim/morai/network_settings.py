@@ -237,13 +237,16 @@ def _read_choice(
             name = _read_own_name(name, kind, default, (*path, "name"), place)
     except DocumentError as error:
         on_mistake(error)
+        name = None
     if not (is_on is None or isinstance(is_on, bool)):
         on_mistake(DocumentError(f"{place((*path, 'on'))}: expected true or false; got {_shown(is_on)}"))
+        is_on = None
     try:
         if rate is not None:
             rate = _read_rate(rate, (*path, "rate"), place)
     except DocumentError as error:
         on_mistake(error)
+        rate = None
     return Choice(name, is_on, rate, place(path))
 
 

@@ -307,7 +307,7 @@ class Node:
         is_paused = self.sync.is_paused
         if Effect.MOVE in outcome.effects:
             self._tick(self.sync.num_frames, now)
-        on_end(TickResult(outcome.is_accepted, is_paused, outcome.why, outcome.reason))
+        on_end(TickResult(outcome.is_accepted, is_paused, self.sync.why(outcome), outcome.reason))
 
     def take_turns(self, now: float) -> None:
         """Carry out the ticks that wait, as far as what they wait for has been read."""

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.bus import Call, Owner
-from rosbridge_sim.graph.owner import explain
+from rosbridge_sim.graph.owner import explain, teller
 from rosbridge_sim.morai.answers import complain, request_of, respond
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.commands import lamps_of
@@ -108,7 +108,7 @@ class Services(Part):
             what = f"on, master {user_id!r}, {sync.step_ms} ms a tick" if sync.is_on else "off"
             _log.info("synchronous mode %s, frame %d", what, node.world.frame)
         else:
-            explain(call.caller, "warning", f"{call.service.name}: {outcome.why}", outcome.reason)
+            explain(call.caller, "warning", f"{call.service.name}: {sync.why(outcome)}", outcome.reason)
         node.follow(outcome, now)
         respond(call, self._make_cmd(user_id, node.world.frame, outcome.is_accepted, sync.step_ms))
 
@@ -151,7 +151,7 @@ class Services(Part):
 
     def _sync_set_gear(self, ego: Ego, call: Call, now: float) -> None:
         request = request_of(call)
-        caller = call.caller
+        tell = teller(call.caller)
 
         def read() -> Command:
             gear = gear_of(request.gear)
@@ -159,7 +159,7 @@ class Services(Part):
             def shift(_now: float) -> None:
                 why = None if gear is None else ego.shift(gear)
                 if why is not None:
-                    caller.tell("warning", f"{call.service.name}: {why}")
+                    tell("warning", f"{call.service.name}: {why}")
 
             return EgoCommand(ego, shift)
 
@@ -171,7 +171,8 @@ class Services(Part):
         try:
             outcome = self._submit(read, frame, call.caller, now)
         except (PeerError, DocumentError) as error:
-            complain(call.caller.tell, f"{call.service.name}: {error}")
+            reason = error.reason if isinstance(error, PeerError) else Reason.REFUSED
+            explain(call.caller, "error", f"{call.service.name}: {error}", reason)
         else:
             result = outcome.is_accepted
             if not result:
@@ -214,18 +215,21 @@ class Services(Part):
         if not -MAX_COORDINATE <= heading_deg <= MAX_COORDINATE:
             raise FieldError(f"heading: expected a number within +-{MAX_COORDINATE:g}, got {heading_deg}")
         x, y, z = place
+        tell = teller(sender)
 
         def add(_now: float) -> None:
             try:
                 uid = self._node.stage.add(model, x=x, y=y, z=z, yaw=math.radians(heading_deg))
             except PeerError as error:
-                complain(sender.tell, f"{where}: {error}")
+                complain(tell, f"{where}: {error}")
             else:
                 _log.info("added %s with unique_id %d", model.name, uid)
 
         return add
 
     def _read_remove(self, request: Any, sender: Owner, where: str) -> Command:  # noqa: ANN401 - a generated struct
+        tell = teller(sender)
+
         def remove(_now: float) -> None:
             node, unique_id = self._node, request.unique_id
             try:
@@ -233,7 +237,7 @@ class Services(Part):
                     raise FieldError(f"unique_id {unique_id}: the ego cannot be removed")
                 node.stage.remove(unique_id)
             except PeerError as error:
-                complain(sender.tell, f"{where}: {error}")
+                complain(tell, f"{where}: {error}")
 
         return remove
 
@@ -299,7 +303,7 @@ class Services(Part):
             listed = ", ".join(map(str, ids[:MAX_LISTED]))
             more = f", ... and {len(ids) - MAX_LISTED:,} more" if len(ids) > MAX_LISTED else ""
             text = f"unique_id: expected a vehicle's, one of {listed}{more}; got {request.unique_id}"
-            complain(call.caller.tell, f"{call.service.name}: {text}; all figures are 0")
+            explain(call.caller, "error", f"{call.service.name}: {text}; all figures are 0", Reason.WRONG_VALUE)
         respond(call, self._node.convert.vehicle_spec(body))
 
     def _map_spec(self, call: Call, _now: float) -> None:

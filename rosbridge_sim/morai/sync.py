@@ -438,6 +438,14 @@ class Sync(Generic[C]):
             return None
         return self._heard_at + self._lease
 
+    def why(self, outcome: Outcome) -> str:
+        """Return why an event was refused, with the master's name where that is another one; call it at once.
+
+        Args:
+            outcome: of the last event; a refusal.
+        """
+        return f"{outcome.why}: {self.master_id!r}" if outcome.reason is Reason.NOT_MASTER else outcome.why
+
     def start(self, user_id: str, step_ms: int, holder: object, now: float) -> Outcome:
         """Somebody wants to be master, or the master wants another time step.
 

@@ -26,7 +26,7 @@ import orjson
 
 from rosbridge_sim.errors import FrameError, Reason
 from rosbridge_sim.protocol.ops import ABSENT, OPS, Body, Id, Op
-from rosbridge_sim.suggestions import hint
+from rosbridge_sim.suggestions import hint, listing
 from rosbridge_sim.weight import FULL, LIGHT, claim, weigh, weigh_exactly
 
 __all__ = [
@@ -386,7 +386,7 @@ def op_from_value(value: Any) -> Op:  # noqa: ANN401 - any JSON value
         given = value.get(field.name)
         if given is None:
             if field.required:
-                text = f"{name}: Expected a {field.name} field but none was found."
+                text = f"{name}: Expected a {field.name} field but none was found.{_strange_fields(op, value)}"
                 raise FrameError(text, op_id, reason=Reason.BAD_OP)
         elif field.name in op.bodies:
             fields[field.name] = given
@@ -394,6 +394,16 @@ def op_from_value(value: Any) -> Op:  # noqa: ANN401 - any JSON value
             fields[field.name] = _checked(given, name, field.name, op_id)
     made: Op = op(**fields)
     return made
+
+
+def _strange_fields(op: type[Op], value: Mapping[Any, object]) -> str:
+    """Return a sentence on the fields that mean nothing in an op, one of which is perhaps misspelt; or nothing."""
+    strange = sorted({str(key) for key in islice(value, _MAX_LOOKED_AT)} - {"op", *op.__struct_fields__})
+    return f"  What came in place of it: {listing(strange)}" if strange else ""
+
+
+_MAX_LOOKED_AT = 100
+"""Fields of a wrong op that are looked at: more than any op has."""
 
 
 def _checked(given: Any, op: str, field: str, op_id: object) -> Any:  # noqa: ANN401 - any JSON value

@@ -312,7 +312,7 @@ def _make_node(
         start=settings.start,
         start_mode=settings.start_mode,
         speed_limits=SPEED_LIMITS.get(settings.release),
-        network=_network(settings),
+        network=NetworkSettings(settings.publishers, settings.subscribers, settings.services),
         sync_frames=settings.sync_frames,
         sync_lease=settings.sync_lease,
         sync_on_loss=settings.sync_on_loss,
@@ -322,17 +322,26 @@ def _make_node(
         on_world_failure=settings.on_world_failure,
     )
     scenario = library.opening_scenario(settings.scenario)
-    return make_node(
-        bus,
-        World(settings.seed),
-        library,
-        scenario,
-        choices,
-        archive=DiskArchive(settings.data_dir, quota),
-        recordings=recordings,
-        networks=DiskNetworks(settings.data_dir),
-        reader=reader,
-    )
+    mistakes = _taken_names(settings)
+    try:
+        node = make_node(
+            bus,
+            World(settings.seed),
+            library,
+            scenario,
+            choices,
+            archive=DiskArchive(settings.data_dir, quota),
+            recordings=recordings,
+            networks=DiskNetworks(settings.data_dir),
+            reader=reader,
+        )
+    except DocumentError as error:
+        if not mistakes:
+            raise
+        raise DocumentError("\n".join([*mistakes, str(error)])) from None
+    if mistakes:
+        raise DocumentError("\n".join(mistakes))
+    return node
 
 
 def _choose_stamps(settings: Settings, node: Node) -> Stamps:
@@ -344,16 +353,13 @@ def _choose_stamps(settings: Settings, node: Node) -> Stamps:
     return Stamps(choice, lambda now: node.use_wall_time(clock.read_ns, now))
 
 
-def _network(settings: Settings) -> NetworkSettings:
-    """What is chosen about the simulator's topics and services.
-
-    Raises:
-        DocumentError: a name is one of the server's own topics, which are not there yet when the node is made.
-    """
-    for choice in [*settings.publishers.values(), *settings.subscribers.values()]:
-        if choice.name in TOPICS:
-            raise DocumentError(f"{choice.where}: expected another name than {choice.name}, which the server has")
-    return NetworkSettings(settings.publishers, settings.subscribers, settings.services)
+def _taken_names(settings: Settings) -> list[str]:
+    """Return a mistake for each name that is one of the server's own topics, which come after the simulator's."""
+    return [
+        f"{choice.where}: expected another name than {choice.name}, which the server has"
+        for choice in [*settings.publishers.values(), *settings.subscribers.values()]
+        if choice.name in TOPICS
+    ]
 
 
 def _start_recording(settings: Settings, bus: Bus, node: Node | None, texts: Texts) -> Recorder | None:

@@ -163,19 +163,54 @@ def _merge(*sources: Mapping[str, object]) -> Settings:
     for source in reversed(sources):
         values.update(source)
     config = values.get("config")
+    mistakes: list[tuple[str, DocumentError]] = []
     if isinstance(config, str):
-        values = _from_file(Path(config)) | values
+        read, mistakes = _from_file(Path(config))
+        values = read | values
     rates = values.pop("rate", None)
     if rates is not None:
         values["publishers"] = _with_rates(values.get("publishers", {}), rates)
     checked: dict[str, Any] = {FIELDS[key].name: value for key, value in values.items()}  # Any: each went through _read
     settings = Settings(**checked)
-    if settings.outbox_limit < settings.outbox_size:
-        raise SettingError(
+    if settings.outbox_limit < settings.outbox_size and not _SIZES & {key for key, _ in mistakes}:
+        text = (
             f"outbox-limit: expected at least outbox-size, {show_size(settings.outbox_size)};"
             f" got {show_size(settings.outbox_limit)}"
         )
+        mistakes.append(("outbox-limit", SettingError(text)))
+    if mistakes:
+        raise _all_at_once(config, [*(str(error) for _, error in mistakes), *_mistakes_of_items(settings)])
     return settings
+
+
+_SIZES = {"outbox-limit", "outbox-size"}
+"""Settings that are compared with one another, unless one of them cannot be read."""
+
+MAX_MISTAKES = 20
+"""Mistakes that are told at once, one a line: a screen of a terminal."""
+
+
+def _all_at_once(config: object, mistakes: Sequence[str]) -> SettingError:
+    """Return the error of all mistakes in a file and between settings."""
+    num_more = len(mistakes) - MAX_MISTAKES
+    more = [f"{config}: {num_more:,} more mistakes"] if num_more > 0 else []
+    return SettingError("\n".join([*mistakes[:MAX_MISTAKES], *more]))
+
+
+def _mistakes_of_items(settings: Settings) -> list[str]:
+    """Return what is wrong with the choices about topics and services, which is known once there is a simulator.
+
+    It is looked for only where there are other mistakes to tell: a simulator finds it anyhow.
+    """
+    if not any(getattr(settings, FIELDS[key].name) for key in _tables()):
+        return []
+    from rosbridge_sim.shell.app import list_items  # noqa: PLC0415 - it imports us
+
+    try:
+        list_items(settings)
+    except DocumentError as error:
+        return str(error).splitlines()
+    return []
 
 
 def _with_rates(publishers: Any, rates: Any) -> dict[str, Choice]:  # noqa: ANN401 - both went through _read
@@ -388,33 +423,31 @@ def _add(values: dict[str, object], key: str, value: object, where: str) -> None
 # The file
 
 
-def _from_file(path: Path) -> dict[str, object]:
+def _from_file(path: Path) -> tuple[dict[str, object], list[tuple[str, DocumentError]]]:
+    """Return what is right in a file, and its mistakes, each with the key of its setting."""
     from rosbridge_sim.morai.network_settings import path_text  # noqa: PLC0415 - as above
 
     text, document = read_toml(path)
     lines = lines_of(text)
     values: dict[str, object] = {}
-    mistakes: list[DocumentError] = []
+    mistakes: list[tuple[str, DocumentError]] = []
     for name, value in document.items():
         key = name.replace("_", "-")
+
+        def note(error: DocumentError, key: str = key.removeprefix("no-")) -> None:
+            mistakes.append((key, error))
+
         where = f"{path}{place_of(lines, (name,))}: {path_text((name,))}"
         try:
             _check_key(key, where)
             if key in _tables():
-                _add(values, key, _read_table(key, name, value, path, lines, on_mistake=mistakes.append), where)
+                _add(values, key, _read_table(key, name, value, path, lines, on_mistake=note), where)
             else:
                 base, checked = _read_key(key, value, where)
                 _add(values, base, _beside(base, checked, path.parent), where)
         except SettingError as error:
-            mistakes.append(error)
-    if mistakes:
-        more = [f"{path}: {len(mistakes) - MAX_MISTAKES:,} more mistakes"] if len(mistakes) > MAX_MISTAKES else []
-        raise SettingError("\n".join([*map(str, mistakes[:MAX_MISTAKES]), *more]))
-    return values
-
-
-MAX_MISTAKES = 20
-"""Mistakes of one file that are told, one a line: a screen of a terminal."""
+            note(error)
+    return values, mistakes
 
 
 def _check_key(key: str, where: str) -> None:

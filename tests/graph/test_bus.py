@@ -355,6 +355,16 @@ def test_strict_types_refuse_services_and_actions_that_nobody_knows() -> None:
     assert bus.actions.by_name == {}
 
 
+def test_package_that_is_perhaps_misspelt_is_named_with_the_nearest_one(caplog: pytest.LogCaptureFixture) -> None:
+    bus, owner = make_bus(), Somebody()
+    bus.advertise(owner, "/t", "std_msg/String")
+    bus.provide(owner, "/s", "std_srv/Empty", lambda _call, _now: None)
+    assert [record.getMessage().partition(";")[0] for record in caplog.records] == [
+        "std_msg/String: its package is unknown (did you mean std_msgs?)",
+        "std_srv/Empty: its package is unknown (did you mean std_srvs?)",
+    ]
+
+
 def test_services_of_unknown_packages_are_told_once_each_and_in_bounds(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,13 +10,14 @@ from typing import Any, Literal
 
 import pytest
 
-from rosbridge_sim.errors import GraphError
+from rosbridge_sim.errors import GraphError, Reason
 from rosbridge_sim.graph.bus import Bus, Call, Owner, Topic
 from rosbridge_sim.graph.findings import MAX_LINES, PERIOD
 from rosbridge_sim.graph.line import MARK, MAX_WAITING, PATIENCE, Line
 from rosbridge_sim.graph.mirror import OPS_PER_TURN, SURVEYS, UNREGISTER_TIME, Mirror
-from rosbridge_sim.graph.owner import hold
+from rosbridge_sim.graph.owner import Tell, explain, hold, teller
 from rosbridge_sim.graph.peer import Peer
+from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.graph.rosapi_watch import LOOK_PERIOD
 from rosbridge_sim.graph.stamps import Stamps
@@ -132,10 +133,16 @@ class Program:
 
 
 class Stand:
-    """A car, its mirror and the far side."""
+    """A car, its mirror and the far side.
+
+    Attributes:
+        noted: mistakes of programs there.
+    """
 
     def __init__(self, *, has_line_each: bool = False, has_rosapi: bool = True) -> None:
         self.bus = make_bus()
+        self.noted: list[RefusedRequest] = []
+        self.bus.on_refusal = self.noted.append
         self.car = Car(self.bus)
         self.far = FarBridge(has_rosapi=has_rosapi)
         self.num_attached = 0
@@ -341,9 +348,7 @@ def test_all_programs_there_are_one_caller_that_stays_when_the_bridge_is_lost(st
     assert gone == []
 
 
-def test_a_refusal_has_an_object_for_its_values_and_says_why_beside_it(
-    stand: Stand, lines: Callable[[], list[str]]
-) -> None:
+def test_a_refusal_has_an_object_for_its_values_and_says_why_beside_it(stand: Stand) -> None:
     program = Program(stand.far)
     stand.car.refusal = "the horn is broken"
     program.send("call_service", service="/honk", id="7", args={})
@@ -352,7 +357,20 @@ def test_a_refusal_has_an_object_for_its_values_and_says_why_beside_it(
     assert (answer["result"], answer["values"]) == (False, "the horn is broken")  # our gateway knows `reason`
     (sent,) = stand.far.ops("service_response")
     assert sent["values"] == {}  # rosbridge_suite takes nothing else
-    assert "a call of /honk is refused: the horn is broken" in lines()[-1]
+    assert stand.noted == [
+        RefusedRequest("ws://far:9090", Reason.REFUSED, "call_service", "/honk", "the horn is broken")
+    ]
+
+
+def test_a_call_that_the_simulator_cannot_answer_is_a_line_and_no_mistake(
+    stand: Stand, lines: Callable[[], list[str]]
+) -> None:
+    stand.bus.provide(stand.car, "/fail", "std_srvs/Empty", lambda call, _now: call.refuse("no more world"))
+    stand.pump()
+    Program(stand.far).send("call_service", service="/fail", id="7")
+    stand.pump()
+    assert "a call of /fail is refused: no more world" in lines()[-1]
+    assert stand.noted == []
 
 
 def test_a_call_of_what_is_not_ours_is_refused(stand: Stand) -> None:
@@ -687,17 +705,10 @@ def test_the_other_generation_of_ros_is_told(lines: Callable[[], list[str]]) -> 
 @pytest.mark.parametrize(
     ("frame", "words"),
     [
-        (b"\xff\xfe", "cannot be read"),
-        (b"{]", "cannot be read"),
-        (b'{"op":"publish"}', "cannot be read"),
         ({"op": "publish", "topic": "/nobody", "msg": {}}, "a message of /nobody, for which nobody asked"),
-        ({"op": "publish", "topic": "/pedal", "msg": {"data": "much"}}, "a message of /pedal: std_msgs/Float64"),
-        ({"op": "publish", "topic": "/pedal", "msg": {"data": -1.0}}, "a pedal is not negative"),
-        ({"op": "publish", "topic": "a b", "msg": {}}, "cannot be used"),
         ({"op": "advertise", "topic": "/x", "type": "std_msgs/String"}, "means nothing here: Advertise"),
         ({"op": "service_response", "service": "/x", "result": True, "id": "of another"}, "means nothing here"),
         ({"op": "status", "level": "error", "msg": "hm"}, "it says: [error] hm"),
-        ({"op": "call_service", "service": "a b", "id": "1"}, "cannot be used"),
     ],
 )
 def test_nonsense_is_a_line_in_the_log(stand: Stand, lines: Callable[[], list[str]], frame: Any, words: str) -> None:  # noqa: ANN401 - bytes or an object
@@ -707,6 +718,50 @@ def test_nonsense_is_a_line_in_the_log(stand: Stand, lines: Callable[[], list[st
     assert any(words in line for line in lines())
     stand.pump()
     assert [f["op"] for f in stand.far.frames] == []  # there is no op to tell it
+    assert stand.noted == []
+
+
+@pytest.mark.parametrize(
+    ("frame", "expected", "words"),
+    [
+        (b"\xff\xfe", (Reason.BAD_FRAME, "", ""), ""),
+        (b"{]", (Reason.BAD_FRAME, "", ""), ""),
+        (b'{"op":"publish"}', (Reason.BAD_OP, "", ""), "publish"),
+        (b'{"op":"bake"}', (Reason.UNKNOWN_OP, "", ""), "bake"),
+        (
+            {"op": "publish", "topic": "/pedal", "msg": {"data": "much"}},
+            (Reason.WRONG_TYPE, "publish", "/pedal"),
+            "std_msgs/Float64",
+        ),
+        (
+            {"op": "publish", "topic": "/pedal", "msg": {"dat": 1}},
+            (Reason.UNKNOWN_FIELD, "publish", "/pedal"),
+            "did you mean data?",
+        ),
+        (
+            {"op": "publish", "topic": "/pedal", "msg": {"data": -1.0}},
+            (Reason.REFUSED, "publish", "/pedal"),
+            "a pedal is not negative",
+        ),
+        ({"op": "publish", "topic": "a b", "msg": {}}, (Reason.BAD_NAME, "publish", "a b"), "valid graph name"),
+        ({"op": "call_service", "service": "a b", "id": "1"}, (Reason.BAD_NAME, "call_service", "a b"), ""),
+        (
+            {"op": "call_service", "service": "/honk", "id": "1", "args": {"dat": True}},
+            (Reason.UNKNOWN_FIELD, "call_service", "/honk"),
+            "did you mean data?",
+        ),
+    ],
+)
+def test_mistake_of_a_program_there_is_noted_as_that_of_a_client(
+    stand: Stand,
+    frame: Any,  # noqa: ANN401 - bytes or an object
+    expected: tuple[Reason, str, str],
+    words: str,
+) -> None:
+    stand.receive(frame)
+    noted = stand.noted[-1]
+    assert (noted.client, noted.reason, noted.op, noted.subject) == ("ws://far:9090", *expected)
+    assert words in noted.text
 
 
 @pytest.mark.parametrize(
@@ -730,9 +785,9 @@ def test_answers_that_make_no_sense_are_none(values: bytes) -> None:
 def test_a_flood_of_nonsense_is_a_few_lines(stand: Stand, lines: Callable[[], list[str]]) -> None:
     lines()
     for _ in range(1_000):
-        stand.receive(b"{]")
+        stand.receive({"op": "publish", "topic": "/nobody", "msg": {}})
     assert len(lines()) == MAX_LINES
-    stand.receive(b"{]", now=PERIOD + 1.0)
+    stand.receive({"op": "publish", "topic": "/nobody", "msg": {}}, now=PERIOD + 1.0)
     assert f"and {1_000 - MAX_LINES} lines more" in lines()[0]
 
 
@@ -757,9 +812,27 @@ def test_pieces_that_nobody_asked_for_are_put_together(stand: Stand) -> None:
     assert stand.car.heard == [0.25]
 
 
-def test_what_a_program_there_would_be_told_is_logged(stand: Stand, lines: Callable[[], list[str]]) -> None:
+def test_what_a_program_there_would_be_told_is_noted(stand: Stand, lines: Callable[[], list[str]]) -> None:
     stand.receive({"op": "publish", "topic": "/pedal", "msg": {"data": -1.0}})
-    assert any("is told: [warning] the pedal goes down only" in line for line in lines())
+    told, _ = stand.noted
+    assert (told.reason, told.subject, told.text) == (Reason.NOT_NOW, "/pedal", "the pedal goes down only")
+    explain(stand.mirror, "warning", "another master", Reason.NOT_MASTER)
+    stand.mirror.tell("error", "lost")
+    assert [(each.reason, each.op) for each in stand.noted[2:]] == [(Reason.NOT_MASTER, ""), (Reason.REFUSED, "")]
+    stand.mirror.tell("info", "by the way")
+    assert lines()[-1].endswith("a program there is told: [info] by the way")
+    assert len(stand.noted) == 4
+
+
+def test_what_is_told_later_is_noted_with_the_op_that_it_is_about(stand: Stand) -> None:
+    tells: list[Tell] = []
+    stand.car.on_call = lambda call: tells.append(teller(call.caller))
+    stand.receive(HONK)
+    stand.receive(pedal(0.1))
+    tells[0]("error", "no such scenario")
+    assert [(each.op, each.subject, each.text) for each in stand.noted] == [
+        ("call_service", "/honk", "no such scenario")
+    ]
 
 
 # What has to wait

@@ -40,6 +40,7 @@ def refused(*frames: Any) -> list[RefusedRequest]:  # noqa: ANN401 - ops, or the
         ([{"topic": "/c"}], Reason.UNKNOWN_OP, "", ""),
         ([{"op": "subscribe"}], Reason.BAD_OP, "", ""),
         ([{"op": "subscribe", "topic": 3}], Reason.BAD_OP, "", ""),
+        ([{"op": "set_level", "level": "loud"}], Reason.WRONG_VALUE, "set_level", ""),
         ([{"op": "subscribe", "topic": "/d"}], Reason.UNKNOWN_TOPIC, "subscribe", "/d"),
         ([{"op": "publish", "topic": "/d", "msg": {}}], Reason.UNKNOWN_TOPIC, "publish", "/d"),
         ([{"op": "advertise", "topic": "/d", "type": "std_msgs/Sting"}], Reason.UNKNOWN_TYPE, "advertise", "/d"),
@@ -82,10 +83,33 @@ def test_mistake_is_noted_once_with_its_reason(frames: list[Any], reason: Reason
     assert noted.text
 
 
+def test_fields_that_mean_nothing_are_named_where_one_is_missing() -> None:
+    (noted,) = refused({"op": "subscribe", "topc": "/c", "id": "1"})
+    assert noted.text == "subscribe: Expected a topic field but none was found.  What came in place of it: topc"
+    (noted,) = refused({"op": "subscribe", "id": "1"})
+    assert noted.text == "subscribe: Expected a topic field but none was found."
+    (noted,) = refused({"op": "subscribe", **{"x" * 1_000 + str(i): i for i in range(1_000)}})
+    assert len(noted.text) < 1_000
+
+
+def test_arguments_by_position_that_are_too_many_are_told_the_fields() -> None:
+    (noted,) = refused(OFFERED, CALL | {"args": [1, 2, 3]})
+    assert noted.text.endswith("takes 2 arguments, but got 3; it has a, b")
+
+
 def test_a_client_that_makes_no_mistake_is_not_noted() -> None:
     call = {"op": "call_service", "service": "/add", "id": "1", "args": {"a": 1}}
     answer = {"op": "service_response", "service": "/add", "id": "service_request:/add:1", "result": False}
     assert refused(ADVERTISED, {"op": "publish", "topic": "/c", "msg": {}}, OFFERED, call, answer) == []
+
+
+@pytest.mark.parametrize("values", [{}, {"values": {}}, {"values": None}])
+def test_provider_that_forgets_its_result_is_told_and_noted(values: dict[str, Any]) -> None:
+    call = {"op": "call_service", "service": "/add", "id": "1", "args": {"a": 1}}
+    answer = {"op": "service_response", "service": "/add", "id": "service_request:/add:1", **values}
+    (noted,) = refused(OFFERED, call, answer)
+    assert (noted.reason, noted.op, noted.subject) == (Reason.BAD_OP, "service_response", "/add")
+    assert noted.text.endswith('so its call has failed. Send "result": true (with roslib, return true)')
 
 
 def test_what_a_provider_refuses_is_no_mistake_of_its_caller() -> None:

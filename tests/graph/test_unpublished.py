@@ -36,6 +36,10 @@ def subscribe(peer: Peer, topic: str, now: float = 0.0, type_name: str = "std_ms
     send(peer, now, op="subscribe", topic=topic, type=type_name)
 
 
+def test_listener_is_told_after_the_five_seconds_that_the_readme_names() -> None:
+    assert PATIENCE == 5.0
+
+
 def test_listener_is_told_once_after_five_seconds(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
     bus = make_bus()

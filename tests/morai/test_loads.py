@@ -171,7 +171,7 @@ def test_load_that_fails_says_why_and_lets_its_client_go_on(way: str) -> None:
     one.reader.hand_over()
     status, *others = [json.loads(frame) for frame in client.frames]
     assert (status["op"], status["level"]) == ("status", "error")
-    assert status.get("id") == (None if way == "service" else "p1")
+    assert status["id"] == (LOAD if way == "service" else "p1")
     assert "no link 'no such link'" in status["msg"]
     assert others[-1]["service"] == "/Service_MoraiEventCmd"
     if way == "service":

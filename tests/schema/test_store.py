@@ -364,6 +364,16 @@ def test_message_that_could_not_be_written_once_is_not_tried_again() -> None:
         message.shared("a form", lambda: 1 // 0)
 
 
+def test_nearest_standard_type_and_package_are_suggested() -> None:
+    store = shared_store()
+    with pytest.raises(TypeNameError, match=r"geometry_msgs has no such message \(did you mean Twist\?\)$"):
+        store.message("geometry_msgs/Twst")
+    with pytest.raises(UnknownPackageError, match=r"has it \(did you mean geometry_msgs\?\)$"):
+        store.message("geometry_msg/Twist")
+    with pytest.raises(UnknownPackageError, match=r"has it$"):
+        store.message("my_msgs/Twist")
+
+
 def test_nearest_type_of_the_package_is_suggested() -> None:
     texts = {("p", "msg", "Control"): "int8 a", ("q", "msg", "Contrl"): "int8 a", ("p", "srv", "Switch"): "---"}
     with pytest.raises(TypeNameError, match=r"no such message \(did you mean Control\?\)$"):

@@ -229,6 +229,21 @@ async def test_with_serve_both_kinds_of_clients_live_together(connect: Connect) 
         assert answer["frame"] == frame + 2
 
 
+async def test_mistakes_behind_a_bridge_are_on_the_topic_of_refusals(connect: Connect) -> None:
+    async with gateway() as bridge, Simulator(port=0, attach=[bridge.url], start="sync") as sim:
+        await asyncio.wait_for(sim.attachments[0].attached, PATIENCE)
+        far, near = await connect(bridge.url), await connect(sim.url)
+        await near.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)
+        await far.ask("/SyncModeWaitForTick", user_id="you", frame=1)
+        await far.send("publish", topic="/SyncModeAddObj", msg={"name": "Boxx"})
+        await near.subscribe("/sim/refusals")
+        message = await near.message_where("/sim/refusals", lambda message: len(message["refusals"]) == 2)
+    assert [(each["client"], each["reason"], each["subject"]) for each in message["refusals"]] == [
+        (bridge.url, "not_master", "/SyncModeWaitForTick"),
+        (bridge.url, "wrong_value", "/SyncModeAddObj"),
+    ]
+
+
 async def test_each_of_two_bridges_gets_everything(connect: Connect) -> None:
     async with gateway() as one, gateway() as other, attached(one.url, other.url):
         clients = [await connect(one.url), await connect(other.url)]
@@ -428,7 +443,7 @@ async def test_a_missing_package_is_one_line_and_the_rest_goes_on(
 
 
 @pytest.mark.slow
-async def test_a_far_side_that_sends_rubbish_is_lived_with(lines: Callable[[], list[str]]) -> None:
+async def test_a_far_side_that_sends_rubbish_is_lived_with(caplog: pytest.LogCaptureFixture) -> None:
     rubbish: list[str | bytes] = [
         "{",
         "[]",
@@ -449,8 +464,11 @@ async def test_a_far_side_that_sends_rubbish_is_lived_with(lines: Callable[[], l
     async with serve(answer, "127.0.0.1", 0) as server:
         url = f"ws://127.0.0.1:{server.sockets[0].getsockname()[1]}"
         async with attached(url) as sim:
-            await until(lambda: sum("it sent" in line or "a message of" in line for line in lines()) >= len(rubbish))
+            await until(lambda: sum("refused: " in line for line in caplog.messages) == 3)
             assert sim.num_bugs == 0
+        refused = [line.partition("refused")[2] for line in caplog.messages if "refused" in line]
+        assert [line.rpartition("(")[2] for line in refused[:3]] == ["bad_frame)", "unknown_op)", "wrong_type)"]
+        assert "2 more refused (bad_frame)" in "".join(caplog.messages), "lines of one reason share one"
 
 
 # What cannot be

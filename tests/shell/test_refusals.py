@@ -103,6 +103,13 @@ async def test_quiet_account_writes_nothing_and_keeps_all(clock: Clock, caplog: 
     assert (noted.count, noted.frame, account.total) == (2, -1, 2)
 
 
+async def test_same_refusal_with_a_long_text_is_kept_once(account: RefusalLog) -> None:
+    for _ in range(MAX_KEPT + 1):
+        account.note(WRONG._replace(text="x" * 2 * MAX_TEXT, subject="/t" * 2 * MAX_TEXT))
+    (noted,) = account.kept()
+    assert (noted.count, len(noted.request.text)) == (MAX_KEPT + 1, MAX_TEXT)
+
+
 async def test_what_is_kept_is_bounded_and_no_client_pushes_out_another(account: RefusalLog) -> None:
     account.note(WRONG)
     for i in range(10 * MAX_KINDS):
@@ -143,10 +150,30 @@ async def test_refused_ticks_and_starts_and_commands_are_in_the_log_and_on_the_t
         ("no_such_service", "call_service", "/SyncModCmd"),
     ]
     assert {(each["client"], each["frame"]) for each in refusals["refusals"]} == {(f"127.0.0.1:{port}", frame - 1)}
+    assert [each["text"].rpartition(": ")[2] for each in refusals["refusals"][:2]] == ["'me'", "'me'"], "it is named"
     assert refusals["refusals"][3]["text"] == "Service /SyncModCmd does not exist (did you mean /SyncModeCmd?)"
     said = [line for line in lines(ears) if line.startswith(f"127.0.0.1:{port}: refused: ")]
     assert [line.rpartition("(")[2] for line in said] == ["not_master)", "unknown_field)", "no_such_service)"]
     assert "the last one: call_service /SyncModeWaitForTick: another" in "".join(lines(ears)), "written at the end"
+
+
+async def test_what_is_found_later_is_noted_with_the_op_that_it_is_about() -> None:
+    async with Simulator(port=0, start="sync") as sim, await Client.open(sim.url) as client:
+        await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)
+        await client.send("publish", topic="/SyncModeRemoveObj", msg={"unique_id": 4_711, "frame": 1}, id="removal")
+        await client.ask("/SyncModeWaitForTick", user_id="me", frame=1)
+        await client.ask("/Service_MoraiSL", file_name="no such file", load_ego_vehicle_data=True)
+        await client.ask("/Service_MoraiVehicleSpec", unique_id=4_711)
+        await client.send("subscribe", topic="/sim/refusals")
+        message = await client.message_where("/sim/refusals", lambda message: len(message["refusals"]) == 3)
+        status = await client.take("status")
+    rows = [(each["reason"], each["op"], each["subject"]) for each in message["refusals"]]
+    assert rows == [
+        ("refused", "publish", "/SyncModeRemoveObj"),
+        ("refused", "call_service", "/Service_MoraiSL"),
+        ("wrong_value", "call_service", "/Service_MoraiVehicleSpec"),
+    ]
+    assert (status["id"], status["level"]) == ("removal", "error")
 
 
 async def test_quiet_clients_leaves_no_line(ears: pytest.LogCaptureFixture) -> None:

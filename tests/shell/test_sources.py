@@ -525,6 +525,34 @@ rate = 3
     assert lines[-1].endswith("servces: no such setting (did you mean services?)")
 
 
+def test_conflicts_between_settings_are_told_with_the_other_mistakes(tmp_path: Path) -> None:
+    text = """\
+prot = 1
+outbox-size = "8MiB"
+outbox-limit = "1MiB"
+[publishers]
+"/clock" = { rate = 500, name = 3, on = 1 }
+"/Ego_topci" = { rate = 5 }
+"/tf" = { name = "/a" }
+"/imu" = { name = "/a" }
+"/gps" = { name = "/client_count" }
+[services]
+"/SyncModeCmd" = { name = "/s" }
+"/sim/reset" = { name = "/s" }
+"""
+    lines = mistake_in(tmp_path, text).split("\n")
+    assert [line.partition(": ")[0] for line in lines] == [
+        *("s.toml:1", "s.toml:5", "s.toml:5", "s.toml:5", "outbox-limit"),
+        *("s.toml:9", "s.toml:6", "s.toml:8", "s.toml:11"),
+    ]
+    assert lines[6].endswith("the simulator has no such publisher (did you mean /Ego_topic?)")
+
+
+def test_conflict_is_not_told_of_a_setting_that_cannot_be_read(tmp_path: Path) -> None:
+    (line,) = mistake_in(tmp_path, 'outbox-size = "big"\noutbox-limit = "1MiB"\n').split("\n")
+    assert line.startswith("s.toml:1: outbox-size: expected")
+
+
 def test_a_file_full_of_mistakes_is_a_screen_of_lines(tmp_path: Path) -> None:
     lines = mistake_in(tmp_path, "".join(f"x{i} = 1\n" for i in range(5_000))).split("\n")
     assert len(lines) == 21

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import AsyncIterator, Iterable
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest_asyncio
 
 from rosbridge_sim import Simulator
 from rosbridge_sim.morai.sync import State
+from rosbridge_sim.shell.tools.sync import RESUME
 from tests.shell.tooling import Frame, Result, answering, in_the_background, other_server
 from tests.support import Client
 
@@ -53,7 +55,46 @@ async def test_master_is_named_where_the_world_waits_for_it(standing: Simulator)
         assert done.complaint.endswith("the world stands until a master ticks; the master is 'planner'")
         await master.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
         done = await in_the_background("topic", "echo", "/Ego_topic", "--timeout", "0.1", url=standing.url)
-        assert done.complaint.endswith("the world is paused, in synchronous mode with the master 'planner'")
+        where = "the world is paused, in synchronous mode with the master 'planner'"
+        assert done.complaint.endswith(f": {where}; {RESUME}")
+
+
+async def test_pause_is_told_apart_from_a_world_that_waits_for_ticks(standing: Simulator) -> None:
+    async with Simulator(port=0) as free, await Client.open(free.url) as client:
+        done = await in_the_background("topic", "echo", "/InsnStatus", "--timeout", "0.1", url=free.url)
+        assert done.complaint == "no message on /InsnStatus within 0.1 s; --timeout waits longer", "it runs"
+        await client.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
+        done = await in_the_background("topic", "echo", "/clock", "--timeout", "0.1", url=free.url)
+        assert done.complaint == f"no message on /clock within 0.1 s: the world is paused; {RESUME}"
+        words = RESUME.removeprefix("rosbridge-sim ").removesuffix(" resumes it")
+        await in_the_background(*shlex.split(words), url=free.url)
+        done = await in_the_background("topic", "echo", "/clock", "--once", "--timeout", "1", url=free.url)
+        assert done.code == 0, "what is said to do is what helps"
+    async with await Client.open(standing.url) as client:
+        await client.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
+        done = await in_the_background("topic", "echo", "/clock", "--timeout", "0.1", url=standing.url)
+        assert done.complaint.endswith(f": the world is paused, in synchronous mode with no master; {RESUME}")
+
+
+@pytest.mark.parametrize(
+    ("mode", "status", "text"),
+    [(16, 16, ": a replay is paused; "), (16, 32, ": the world is paused at the end of a replay; "), (1, 1, "; --")],
+)
+async def test_replay_that_stands_is_called_so(mode: int, status: int, text: str) -> None:
+    process = "/sim/process/state/msg/MoraiSimProcStatus"
+    latched = {
+        "/SyncModeInfo": {"master_id": "", "status": False},
+        process: {"current_mode": mode, "current_status": status},
+    }
+
+    def reply(frame: Frame) -> Iterable[str | bytes]:
+        if frame["op"] == "subscribe" and frame["topic"] in latched:
+            yield json.dumps({"op": "publish", "topic": frame["topic"], "msg": latched[frame["topic"]]})
+        yield from answering(publishers={"publishers": ["/a"]}, topic_type={"type": "a/B"})(frame)
+
+    async with other_server(reply) as url:
+        done = await in_the_background("topic", "echo", "/x", "--type", "a/B", "--timeout", "0.05", url=url)
+    assert done.complaint.startswith(f"no message on /x within 0.05 s{text}")
 
 
 async def test_topic_that_nobody_publishes_is_called_so(standing: Simulator) -> None:
@@ -68,6 +109,12 @@ async def test_recording_that_gets_nothing_ends_and_is_finished(standing: Simula
     assert done.code == 1
     assert "no message to record within 0.1 s: the world stands until a master ticks" in done.err
     assert (tmp_path / "a.mcap").read_bytes().endswith(b"\x89MCAP0\r\n")
+
+
+async def test_recording_of_topics_that_are_not_there_says_so(standing: Simulator, tmp_path: Path) -> None:
+    words = ("record", str(tmp_path / "a.mcap"), "--topics", "/Egg*", "--timeout", "0.1")
+    done = await in_the_background(*words, url=standing.url)
+    assert (done.code, done.err.count("within 0.1 s: none of the wanted topics is there")) == (1, 1)
 
 
 async def test_tool_that_gets_messages_in_time_does_not_end() -> None:
@@ -138,7 +185,7 @@ async def test_refused_tick_says_why_and_what_to_do() -> None:
         text = "the tick is refused: /SyncModeWaitForTick: synchronous mode is off; --start starts it"
         assert (done.code, done.complaint) == (1, text)
         await lead(master)
-        who = "another user id is the master; the master is 'planner': --id planner ticks in its name"
+        who = "another user id is the master: 'planner'; --id planner ticks in its name"
         done = await in_the_background("tick", url=sim.url)
         assert done.complaint == f"the tick is refused: /SyncModeWaitForTick: {who}"
         done = await in_the_background("tick", "--start", url=sim.url)
@@ -161,7 +208,7 @@ async def test_paused_world_refuses_and_the_mode_is_ended_again() -> None:
         assert sim.node is not None
         await client.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
         done = await in_the_background("tick", "--start", url=sim.url)
-        assert done.complaint == "the tick is refused: /SyncModeWaitForTick: the simulation is paused"
+        assert done.complaint == f"the tick is refused: /SyncModeWaitForTick: the simulation is paused; {RESUME}"
         assert sim.node.sync.state is State.FREE_PAUSED
 
 

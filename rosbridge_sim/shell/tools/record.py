@@ -121,6 +121,8 @@ class _Tape:
                 num_before, give_up_at = num_now, self._bridge.now() + patience
             elif patience is not None and self._bridge.now() >= give_up_at:
                 text = f"no message to record within {patience:g} s"
+                if not self.num_topics:
+                    raise RefusedError(f"{text}: none of the wanted topics is there")
                 raise RefusedError(f"{text}{await why_standing(self._bridge)}")
 
     def _flush(self) -> None:

@@ -12,6 +12,15 @@ __all__ = ["SyncInfo", "read_sync_info", "tick", "why_silent", "why_standing"]
 
 INFO = "/SyncModeInfo"
 
+PROCESS = "/sim/process/state/msg/MoraiSimProcStatus"
+"""Latched state of the simulation: running or paused, which `/SyncModeInfo` does not tell."""
+
+_REPLAY, _PAUSED, _ENDED = 16, 16, 32
+"""Values of its `current_mode` and `current_status`."""
+
+RESUME = "rosbridge-sim service call /Service_MoraiEventCmd '{request: {option: 8}}' resumes it"
+"""What to do about a pause; bit 8 is that of `set_pause`, which is false where it is left out."""
+
 INFO_PATIENCE = 1.0
 """How long the latched state of synchronous mode may take [s]; a server that keeps it sends it at once."""
 
@@ -44,26 +53,34 @@ async def read_sync_info(bridge: Bridge) -> SyncInfo | None:
 
     Frames that come meanwhile are passed over.
     """
+    msg = await _read_latched(bridge, INFO)
+    if msg is None:
+        return None
+    return SyncInfo(
+        str(msg.get("master_id", "")),
+        msg.get("status") is True,
+        _whole(msg.get("frame")),
+        msg.get("can_send_tick") is True,
+    )
+
+
+async def _read_latched(bridge: Bridge, topic: str) -> Frame | None:
+    """Return the latched message of a topic; None where there is none. Other frames that come are passed over."""
     try:
-        kind = str((await bridge.ask("topic_type", topic=INFO)).get("type", ""))
+        kind = str((await bridge.ask("topic_type", topic=topic)).get("type", ""))
     except (BridgeError, RefusedError):
         return None
     if not kind:
         return None
-    await bridge.send("subscribe", topic=INFO, type=kind)
+    await bridge.send("subscribe", topic=topic, type=kind)
     until = bridge.now() + min(INFO_PATIENCE, bridge.patience)
     try:
         while (frame := await bridge.receive(until)) is not None:
             msg = frame.get("msg")
-            if frame.get("op") == "publish" and absolute(str(frame.get("topic"))) == INFO and isinstance(msg, dict):
-                return SyncInfo(
-                    str(msg.get("master_id", "")),
-                    msg.get("status") is True,
-                    _whole(msg.get("frame")),
-                    msg.get("can_send_tick") is True,
-                )
+            if frame.get("op") == "publish" and absolute(str(frame.get("topic"))) == topic and isinstance(msg, dict):
+                return msg
     finally:
-        await bridge.send("unsubscribe", topic=INFO)
+        await bridge.send("unsubscribe", topic=topic)
     return None
 
 
@@ -92,14 +109,21 @@ async def why_silent(bridge: Bridge, topic: str, patience: float) -> RefusedErro
 async def why_standing(bridge: Bridge) -> str:
     """Return why the world does not move, for the end of an error; nothing where that is not known."""
     info = await read_sync_info(bridge)
-    if info is None or not info.is_on:
+    if info is None:
         return ""
-    if not info.master_id:
+    process = await _read_latched(bridge, PROCESS) or {}
+    status = process.get("current_status")
+    if status == _ENDED:
+        return ": the world is paused at the end of a replay; stop or play it again by /Morai_SimProc"
+    if not info.is_on:
+        what = "a replay" if process.get("current_mode") == _REPLAY else "the world"
+        return f": {what} is paused; {RESUME}" if status == _PAUSED else ""
+    leader = f"the master {safe(info.master_id)!r}" if info.master_id else ""
+    if status == _PAUSED or (leader and not info.can_send_tick):
+        return f": the world is paused, in synchronous mode with {leader or 'no master'}; {RESUME}"
+    if not leader:
         return ": the world stands until a master ticks, and nobody is master; rosbridge-sim tick N --start moves it"
-    master = safe(info.master_id)
-    if not info.can_send_tick:
-        return f": the world is paused, in synchronous mode with the master {master!r}"
-    return f": the world stands until a master ticks; the master is {master!r}"
+    return f": the world stands until a master ticks; the master is {safe(info.master_id)!r}"
 
 
 # tick
@@ -183,9 +207,10 @@ async def _refusal(bridge: Bridge, what: str, user_id: str) -> RefusedError:
     if not info.is_on or not info.master_id:
         return RefusedError(f"{text}; --start starts it")
     if info.master_id == user_id:
-        return RefusedError(text)
+        return RefusedError(text if info.can_send_tick else f"{text}; {RESUME}")
     master = safe(info.master_id)
-    return RefusedError(f"{text}; the master is {master!r}: --id {master} ticks in its name")
+    named = "" if repr(info.master_id) in text else f"; the master is {master!r}"
+    return RefusedError(f"{text}{named}; --id {master} ticks in its name")
 
 
 def _describe(response: Frame) -> str:
