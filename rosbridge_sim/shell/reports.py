@@ -172,6 +172,8 @@ class Reports:
     def _tell_statuses(self) -> None:
         statuses = []
         for client in tuple(self._server.clients):
+            if client.has_failed:  # counted and told already; its closing may take a second
+                continue
             try:
                 statuses.append(self._status(client))
             except Exception as error:  # noqa: BLE001 - a bug of ours in what is that client's alone

@@ -179,6 +179,7 @@ class Client:
         host: the address it comes from, without the port.
         connected_ns: since when [ns, the time of day].
         num_bytes_sent: what the transport was given [bytes].
+        has_failed: a failure of ours in what is this client's alone has been found; it is closing.
     """
 
     def __init__(self, socket: _Socket, bus: Bus, limits: ServerLimits, turns: Turns, watch: ClientWatch) -> None:
@@ -211,7 +212,7 @@ class Client:
         self._turns = turns
         self._watch = watch
         self._guard = bus.guard
-        self._has_failed = False
+        self.has_failed = False
         self._clock = socket.loop.time
         self._is_woken = False
         # The due time is kept here: a handle of uvloop whose delay rounds to 0 ms cannot tell it.
@@ -302,7 +303,7 @@ class Client:
     def _regret_frame(self) -> None:
         self._watch.count_bug()
         _log.exception("a frame of %s could not be handled", self.peer.address)
-        if not self._has_failed:
+        if not self.has_failed:
             self.peer.tell("error", "The server failed on a message; its log says why")
 
     def inflate(self, message: Deflated) -> Generator[None, None, Work | None]:
@@ -389,9 +390,9 @@ class Client:
 
         For the bus's guard, which has an eye on this too.
         """
-        if self._has_failed:
+        if self.has_failed:
             return
-        self._has_failed = True  # first of all: the log is a topic, and this client may listen to it
+        self.has_failed = True  # first of all: the log is a topic, and this client may listen to it
         _log.error("%s: closed, because of a failure of ours", self.peer.address, exc_info=error)
         try:
             self._start_closing(CloseCode.INTERNAL_ERROR, "the server failed on this connection; its log says why")

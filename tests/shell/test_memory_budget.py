@@ -126,7 +126,7 @@ async def test_beyond_the_budget_the_largest_client_is_closed_and_told_why(liste
             await client.send("advertise", topic=name, type="std_msgs/String", qos=qos)
             for _ in range(num):
                 await client.send("publish", topic=name, msg={"data": TEXT})
-            await client.settle()
+                await client.settle()  # one after another: what waits to be read counts, too
         status = await large.take("status")
         assert "--memory-budget" in status["msg"]
         with pytest.raises(ConnectionClosed):

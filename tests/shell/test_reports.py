@@ -118,6 +118,7 @@ async def test_client_that_cannot_be_reported_is_closed_and_the_others_are_repor
         served = list(sim._server.clients)[1]
         served.outbox.dropped = None  # type: ignore[assignment] # as good a bug as any
         sim._reports._tick()
+        sim._reports._tick()  # before it is closed
         (status,) = (await listener.message("/sim/clients"))["clients"]
         assert status["address"] != served.peer.address
         await bad.socket.wait_closed()
