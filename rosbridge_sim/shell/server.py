@@ -50,6 +50,7 @@ from rosbridge_sim.shell.memory_budget import MemoryBudget
 from rosbridge_sim.shell.origins import MAX_REMEMBERED, RefusedOrigins, own_names
 from rosbridge_sim.shell.strangers import MAX_UNPROVEN_SIZE, Places, Stranger
 from rosbridge_sim.shell.text_check import TextCheck
+from rosbridge_sim.shell.tls_door import TlsDoor, TlsRules
 from rosbridge_sim.shell.turns import Turns
 from rosbridge_sim.version import __version__
 
@@ -83,9 +84,9 @@ OPEN_TIMEOUT = 5.0
 """Longest time from there to the whole request [s]: one packet of a real client."""
 
 MAX_OPENING = 256
-"""Connections without a whole request at once; the oldest one is cut off for a new one. The system hands over some
-hundred in one go (the backlog), and each has its request read in the next turn of the loop. Together with strangers
-they leave most of the usual 1,024 file descriptors to clients."""
+"""Connections without a whole request at once, those in a TLS handshake included; the oldest one is cut off for a new
+one. The system hands over some hundred in one go (the backlog), and each has its request read in the next turn of the
+loop. Together with strangers they leave most of the usual 1,024 file descriptors to clients."""
 
 _SILENT = "its request had not come when too many other connections did"
 _CROWDED = "more connections without a token came than there are places for (--max-strangers)"
@@ -127,6 +128,7 @@ class _Tables:
 
     def __init__(self, max_strangers: int) -> None:
         self.sockets: dict[_Socket, None] = {}
+        self.doors: dict[TlsDoor, None] = {}
         self.opening = Places(MAX_OPENING)
         self.strangers = Places(max_strangers)
 
@@ -160,6 +162,12 @@ class _Socket(DirectSocket):
             self.transport.abort()
         else:
             self.transport.close()
+
+
+def _make_connection(tables: _Tables, rules: TlsRules | None, *args: Any, **kwargs: Any) -> asyncio.Protocol:  # noqa: ANN401 - the library's own
+    """Make the protocol of a connection that was accepted; `rules` are those of TLS, if it is to be encrypted."""
+    socket = _Socket(tables, *args, **kwargs)
+    return socket if rules is None else TlsDoor(socket, rules, tables.opening, tables.doors)
 
 
 class ClientWatch(Protocol):
@@ -533,15 +541,13 @@ class Server:
         self._turns, self._memory = Turns(loop, self._on_change), MemoryReturn(loop)
         if limits.memory_budget is not None:
             self._budget = MemoryBudget(loop, self._bus, lambda: list(self.clients), limits.memory_budget)
+        rules = None if tls is None else TlsRules(tls, limits.tls_timeout, CLOSE_TIMEOUT)
         self._server = await serve(
             self._serve,
             host,
             port,
-            ssl=tls,
-            ssl_handshake_timeout=None if tls is None else limits.tls_timeout,
-            ssl_shutdown_timeout=None if tls is None else CLOSE_TIMEOUT,
             open_timeout=limits.open_timeout,
-            create_connection=partial(_Socket, self._tables),  # type: ignore[arg-type] # it is only ever called
+            create_connection=partial(_make_connection, self._tables, rules),  # type: ignore[arg-type] # it is only ever called
             process_request=self._process_request,
             compression=None,
             extensions=[LateDeflateFactory()] if limits.is_compressing else None,
@@ -565,12 +571,16 @@ class Server:
                 part.stop()
         if self._server is not None:
             self._server.close()
+            for door in list(self._tables.doors):
+                door.evict()
             try:
                 async with asyncio.timeout(CLOSE_TIMEOUT):
                     await self._server.wait_closed()
             except TimeoutError:  # some do not read, not even that we go; some never said what they want
                 for socket in self._tables.sockets:
                     socket.transport.abort()
+                for door in list(self._tables.doors):  # the system had accepted them already
+                    door.evict()
                 await self._server.wait_closed()
 
     async def _serve(self, socket: ServerConnection) -> None:
