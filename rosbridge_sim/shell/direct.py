@@ -408,6 +408,10 @@ class DirectSocket(ServerConnection):
         if self.request is None:
             data = self._read_head(data)
         self.num_early += len(data)
+        if self.num_early > MAX_EARLY and self.protocol.state is State.CONNECTING:
+            # RFC 6455 section 4.1: a client waits for the answer to its request before it sends any data
+            self.transport.abort()
+            return b""
         return data
 
     def _read_head(self, data: bytes) -> bytes:

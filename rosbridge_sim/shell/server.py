@@ -35,9 +35,11 @@ from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 from websockets.protocol import State
 
+from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer, Work
 from rosbridge_sim.graph.policy import OPEN, Policy
+from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
@@ -48,7 +50,7 @@ from rosbridge_sim.shell.library_log import quiet
 from rosbridge_sim.shell.memory import LARGE_FRAME, MemoryReturn
 from rosbridge_sim.shell.memory_budget import MemoryBudget
 from rosbridge_sim.shell.origins import MAX_REMEMBERED, RefusedOrigins, own_names
-from rosbridge_sim.shell.strangers import MAX_UNPROVEN_SIZE, Places, Stranger
+from rosbridge_sim.shell.strangers import MAX_UNPROVEN_SIZE, WRONG_TOKEN, Places, Stranger
 from rosbridge_sim.shell.text_check import TextCheck
 from rosbridge_sim.shell.tls_door import TlsDoor, TlsRules
 from rosbridge_sim.shell.turns import Turns
@@ -90,6 +92,9 @@ loop. Together with strangers they leave most of the usual 1,024 file descriptor
 
 _SILENT = "its request had not come when too many other connections did"
 _CROWDED = "more connections without a token came than there are places for (--max-strangers)"
+
+STRANGERS = "no token"
+"""Name under which the log and `/sim/refusals` have all connections that have not shown the token."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -605,7 +610,9 @@ class Server:
     async def _let_prove(self, socket: _Socket) -> str | None:
         """Wait until a stranger has shown the token; why it was closed if it has not, or has found no room."""
         assert self._turns is not None, "it listens"
-        stranger = Stranger(socket, self._limits.access, self._turns, is_talkative=self._limits.is_talkative)
+        note = partial(self._note_stranger, socket)
+        access, is_talkative = self._limits.access, self._limits.is_talkative
+        stranger = Stranger(socket, access, self._turns, is_talkative=is_talkative, on_refusal=note)
         try:
             socket.listen(stranger)
             why = await stranger.wait_settled()
@@ -626,6 +633,15 @@ class Server:
             return why
         finally:
             stranger.leave()
+
+    def _note_stranger(self, socket: ServerConnection, reason: Reason, op: str, text: str) -> None:
+        """Tell the log and `/sim/refusals` of a connection without the token.
+
+        All of them count as one client there, because each attempt can come from another port or address.
+        """
+        text = f"{text}; the connection is {_address_of(socket)}"
+        refusal = RefusedRequest(STRANGERS, reason, op, "", text)
+        self._bus.guard.attempt("the account of a refusal", self._bus.on_refusal, refusal)
 
     def _trust(self, socket: _Socket) -> None:
         """Have a connection treated as a client's from now on."""
@@ -704,6 +720,8 @@ class Server:
             else:
                 self._limit(connection)
             return None
+        if refusal.status is HTTPStatus.UNAUTHORIZED:
+            self._note_stranger(connection, Reason.WRONG_TOKEN, "", WRONG_TOKEN)
         self._log_refusal(_address_of(connection), refusal)
         response = connection.respond(refusal.status, refusal.text)
         return self._delay(connection, response) if refusal.status is HTTPStatus.UNAUTHORIZED else response
@@ -744,6 +762,7 @@ class Server:
         """Answer name, version and protocol; with a token set, only to those who show it."""
         if not self._limits.access.is_shown(request):
             assert isinstance(connection, _Socket)
+            self._note_stranger(connection, Reason.NO_TOKEN, "", "/version wants the token")
             return self._delay(
                 connection, connection.respond(HTTPStatus.UNAUTHORIZED, "The token is missing or wrong\n")
             )

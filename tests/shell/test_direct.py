@@ -235,7 +235,9 @@ async def test_a_client_that_stays_after_the_end_of_the_protocol_is_cut_off(faul
 
     async with listening([], kind=Socket, close_timeout=0.01) as port:
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
-        writer.write(REQUEST + fault)
+        writer.write(REQUEST)
+        await reader.readuntil(b"\r\n\r\n")
+        writer.write(fault)
         assert b"\x88" in await reader.read()  # a close frame, and the server's half of the end
         async with asyncio.timeout(PATIENCE):
             await gone.wait()
