@@ -36,6 +36,7 @@ from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.shell import server as server_module
 from rosbridge_sim.shell.access import (
     LEAST_BURST,
+    MAX_SHOWN,
     Access,
     Bucket,
     Warden,
@@ -164,6 +165,16 @@ async def test_the_token_in_the_handshake_lets_in(listen: Listen, query: str, he
     url, _ = await listen(token=TOKEN)
     async with await enter(url + query, headers) as client:
         assert await client.settle() == []
+
+
+async def test_a_request_that_shows_many_tokens_shows_none(listen: Listen) -> None:
+    url, _ = await listen(token=TOKEN, delay=0.0)
+    right = f"token={quote(TOKEN)}"
+    async with await enter(f"{url}/?token=wrong&{right}", BEARER) as client:
+        assert await client.settle() == []
+    guesses = "&".join(f"token={i}" for i in range(MAX_SHOWN))
+    assert (await turned_away(f"{url}/?{guesses}&{right}"))[0] == 401
+    assert (await turned_away(f"{url}/?{right}&{guesses}"))[0] == 401
 
 
 async def test_where_no_token_is_wanted_any_is_welcome(listen: Listen) -> None:
