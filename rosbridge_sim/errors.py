@@ -65,6 +65,7 @@ class Reason(Enum):
     STRAY_ANSWER = "stray_answer"
     # access and limits
     NO_TOKEN = "no_token"  # noqa: S105 - a word, and no secret
+    WRONG_TOKEN = "wrong_token"  # noqa: S105 - the same
     NOT_ALLOWED = "not_allowed"
     TOO_MUCH = "too_much"
     TOO_FAST = "too_fast"

@@ -16,6 +16,7 @@ import ssl
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from http import HTTPStatus
+from itertools import islice
 from urllib.parse import parse_qs, urlsplit
 
 from websockets.http11 import Request
@@ -31,6 +32,9 @@ _log = logging.getLogger("rosbridge_sim.access")
 
 LEAST_BURST = 100
 """Frames that may always come at once: what a program with many topics says when it connects."""
+
+MAX_SHOWN = 3
+"""Tokens that one request may show, as one connection has three tries: 8 kB of URL would have room for a thousand."""
 
 _ANSWERS = (ServiceResponse, ActionResult)
 """Ops that others wait for: they count, but are never refused for coming too fast."""
@@ -108,7 +112,10 @@ class Access:
 
     def is_shown(self, request: Request) -> bool:
         """Whether the request itself shows the token, or none is wanted."""
-        return self.token is None or any(self.is_token(text) for text in _shown_tokens(request))
+        if self.token is None:
+            return True
+        shown = list(islice(_shown_tokens(request), MAX_SHOWN + 1))
+        return len(shown) <= MAX_SHOWN and any(self.is_token(text) for text in shown)
 
     def is_token(self, text: str) -> bool:
         """Whether a text is the token, in a time that says nothing about where they differ."""

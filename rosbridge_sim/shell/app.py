@@ -41,6 +41,7 @@ from rosbridge_sim.shell.clockwork import Clock, Clockwork
 from rosbridge_sim.shell.descriptors import DescriptorWatch
 from rosbridge_sim.shell.kinds import URLS
 from rosbridge_sim.shell.log_limits import LineLimiter
+from rosbridge_sim.shell.masking import mask_of
 from rosbridge_sim.shell.memory_budget import default_budget
 from rosbridge_sim.shell.networks import DiskNetworks
 from rosbridge_sim.shell.origins import OriginRules
@@ -198,11 +199,16 @@ class Simulator:
         except DocumentError:
             await server.stop()
             raise
-        self._limiter = LineLimiter(loop)
+        self._limiter = LineLimiter(loop, mask=mask_of(settings.token))
         self._limiter.start()
         self.descriptors = DescriptorWatch(loop)
         frame = (lambda: -1) if node is None else (lambda: node.world.frame)
-        self._reports = Reports(bus, server, loop, RefusalLog(loop, frame, is_quiet=settings.quiet_clients))
+        self._reports = Reports(
+            bus,
+            server,
+            loop,
+            RefusalLog(loop, frame, is_quiet=settings.quiet_clients, mask=mask_of(settings.token)),
+        )
         self._recordings, self._reader = recordings, reader
         self.bus, self.node, self._server, self._clockwork = bus, node, server, clockwork
         if settings.listen and settings.token is None and not server.is_loopback:

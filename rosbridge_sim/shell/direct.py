@@ -44,6 +44,9 @@ MAX_HELD = 64 * 2**10
 MAX_EARLY = 16 * 2**10
 """The same before the other side is trusted; and the longest HTTP request, which is what Node.js takes."""
 
+LAST_ANSWERS = 20.0
+"""How long a client that has ended its side may take to read what it was answered before [s]: as long as for a ping."""
+
 LARGE = 16 * 2**10
 """A frame from here on is not copied once more to stand behind its head [bytes]."""
 
@@ -130,7 +133,7 @@ class DirectSocket(ServerConnection):
         self._has_ended = False  # the other side says nothing any more
         self._is_dropping = False  # nothing of what comes means anything any more
         self._message = bytearray()  # the fragments of a message so far
-        self._cut_off: TimerHandle | None = None  # of a client that does not close its side after a failure
+        self._cut_off: TimerHandle | None = None  # of a client that does not close its side, or does not read
         self._check: TextCheck | None = None  # of the message that comes before all in `_kept`
         self._ping = b""  # the newest one that came while there was no room for an answer
         self.unsent: deque[bytes] = deque()  # what is to be compressed
@@ -255,12 +258,30 @@ class DirectSocket(ServerConnection):
         if frame[0] == _PING and self.paused:
             self._ping = frame
         else:
-            super().data_received(frame)
+            self._feed(frame)
 
     def _answer_ping(self) -> None:
         ping, self._ping = self._ping, b""
         if ping and self.protocol.state is not _CLOSED:
-            super().data_received(ping)
+            self._feed(ping)
+
+    def _feed(self, data: bytes) -> None:
+        """Give the library some bytes. If it closes the connection for them, the client hangs up soon or is cut off.
+
+        The library itself waits without end, both after a broken rule and after a close frame. A client that has sent
+        a close frame gets the time to read what it was answered before.
+        """
+        super().data_received(data)
+        protocol = self.protocol
+        if protocol.close_expected():
+            is_broken = protocol.close_rcvd is None
+            is_read = not self.transport.get_write_buffer_size()
+            self._cut_off_in(self.close_timeout or 0.0 if is_broken or is_read else LAST_ANSWERS)
+
+    def _cut_off_in(self, delay: float) -> None:
+        """Cut the connection off after a while [s], unless that is under way."""
+        if self._cut_off is None:
+            self._cut_off = self.loop.call_later(delay, self.transport.abort)
 
     def data_received(self, data: bytes) -> None:
         """Handle what came, or keep it."""
@@ -370,7 +391,7 @@ class DirectSocket(ServerConnection):
         if self.protocol.state is _OPEN:
             self.protocol.fail(CloseCode.INVALID_DATA, fault)
             self.send_data()
-            self._cut_off = self.loop.call_later(self.close_timeout or 0.0, self.transport.abort)
+            self._cut_off_in(self.close_timeout or 0.0)
 
     # How bytes become messages
 
@@ -379,6 +400,7 @@ class DirectSocket(ServerConnection):
         self.on_room()
         self._kept.clear()
         super().eof_received()
+        self._cut_off_in(LAST_ANSWERS)  # the transport itself waits without end for its buffer to be read
         self.transport.close()
 
     def _read_early(self, data: bytes) -> bytes:
@@ -386,6 +408,10 @@ class DirectSocket(ServerConnection):
         if self.request is None:
             data = self._read_head(data)
         self.num_early += len(data)
+        if self.num_early > MAX_EARLY and self.protocol.state is State.CONNECTING:
+            # RFC 6455 section 4.1: a client waits for the answer to its request before it sends any data
+            self.transport.abort()
+            return b""
         return data
 
     def _read_head(self, data: bytes) -> bytes:
@@ -400,10 +426,10 @@ class DirectSocket(ServerConnection):
             return b""
         if end < 0:
             self._head = seen[1 - len(_BLANK_LINE) :]
-            super().data_received(data)
+            self._feed(data)
             return b""
         cut = end + len(_BLANK_LINE) - len(self._head)
-        super().data_received(data[:cut])
+        self._feed(data[:cut])
         return data[cut:]
 
     # A call a frame would cost a tenth.
@@ -425,7 +451,7 @@ class DirectSocket(ServerConnection):
         self._takes_more = True
         while position + need <= end:
             if protocol.state is _CLOSED:  # the library throws away what comes
-                super().data_received(bytes(view[position:]))
+                self._feed(bytes(view[position:]))
                 position = end
                 break
             # RFC 6455 section 5.2: two bytes, two or eight more of a longer length, four of the mask, the payload
@@ -443,7 +469,7 @@ class DirectSocket(ServerConnection):
                     break
                 need = 2
                 self.on_too_long()
-                super().data_received(bytes(view[position:]))
+                self._feed(bytes(view[position:]))
                 position = end
                 break
             if stop > end:

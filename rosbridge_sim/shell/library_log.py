@@ -27,16 +27,19 @@ _HARMLESS_HEADERS = frozenset(
         "sec-websocket-extensions",
         "sec-websocket-version",
         "server",
-        "upgrade",
         "user-agent",
         "www-authenticate",
     ]
 )
 """Headers whose values are shown. Of others, such as Authorization, Cookie and Referer, the name alone is."""
 
+_UPGRADE = ("upgrade", "websocket")
+"""The one value of this header that is shown, since a client may write anything there."""
+
 
 def _header(name: object, value: object) -> tuple[object, ...]:
-    return name, value if str(name).lower() in _HARMLESS_HEADERS else "..."
+    is_harmless = str(name).lower() in _HARMLESS_HEADERS or (str(name).lower(), str(value).lower()) == _UPGRADE
+    return name, value if is_harmless else "..."
 
 
 def _path(path: object) -> tuple[object, ...]:
@@ -89,6 +92,8 @@ class _Quiet(logging.LoggerAdapter[Any]):
         elif show is not None:
             args = show(*args)
         kwargs.pop("exc_info", None)
+        # The log has a limit for each place in the code: the library's places, and not this one.
+        kwargs["stacklevel"] = kwargs.get("stacklevel", 1) + 1
         super().log(min(level, logging.DEBUG), msg, *args, **kwargs)
 
 

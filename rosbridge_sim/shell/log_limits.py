@@ -17,6 +17,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
+from rosbridge_sim.shell.masking import Mask, mask_of
+
 __all__ = ["LOGGERS", "LineLimiter"]
 
 LOGGERS: Final = tuple(
@@ -73,14 +75,22 @@ class _Source:
 class LineLimiter(logging.Filter):
     """Leaves lines out and cuts them, from `start` to `stop`."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, clock: Callable[[], float] | None = None) -> None:
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        clock: Callable[[], float] | None = None,
+        *,
+        mask: Mask = mask_of(None),  # noqa: B008 - it has no state
+    ) -> None:
         """A limiter that does nothing yet.
 
         Args:
             loop: whose timer says when to tell what was left out.
             clock: monotonic time [s]; None for that of the loop.
+            mask: takes the token out of lines that quote clients.
         """
         super().__init__()
+        self._mask = mask
         self._loop = loop
         self._clock = clock or loop.time
         self._sources: dict[str, _Source] = {}
@@ -116,7 +126,7 @@ class LineLimiter(logging.Filter):
             with self._lock:
                 if not self._admit(record):
                     return False
-        _cut(record)
+        _cut(record, self._mask)
         return True
 
     def flush(self) -> None:
@@ -164,13 +174,18 @@ class LineLimiter(logging.Filter):
         return source
 
 
-def _cut(record: logging.LogRecord) -> None:
-    text = record.getMessage()
+def _cut(record: logging.LogRecord, mask: Mask) -> None:
+    whole = record.getMessage()
+    text = mask(whole)
     if len(text) > MAX_LINE:
-        record.msg = f"{text[:MAX_LINE]}... ({len(text) - MAX_LINE:,} more characters)"
-        record.args = ()
+        text = f"{text[:MAX_LINE]}... ({len(text) - MAX_LINE:,} more characters)"
+    if text != whole:
+        record.msg, record.args = text, ()
     if record.exc_info and not record.exc_text:
-        trace = _formatter.formatException(record.exc_info)
+        whole = _formatter.formatException(record.exc_info)
+        trace = mask(whole)
+        if trace != whole:
+            record.exc_text = trace
         if len(trace) > MAX_TRACEBACK:
             half = MAX_TRACEBACK // 2
             record.exc_text = f"{trace[:half]}\n... ({len(trace) - 2 * half:,} more characters)\n{trace[-half:]}"

@@ -21,6 +21,7 @@ from typing import Final
 
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.refusals import RefusedRequest
+from rosbridge_sim.shell.masking import Mask, mask_of
 
 __all__ = ["MAX_TEXT", "Noted", "RefusalLog", "escape"]
 
@@ -94,6 +95,7 @@ class RefusalLog:
         *,
         is_quiet: bool = False,
         clock: Callable[[], float] | None = None,
+        mask: Mask = mask_of(None),  # noqa: B008 - it has no state
     ) -> None:
         """A log without refusals.
 
@@ -102,6 +104,7 @@ class RefusalLog:
             frame: gives the world's frame.
             is_quiet: keep refusals, but write no lines.
             clock: monotonic time [s]; None for that of the loop.
+            mask: takes the token out of what clients wrote.
         """
         self.on_change: Callable[[], None] = lambda: None
         self.total = 0
@@ -109,6 +112,7 @@ class RefusalLog:
         self._clock = clock or loop.time
         self._frame = frame
         self._is_quiet = is_quiet
+        self._mask = mask
         self._kinds: dict[tuple[str, Reason], _Kind] = {}
         self._kept: dict[str, deque[Noted]] = {}
         self._timer: asyncio.TimerHandle | None = None
@@ -123,6 +127,8 @@ class RefusalLog:
     def note(self, request: RefusedRequest) -> None:
         """Take note of a refusal."""
         self.total += 1
+        if request.text != (text := self._mask(request.text)) or request.subject != self._mask(request.subject):
+            request = request._replace(text=text, subject=self._mask(request.subject))
         request = _shorten(request)  # before it is compared: a long text that comes again is the same one
         self._keep(request)
         if not self._is_quiet:

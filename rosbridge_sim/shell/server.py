@@ -35,9 +35,11 @@ from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 from websockets.protocol import State
 
+from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer, Work
 from rosbridge_sim.graph.policy import OPEN, Policy
+from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
@@ -48,8 +50,9 @@ from rosbridge_sim.shell.library_log import quiet
 from rosbridge_sim.shell.memory import LARGE_FRAME, MemoryReturn
 from rosbridge_sim.shell.memory_budget import MemoryBudget
 from rosbridge_sim.shell.origins import MAX_REMEMBERED, RefusedOrigins, own_names
-from rosbridge_sim.shell.strangers import MAX_UNPROVEN_SIZE, Places, Stranger
+from rosbridge_sim.shell.strangers import MAX_UNPROVEN_SIZE, WRONG_TOKEN, Places, Stranger
 from rosbridge_sim.shell.text_check import TextCheck
+from rosbridge_sim.shell.tls_door import TlsDoor, TlsRules
 from rosbridge_sim.shell.turns import Turns
 from rosbridge_sim.version import __version__
 
@@ -83,12 +86,15 @@ OPEN_TIMEOUT = 5.0
 """Longest time from there to the whole request [s]: one packet of a real client."""
 
 MAX_OPENING = 256
-"""Connections without a whole request at once; the oldest one is cut off for a new one. The system hands over some
-hundred in one go (the backlog), and each has its request read in the next turn of the loop. Together with strangers
-they leave most of the usual 1,024 file descriptors to clients."""
+"""Connections without a whole request at once, those in a TLS handshake included; the oldest one is cut off for a new
+one. The system hands over some hundred in one go (the backlog), and each has its request read in the next turn of the
+loop. Together with strangers they leave most of the usual 1,024 file descriptors to clients."""
 
 _SILENT = "its request had not come when too many other connections did"
 _CROWDED = "more connections without a token came than there are places for (--max-strangers)"
+
+STRANGERS = "no token"
+"""Name under which the log and `/sim/refusals` have all connections that have not shown the token."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +133,7 @@ class _Tables:
 
     def __init__(self, max_strangers: int) -> None:
         self.sockets: dict[_Socket, None] = {}
+        self.doors: dict[TlsDoor, None] = {}
         self.opening = Places(MAX_OPENING)
         self.strangers = Places(max_strangers)
 
@@ -160,6 +167,12 @@ class _Socket(DirectSocket):
             self.transport.abort()
         else:
             self.transport.close()
+
+
+def _make_connection(tables: _Tables, rules: TlsRules | None, *args: Any, **kwargs: Any) -> asyncio.Protocol:  # noqa: ANN401 - the library's own
+    """Make the protocol of a connection that was accepted; `rules` are those of TLS, if it is to be encrypted."""
+    socket = _Socket(tables, *args, **kwargs)
+    return socket if rules is None else TlsDoor(socket, rules, tables.opening, tables.doors)
 
 
 class ClientWatch(Protocol):
@@ -534,15 +547,13 @@ class Server:
         self._turns, self._memory = Turns(loop, self._on_change), MemoryReturn(loop)
         if limits.memory_budget is not None:
             self._budget = MemoryBudget(loop, self._bus, lambda: list(self.clients), limits.memory_budget)
+        rules = None if tls is None else TlsRules(tls, limits.tls_timeout, CLOSE_TIMEOUT)
         self._server = await serve(
             self._serve,
             host,
             port,
-            ssl=tls,
-            ssl_handshake_timeout=None if tls is None else limits.tls_timeout,
-            ssl_shutdown_timeout=None if tls is None else CLOSE_TIMEOUT,
             open_timeout=limits.open_timeout,
-            create_connection=partial(_Socket, self._tables),  # type: ignore[arg-type] # it is only ever called
+            create_connection=partial(_make_connection, self._tables, rules),  # type: ignore[arg-type] # it is only ever called
             process_request=self._process_request,
             compression=None,
             extensions=[LateDeflateFactory()] if limits.is_compressing else None,
@@ -566,12 +577,16 @@ class Server:
                 part.stop()
         if self._server is not None:
             self._server.close()
+            for door in list(self._tables.doors):
+                door.evict()
             try:
                 async with asyncio.timeout(CLOSE_TIMEOUT):
                     await self._server.wait_closed()
             except TimeoutError:  # some do not read, not even that we go; some never said what they want
                 for socket in self._tables.sockets:
                     socket.transport.abort()
+                for door in list(self._tables.doors):  # the system had accepted them already
+                    door.evict()
                 await self._server.wait_closed()
 
     async def _serve(self, socket: ServerConnection) -> None:
@@ -596,7 +611,9 @@ class Server:
     async def _let_prove(self, socket: _Socket) -> str | None:
         """Wait until a stranger has shown the token; why it was closed if it has not, or has found no room."""
         assert self._turns is not None, "it listens"
-        stranger = Stranger(socket, self._limits.access, self._turns, is_talkative=self._limits.is_talkative)
+        note = partial(self._note_stranger, socket)
+        access, is_talkative = self._limits.access, self._limits.is_talkative
+        stranger = Stranger(socket, access, self._turns, is_talkative=is_talkative, on_refusal=note)
         try:
             socket.listen(stranger)
             why = await stranger.wait_settled()
@@ -617,6 +634,15 @@ class Server:
             return why
         finally:
             stranger.leave()
+
+    def _note_stranger(self, socket: ServerConnection, reason: Reason, op: str, text: str) -> None:
+        """Tell the log and `/sim/refusals` of a connection without the token.
+
+        All of them count as one client there, because each attempt can come from another port or address.
+        """
+        text = f"{text}; the connection is {_address_of(socket)}"
+        refusal = RefusedRequest(STRANGERS, reason, op, "", text)
+        self._bus.guard.attempt("the account of a refusal", self._bus.on_refusal, refusal)
 
     def _trust(self, socket: _Socket) -> None:
         """Have a connection treated as a client's from now on."""
@@ -695,6 +721,8 @@ class Server:
             else:
                 self._limit(connection)
             return None
+        if refusal.status is HTTPStatus.UNAUTHORIZED:
+            self._note_stranger(connection, Reason.WRONG_TOKEN, "", WRONG_TOKEN)
         self._log_refusal(_address_of(connection), refusal)
         response = connection.respond(refusal.status, refusal.text)
         return self._delay(connection, response) if refusal.status is HTTPStatus.UNAUTHORIZED else response
@@ -735,6 +763,7 @@ class Server:
         """Answer name, version and protocol; with a token set, only to those who show it."""
         if not self._limits.access.is_shown(request):
             assert isinstance(connection, _Socket)
+            self._note_stranger(connection, Reason.NO_TOKEN, "", "/version wants the token")
             return self._delay(
                 connection, connection.respond(HTTPStatus.UNAUTHORIZED, "The token is missing or wrong\n")
             )

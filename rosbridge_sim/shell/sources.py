@@ -53,7 +53,7 @@ def read_settings(argv: Sequence[str], environ: Mapping[str, str], *, is_attachi
 
     Args:
         argv: flags, without the program's name and the command.
-        environ: variables; an empty one counts as absent.
+        environ: variables; an empty one counts as absent, but for the token, where it is a mistake.
         is_attaching: the command is `attach`: its words without dashes are URLs, and it does not listen.
 
     Raises:
@@ -403,6 +403,9 @@ def _from_environment(environ: Mapping[str, str]) -> dict[str, object]:
     for key in _flags():
         name = _variable(key)
         text = environ.get(name, "").strip()
+        if key == "token" and name in environ and not text:
+            # `TOKEN=$SECRET` where SECRET is not set must not open the server to everybody
+            raise SettingError(f"{name}: expected a token, or none; got an empty text")
         if not text or (key == "port" and text.startswith("tcp://")):
             continue  # Kubernetes sets ROSBRIDGE_SIM_PORT so for a service named rosbridge-sim
         kind = SWITCH if key.startswith("no-") else flag_of(key).kind

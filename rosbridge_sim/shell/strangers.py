@@ -21,13 +21,23 @@ from typing import Any, Protocol
 
 from websockets.protocol import State
 
+from rosbridge_sim.errors import Reason
 from rosbridge_sim.protocol.first_op import FirstOp, read_first_op, refusal_frame
 from rosbridge_sim.shell.access import Access
 from rosbridge_sim.shell.direct import DirectSocket
 from rosbridge_sim.shell.inflate import Deflated
 from rosbridge_sim.shell.turns import Turns
 
-__all__ = ["MAX_REFUSED", "MAX_TRIES", "MAX_UNPROVEN_SIZE", "NO_TOKEN", "Evictable", "Places", "Stranger"]
+__all__ = [
+    "MAX_REFUSED",
+    "MAX_TRIES",
+    "MAX_UNPROVEN_SIZE",
+    "NO_TOKEN",
+    "WRONG_TOKEN",
+    "Evictable",
+    "Places",
+    "Stranger",
+]
 
 _log = logging.getLogger("rosbridge_sim.access")
 
@@ -45,7 +55,10 @@ MAX_TRIES = 3
 """Wrong tokens before the connection is closed: a typing error or two."""
 
 NO_TOKEN = "This server wants a token first: as ?token= in the URL, as a Bearer token, or by the op auth"  # noqa: S105
-_WRONG_TOKEN = "The token is wrong"  # noqa: S105
+WRONG_TOKEN = "The token is wrong"  # noqa: S105
+
+MAX_OP = 30
+"""Longest op that a log line names [characters]; the longest one that there is has 20."""
 
 _GONE = "the connection was lost"
 
@@ -95,7 +108,15 @@ class Stranger:
         rest: what was glued behind the token in one message.
     """
 
-    def __init__(self, socket: DirectSocket, access: Access, turns: Turns, *, is_talkative: bool) -> None:
+    def __init__(
+        self,
+        socket: DirectSocket,
+        access: Access,
+        turns: Turns,
+        *,
+        is_talkative: bool,
+        on_refusal: Callable[[Reason, str, str], None] = lambda _reason, _op, _text: None,
+    ) -> None:
         """A stranger that has said nothing yet, and whose time runs.
 
         Args:
@@ -103,6 +124,7 @@ class Stranger:
             access: the rules.
             turns: when it may work.
             is_talkative: status frames are sent.
+            on_refusal: called with each refusal: its reason, the op if it is a word, and the text.
         """
         loop = socket.loop
         self.settled: asyncio.Future[str | None] = loop.create_future()
@@ -111,6 +133,7 @@ class Stranger:
         self._access = access
         self._turns = turns
         self._is_talkative = is_talkative
+        self._on_refusal = on_refusal
         self._num_tries = 0
         self._num_refused = 0
         self._num_bytes = 0
@@ -200,7 +223,8 @@ class Stranger:
     def _answer_wrong(self, op: FirstOp) -> None:
         if self.settled.done():
             return
-        self._say(refusal_frame(op, _WRONG_TOKEN))
+        self._say(refusal_frame(op, WRONG_TOKEN))
+        self._on_refusal(Reason.WRONG_TOKEN, "auth", WRONG_TOKEN)
         self._is_waiting = False
         if self._num_tries >= MAX_TRIES:
             self._end("wrong tokens")
@@ -213,6 +237,8 @@ class Stranger:
             self._end("too many messages without a token")
         else:
             self._say(refusal_frame(op, NO_TOKEN))
+            is_word = op is not None and len(op.op) <= MAX_OP and op.op.isascii() and op.op.isidentifier()
+            self._on_refusal(Reason.NO_TOKEN, op.op if op is not None and is_word else "", NO_TOKEN)
 
     def _refuse_unread(self) -> None:
         """Say why before the library closes the connection for the length of a frame."""

@@ -33,8 +33,10 @@ from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
+from rosbridge_sim.shell import server as server_module
 from rosbridge_sim.shell.access import (
     LEAST_BURST,
+    MAX_SHOWN,
     Access,
     Bucket,
     Warden,
@@ -163,6 +165,16 @@ async def test_the_token_in_the_handshake_lets_in(listen: Listen, query: str, he
     url, _ = await listen(token=TOKEN)
     async with await enter(url + query, headers) as client:
         assert await client.settle() == []
+
+
+async def test_a_request_that_shows_many_tokens_shows_none(listen: Listen) -> None:
+    url, _ = await listen(token=TOKEN, delay=0.0)
+    right = f"token={quote(TOKEN)}"
+    async with await enter(f"{url}/?token=wrong&{right}", BEARER) as client:
+        assert await client.settle() == []
+    guesses = "&".join(f"token={i}" for i in range(MAX_SHOWN))
+    assert (await turned_away(f"{url}/?{guesses}&{right}"))[0] == 401
+    assert (await turned_away(f"{url}/?{right}&{guesses}"))[0] == 401
 
 
 async def test_where_no_token_is_wanted_any_is_welcome(listen: Listen) -> None:
@@ -598,6 +610,38 @@ def test_connection_that_does_not_get_to_its_request_is_closed_in_time(
         async with asyncio.timeout(PATIENCE):
             await asyncio.gather(*(connect_and_wait(server.port, first) for first in (b"", hello) for _ in range(20)))
         await server.stop()
+
+    with asyncio.Runner(loop_factory=loop_factory) as runner:
+        runner.run(check())
+
+
+@pytest.mark.parametrize("loop_factory", [asyncio.new_event_loop, uvloop.new_event_loop], ids=["asyncio", "uvloop"])
+def test_tls_handshakes_that_stall_are_bounded_and_keep_nobody_out(
+    certificate: Certificate, loop_factory: Callable[[], asyncio.AbstractEventLoop], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server_module, "MAX_OPENING", 3)
+
+    async def check() -> None:
+        server = Server(Bus(make_store()), ServerLimits(tls_timeout=3_600.0), lambda: None)
+        await server.start("127.0.0.1", 0, load_certificate(certificate.certfile, certificate.keyfile))
+        stalled = []
+        for hello in (b"", b"\x16\x03\x01\x02\x00\x01") * 5:
+            stalled.append(await asyncio.open_connection("127.0.0.1", server.port))
+            stalled[-1][1].write(hello)
+        async with asyncio.timeout(PATIENCE):
+            for reader, _ in stalled[:7]:
+                with suppress(ConnectionError):
+                    assert await reader.read() == b""
+            async with await enter(f"wss://127.0.0.1:{server.port}", context=certificate.context) as client:
+                await client.send("subscribe", topic="/t", type="std_msgs/Int32")
+                assert await client.settle() == []
+            await server.stop()  # does not wait for those that stall
+            for reader, writer in stalled:
+                with suppress(ConnectionError):
+                    assert await reader.read() == b""
+                writer.close()
+        assert not server._tables.doors
+        assert not len(server._tables.opening)
 
     with asyncio.Runner(loop_factory=loop_factory) as runner:
         runner.run(check())

@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import logging
 import random
+import socket
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from itertools import pairwise
 from math import inf
 from typing import Any
@@ -19,7 +20,9 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.frames import Frame, Opcode
 
 from rosbridge_sim.protocol.flow import BinaryFrame
-from rosbridge_sim.shell.direct import COMPRESSED_AT_ONCE, DirectSocket
+from rosbridge_sim.shell import direct
+from rosbridge_sim.shell.direct import COMPRESSED_AT_ONCE, DirectSocket, Receiver
+from tests.support import PATIENCE
 
 MAX_SIZE = 70_000
 REQUEST = (
@@ -58,24 +61,29 @@ class Ear:
 
 @asynccontextmanager
 async def listening(
-    heard: list[bytes], *, is_direct: bool, num_a_turn: int = 64, close_timeout: float = 1.0
+    heard: list[bytes],
+    *,
+    is_direct: bool = True,
+    num_a_turn: int = 64,
+    close_timeout: float = 1.0,
+    kind: type[DirectSocket] = DirectSocket,
 ) -> AsyncIterator[int]:
     """A server whose connections add what they hear; its port."""
 
-    async def handler(socket: ServerConnection) -> None:
-        if isinstance(socket, DirectSocket):
-            socket.listen(Ear(socket, heard, num_a_turn))
-            await socket.wait_closed()
+    async def handler(connection: ServerConnection) -> None:
+        if isinstance(connection, DirectSocket):
+            connection.listen(Ear(connection, heard, num_a_turn))
+            await connection.wait_closed()
         else:
             while True:
-                message = await socket.recv()
+                message = await connection.recv()
                 heard.append(message.encode() if isinstance(message, str) else message)
 
     server = await serve(
         handler,
         "127.0.0.1",
         0,
-        create_connection=DirectSocket if is_direct else ServerConnection,
+        create_connection=kind if is_direct else ServerConnection,
         max_size=MAX_SIZE,
         compression=None,
         close_timeout=close_timeout,
@@ -208,6 +216,75 @@ async def test_a_client_that_does_not_hang_up_after_a_refused_text_is_cut_off() 
                 await asyncio.sleep(0)
         writer.close()
     assert heard == []
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        *(CONVERSATIONS[name] for name in ("not masked", "unknown opcode", "too long", "a long ping", "close")),
+        *(CONVERSATIONS[name] for name in ("a continuation of nothing", "too long in fragments")),
+    ],
+)
+async def test_a_client_that_stays_after_the_end_of_the_protocol_is_cut_off(fault: bytes) -> None:
+    gone = asyncio.Event()
+
+    class Socket(DirectSocket):
+        def connection_lost(self, exc: Exception | None) -> None:
+            gone.set()
+            super().connection_lost(exc)
+
+    async with listening([], kind=Socket, close_timeout=0.01) as port:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(REQUEST)
+        await reader.readuntil(b"\r\n\r\n")
+        writer.write(fault)
+        assert b"\x88" in await reader.read()  # a close frame, and the server's half of the end
+        async with asyncio.timeout(PATIENCE):
+            await gone.wait()
+        writer.close()
+
+
+async def test_a_request_that_is_none_is_cut_off() -> None:
+    async with listening([], kind=DirectSocket, close_timeout=0.01) as port:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(b"no HTTP\r\n")
+        with suppress(ConnectionError):
+            assert await reader.read() == b""
+        with pytest.raises(ConnectionError):  # noqa: PT012 - which of the writes finds out is the kernel's business
+            while True:
+                writer.write(b"x")
+                await writer.drain()
+                await asyncio.sleep(0)
+        writer.close()
+
+
+@pytest.mark.parametrize("ending", ["close", "eof"])
+async def test_a_client_that_ends_its_side_and_reads_nothing_is_cut_off(
+    monkeypatch: pytest.MonkeyPatch, ending: str
+) -> None:
+    monkeypatch.setattr(direct, "LAST_ANSWERS", 0.01)
+    gone, begun = asyncio.Event(), asyncio.Event()
+
+    class Socket(DirectSocket):
+        def listen(self, receiver: Receiver) -> None:
+            super().listen(receiver)
+            self.send_messages([b"x" * 20_000_000])
+            begun.set()
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            gone.set()
+            super().connection_lost(exc)
+
+    async with listening([], kind=Socket, close_timeout=3_600.0) as port:
+        with socket.create_connection(("127.0.0.1", port)) as client:
+            client.sendall(REQUEST)
+            async with asyncio.timeout(PATIENCE):
+                await begun.wait()
+                if ending == "close":
+                    client.sendall(frame(Opcode.CLOSE, b"\x03\xe8"))
+                else:
+                    client.shutdown(socket.SHUT_WR)
+                await gone.wait()
 
 
 @pytest.mark.parametrize("name", CONVERSATIONS)

@@ -71,6 +71,12 @@ def test_a_line_that_is_not_known_loses_its_values_and_an_exception_its_text(lin
     assert "s3same" not in lines.text
 
 
+def test_lines_count_for_their_place_in_the_library(lines: pytest.LogCaptureFixture) -> None:
+    logging.LoggerAdapter(quiet, {"websocket": "a connection"}).debug("= connection is %s", "OPEN")
+    quiet.debug("= connection is %s", "OPEN")
+    assert {record.filename for record in lines.records} == {Path(__file__).name}
+
+
 # The whole
 
 
@@ -93,12 +99,22 @@ async def knock(url: str, frames: list[str], **headers: str) -> str:
     return said
 
 
+def told_by_a_client(token: str) -> list[str]:
+    """Frames of a client that is let in, whose words are logged or quoted."""
+    return [
+        json.dumps({"op": "auth", "token": [token]}),
+        json.dumps({"op": token}),
+        json.dumps({"op": "subscribe", "topic": f"/?token={quote(token)}"}),
+        json.dumps({"op": "status", "level": "error", "msg": f"connected to /?token={token}"}),
+    ]
+
+
 @pytest.mark.slow
 async def test_no_token_stands_in_any_log_or_answer_at_any_level(serve: Serve, tmp_path: Path) -> None:
     server = serve("--no-world", "--log-level", "debug", "--compression", env={"ROSBRIDGE_SIM_TOKEN": TOKEN})
     said = ""
     async with Client(await connect(f"{server.url}/?token={TOKEN}", proxy=None)) as listener:
-        for topic in ("/rosout", "/sim/clients"):
+        for topic in ("/rosout", "/sim/clients", "/sim/refusals"):
             await listener.subscribe(topic)
         call = json.dumps({"op": "call_service", "service": "/rosapi/get_time"})
         for token in (TOKEN, WRONG):
@@ -107,6 +123,7 @@ async def test_no_token_stands_in_any_log_or_answer_at_any_level(serve: Serve, t
             said += await knock(server.url, [call], Authorization=f"Bearer {token}", Cookie=f"token={token}")
             said += await knock(server.url, [auth, call])
             said += await knock(server.url, [call, auth[:-1]])
+            await knock(f"{server.url}/?token={TOKEN}", [auth[:-1], *told_by_a_client(token)] if token == TOKEN else [])
             said += await knock(f"{server.url}/nowhere?token={token}", [])
             for rubbish in (
                 f"GET /?token={token} HTTP/1.1\r\n\r\n",

@@ -197,6 +197,13 @@ def test_switch_is_turned_off_by_its_no_form_everywhere(key: str, tmp_path: Path
     assert getattr(read_settings([f"--{key}"], {f"ROSBRIDGE_SIM_NO_{name.upper()}": "1"}), name) is True
 
 
+@pytest.mark.parametrize("text", ["", " "])
+def test_empty_token_in_the_environment_does_not_open_the_server(text: str) -> None:
+    with pytest.raises(SettingError, match="ROSBRIDGE_SIM_TOKEN: expected a token, or none; got an empty text"):
+        read_settings([], {"ROSBRIDGE_SIM_TOKEN": text})
+    assert read_settings([], {"ROSBRIDGE_SIM_TOKEN": "none"}).token is None
+
+
 def test_empty_variable_counts_as_absent() -> None:
     assert read_settings([], {"ROSBRIDGE_SIM_PORT": "", "ROSBRIDGE_SIM_SCHEMA_PATH": " "}) == Settings()
 

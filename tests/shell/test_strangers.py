@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import zlib
 from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import AsyncExitStack
+from contextlib import AsyncExitStack, suppress
 from typing import Any
 
 import cbor2
@@ -16,7 +17,10 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.frames import Frame, Opcode
 
+from rosbridge_sim import Simulator
+from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.shell.access import Access
 from rosbridge_sim.shell.direct import MAX_EARLY
@@ -601,3 +605,61 @@ async def test_a_stop_does_not_wait_for_strangers(listen: Listen) -> None:
     await asyncio.wait([refused])
     assert refused.exception() is not None
     guessing.cut()
+
+
+# What the log says of it
+
+
+async def test_refusals_of_strangers_are_one_line_a_reason_whatever_their_number(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    async with Simulator(port=0, world=False, token=TOKEN) as sim:
+        for _ in range(5):
+            client = await enter(sim.url)
+            await client.send("subscribe", topic="/t")
+            assert (await client.take("status"))["msg"] == NO_TOKEN
+            await client.send("x\ny", id=1)
+            assert (await client.take("status", id=1))["msg"] == NO_TOKEN
+            await client.close()
+        client = await enter(sim.url)
+        address = client.socket.local_address
+        await client.send("auth", token="wrong")  # noqa: S106 - a test's own
+        assert (await client.take("status"))["msg"] == "The token is wrong"
+        warnings = [one.getMessage() for one in caplog.records if one.levelno == logging.WARNING]
+        assert len(warnings) == 2
+        assert warnings[0].startswith(f"no token: refused: subscribe: {NO_TOKEN}; the connection is 127.0.0.1:")
+        assert warnings[0].endswith("(no_token)")
+        assert warnings[1] == (
+            f"no token: refused: auth: The token is wrong; the connection is 127.0.0.1:{address[1]} (wrong_token)"
+        )
+        await client.close()
+        async with await enter(sim.url, BEARER) as owner:
+            await owner.send("subscribe", topic="/sim/refusals")
+            told = await owner.message("/sim/refusals")
+            assert {one["client"] for one in told["refusals"]} == {"no token"}
+            assert {one["reason"] for one in told["refusals"]} == {"no_token", "wrong_token"}
+
+
+async def test_a_wrong_token_in_the_handshake_is_a_line_too(listen: Listen) -> None:
+    port = await listen()
+    noted: list[RefusedRequest] = []
+    port.bus.on_refusal = noted.append
+    with pytest.raises(InvalidStatus):
+        await enter(f"{port.url}/?token=guess")
+    assert [(one.client, one.reason) for one in noted] == [("no token", Reason.WRONG_TOKEN)]
+    assert "guess" not in str(noted)
+
+
+async def test_much_that_comes_before_the_handshake_is_answered_closes(listen: Listen) -> None:
+    port = await listen(delay=FOR_EVER, open_timeout=FOR_EVER)
+    reader, writer = await asyncio.open_connection("127.0.0.1", port.server.port)
+    writer.write(
+        b"GET /?token=wrong HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n" + bytes(MAX_EARLY + 1)
+    )
+    async with asyncio.timeout(PATIENCE):
+        with suppress(ConnectionError):
+            assert await reader.read() == b""
+    writer.close()
+    await until(lambda: not port.server._tables.sockets)
+    await port.is_serving()

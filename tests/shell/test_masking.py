@@ -1,0 +1,53 @@
+"""The token is masked in what clients write."""
+
+from __future__ import annotations
+
+import json
+import logging
+from urllib.parse import quote
+
+import pytest
+from websockets.asyncio.client import connect
+
+from rosbridge_sim import Simulator
+from rosbridge_sim.shell.masking import MIN_MASKED, mask_of
+from tests.support import Client
+
+TOKEN = "s3cret/+="  # noqa: S105 - a test's own
+
+
+def test_token_is_masked_as_it_is_and_as_it_stands_in_a_url() -> None:
+    mask = mask_of(TOKEN)
+    for spelling in (TOKEN, quote(TOKEN), quote(TOKEN, safe="")):
+        assert mask(f"a {spelling} b {spelling}") == "a ... b ..."
+    assert mask("s3cret") == "s3cret"
+
+
+@pytest.mark.parametrize("token", [None, "", "x" * (MIN_MASKED - 1)])
+def test_without_a_token_or_with_a_tiny_one_texts_stay_as_they_are(token: str | None) -> None:
+    assert mask_of(token)("xxx a text") == "xxx a text"
+
+
+async def test_a_client_that_writes_its_token_has_it_neither_in_the_log_nor_on_topics(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level(logging.DEBUG, "rosbridge_sim")
+    async with Simulator(port=0, world=False, token=TOKEN) as sim:
+        socket = await connect(f"{sim.url}/?token={quote(TOKEN)}", proxy=None)
+        async with Client(socket) as client:
+            for topic in ("/rosout", "/sim/refusals"):
+                await client.send("subscribe", topic=topic)
+            for frame in (
+                {"op": "status", "level": "info", "msg": f"connected to ws://sim/?token={quote(TOKEN)}"},
+                {"op": "auth", "token": [TOKEN]},
+                {"op": "subscribe", "topic": f"/{TOKEN}"},
+            ):
+                await client.send_raw(json.dumps(frame))
+            refusals = await client.message_where("/sim/refusals", lambda message: message["total"] == 2)
+            topics = [frame for frame in await client.settle() if frame["op"] == "publish"]
+    assert "connected to ws://sim/?token=..." in caplog.text
+    assert "Invalid value: ['...']" in caplog.text
+    assert [one["subject"] for one in refusals["refusals"]] == ["", "/..."]
+    for text in (caplog.text, str(topics), str(refusals)):
+        assert TOKEN not in text
+        assert quote(TOKEN) not in text
