@@ -27,17 +27,17 @@ from http import HTTPStatus
 from ipaddress import ip_address
 from socket import gethostname
 from time import perf_counter
-from typing import Any, ParamSpec, Protocol
+from typing import ParamSpec, Protocol
 
 from websockets.asyncio.server import Server as WebSocketServer
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
-from websockets.protocol import State
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer, Work
 from rosbridge_sim.graph.policy import OPEN, Policy
+from rosbridge_sim.loose_types import LibraryArgument
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
@@ -134,7 +134,7 @@ class _Tables:
 class _Socket(DirectSocket):
     """A connection that stands in tables for as long as it is open."""
 
-    def __init__(self, tables: _Tables, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - the library's own
+    def __init__(self, tables: _Tables, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
         super().__init__(*args, **kwargs)
         self._tables = tables
 
@@ -153,9 +153,9 @@ class _Socket(DirectSocket):
         """Close it without waiting for the other side: its place is taken."""
         _log.info("%s cut off: %s", _address_of(self), _CROWDED if self.request is not None else _SILENT)
         self.forget()
-        if self.protocol.state is State.OPEN:
-            self.protocol.fail(CloseCode.TRY_AGAIN_LATER, _CROWDED)
-            self.transport.write(b"".join(self.protocol.data_to_send()))
+        if self.is_open:
+            self.core.fail(CloseCode.TRY_AGAIN_LATER, _CROWDED)
+            self.flush()
         if self.transport.get_write_buffer_size():
             self.transport.abort()
         else:
@@ -307,7 +307,7 @@ class Client:
 
     def inflate(self, message: Deflated) -> Generator[None, None, Work | None]:
         """Inflate a message, in slices, and begin the frame that it holds."""
-        extension = next(one for one in self.socket.protocol.extensions if isinstance(one, LateDeflate))
+        extension = self.socket.extension(LateDeflate)
         try:
             frame = yield from inflate(extension, message, self._max_frame_size)
         except zlib.error as error:
@@ -418,11 +418,11 @@ class Client:
     def _carry(self) -> None:
         self._is_woken = False
         socket, outbox = self.socket, self.outbox
-        if socket.protocol.state is not State.OPEN:
+        if not socket.is_open:
             outbox.close()
             return
         left = MAX_CARRIED
-        while (socket.unsent or len(outbox)) and not socket.paused:
+        while (socket.unsent or len(outbox)) and not socket.is_full:
             frames: list[bytes] = []
             if socket.unsent:
                 self.num_bytes_sent += socket.send_more()
@@ -620,7 +620,7 @@ class Server:
     def _trust(self, socket: _Socket) -> None:
         """Have a connection treated as a client's from now on."""
         socket.is_trusted = True
-        socket.protocol.max_message_size = self._limits.max_frame_size
+        socket.limit_message_size(self._limits.max_frame_size)
 
     async def _serve_client(self, socket: _Socket) -> None:
         assert self._turns is not None, "it listens"
@@ -706,9 +706,8 @@ class Server:
 
     def _limit(self, connection: _Socket) -> None:
         """Have a connection treated as a stranger's until it is trusted."""
-        protocol = connection.protocol
-        protocol.max_message_size = min(MAX_UNPROVEN_SIZE, self._limits.max_frame_size)
-        protocol.available_extensions = None  # what cannot come compressed need not be inflated
+        connection.limit_message_size(min(MAX_UNPROVEN_SIZE, self._limits.max_frame_size))
+        connection.refuse_extensions()  # what cannot come compressed need not be inflated
         self._tables.opening.leave(connection)
         if connection in self._tables.sockets:  # else it is lost already, and would keep its place
             self._tables.strangers.take(connection)
@@ -743,9 +742,9 @@ class Server:
         return response
 
 
-async def _answer_late(connection: ServerConnection, response: Response, delay: float) -> Response:
+async def _answer_late(connection: _Socket, response: Response, delay: float) -> Response:
     """Keep a program that tries tokens waiting for its answer, and nobody else [s]."""
-    await asyncio.wait([connection.connection_lost_waiter], timeout=delay)
+    await asyncio.wait([connection.lost], timeout=delay)
     return response
 
 
