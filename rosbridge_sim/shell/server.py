@@ -31,6 +31,7 @@ from typing import ParamSpec, Protocol
 
 from websockets.asyncio.server import Server as WebSocketServer
 from websockets.asyncio.server import ServerConnection, serve
+from websockets.extensions.base import ServerExtensionFactory
 from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
@@ -43,8 +44,16 @@ from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.shell.access import Access, Refusal, Warden
 from rosbridge_sim.shell.direct import DirectSocket
-from rosbridge_sim.shell.inflate import Deflated, DeflatedText, LateDeflate, LateDeflateFactory, inflate
+from rosbridge_sim.shell.inflate import (
+    Deflated,
+    DeflatedText,
+    LateDeflate,
+    LateDeflateFactory,
+    inflate,
+    library_deflate,
+)
 from rosbridge_sim.shell.library_log import quiet
+from rosbridge_sim.shell.library_socket import LibrarySocket
 from rosbridge_sim.shell.memory import LARGE_FRAME, MemoryReturn
 from rosbridge_sim.shell.memory_budget import MemoryBudget
 from rosbridge_sim.shell.origins import MAX_REMEMBERED, RefusedOrigins, own_names
@@ -99,6 +108,7 @@ class ServerLimits:
         max_frame_size: a longer frame closes the connection with code 1009 [bytes].
         ping_interval, ping_timeout: the watchdog against half-open connections [s]; None is off.
         is_compressing: accept permessage-deflate from clients that offer it.
+        is_direct: read frames by our own code, and not by the library's.
         is_talkative: send status frames.
         outbox: what a client may leave unread.
         client_memory: what one client may make the server hold, apart from its outbox [bytes].
@@ -112,6 +122,7 @@ class ServerLimits:
     ping_interval: float | None = 20.0
     ping_timeout: float | None = 20.0
     is_compressing: bool = False
+    is_direct: bool = True
     is_talkative: bool = True
     client_memory: int = 256 * 2**20
     memory_budget: int | None = None
@@ -160,6 +171,10 @@ class _Socket(DirectSocket):
             self.transport.abort()
         else:
             self.transport.close()
+
+
+class _LibrarySocket(_Socket, LibrarySocket):
+    """The same, without the shortcut of `DirectSocket`."""
 
 
 class ClientWatch(Protocol):
@@ -541,10 +556,10 @@ class Server:
             ssl_handshake_timeout=None if tls is None else limits.tls_timeout,
             ssl_shutdown_timeout=None if tls is None else CLOSE_TIMEOUT,
             open_timeout=limits.open_timeout,
-            create_connection=partial(_Socket, self._tables),  # type: ignore[arg-type] # it is only ever called
+            create_connection=partial(_Socket if limits.is_direct else _LibrarySocket, self._tables),  # type: ignore[arg-type] # it is only ever called
             process_request=self._process_request,
             compression=None,
-            extensions=[LateDeflateFactory()] if limits.is_compressing else None,
+            extensions=_extensions(limits),
             max_size=limits.max_frame_size,
             ping_interval=limits.ping_interval,
             ping_timeout=limits.ping_timeout,
@@ -740,6 +755,13 @@ class Server:
         del response.headers["Content-Type"]
         response.headers["Content-Type"] = "application/json"
         return response
+
+
+def _extensions(limits: ServerLimits) -> list[ServerExtensionFactory] | None:
+    """The extensions that the server agrees to."""
+    if not limits.is_compressing:
+        return None
+    return [LateDeflateFactory() if limits.is_direct else library_deflate()]
 
 
 async def _answer_late(connection: _Socket, response: Response, delay: float) -> Response:

@@ -6,6 +6,7 @@ highest; the ratio to the floor is the median of the rounds' own ratios, and abo
 one. Of all figures the CPU time of a delivered message is the one that noise touches least.
 
     ./.venv/bin/python scripts/bench/wire.py [--rounds N] [--quick] [--only NAME]... [--against PROGRAM] [--json FILE]
+        [--websocket-io direct|library]
 """
 
 from __future__ import annotations
