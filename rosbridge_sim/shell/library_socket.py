@@ -2,12 +2,12 @@
 
 Messages come from the library's `recv`, in a task, and its core makes the frames that go out. A fault that shows with
 `DirectSocket` and not here is one of our own frame reading, and the difference in CPU time is what the shortcut gains
-(`scripts/bench/wire.py --websocket-io`). Turns, outboxes and the bounds for strangers are the same. Four things differ,
-because the library reads ahead of us:
+(`scripts/bench/wire.py --websocket-io library`). Turns, outboxes and the bounds of a stranger are the same. Some things
+differ, because the library reads ahead of us:
 
-- up to 16 messages more wait for their turn, uncounted by `--client-memory`;
-- a client that closes is answered at once, before what it sent last is handled;
-- a stranger that sends too long a frame is closed without a status frame that says why;
+- some 16 messages more wait for their turn, and no account counts them;
+- a client that closes is answered at once, before what it sent last is handled; it does not get those answers;
+- a message of more than 16 KiB that comes together with the token closes the connection (1009), without a status frame;
 - a compressed message is inflated in one go.
 """
 
@@ -103,6 +103,8 @@ class LibrarySocket(DirectSocket):
         """Give the library what came."""
         if not self.is_trusted:
             data = self._read_early(data)
+            if self._receiver is not None:
+                self._receiver.begin()  # it counts what a stranger sends; pings come to no other place of ours
         if data:
             super(DirectSocket, self).data_received(data)
             self.cut_off_deaf()
