@@ -60,7 +60,7 @@ __all__ = [
     "zero_times2",
 ]
 
-FITTING = ">=0.10,<0.12"
+FITTING = ">=0.11.6,<0.12"
 """Versions that this module fits, as `pyproject.toml` says it."""
 
 _NO_TIME = 2**63 - 1
@@ -100,7 +100,7 @@ def new_writer1(path: Path) -> Writer1:
         WriterError: there is such a file.
     """
     writer = Writer1(path)
-    _check(writer, "bio", "chunks", "connections", "write_chunk")
+    _check(writer, "bio", "chunks", "connections", "write_chunk", "abort")
     _check(writer.chunks[0], "connections")
     return writer
 
@@ -150,7 +150,7 @@ def new_writer2(path: Path) -> Writer2:
     """
     _check(McapWriter, "close_chunk")
     writer = Writer2(path, version=Writer2.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP)
-    _check(writer, "storage", "connections", "metapath", "min_timestamp")
+    _check(writer, "storage", "connections", "metapath", "min_timestamp", "abort")
     return writer
 
 
