@@ -63,7 +63,7 @@ class LibrarySocket(DirectSocket):
 
     def put_back(self, message: bytes) -> None:
         """Have a message come again, before all that waits. For a receiver that took no next message."""
-        self._waiting.appendleft(message.decode())
+        self._waiting.appendleft(message)
 
     def go_on(self, until: float) -> bool:
         """Handle what was held back until that time of `perf_counter` [s]; return whether something still is."""
@@ -91,11 +91,15 @@ class LibrarySocket(DirectSocket):
     async def wait_closed(self) -> None:
         """Wait until the connection is closed and what was read before has had its turn."""
         await super().wait_closed()
-        if self._reading is not None:
-            await asyncio.wait([self._reading], timeout=LAST_TURNS)
-            if self._reading.done():
-                self._reading.result()  # raises what was a bug of ours
-            self._reading.cancel()
+        reading = self._reading
+        if reading is None:
+            return
+        try:
+            await asyncio.wait([reading], timeout=LAST_TURNS)
+            if reading.done():
+                reading.result()  # raises what was a bug of ours
+        finally:
+            reading.cancel()
 
     # What the transport calls
 

@@ -1,4 +1,7 @@
-"""A connection that reads the library's own way serves as the direct one does, but for what its module names."""
+"""A connection that reads the library's own way serves as the direct one does, but for what its module names.
+
+`ROSBRIDGE_SIM_WEBSOCKET_IO=library ./scripts/test tests/end_to_end` runs other tests so, whose servers are processes.
+"""
 
 from __future__ import annotations
 
@@ -219,6 +222,16 @@ async def test_token_in_the_first_message_lets_in_and_a_wrong_one_does_not() -> 
             )
             while (await stranger.read()).get("id") != "behind":
                 pass
+
+
+async def test_rubbish_glued_behind_a_token_in_a_binary_frame_is_refused_and_no_bug() -> None:
+    async with Simulator(port=0, world=False, websocket_io="library", token=TOKEN) as sim:
+        async with await Client.open(sim.url) as client:
+            await client.send_raw(AUTH.encode() + b"\xff\xfe")
+            await client.send("call_service", service="/rosapi/get_time", id="behind")
+            while (await client.read()).get("id") != "behind":
+                pass
+        assert not sim.num_bugs
 
 
 @pytest.mark.slow  # a second for the closing
