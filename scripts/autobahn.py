@@ -57,7 +57,7 @@ class Echo:
         return True
 
     def _inflate(self, message: Deflated) -> bytes | None:
-        extension = next(one for one in self._socket.protocol.extensions if isinstance(one, LateDeflate))
+        extension = self._socket.extension(LateDeflate)
         slices = inflate(extension, message, MAX_SIZE)
         while True:
             try:

@@ -15,6 +15,8 @@ from typing import Any
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
+from rosbridge_sim.loose_types import JsonValue
+
 __all__ = ["ODD", "Edit", "Flip", "damage", "edits", "examples", "flips", "spoil"]
 
 FACTOR = int(os.environ.get("FUZZ_FACTOR", "1"))
@@ -65,7 +67,7 @@ def flips(max_size: int = 4) -> st.SearchStrategy[list[Flip]]:
     return st.lists(one, min_size=1, max_size=max_size)
 
 
-def spoil(document: Any, changes: list[Edit]) -> Any:  # noqa: ANN401 - any JSON value
+def spoil(document: JsonValue, changes: list[Edit]) -> JsonValue:
     """A copy of the document with these changes: values lost, doubled, replaced, exchanged, buried."""
     document = copy.deepcopy(document)
     for change in changes:
@@ -92,7 +94,7 @@ def spoil(document: Any, changes: list[Edit]) -> Any:  # noqa: ANN401 - any JSON
     return document
 
 
-def _places(value: Any) -> Iterator[tuple[Any, Any]]:  # noqa: ANN401 - any JSON value
+def _places(value: JsonValue) -> Iterator[tuple[Any, Any]]:
     """Each value within a document: what holds it, and its key there."""
     entries = list(value.items()) if isinstance(value, dict) else list(enumerate(value))
     for key, inner in entries:

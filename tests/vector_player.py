@@ -23,6 +23,8 @@ from typing import Any, Protocol
 
 import cbor2
 
+from rosbridge_sim.loose_types import JsonValue
+
 __all__ = ["FOLDER", "Clients", "load_vectors", "play", "read_frame"]
 
 FOLDER = Path(__file__).parent / "vectors"
@@ -39,7 +41,7 @@ class Clients(Protocol):
     async def close(self, name: str) -> None: ...
 
 
-def read_frame(frame: str | bytes) -> Any:  # noqa: ANN401 - any JSON value
+def read_frame(frame: str | bytes) -> JsonValue:
     """What a frame of the server's says: the value of a text frame, or of a binary one under `$cbor`."""
     return {"$cbor": _plain(cbor2.loads(frame))} if isinstance(frame, bytes) else json.loads(frame)
 
@@ -56,7 +58,7 @@ def _plain(value: Any) -> Any:  # noqa: ANN401 - any CBOR value to any JSON valu
     return "NaN" if value != value else value  # noqa: PLR0124 - only NaN differs from itself
 
 
-def _write_frame(value: Any) -> str | bytes:  # noqa: ANN401 - any JSON value
+def _write_frame(value: JsonValue) -> str | bytes:
     if isinstance(value, dict) and value.keys() == {"$hex"}:
         return bytes.fromhex(value["$hex"])
     return value if isinstance(value, str) else json.dumps(value)
@@ -88,7 +90,7 @@ async def play(vector: dict[str, Any], clients: Clients) -> None:
     assert not left, f"nobody expected {left}"
 
 
-def _agrees(expected: Any, got: Any) -> bool:  # noqa: ANN401 - any JSON value
+def _agrees(expected: JsonValue, got: JsonValue) -> bool:
     if isinstance(expected, str) and expected.startswith("~"):
         return isinstance(got, str) and re.fullmatch(expected[1:], got, re.DOTALL) is not None
     if isinstance(expected, dict):

@@ -24,6 +24,7 @@ import msgspec
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.actions import Action, Goal, GoalStatus, Outcome
 from rosbridge_sim.graph.bus import Bus, Owner, Topic
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.store import Message
 
 __all__ = ["BEAT", "MAX_ID", "MEMORY", "Actionlib", "Status"]
@@ -213,7 +214,7 @@ class Actionlib:
         if topic.has_listener:
             self._bus.announce(self._owner, topic, Message(topic.type, value), self._now)
 
-    def _complete(self, goal_id: Any) -> Any:  # noqa: ANN401 - generated structs
+    def _complete(self, goal_id: Struct) -> Struct:
         """The id of a goal whose client may have left some of it to us."""
         key, stamp = goal_id.id, goal_id.stamp
         if not any(msgspec.structs.astuple(stamp)):

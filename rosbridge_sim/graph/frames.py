@@ -13,12 +13,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.owner import Guest, Owner
+from rosbridge_sim.loose_types import Struct
 
 __all__ = ["IDENTITY", "MAX_FRAMES", "MAX_NAME", "Frames", "Placed", "Pose", "compose", "frame_name", "invert", "turn"]
 
@@ -141,7 +142,7 @@ class Frames:
     def __len__(self) -> int:
         return len(self._moving) + len(self._static)
 
-    def put(self, stamped: Any, sender: Owner, *, is_static: bool) -> None:  # noqa: ANN401 - a generated struct
+    def put(self, stamped: Struct, sender: Owner, *, is_static: bool) -> None:
         """Take a transform in; it takes the place of an older one of the same child.
 
         Args:
@@ -199,7 +200,7 @@ class Frames:
         return found
 
 
-def _read(transform: Any, what: str) -> Pose:  # noqa: ANN401 - a generated struct
+def _read(transform: Struct, what: str) -> Pose:
     """The pose in a geometry_msgs/Transform.
 
     Raises:

@@ -32,6 +32,7 @@ from rosbridge_sim.graph.actionlib import BEAT, Actionlib
 from rosbridge_sim.graph.actions import Goal, GoalStatus
 from rosbridge_sim.graph.bus import Bus, Call, Owner, Subscription, Topic
 from rosbridge_sim.graph.frames import MAX_FRAMES, Frames, Placed, Pose, frame_name, turn
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.store import Message
 
 __all__ = [
@@ -273,7 +274,7 @@ class Republisher:
             if offer.stream.owner is owner and not offer.topic.has_listener:
                 self._withdraw(offer, now)
 
-    def _open(self, owner: Owner, request: Any, send: Callable[[_Transforms, float], None]) -> _Stream:  # noqa: ANN401
+    def _open(self, owner: Owner, request: Struct, send: Callable[[_Transforms, float], None]) -> _Stream:
         """A stream for a request, which is a struct of the service or of the action.
 
         Raises:
@@ -380,7 +381,7 @@ def _amount(value: float, name: str) -> float:
     return value
 
 
-def _seconds(request: Any) -> float:  # noqa: ANN401 - a generated struct
+def _seconds(request: Struct) -> float:
     """The timeout of a request [s]; 0 or less is none."""
     whole, nanoseconds = msgspec.structs.astuple(request.timeout)
     return max(0.0, float(whole + nanoseconds / 1e9))

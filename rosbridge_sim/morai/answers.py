@@ -6,17 +6,18 @@ from typing import Any
 
 from rosbridge_sim.graph.bus import Call
 from rosbridge_sim.graph.owner import Tell
+from rosbridge_sim.loose_types import Struct
 
 __all__ = ["complain", "request_of", "respond"]
 
 
-def request_of(call: Call) -> Any:  # noqa: ANN401 - a generated struct
+def request_of(call: Call) -> Struct:
     """What is in the request; every MORAI service wraps one message."""
     request: Any = call.request
     return request.request
 
 
-def respond(call: Call, response: Any) -> None:  # noqa: ANN401 - a generated struct
+def respond(call: Call, response: Struct) -> None:
     """Answer with one message, wrapped as in the request."""
     call.answer(call.service.type.response.struct(response))
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from rosbridge_sim.graph.bus import Bus, Call, Handle, Owner, Subscription, Topic
 from rosbridge_sim.graph.owner import gives_way
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.items import Item, Items, why_no_topic
 from rosbridge_sim.morai.network_settings import ItemKind
 from rosbridge_sim.schema.store import Message
@@ -70,7 +71,7 @@ class Bindings:
         """
         check_open = self._items.check_open
 
-        def take_while_open(message: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+        def take_while_open(message: Struct, sender: Owner, now: float) -> None:
             check_open()
             take(message, sender, now)
 

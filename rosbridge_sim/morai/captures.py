@@ -12,10 +12,11 @@ of a further ego in a folder of its own, `Ego-2/`. Figures of CSV files are exac
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final, Protocol
+from typing import Final, Protocol
 
 import numpy as np
 
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.convert import UniqueId, time_text
 from rosbridge_sim.world.sensors import Boxes
 from rosbridge_sim.world.state import Kind, World
@@ -43,13 +44,13 @@ class Archive(Protocol):
         """
 
 
-def gps_text(frame: int, message: Any) -> bytes:  # noqa: ANN401 - a generated struct
+def gps_text(frame: int, message: Struct) -> bytes:
     """GPS_*.csv of a GPSMessage; `time` is simulated [s]."""
     names = ("latitude", "longitude", "altitude", "eastOffset", "northOffset", "status")
     return _csv(frame, {name: getattr(message, name) for name in names})
 
 
-def imu_text(frame: int, message: Any) -> bytes:  # noqa: ANN401 - a generated struct
+def imu_text(frame: int, message: Struct) -> bytes:
     """IMU_*.csv of a sensor_msgs/Imu; `time` is simulated [s]."""
     parts = ("orientation", "xyzw"), ("angular_velocity", "xyz"), ("linear_acceleration", "xyz")
     figures = {f"{part}_{axis}": getattr(getattr(message, part), axis) for part, axes in parts for axis in axes}

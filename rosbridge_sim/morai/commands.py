@@ -8,9 +8,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from rosbridge_sim.errors import FieldError
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.convert import KMH, gear_of
 from rosbridge_sim.world.state import MAX_COORDINATE, MAX_SPEED, Gear
 
@@ -86,7 +87,7 @@ _LISTS: Final = (
 _NEWER_LISTS: Final = ("steering_angle", "turn_signal")  # may be empty: clients of the older release lack them
 
 
-def ego_settings(message: Any, most: int) -> list[EgoSetting]:  # noqa: ANN401 - a generated struct
+def ego_settings(message: Struct, most: int) -> list[EgoSetting]:
     """Read a MultiEgoSetting.
 
     Args:
@@ -129,7 +130,7 @@ def ego_settings(message: Any, most: int) -> list[EgoSetting]:  # noqa: ANN401 -
     return settings
 
 
-def ghost_pose(message: Any) -> Pose:  # noqa: ANN401 - a generated struct
+def ghost_pose(message: Struct) -> Pose:
     """Read a GhostMessage.
 
     Raises:
@@ -145,7 +146,7 @@ def ghost_pose(message: Any) -> Pose:  # noqa: ANN401 - a generated struct
     )
 
 
-def npc_ghosts(message: Any, most: int) -> list[Ghost]:  # noqa: ANN401 - a generated struct
+def npc_ghosts(message: Struct, most: int) -> list[Ghost]:
     """Read a NpcGhostCmd. The newer lists of lamps are for the eye alone and are passed over.
 
     Args:
@@ -170,7 +171,7 @@ def npc_ghosts(message: Any, most: int) -> list[Ghost]:  # noqa: ANN401 - a gene
     return ghosts
 
 
-def lamps_of(lamps: Any) -> tuple[int, int]:  # noqa: ANN401 - a generated struct
+def lamps_of(lamps: Struct) -> tuple[int, int]:
     """Turn and emergency signal of a Lamps.
 
     Raises:

@@ -18,6 +18,7 @@ from typing import Any, Final
 import numpy as np
 
 from rosbridge_sim.errors import FieldError
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.releases import MANUAL, Profile
 from rosbridge_sim.schema.check import round32
@@ -264,11 +265,11 @@ class Converter:
 
     # Out
 
-    def header(self, frame: int, frame_id: str = "") -> Any:  # noqa: ANN401 - a generated struct
+    def header(self, frame: int, frame_id: str = "") -> Struct:
         """A header of that frame: `seq` is the frame; see `stamp_ns`."""
         return self._header(frame & 0xFFFFFFFF, self._store.time_value(self.stamp_ns(frame)), frame_id)
 
-    def clock(self, frame: int) -> Any:  # noqa: ANN401 - a generated struct
+    def clock(self, frame: int) -> Struct:
         """The time that the headers of that frame have, so that what they say is never ahead of the clock."""
         return self._clock(self._store.time_value(self.stamp_ns(frame)))
 
@@ -276,7 +277,7 @@ class Converter:
         """The time that everything of the frame in hand is stamped with [ns]."""
         return frame * STEP_NS if self.wall_ns is None else self.wall_ns
 
-    def ego_vehicle_status(self, world: World, row: int, unique_id: int, roads: Roads | None = None) -> Any:  # noqa: ANN401 - a generated struct
+    def ego_vehicle_status(self, world: World, row: int, unique_id: int, roads: Roads | None = None) -> Struct:
         """The state of a driven row.
 
         Velocity and acceleration are in the body's frame, x forward and y left, at the rear axle: there nothing moves
@@ -302,7 +303,7 @@ class Converter:
             *[round32(figure(world, row, lane)) for figure in self._ego_figures],
         )
 
-    def object_status_list(self, world: World, ego_row: int | None, unique_id: UniqueId) -> Any:  # noqa: ANN401 - a generated struct
+    def object_status_list(self, world: World, ego_row: int | None, unique_id: UniqueId) -> Struct:
         """Everybody but the ego itself, in order of spawning; the other egos come last among the vehicles.
 
         Args:
@@ -328,7 +329,7 @@ class Converter:
         layout = world.derived(self._lay_out)
         return _in_lists(self._object_statuses(world, layout.rows, layout.fixed), layout.ends)
 
-    def collision_data(self, world: World, rows: IntArray, unique_id: UniqueId) -> Any:  # noqa: ANN401 - a generated struct
+    def collision_data(self, world: World, rows: IntArray, unique_id: UniqueId) -> Struct:
         """What an ego touches, and where the first of these is.
 
         Args:
@@ -340,13 +341,13 @@ class Converter:
         place = touched[0].position if touched else self._at_rest
         return self._collision(self.header(world.frame, "base_link"), place.x, place.y, place.z, touched, touched)
 
-    def vehicle_collision_data(self, world: World, pairs: IntArray, unique_id: UniqueId) -> Any:  # noqa: ANN401 - as above
+    def vehicle_collision_data(self, world: World, pairs: IntArray, unique_id: UniqueId) -> Struct:
         """Which vehicles touch each other, (k, 2) rows; a collision for each pair."""
         both = self._any_statuses(world, pairs.ravel(), unique_id)
         collisions = [self._crash(both[i : i + 2]) for i in range(0, len(both), 2)]
         return self._crashes(self.header(world.frame, "VehicleCollisionData"), collisions)
 
-    def vehicle_spec(self, body: Body | None) -> Any:  # noqa: ANN401 - a generated struct
+    def vehicle_spec(self, body: Body | None) -> Struct:
         """The figures of a vehicle; all zeros for none. The size is (length, width, height) in any profile."""
         if body is None:
             return self._vehicle_spec(self._vector(0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
@@ -358,7 +359,7 @@ class Converter:
             round32(body.rear_overhang),
         )
 
-    def map_spec(self, road_map: RoadMap) -> Any:  # noqa: ANN401 - a generated struct
+    def map_spec(self, road_map: RoadMap) -> Struct:
         """How the map's metres lie on the globe."""
         projection = road_map.projection
         return self._map_spec(
@@ -375,7 +376,7 @@ class Converter:
 
     # In
 
-    def control(self, command: Any) -> Control:  # noqa: ANN401 - a generated struct
+    def control(self, command: Struct) -> Control:
         """Read a CtrlCmd.
 
         Raises:
@@ -407,7 +408,7 @@ class Converter:
     def _lay_out(self, world: World) -> _Layout:
         return _Layout(world, self._size)
 
-    def _size(self, body: Body) -> Any:  # noqa: ANN401 - a generated struct
+    def _size(self, body: Body) -> Struct:
         first, second = (body.width, body.length) if self._is_width_first else (body.length, body.width)
         return self._vector(first, second, body.height)
 

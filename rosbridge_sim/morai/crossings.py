@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.graph.bus import Call, Owner
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.convert import maker
 from rosbridge_sim.morai.ego import Ego
@@ -97,7 +98,7 @@ class Crossings(Part):
     def _signals(self) -> Signals:
         return self._node.world.signals
 
-    def _header(self, frame_id: str) -> Any:  # noqa: ANN401 - a generated struct
+    def _header(self, frame_id: str) -> Struct:
         return self._node.convert.header(self._node.world.frame, frame_id)
 
     def _place(self, ego: Ego) -> tuple[int, float] | None:
@@ -109,7 +110,7 @@ class Crossings(Part):
             return None
         return int(places.lane[0]), float(places.s[0])
 
-    def _light_ahead(self, ego: Ego) -> Any:  # noqa: ANN401 - a generated struct, or None
+    def _light_ahead(self, ego: Ego) -> Struct:
         signals = self._signals
         place = self._place(ego) if signals.plan.lights else None
         light = None if place is None else light_ahead(self._node.world.roads, signals.plan, *place, REACH)
@@ -120,7 +121,7 @@ class Crossings(Part):
             self._header("TrafficLightStatus"), known.name, light_type(known), int(signals.shown[light])
         )
 
-    def _intersection_around(self, ego: Ego) -> Any:  # noqa: ANN401 - a generated struct, or None
+    def _intersection_around(self, ego: Ego) -> Struct:
         signals = self._signals
         place = self._place(ego) if signals.plan.controllers else None
         controller = -1 if place is None else int(signals.plan.controller_of_lane[place[0]])
@@ -133,7 +134,7 @@ class Crossings(Part):
             round32(signals.elapsed(controller) * DT),
         )
 
-    def _intersections(self) -> Any:  # noqa: ANN401 - a generated struct
+    def _intersections(self) -> Struct:
         signals = self._signals
         controllers = signals.plan.controllers
         return self._make_all(
@@ -145,7 +146,7 @@ class Crossings(Part):
 
     # In
 
-    def _set_light(self, message: Any, sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
+    def _set_light(self, message: Struct, sender: Owner, _now: float) -> None:
         where, index, status = "morai_msgs/SetTrafficLight", message.trafficLightIndex, message.trafficLightStatus
         signals = self._signals
         try:
@@ -160,7 +161,7 @@ class Crossings(Part):
             signals.force(light, status)
         _log.debug("traffic light %s: %d by %s", index, status, sender.name)
 
-    def _set_phase(self, message: Any, sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
+    def _set_phase(self, message: Struct, sender: Owner, _now: float) -> None:
         where = "morai_msgs/IntersectionControl"
         number, phase, seconds = (
             message.intersection_index,

@@ -16,6 +16,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter,
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.loose_types import JsonValue
 
 __all__ = [
     "Coordinate",
@@ -219,7 +220,7 @@ def _expected(error: ErrorDetails) -> str:
     return text[:1].lower() + text[1:]
 
 
-def _shown(value: Any) -> str:  # noqa: ANN401  # whatever stood in the document
+def _shown(value: JsonValue) -> str:
     """A value on one line, and short."""
     if isinstance(value, dict):
         return "an object"

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final
 
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.commands import Pose
 from rosbridge_sim.morai.convert import Control, Converter
 from rosbridge_sim.world import dynamics
@@ -106,7 +107,7 @@ class Ego:
         """Turn and emergency signal."""
         return self.turn_signal, self.emergency_signal
 
-    def status(self) -> Any:  # noqa: ANN401 - a generated struct
+    def status(self) -> Struct:
         """Its EgoVehicleStatus, made once for each state of the world."""
         if self._status is None:
             self._status = self._convert.ego_vehicle_status(self._world, self.row, self.index, self._roads())

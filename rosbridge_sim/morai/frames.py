@@ -18,8 +18,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.convert import Converter, maker
 from rosbridge_sim.morai.ego import Ego
 from rosbridge_sim.morai.stage import FIRST_EGO
@@ -64,7 +65,7 @@ class Transforms:
         self._vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
         self._quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
 
-    def moving(self, egos: Sequence[Ego]) -> Any:  # noqa: ANN401 - a generated struct
+    def moving(self, egos: Sequence[Ego]) -> Struct:
         """Where the egos stand in the map, in their order."""
         world = self._world
         header = self._convert.header(world.frame, MAP)
@@ -87,7 +88,7 @@ class Transforms:
             found += [Mount(prefix + BASE, prefix + name, mounting) for name, mounting in mountings.items()]
         return tuple(found)
 
-    def static(self, mounts: Sequence[Mount]) -> Any:  # noqa: ANN401 - a generated struct
+    def static(self, mounts: Sequence[Mount]) -> Struct:
         """What `mounts` said, as a message; an empty one is fine."""
         frame = self._world.frame
         return self._message(
@@ -101,7 +102,7 @@ class Transforms:
             ]
         )
 
-    def _pose(self, place: Vector, axes: Quaternion) -> Any:  # noqa: ANN401 - a generated struct
+    def _pose(self, place: Vector, axes: Quaternion) -> Struct:
         return self._transform(self._vector(*place), self._quaternion(*axes))
 
 

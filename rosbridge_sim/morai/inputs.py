@@ -13,10 +13,11 @@ from __future__ import annotations
 
 import logging
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.graph.bus import Owner
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.commands import EgoSetting, ego_settings, ghost_pose, lamps_of, npc_ghosts
 from rosbridge_sim.morai.ego import CtrlMode, Ego, EgoCommand
@@ -60,14 +61,14 @@ class Inputs(Part):
         """The world has begun anew."""
         self._ghosts.forget()
 
-    def _ctrl_cmd(self, ego: Ego, bindings: Bindings, name: str, command: Any, sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
+    def _ctrl_cmd(self, ego: Ego, bindings: Bindings, name: str, command: Struct, sender: Owner, _now: float) -> None:
         control = self._node.convert.control(command)
         if self._is_external(ego):
             ego.control(control)
         else:
             self._decline(ego, bindings, name, bindings.service("SyncModeCtrlCmd"), sender)
 
-    def _ghost(self, ego: Ego, bindings: Bindings, message: Any, sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
+    def _ghost(self, ego: Ego, bindings: Bindings, message: Struct, sender: Owner, _now: float) -> None:
         pose = ghost_pose(message)
         if self._is_external(ego):
             ego.haunt(pose)
@@ -75,7 +76,7 @@ class Inputs(Part):
             instead = self._node.items.name_of(ItemKind.SUBSCRIBER, "/ego_setting")
             self._decline(ego, bindings, "ghost_ctrl_cmd", instead, sender)
 
-    def _npc_ghosts(self, bindings: Bindings, message: Any, sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
+    def _npc_ghosts(self, bindings: Bindings, message: Struct, sender: Owner, _now: float) -> None:
         """Place vehicles; in synchronous mode too, for they are not the ego."""
         if self._is_replaying(bindings, "NpcGhost_Topic", sender):
             return
@@ -105,10 +106,10 @@ class Inputs(Part):
             self._node.tell_once(sender, f"{bindings.topic(name)} is ignored while a recording is replayed")
         return is_replaying
 
-    def _lamps(self, ego: Ego, message: Any, _sender: Owner, _now: float) -> None:  # noqa: ANN401 - a generated struct
+    def _lamps(self, ego: Ego, message: Struct, _sender: Owner, _now: float) -> None:
         ego.turn_signal, ego.emergency_signal = lamps_of(message)
 
-    def _ego_setting(self, bindings: Bindings, message: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+    def _ego_setting(self, bindings: Bindings, message: Struct, sender: Owner, now: float) -> None:
         """Put egos somewhere; those whose number is new come into the world."""
         if self._is_replaying(bindings, "ego_setting", sender):
             return

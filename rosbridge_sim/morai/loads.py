@@ -18,11 +18,12 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rosbridge_sim.errors import DocumentError, GraphError, PeerError
 from rosbridge_sim.graph.bus import Call, Owner
 from rosbridge_sim.graph.owner import Tell, explain, teller
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.answers import complain, request_of, respond
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.convert import maker
@@ -152,7 +153,7 @@ class Loads(Part):
 
         self._start(request_of(call), call.caller, end, now)
 
-    def _hear_load(self, bindings: Bindings, request: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+    def _hear_load(self, bindings: Bindings, request: Struct, sender: Owner, now: float) -> None:
         """The same over a topic; as there, synchronous mode does not stand in the way."""
         topic, tell = bindings.topic("ScenarioLoad"), teller(sender)
         is_here = True
@@ -173,7 +174,7 @@ class Loads(Part):
 
     def _start(
         self,
-        request: Any,  # noqa: ANN401 - a generated struct
+        request: Struct,
         caller: Owner,
         end: Callable[[PeerError | DocumentError | None], None],
         now: float,
@@ -200,7 +201,7 @@ class Loads(Part):
 
     def _read(
         self,
-        request: Any,  # noqa: ANN401 - a generated struct
+        request: Struct,
         caller: Owner,
         base: FoundMap,
         finish: Callable[[_Documents | DocumentError, float], None],
@@ -229,7 +230,7 @@ class Loads(Part):
 
     def _prepare(
         self,
-        request: Any,  # noqa: ANN401 - a generated struct
+        request: Struct,
         documents: _Documents | DocumentError,
         caller: Owner,
         base: FoundMap,
@@ -261,7 +262,7 @@ class Loads(Part):
         return load, network
 
 
-def _parts(request: Any) -> tuple[bool, bool, bool, bool]:  # noqa: ANN401 - a generated struct
+def _parts(request: Struct) -> tuple[bool, bool, bool, bool]:
     """Whether the ego, vehicles, pedestrians and obstacles are to be loaded."""
     return (
         request.load_ego_vehicle_data,

@@ -27,6 +27,7 @@ from typing import Any, Final
 
 from rosbridge_sim.graph.bus import Bus, Owner, Subscription, Topic
 from rosbridge_sim.graph.owner import gives_way
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.items import Item, Items, why_no_topic
 from rosbridge_sim.morai.network_settings import USUAL_RATE, ItemKind, split_prefix
 from rosbridge_sim.schema.store import Message
@@ -231,7 +232,7 @@ class Outputs:
         self._items.add(kept)
         return kept
 
-    def update(self, kept: Kept, value: Any, now: float) -> None:  # noqa: ANN401 - a generated struct
+    def update(self, kept: Kept, value: Struct, now: float) -> None:
         """There is news for a topic that `keep` has made."""
         kept.value = value
         if kept.topic is not None:

@@ -22,10 +22,11 @@ import logging
 import math
 from collections.abc import Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.graph.bus import Owner
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.captures import Archive, boxes_text, gps_text, imu_text
 from rosbridge_sim.morai.convert import maker
@@ -116,10 +117,10 @@ class Sensors(Part):
 
     # Out
 
-    def _header(self, ego: Ego, sensor: str) -> Any:  # noqa: ANN401 - a generated struct
+    def _header(self, ego: Ego, sensor: str) -> Struct:
         return self._node.convert.header(self._node.world.frame, frame_prefix(ego) + sensor)
 
-    def _gps(self, ego: Ego) -> Any:  # noqa: ANN401 - a generated struct
+    def _gps(self, ego: Ego) -> Struct:
         road_map = self._node.stage.road_map
         x, y, z = locate(self._node.world, ego.row, ego.mountings[GPS])
         east, north, up = road_map.origin
@@ -129,7 +130,7 @@ class Sensors(Part):
             self._header(ego, GPS), latitude, longitude, z + up, east, north, 0 if place is None else 1
         )
 
-    def _imu(self, ego: Ego) -> Any:  # noqa: ANN401 - a generated struct
+    def _imu(self, ego: Ego) -> Struct:
         reading = feel(self._node.world, ego.row, ego.mountings[IMU])
         vector, unknown = self._make_vector, [0.0] * 9  # by convention, all zeros are a covariance that is not known
         return self._make_imu(
@@ -141,13 +142,13 @@ class Sensors(Part):
 
     # In
 
-    def _move(self, ego: Ego, message: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+    def _move(self, ego: Ego, message: Struct, sender: Owner, now: float) -> None:
         moved = mountings_of(message)
         ego.mountings |= moved
         self._node.announce_mounts(now)
         _log.debug("ego %d: %s moved by %s", ego.index, ", ".join(moved) or "no sensor", sender.name)
 
-    def _save_as_told(self, ego: Ego, bindings: Bindings, message: Any, _sender: Owner, _now: float) -> None:  # noqa: ANN401 - as above
+    def _save_as_told(self, ego: Ego, bindings: Bindings, message: Struct, _sender: Owner, _now: float) -> None:
         where = "morai_msgs/SaveSensorData"
         name = message.custom_file_name if message.is_custom_file_name else ""
         if message.is_custom_file_name and not name:
@@ -178,7 +179,7 @@ class Sensors(Part):
         }
 
 
-def mountings_of(message: Any) -> dict[str, Mounting]:  # noqa: ANN401 - a generated struct
+def mountings_of(message: Struct) -> dict[str, Mounting]:
     """Read a SensorPosControl: where the sensors that it names shall sit, by their frames.
 
     Raises:

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, Final
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.bus import Call, Owner
 from rosbridge_sim.graph.owner import explain, teller
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.answers import complain, request_of, respond
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.commands import lamps_of
@@ -192,7 +193,7 @@ class Services(Part):
         request = request_of(call)
         self._queue(call, lambda: self._read_remove(request, call.caller, call.service.name), request.frame, now)
 
-    def _hear_add(self, bindings: Bindings, request: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+    def _hear_add(self, bindings: Bindings, request: Struct, sender: Owner, now: float) -> None:
         topic = bindings.topic("SyncModeAddObj")
         try:
             command = self._read_add(request, sender, topic)
@@ -200,11 +201,11 @@ class Services(Part):
             raise FieldError(f"{topic}: {error}") from None
         self._queue_silently(topic, command, request.frame, sender, now)
 
-    def _hear_remove(self, bindings: Bindings, request: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+    def _hear_remove(self, bindings: Bindings, request: Struct, sender: Owner, now: float) -> None:
         topic = bindings.topic("SyncModeRemoveObj")
         self._queue_silently(topic, self._read_remove(request, sender, topic), request.frame, sender, now)
 
-    def _read_add(self, request: Any, sender: Owner, where: str) -> Command:  # noqa: ANN401 - a generated struct
+    def _read_add(self, request: Struct, sender: Owner, where: str) -> Command:
         catalogue = self._node.stage.catalogue
         model = catalogue.find(request.name)
         if model is None:
@@ -227,7 +228,7 @@ class Services(Part):
 
         return add
 
-    def _read_remove(self, request: Any, sender: Owner, where: str) -> Command:  # noqa: ANN401 - a generated struct
+    def _read_remove(self, request: Struct, sender: Owner, where: str) -> Command:
         tell = teller(sender)
 
         def remove(_now: float) -> None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.ego import Ego
 from rosbridge_sim.morai.outputs import Outputs
 from rosbridge_sim.morai.part import Part
@@ -37,15 +38,15 @@ class States(Part):
         )
         outputs.add(prefix + "CollisionData", "morai_msgs/CollisionData", partial(self._collisions, ego))
 
-    def _objects(self, ego: Ego) -> Any:  # noqa: ANN401 - a generated struct
+    def _objects(self, ego: Ego) -> Struct:
         node = self._node
         return node.convert.object_status_list(node.world, ego.row, node.unique_id)
 
-    def _collisions(self, ego: Ego) -> Any:  # noqa: ANN401 - a generated struct
+    def _collisions(self, ego: Ego) -> Struct:
         node = self._node
         return node.convert.collision_data(node.world, contacts.find_touched(node.world, ego.uid), node.unique_id)
 
-    def _crashes(self) -> Any:  # noqa: ANN401 - a generated struct
+    def _crashes(self) -> Struct:
         node = self._node
         pairs = contacts.find_crashes(node.world, MAX_CRASHES)
         return node.convert.vehicle_collision_data(node.world, pairs, node.unique_id)

@@ -25,6 +25,7 @@ import msgspec
 import orjson
 
 from rosbridge_sim.errors import FrameError, Reason
+from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.protocol.ops import ABSENT, OPS, Body, Id, Op
 from rosbridge_sim.suggestions import hint, listing
 from rosbridge_sim.weight import FULL, LIGHT, claim, weigh, weigh_exactly
@@ -347,7 +348,7 @@ def _ends(text: bytes | memoryview | str) -> str:
     return (bytes(text[:_NAMED]) + bytes(text[-_NAMED:])).decode("latin-1")
 
 
-def op_from_value(value: Any) -> Op:  # noqa: ANN401 - any JSON value
+def op_from_value(value: JsonValue) -> Op:
     """The op that a JSON value spells; its bodies stay as they are.
 
     Args:
@@ -406,7 +407,7 @@ _MAX_LOOKED_AT = 100
 """Fields of a wrong op that are looked at: more than any op has."""
 
 
-def _checked(given: Any, op: str, field: str, op_id: object) -> Any:  # noqa: ANN401 - any JSON value
+def _checked(given: JsonValue, op: str, field: str, op_id: object) -> JsonValue:
     classes = _ID_CLASSES.get(op, _CLASSES["id"]) if field == "id" else _CLASSES[field]
     # Python would let True pass for 1; rosbridge_suite does, we do not
     if not isinstance(given, classes) or (isinstance(given, bool) and bool not in classes):

@@ -23,6 +23,7 @@ import numpy.typing as npt
 import orjson
 
 from rosbridge_sim.errors import FieldError, Reason
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.names import Generation, printable
 from rosbridge_sim.schema.parse import INT_RANGES, MAX_FLOAT32, Definition, Field
 from rosbridge_sim.suggestions import hint, listing
@@ -185,7 +186,7 @@ class Shape:
     finish: Callable[[Any, int], None] | None = None
 
 
-def check(shape: Shape, value: object, stamp_ns: int, root: str | None = None) -> Any:  # noqa: ANN401 - a made struct
+def check(shape: Shape, value: object, stamp_ns: int, root: str | None = None) -> Struct:
     """The struct that a body (as Python objects) stands for.
 
     Args:

@@ -28,6 +28,7 @@ import orjson
 import pybase64
 
 from rosbridge_sim.errors import DefinitionError, FieldError
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.cbor import CborWriters, encode_plain
 from rosbridge_sim.schema.check import Dialect, Leniency, Shape, Slot, check, round32, round32_list
 from rosbridge_sim.schema.names import Generation, ros2_names
@@ -93,7 +94,7 @@ class MessageType:
         """What is left to do on a decoded value, `(value, stamp_ns)`; None where nothing is."""
         return self._after
 
-    def decode_json(self, body: bytes | msgspec.Raw, stamp_ns: int) -> Any:  # noqa: ANN401 - a generated struct
+    def decode_json(self, body: bytes | msgspec.Raw, stamp_ns: int) -> Struct:
         """The checked and filled value of a JSON body.
 
         Args:
@@ -122,7 +123,7 @@ class MessageType:
             self._skeleton = Skeleton(self.shape)
         self._skeleton.check(self.name, body)
 
-    def check(self, value: object, stamp_ns: int, root: str | None = None) -> Any:  # noqa: ANN401 - a generated struct
+    def check(self, value: object, stamp_ns: int, root: str | None = None) -> Struct:
         """The checked and filled value of a body that is there as Python objects; see `check.check`.
 
         Raises:
@@ -130,23 +131,23 @@ class MessageType:
         """
         return check(self.shape, value, stamp_ns, root)
 
-    def encode_json(self, value: Any) -> bytes:  # noqa: ANN401 - a generated struct
+    def encode_json(self, value: Struct) -> bytes:
         """The JSON text of a value; NaN and infinity are `null`, bytes are base64, numpy arrays are lists."""
         return _encode(value)
 
-    def encode_cbor(self, value: Any) -> bytes:  # noqa: ANN401 - a generated struct
+    def encode_cbor(self, value: Struct) -> bytes:
         """The CBOR map of a value: NaN and infinity stay, numeric arrays are typed arrays."""
         return self._encoders.cbor.encode(self.shape, value)
 
-    def encode_raw(self, value: Any) -> bytes:  # noqa: ANN401 - a generated struct
+    def encode_raw(self, value: Struct) -> bytes:
         """The bytes that ROS itself sends: ROS 1's, or CDR with its four bytes in front."""
         return self._encoders.ros.serialize(self.shape, value)
 
-    def default(self) -> Any:  # noqa: ANN401 - a generated struct
+    def default(self) -> Struct:
         """A value whose fields all have their defaults."""
         return self.struct()
 
-    def to_builtins(self, value: Any) -> dict[str, Any]:  # noqa: ANN401 - a generated struct
+    def to_builtins(self, value: Struct) -> dict[str, Any]:
         """What `encode_json` gives, as Python objects."""
         builtins: dict[str, Any] = msgspec.json.decode(_encode(value))
         return builtins

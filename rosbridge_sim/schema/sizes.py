@@ -12,6 +12,8 @@ from typing import Any, Final
 import msgspec
 import numpy as np
 
+from rosbridge_sim.loose_types import JsonValue, Struct
+
 __all__ = ["size_of"]
 
 _STRUCT, _FIELD, _LIST, _ITEM, _TEXT, _BYTES, _NUMBER, _DICT, _ENTRY = 16, 8, 56, 8, 49, 33, 28, 64, 100
@@ -24,7 +26,7 @@ _MAX_DEPTH: Final = 20
 """Below that, an unknown type's value counts by its text alone."""
 
 
-def size_of(value: Any, text_length: int = 0) -> int:  # noqa: ANN401 - a generated struct, or any JSON
+def size_of(value: Struct | JsonValue, text_length: int = 0) -> int:
     """Estimate the memory of a message's value [bytes].
 
     Args:
@@ -34,7 +36,7 @@ def size_of(value: Any, text_length: int = 0) -> int:  # noqa: ANN401 - a genera
     return max(_size(value, 0), 2 * text_length)
 
 
-def _size(value: Any, depth: int) -> int:  # noqa: ANN401, PLR0911 - as above; one line a kind
+def _size(value: Struct | JsonValue, depth: int) -> int:  # noqa: PLR0911 - one line a kind
     if isinstance(value, msgspec.Struct):
         fields = value.__struct_fields__
         return _STRUCT + _FIELD * len(fields) + sum(_size(getattr(value, name), depth + 1) for name in fields)

@@ -14,6 +14,7 @@ from typing import Any, Final
 import msgspec
 
 from rosbridge_sim.errors import FieldError
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.check import Shape
 
 __all__ = ["MAX_COST", "Skeleton"]
@@ -67,7 +68,7 @@ class _Plan:
         """True where there is anything to count."""
         return bool(self.lists or self.inner)
 
-    def cost(self, value: Any) -> int:  # noqa: ANN401 - a struct made above
+    def cost(self, value: Struct) -> int:
         """Cost of the elements of all lists."""
         total = 0
         for name, each, plan in self.lists:

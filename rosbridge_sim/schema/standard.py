@@ -77,13 +77,9 @@ _OTHER: Final[Mapping[Generation, Generation]] = {1: 2, 2: 1}
 @cache
 def _packages(ros: Generation) -> Mapping[str, Mapping[str, _Fielddefs]]:
     """The standard definitions of a generation: package -> name -> fields."""
-    if ros == 1:
-        from rosbags.typesys.stores import ros1_noetic  # noqa: PLC0415 - see above
+    from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415 - see above
 
-        return _by_package(ros, ros1_noetic.FIELDDEFS)
-    from rosbags.typesys.stores import ros2_jazzy  # noqa: PLC0415 - see above
-
-    return _by_package(ros, ros2_jazzy.FIELDDEFS)
+    return _by_package(ros, get_typestore(Stores.ROS1_NOETIC if ros == 1 else Stores.ROS2_JAZZY).fielddefs)
 
 
 def _by_package(ros: Generation, found: Mapping[str, _Fielddefs]) -> Mapping[str, Mapping[str, _Fielddefs]]:

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from rosbridge_sim.errors import DefinitionError, EncodingError, PeerError, TypeNameError, UnknownPackageError
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.check import ROS1, ROS2, Leniency
 from rosbridge_sim.schema.compile import ActionType, Encoders, MessageType, OpaqueType, ServiceType, compile_message
 from rosbridge_sim.schema.names import (
@@ -74,7 +75,7 @@ class Message:
         "value",
     )
 
-    def __init__(self, message_type: MessageType | OpaqueType, value: Any, text_length: int = 0) -> None:  # noqa: ANN401 - a generated struct
+    def __init__(self, message_type: MessageType | OpaqueType, value: Struct, text_length: int = 0) -> None:
         self._size = 0
         self.text_length = text_length
         self.type = message_type

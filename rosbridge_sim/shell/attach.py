@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from urllib.parse import urlsplit
 
 from websockets.asyncio.client import connect
-from websockets.exceptions import ConnectionClosed, WebSocketException
+from websockets.exceptions import WebSocketException
 
 from rosbridge_sim.graph.bus import Bus, Owner
 from rosbridge_sim.graph.line import MARK, Line, Values
@@ -264,9 +264,7 @@ class _Carrier:
             self._mirror.lost(self._line, self._loop.time())
             self._on_change()
             dialed.transport.abort()
-        closed = dialed.protocol.close_exc
-        assert isinstance(closed, ConnectionClosed)
-        return was_ready, why_gone(self._url, closed)
+        return was_ready, why_gone(self._url, dialed.end)
 
     async def _dial(self) -> DialedSocket:
         """A connection to the first of the host's addresses that has one for us.

@@ -15,28 +15,34 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, BinaryIO, Protocol, cast
+from typing import BinaryIO, Protocol
 
 from rosbags.interfaces import Connection
-from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag1 import WriterError as Writer1Error
-from rosbags.rosbag2 import StoragePlugin
-from rosbags.rosbag2 import Writer as Writer2
 from rosbags.rosbag2 import WriterError as Writer2Error
-from rosbags.rosbag2.enums import CompressionMode
-from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.schema.names import Generation
+from rosbridge_sim.shell.rosbags_internals import (
+    connections_of,
+    end_chunk1,
+    end_chunk2,
+    file_of1,
+    file_of2,
+    new_writer1,
+    new_writer2,
+    num_chunks1,
+    open_file2,
+    redirect_metadata2,
+    shorten_index1,
+    zero_times2,
+)
 
 __all__ = ["Bag", "BagGoneError", "Channel", "generation_of", "open_bag"]
 
 Channel = Connection
 """One topic in a bag."""
-
-_NO_TIME = 2**63 - 1
-"""What rosbags starts from when it looks for the first stamp."""
 
 _DIGEST_SIZE = 32
 """Characters of an MD5 sum."""
@@ -102,7 +108,7 @@ def open_bag(path: Path) -> Bag:
     """A new bag: `.bag` is ROS 1, `.mcap` one file of ROS 2, any other name a folder of ROS 2.
 
     Raises:
-        DocumentError: there is such a file already, or it cannot be made.
+        DocumentError: there is such a file already, or it cannot be made; or the library is one that does not fit.
     """
     if generation_of(path) == 1:
         return _Bag1(path)
@@ -153,7 +159,7 @@ class _Bag1:
     def __init__(self, path: Path) -> None:
         self._path = path
         with _readable(path):
-            self._writer = Writer1(path)
+            self._writer = new_writer1(path)
             self._writer.open()
             self.flush()
 
@@ -162,7 +168,7 @@ class _Bag1:
         if len(digest) != _DIGEST_SIZE:
             digest = _no_digest(type_name, text, 1)
         latched = 1 if latching else None
-        for known in self._writer.connections:
+        for known in connections_of(self._writer):
             if (known.topic, known.digest, known.ext.latching) == (topic, digest, latched):  # type: ignore[union-attr]
                 return known
         full_name = type_name.replace("/", "/msg/")
@@ -170,20 +176,21 @@ class _Bag1:
 
     def write(self, channel: Channel, stamp_ns: int, raw: bytes) -> None:
         """See `Bag`."""
-        num_chunks = len(self._writer.chunks)
+        num_chunks = num_chunks1(self._writer)
         with _readable(self._path):
             self._writer.write(channel, stamp_ns, raw)
-        if len(self._writer.chunks) > num_chunks:
-            self._forget()
+        if num_chunks1(self._writer) > num_chunks:
+            shorten_index1(self._writer)
 
     def flush(self) -> None:
         """See `Bag`."""
         self._check_there()
         with _readable(self._path):
-            self._writer.write_chunk(self._writer.chunks[-1])
-            self._forget()
-            if self._writer.bio is not None:
-                self._writer.bio.flush()
+            end_chunk1(self._writer)
+            shorten_index1(self._writer)
+            file = file_of1(self._writer)
+            if file is not None:
+                file.flush()
 
     def close(self) -> None:
         """See `Bag`."""
@@ -191,7 +198,8 @@ class _Bag1:
         self._finish()
 
     def _check_there(self) -> None:
-        why = None if self._writer.bio is None else _why_gone(self._path, self._writer.bio)
+        file = file_of1(self._writer)
+        why = None if file is None else _why_gone(self._path, file)
         if why is not None:
             with suppress(DocumentError):
                 self._finish()
@@ -199,7 +207,7 @@ class _Bag1:
             raise BagGoneError(f"{self._path}: {why}")
 
     def _finish(self) -> None:
-        if self._writer.bio is not None:
+        if file_of1(self._writer) is not None:
             with _readable(self._path):
                 self._writer.close()
 
@@ -207,23 +215,6 @@ class _Bag1:
         """See `Bag`."""
         with suppress(OSError):
             self._writer.abort()
-
-    def _forget(self) -> None:
-        """Keep of the chunk that was written last what its index will need: how many messages each topic has there."""
-        for chunk in self._writer.chunks[-2:-1]:
-            counted = {key: range(len(entries)) for key, entries in chunk.connections.items()}
-            chunk.connections = cast("Any", counted)  # Any: only their length is read any more
-
-
-class _OneFile:
-    """What rosbags' MCAP storage takes for a folder, where the file itself is wanted."""
-
-    def __init__(self, path: Path) -> None:
-        self.name = path.stem
-        self._path = path
-
-    def __truediv__(self, _name: str) -> Path:
-        return self._path
 
 
 class _Bag2:
@@ -234,10 +225,9 @@ class _Bag2:
     def __init__(self, path: Path) -> None:
         self._path = path
         with _readable(path):
-            self._writer = Writer2(path, version=Writer2.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP)
+            self._writer = new_writer2(path)
             if path.suffix == ".mcap":
-                one_file = cast("Path", _OneFile(path))
-                self._writer.storage = McapWriter(one_file, CompressionMode.NONE)
+                open_file2(self._writer, path)
             else:
                 self._writer.open()
             self.flush()
@@ -247,7 +237,7 @@ class _Bag2:
         del latching  # a matter of QoS there, which nobody here offers
         digest = digest or _no_digest(type_name, text, 2)
         full_name = type_name.replace("/", "/msg/")
-        for known in self._writer.connections:
+        for known in connections_of(self._writer):
             if (known.topic, known.msgtype) == (topic, full_name):
                 return known
         return self._writer.add_connection(topic, full_name, msgdef=text, rihs01=digest)
@@ -260,13 +250,12 @@ class _Bag2:
     def flush(self) -> None:
         """See `Bag`."""
         self._check_there()
-        storage = self._storage
-        if storage is None:
+        open_file = file_of2(self._writer)
+        if open_file is None:
             return
         with _readable(self._path):
-            if storage.chunk.msgs:
-                storage.close_chunk()
-            storage.bio.flush()
+            end_chunk2(self._writer)
+            open_file[1].flush()
 
     def close(self) -> None:
         """See `Bag`."""
@@ -274,8 +263,8 @@ class _Bag2:
         self._finish()
 
     def _check_there(self) -> None:
-        storage = self._storage
-        why = None if storage is None else _why_gone(storage.path, storage.bio)
+        open_file = file_of2(self._writer)
+        why = None if open_file is None else _why_gone(*open_file)
         if why is not None:
             with suppress(DocumentError):
                 self._finish()
@@ -283,16 +272,13 @@ class _Bag2:
             raise BagGoneError(f"{self._path}: {why}")
 
     def _finish(self) -> None:
-        storage = self._storage
-        if storage is None:
+        if file_of2(self._writer) is None:
             return
-        if storage.message_start_time == _NO_TIME:  # the format wants 0 where there are no messages
-            storage.message_start_time = self._writer.min_timestamp = 0
-            storage.chunk.message_start_time = 0
+        zero_times2(self._writer)
         with _readable(self._path):
             if self._path.suffix == ".mcap":
                 with TemporaryDirectory() as folder:  # what stands in the folder's own file is in the MCAP too
-                    self._writer.metapath = Path(folder) / "metadata.yaml"
+                    redirect_metadata2(self._writer, Path(folder) / "metadata.yaml")
                     self._writer.close()
             else:
                 self._writer.close()
@@ -301,7 +287,3 @@ class _Bag2:
         """See `Bag`."""
         with suppress(OSError):
             self._writer.abort()
-
-    @property
-    def _storage(self) -> McapWriter | None:
-        return cast("McapWriter | None", self._writer.storage)  # the plug-in that was asked for

@@ -7,43 +7,30 @@ we dial are commands and calls of one client, and not the frames of hundreds.
 
 from __future__ import annotations
 
-import asyncio
 import os
 import socket
 import ssl
 from collections.abc import Callable, Collection, Sequence
-from typing import Any
 
 from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed, InvalidStatus, InvalidURI
-from websockets.frames import DATA_OPCODES, Frame
-from websockets.protocol import Event, State
-from websockets.speedups import apply_mask
 
+from rosbridge_sim.loose_types import LibraryArgument
 from rosbridge_sim.shell.direct import head_of
 from rosbridge_sim.shell.tools.text import safe
 from rosbridge_sim.shell.urls import DEFAULT_PORT, hide, secrets_of, shown_url
+from rosbridge_sim.shell.websocket_internals import MessageSocket, apply_mask
 
 __all__ = ["DialedSocket", "why_gone", "why_not"]
 
-MAX_UNREAD = 64 * 2**20
-"""Who reads nothing and goes on sending is left when so much waits for him [bytes]: each ping of his is answered."""
 
+class DialedSocket(MessageSocket, ClientConnection):
+    """A connection that hands each message to a callback, once `listen` was called; `recv` gives nothing."""
 
-class DialedSocket(ClientConnection):
-    """A connection that hands each message to a callback, once `listen` was called; `recv` gives nothing.
-
-    Attributes:
-        on_room: called when the transport takes bytes again.
-    """
-
-    def __init__(self, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - the library's own arguments
+    def __init__(self, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
         super().__init__(*args, **kwargs)
-        self.on_room: Callable[[], None] = lambda: None
         self._on_message: Callable[[bytes], None] | None = None
         self._early: list[bytes] = []  # what comes before somebody listens: nothing, but for a server that greets
-        self._message = bytearray()
-        self._lingering: asyncio.TimerHandle | None = None
 
     def listen(self, on_message: Callable[[bytes], None]) -> None:
         """From now on, call `on_message` for each message; it may not raise."""
@@ -55,7 +42,7 @@ class DialedSocket(ClientConnection):
     @property
     def has_room(self) -> bool:
         """Whether messages can be sent now."""
-        return not self.paused and self.protocol.state is State.OPEN
+        return not self.is_full and self.is_open
 
     def send_messages(self, messages: Sequence[bytes]) -> None:
         """Hand messages to the transport: `BinaryFrame` as binary, others as text. The connection must be open.
@@ -69,38 +56,18 @@ class DialedSocket(ClientConnection):
             parts += (head_of(message, mask_bit=0x80), key, apply_mask(message, key))
         self.transport.write(b"".join(parts))
 
-    def resume_writing(self) -> None:
-        """Take note that there is room again."""
-        super().resume_writing()
-        self.on_room()
-
     def data_received(self, data: bytes) -> None:
         """Take bytes. If the connection ends by them, the other side has a while to close it; the library waits on."""
-        super().data_received(data)
-        if self._lingering is None and self.close_timeout is not None and self.protocol.close_expected():
-            self._lingering = self.loop.call_later(self.close_timeout, self.transport.abort)
-        if self.paused and self.transport.get_write_buffer_size() > MAX_UNREAD:
-            self.transport.abort()
+        self.feed(data)
+        self.cut_off_deaf()
 
-    def connection_lost(self, exc: Exception | None) -> None:
-        """Take note that it is over."""
-        if self._lingering is not None:
-            self._lingering.cancel()
-        super().connection_lost(exc)
-
-    def process_event(self, event: Event) -> None:
-        """Take the messages that the library has read."""
-        if not isinstance(event, Frame) or event.opcode not in DATA_OPCODES:
-            super().process_event(event)
-            return
-        self._message += event.data
-        if event.fin:
-            message = bytes(self._message)
-            self._message.clear()
-            if self._on_message is None:
-                self._early.append(message)
-            else:
-                self._on_message(message)
+    def take_message(self, message: bytes, *, is_text: bool, last: object) -> None:
+        """Take a message that the library has read."""
+        del is_text, last  # rosbridge's messages tell by themselves what they are, and nothing comes compressed
+        if self._on_message is None:
+            self._early.append(message)
+        else:
+            self._on_message(message)
 
 
 def why_not(

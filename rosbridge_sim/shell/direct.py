@@ -20,21 +20,21 @@ Road not taken: a class of our own beside `ServerConnection` would repeat its cl
 
 from __future__ import annotations
 
-from asyncio import TimerHandle
 from collections import deque
 from collections.abc import Callable, Sequence
 from struct import pack
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Protocol
 
 from websockets.asyncio.server import ServerConnection
-from websockets.frames import DATA_OPCODES, CloseCode, Frame, Opcode
-from websockets.protocol import Event, State
-from websockets.speedups import apply_mask
+from websockets.frames import CloseCode
+from websockets.protocol import State
 
+from rosbridge_sim.loose_types import LibraryArgument
 from rosbridge_sim.protocol.flow import BinaryFrame
 from rosbridge_sim.shell.inflate import Deflated, DeflatedText
 from rosbridge_sim.shell.text_check import TextCheck
+from rosbridge_sim.shell.websocket_internals import MessageSocket, apply_mask
 
 __all__ = ["DirectSocket", "Receiver", "head_of"]
 
@@ -43,9 +43,6 @@ MAX_HELD = 64 * 2**10
 
 MAX_EARLY = 16 * 2**10
 """The same before the other side is trusted; and the longest HTTP request, which is what Node.js takes."""
-
-LAST_ANSWERS = 20.0
-"""How long a client that has ended its side may take to read what it was answered before [s]: as long as for a ping."""
 
 LARGE = 16 * 2**10
 """A frame from here on is not copied once more to stand behind its head [bytes]."""
@@ -102,11 +99,10 @@ class Receiver(Protocol):
         """Messages are left, or the end is: call the connection's `go_on` later."""
 
 
-class DirectSocket(ServerConnection):
+class DirectSocket(MessageSocket, ServerConnection):
     """A connection that hands each message to a receiver, once `listen` was called; `recv` gives nothing.
 
     Attributes:
-        on_room: called when the transport takes bytes again.
         on_too_long: called before a frame is refused for its length, or for having no mask.
         is_trusted: less is kept of what others send. To be set before `listen`, and never taken back.
         num_early: bytes that came behind the HTTP request while it was not trusted.
@@ -115,9 +111,8 @@ class DirectSocket(ServerConnection):
         is_text: the message that the receiver is handed now was sent as text; later it may say anything.
     """
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - the library's own arguments
+    def __init__(self, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
         super().__init__(*args, **kwargs)
-        self.on_room: Callable[[], None] = _ignore
         self.is_text = True
         self.on_too_long: Callable[[], None] = _ignore
         self.is_trusted = False
@@ -132,8 +127,6 @@ class DirectSocket(ServerConnection):
         self._is_paused = False
         self._has_ended = False  # the other side says nothing any more
         self._is_dropping = False  # nothing of what comes means anything any more
-        self._message = bytearray()  # the fragments of a message so far
-        self._cut_off: TimerHandle | None = None  # of a client that does not close its side, or does not read
         self._check: TextCheck | None = None  # of the message that comes before all in `_kept`
         self._ping = b""  # the newest one that came while there was no room for an answer
         self.unsent: deque[bytes] = deque()  # what is to be compressed
@@ -143,7 +136,7 @@ class DirectSocket(ServerConnection):
     def num_bytes_held(self) -> int:
         """Bytes that have come and were not handled yet, and those that are to be compressed."""
         checked = 0 if self._check is None else len(self._check.message)
-        return len(self._kept) + len(self._message) + checked + sum(map(len, self.unsent))
+        return len(self._kept) + self.num_bytes_in_fragments + checked + sum(map(len, self.unsent))
 
     def listen(self, receiver: Receiver) -> None:
         """Hand all messages to a receiver from now on, those first that have come already."""
@@ -191,7 +184,7 @@ class DirectSocket(ServerConnection):
     def forget(self) -> None:
         """Pass over all messages from now on, those held back among them: the connection is closing."""
         self._is_dropping = True
-        self._message.clear()
+        self.forget_fragments()
         self._check = None
         self.unsent.clear()
 
@@ -203,7 +196,7 @@ class DirectSocket(ServerConnection):
         Returns:
             How many bytes the transport was given.
         """
-        if self.protocol.extensions:
+        if self.is_extended:
             self.unsent += messages
             return self.send_more()
         transport = self.transport
@@ -223,65 +216,44 @@ class DirectSocket(ServerConnection):
         Returns:
             How many bytes the transport was given.
         """
-        protocol = self.protocol
+        core = self.core
         left = COMPRESSED_AT_ONCE
         while self.unsent and left > 0:
             message, start = self.unsent[0], self._num_compressed
             part = memoryview(message)[start : start + COMPRESSED_AT_ONCE]
             is_last = start + len(part) == len(message)
             if start:
-                protocol.send_continuation(part, fin=is_last)
+                core.send_continuation(part, fin=is_last)
             else:
-                (protocol.send_binary if type(message) is BinaryFrame else protocol.send_text)(part, fin=is_last)
+                (core.send_binary if type(message) is BinaryFrame else core.send_text)(part, fin=is_last)
             if is_last:
                 self.unsent.popleft()
             self._num_compressed = 0 if is_last else start + len(part)
             left -= len(part)
-        data = b"".join(protocol.data_to_send())
-        self.transport.write(data)
-        return len(data)
+        return self.flush()
 
     # What the transport calls
 
     def resume_writing(self) -> None:
         """Take note that there is room again."""
-        super().resume_writing()
         if self._ping:
             self.loop.call_soon(self._answer_ping)
-        self.on_room()
+        super().resume_writing()
 
     def _hand_over(self, frame: bytes) -> None:
         """Give the library a frame; of the pings that come while there is no room for an answer, the newest, later.
 
         RFC 6455 section 5.5.3 allows that. The answers to a client that reads nothing would pile up without bound.
         """
-        if frame[0] == _PING and self.paused:
+        if frame[0] == _PING and self.is_full:
             self._ping = frame
         else:
-            self._feed(frame)
+            self.feed(frame)
 
     def _answer_ping(self) -> None:
         ping, self._ping = self._ping, b""
-        if ping and self.protocol.state is not _CLOSED:
-            self._feed(ping)
-
-    def _feed(self, data: bytes) -> None:
-        """Give the library some bytes. If it closes the connection for them, the client hangs up soon or is cut off.
-
-        The library itself waits without end, both after a broken rule and after a close frame. A client that has sent
-        a close frame gets the time to read what it was answered before.
-        """
-        super().data_received(data)
-        protocol = self.protocol
-        if protocol.close_expected():
-            is_broken = protocol.close_rcvd is None
-            is_read = not self.transport.get_write_buffer_size()
-            self._cut_off_in(self.close_timeout or 0.0 if is_broken or is_read else LAST_ANSWERS)
-
-    def _cut_off_in(self, delay: float) -> None:
-        """Cut the connection off after a while [s], unless that is under way."""
-        if self._cut_off is None:
-            self._cut_off = self.loop.call_later(delay, self.transport.abort)
+        if ping and self.core.state is not _CLOSED:
+            self.feed(ping)
 
     def data_received(self, data: bytes) -> None:
         """Handle what came, or keep it."""
@@ -328,31 +300,20 @@ class DirectSocket(ServerConnection):
         self._ping = b""
         self._has_ended = False
         self._is_dropping = True
-        if self._cut_off is not None:
-            self._cut_off.cancel()
         super().connection_lost(exc)
 
     # What the library calls
 
-    def process_event(self, event: Event) -> None:
-        """Take the messages that the library has read: fragments, and what was compressed."""
-        if not isinstance(event, Frame) or event.opcode not in DATA_OPCODES:
-            super().process_event(event)
+    def take_message(self, message: bytes, *, is_text: bool, last: object) -> None:
+        """Take a message that the library has read: fragments, or what was compressed."""
+        assert self._receiver is not None, "before that, what comes is kept"
+        self.is_text = is_text
+        if isinstance(last, Deflated):  # it is checked once it is inflated
+            message = (DeflatedText if is_text else Deflated)(message)
+        elif is_text and not message.isascii() and not self._is_utf8(message):
             return
-        if event.opcode is not Opcode.CONT:
-            self.is_text = event.opcode is Opcode.TEXT
-        self._message += event.data
-        is_deflated = isinstance(event.data, Deflated)
-        if event.fin:
-            kind = bytes if not is_deflated else DeflatedText if self.is_text else Deflated
-            message = kind(self._message)
-            self._message.clear()
-            assert self._receiver is not None, "before that, what comes is kept"
-            # what is deflated is checked once it is inflated
-            if self.is_text and not is_deflated and not message.isascii() and not self._is_utf8(message):
-                return
-            self._takes_more = self._receiver.receive(message)
-            self.is_text = True
+        self._takes_more = self._receiver.receive(message)
+        self.is_text = True
 
     # Texts
 
@@ -388,10 +349,7 @@ class DirectSocket(ServerConnection):
         """Fail the connection for data that are not what their frame says, with code 1007 (RFC 6455 section 7.4.1)."""
         self.on_room()  # answers to the messages before it
         self.forget()
-        if self.protocol.state is _OPEN:
-            self.protocol.fail(CloseCode.INVALID_DATA, fault)
-            self.send_data()
-            self._cut_off_in(self.close_timeout or 0.0)
+        self.fail(CloseCode.INVALID_DATA, fault)
 
     # How bytes become messages
 
@@ -400,7 +358,7 @@ class DirectSocket(ServerConnection):
         self.on_room()
         self._kept.clear()
         super().eof_received()
-        self._cut_off_in(LAST_ANSWERS)  # the transport itself waits without end for its buffer to be read
+        self.cut_off_unread()  # the transport itself waits without end for its buffer to be read
         self.transport.close()
 
     def _read_early(self, data: bytes) -> bytes:
@@ -408,7 +366,7 @@ class DirectSocket(ServerConnection):
         if self.request is None:
             data = self._read_head(data)
         self.num_early += len(data)
-        if self.num_early > MAX_EARLY and self.protocol.state is State.CONNECTING:
+        if self.num_early > MAX_EARLY and self.core.state is State.CONNECTING:
             # RFC 6455 section 4.1: a client waits for the answer to its request before it sends any data
             self.transport.abort()
             return b""
@@ -426,10 +384,10 @@ class DirectSocket(ServerConnection):
             return b""
         if end < 0:
             self._head = seen[1 - len(_BLANK_LINE) :]
-            self._feed(data)
+            self.feed(data)
             return b""
         cut = end + len(_BLANK_LINE) - len(self._head)
-        self._feed(data[:cut])
+        self.feed(data[:cut])
         return data[cut:]
 
     # A call a frame would cost a tenth.
@@ -439,8 +397,8 @@ class DirectSocket(ServerConnection):
         Returns:
             Whether any was handled. `is_held` tells whether whole frames were left for want of time.
         """
-        protocol, receiver = self.protocol, self._receiver
-        max_size = protocol.max_message_size
+        core, receiver = self.core, self._receiver
+        max_size = self.max_message_size
         assert max_size is not None, "a server without a limit is not ours"
         assert receiver is not None, "before that, what comes is kept"
         on_message, clock = receiver.receive, perf_counter
@@ -450,8 +408,8 @@ class DirectSocket(ServerConnection):
         need = 2
         self._takes_more = True
         while position + need <= end:
-            if protocol.state is _CLOSED:  # the library throws away what comes
-                self._feed(bytes(view[position:]))
+            if core.state is _CLOSED:  # the library throws away what comes
+                self.feed(bytes(view[position:]))
                 position = end
                 break
             # RFC 6455 section 5.2: two bytes, two or eight more of a longer length, four of the mask, the payload
@@ -469,7 +427,7 @@ class DirectSocket(ServerConnection):
                     break
                 need = 2
                 self.on_too_long()
-                self._feed(bytes(view[position:]))
+                self.feed(bytes(view[position:]))
                 position = end
                 break
             if stop > end:
@@ -479,9 +437,9 @@ class DirectSocket(ServerConnection):
                 self.is_held = True
                 break
             has_worked = True
-            if (self._is_dropping or protocol.state is not _OPEN) and not first & _CONTROL:
+            if (self._is_dropping or core.state is not _OPEN) and not first & _CONTROL:
                 pass  # closing: only the other side's own close frame still means something
-            elif first in _WHOLE and protocol.current_size is None:
+            elif first in _WHOLE and not self.is_in_fragments:
                 message = apply_mask(view[start:stop], data[start - 4 : start])
                 if first == _BINARY:
                     self.is_text = False

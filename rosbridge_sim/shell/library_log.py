@@ -64,6 +64,7 @@ def _as_it_is(*values: object) -> tuple[object, ...]:
 
 _SHOWN: Mapping[str, Callable[..., tuple[object, ...]]] = {
     "< %s %s %s": _request,
+    "< GET %s HTTP/1.1": _path,  # the same, in version 16
     "> GET %s HTTP/1.1": _path,
     "< %s: %s": _header,
     "> %s: %s": _header,

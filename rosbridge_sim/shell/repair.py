@@ -20,13 +20,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from lz4.frame import decompress as unpack_lz4  # type: ignore[import-untyped] # it comes with rosbags
-from rosbags.rosbag2.errors import ReaderError
-from rosbags.rosbag2.storage_mcap import decompress as unpack_mcap
+from lz4.frame import decompress as unpack_lz4  # type: ignore[import-untyped] # it has no type hints
+from rosbags.rosbag2 import ReaderError
 from rosbags.typesys import TypesysError
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.bags import Bag, Channel, open_bag
+from rosbridge_sim.shell.rosbags_internals import unpack_mcap
 
 __all__ = ["Recovered", "repair", "repaired_name"]
 

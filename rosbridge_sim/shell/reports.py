@@ -19,6 +19,7 @@ from typing import Any, Literal
 from rosbridge_sim.graph.bus import Bus, Topic
 from rosbridge_sim.graph.peer import NODE_NAME
 from rosbridge_sim.graph.policy import Effect, Use, Way
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.store import Message
 from rosbridge_sim.shell.refusals import RefusalLog, escape
 from rosbridge_sim.shell.server import Client, Server
@@ -153,7 +154,7 @@ class Reports:
         ]
         self.publish(self._refused, header=self.stamp(), total=self._refusals.total, refusals=refusals)
 
-    def stamp(self) -> Any:  # noqa: ANN401 - a generated struct
+    def stamp(self) -> Struct:
         """A header with the time of day: these topics are about this process, not about the world in it."""
         store = self.bus.store
         return store.message("std_msgs/Header").struct(stamp=store.time_value(time.time_ns()))
@@ -180,7 +181,7 @@ class Reports:
                 self.bus.guard.blame(client.peer, error)
         self.publish(self._clients, header=self.stamp(), clients=statuses)
 
-    def _status(self, client: Client) -> Any:  # noqa: ANN401 - a generated struct
+    def _status(self, client: Client) -> Struct:
         store = self.bus.store
         session, outbox = client.peer.session, client.outbox
         dropped = sorted((topic, count) for topic, count in outbox.dropped.items() if count)

@@ -27,26 +27,35 @@ from http import HTTPStatus
 from ipaddress import ip_address
 from socket import gethostname
 from time import perf_counter
-from typing import Any, ParamSpec, Protocol
+from typing import ParamSpec, Protocol
 
 from websockets.asyncio.server import Server as WebSocketServer
 from websockets.asyncio.server import ServerConnection, serve
+from websockets.extensions.base import ServerExtensionFactory
 from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
-from websockets.protocol import State
 
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer, Work
 from rosbridge_sim.graph.policy import OPEN, Policy
 from rosbridge_sim.graph.refusals import RefusedRequest
+from rosbridge_sim.loose_types import LibraryArgument
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.shell.access import Access, Refusal, Warden
 from rosbridge_sim.shell.direct import DirectSocket
-from rosbridge_sim.shell.inflate import Deflated, DeflatedText, LateDeflate, LateDeflateFactory, inflate
+from rosbridge_sim.shell.inflate import (
+    Deflated,
+    DeflatedText,
+    LateDeflate,
+    LateDeflateFactory,
+    inflate,
+    library_deflate,
+)
 from rosbridge_sim.shell.library_log import quiet
+from rosbridge_sim.shell.library_socket import LibrarySocket
 from rosbridge_sim.shell.memory import LARGE_FRAME, MemoryReturn
 from rosbridge_sim.shell.memory_budget import MemoryBudget
 from rosbridge_sim.shell.origins import MAX_REMEMBERED, RefusedOrigins, own_names
@@ -105,6 +114,7 @@ class ServerLimits:
         max_frame_size: a longer frame closes the connection with code 1009 [bytes].
         ping_interval, ping_timeout: the watchdog against half-open connections [s]; None is off.
         is_compressing: accept permessage-deflate from clients that offer it.
+        is_direct: read frames by our own code, and not by the library's.
         is_talkative: send status frames.
         outbox: what a client may leave unread.
         client_memory: what one client may make the server hold, apart from its outbox [bytes].
@@ -118,6 +128,7 @@ class ServerLimits:
     ping_interval: float | None = 20.0
     ping_timeout: float | None = 20.0
     is_compressing: bool = False
+    is_direct: bool = True
     is_talkative: bool = True
     client_memory: int = 256 * 2**20
     memory_budget: int | None = None
@@ -141,7 +152,7 @@ class _Tables:
 class _Socket(DirectSocket):
     """A connection that stands in tables for as long as it is open."""
 
-    def __init__(self, tables: _Tables, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - the library's own
+    def __init__(self, tables: _Tables, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
         super().__init__(*args, **kwargs)
         self._tables = tables
 
@@ -160,18 +171,24 @@ class _Socket(DirectSocket):
         """Close it without waiting for the other side: its place is taken."""
         _log.info("%s cut off: %s", _address_of(self), _CROWDED if self.request is not None else _SILENT)
         self.forget()
-        if self.protocol.state is State.OPEN:
-            self.protocol.fail(CloseCode.TRY_AGAIN_LATER, _CROWDED)
-            self.transport.write(b"".join(self.protocol.data_to_send()))
+        if self.is_open:
+            self.core.fail(CloseCode.TRY_AGAIN_LATER, _CROWDED)
+            self.flush()
         if self.transport.get_write_buffer_size():
             self.transport.abort()
         else:
             self.transport.close()
 
 
-def _make_connection(tables: _Tables, rules: TlsRules | None, *args: Any, **kwargs: Any) -> asyncio.Protocol:  # noqa: ANN401 - the library's own
+class _LibrarySocket(_Socket, LibrarySocket):
+    """The same, without the shortcut of `DirectSocket`."""
+
+
+def _make_connection(
+    kind: type[_Socket], tables: _Tables, rules: TlsRules | None, *args: LibraryArgument, **kwargs: LibraryArgument
+) -> asyncio.Protocol:
     """Make the protocol of a connection that was accepted; `rules` are those of TLS, if it is to be encrypted."""
-    socket = _Socket(tables, *args, **kwargs)
+    socket = kind(tables, *args, **kwargs)
     return socket if rules is None else TlsDoor(socket, rules, tables.opening, tables.doors)
 
 
@@ -321,7 +338,7 @@ class Client:
 
     def inflate(self, message: Deflated) -> Generator[None, None, Work | None]:
         """Inflate a message, in slices, and begin the frame that it holds."""
-        extension = next(one for one in self.socket.protocol.extensions if isinstance(one, LateDeflate))
+        extension = self.socket.extension(LateDeflate)
         try:
             frame = yield from inflate(extension, message, self._max_frame_size)
         except zlib.error as error:
@@ -432,11 +449,11 @@ class Client:
     def _carry(self) -> None:
         self._is_woken = False
         socket, outbox = self.socket, self.outbox
-        if socket.protocol.state is not State.OPEN:
+        if not socket.is_open:
             outbox.close()
             return
         left = MAX_CARRIED
-        while (socket.unsent or len(outbox)) and not socket.paused:
+        while (socket.unsent or len(outbox)) and not socket.is_full:
             frames: list[bytes] = []
             if socket.unsent:
                 self.num_bytes_sent += socket.send_more()
@@ -547,16 +564,17 @@ class Server:
         self._turns, self._memory = Turns(loop, self._on_change), MemoryReturn(loop)
         if limits.memory_budget is not None:
             self._budget = MemoryBudget(loop, self._bus, lambda: list(self.clients), limits.memory_budget)
+        kind = _Socket if limits.is_direct else _LibrarySocket
         rules = None if tls is None else TlsRules(tls, limits.tls_timeout, CLOSE_TIMEOUT)
         self._server = await serve(
             self._serve,
             host,
             port,
             open_timeout=limits.open_timeout,
-            create_connection=partial(_make_connection, self._tables, rules),  # type: ignore[arg-type] # it is only ever called
+            create_connection=partial(_make_connection, kind, self._tables, rules),  # type: ignore[arg-type] # it is only ever called
             process_request=self._process_request,
             compression=None,
-            extensions=[LateDeflateFactory()] if limits.is_compressing else None,
+            extensions=_extensions(limits),
             max_size=limits.max_frame_size,
             ping_interval=limits.ping_interval,
             ping_timeout=limits.ping_timeout,
@@ -647,7 +665,7 @@ class Server:
     def _trust(self, socket: _Socket) -> None:
         """Have a connection treated as a client's from now on."""
         socket.is_trusted = True
-        socket.protocol.max_message_size = self._limits.max_frame_size
+        socket.limit_message_size(self._limits.max_frame_size)
 
     async def _serve_client(self, socket: _Socket) -> None:
         assert self._turns is not None, "it listens"
@@ -735,9 +753,8 @@ class Server:
 
     def _limit(self, connection: _Socket) -> None:
         """Have a connection treated as a stranger's until it is trusted."""
-        protocol = connection.protocol
-        protocol.max_message_size = min(MAX_UNPROVEN_SIZE, self._limits.max_frame_size)
-        protocol.available_extensions = None  # what cannot come compressed need not be inflated
+        connection.limit_message_size(min(MAX_UNPROVEN_SIZE, self._limits.max_frame_size))
+        connection.refuse_extensions()  # what cannot come compressed need not be inflated
         self._tables.opening.leave(connection)
         if connection in self._tables.sockets:  # else it is lost already, and would keep its place
             self._tables.strangers.take(connection)
@@ -773,9 +790,16 @@ class Server:
         return response
 
 
-async def _answer_late(connection: ServerConnection, response: Response, delay: float) -> Response:
+def _extensions(limits: ServerLimits) -> list[ServerExtensionFactory] | None:
+    """The extensions that the server agrees to."""
+    if not limits.is_compressing:
+        return None
+    return [LateDeflateFactory() if limits.is_direct else library_deflate()]
+
+
+async def _answer_late(connection: _Socket, response: Response, delay: float) -> Response:
     """Keep a program that tries tokens waiting for its answer, and nobody else [s]."""
-    await asyncio.wait([connection.connection_lost_waiter], timeout=delay)
+    await asyncio.wait([connection.lost], timeout=delay)
     return response
 
 

@@ -324,6 +324,13 @@ class Settings:
     compression: bool = _flag(
         default=False, group=_WIRE, kind=SWITCH, text="permessage-deflate for clients that offer it"
     )
+    websocket_io: Literal["direct", "library"] = _flag(
+        "direct",
+        _WIRE,
+        choice_of("direct", "library"),
+        "read WebSocket frames by the server's own code, or by that of the websockets library, which is slower; to find"
+        " out which of the two a fault comes from",
+    )
     status: bool = _flag(default=True, group=_WIRE, kind=SWITCH, text="send status frames at all")
 
     record: str | None = _flag(

@@ -19,8 +19,6 @@ import logging
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from websockets.protocol import State
-
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.protocol.first_op import FirstOp, read_first_op, refusal_frame
 from rosbridge_sim.shell.access import Access
@@ -144,7 +142,7 @@ class Stranger:
 
     async def wait_settled(self) -> str | None:
         """Wait until it has shown the token or is to be closed; return why, as `settled` does."""
-        ends: list[asyncio.Future[Any]] = [self.settled, self._socket.connection_lost_waiter]
+        ends: list[asyncio.Future[Any]] = [self.settled, self._socket.lost]
         await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
         return self.settled.result() if self.settled.done() else _GONE
 
@@ -264,9 +262,9 @@ class Stranger:
     def _say(self, frame: bytes) -> None:
         """Send an answer. A client that reads none is not served one after the other: it is closed."""
         socket = self._socket
-        if socket.paused:
+        if socket.is_full:
             self._end("answers were left unread")
-        elif socket.protocol.state is State.OPEN and (self._is_talkative or not frame.startswith(_STATUS)):
+        elif socket.is_open and (self._is_talkative or not frame.startswith(_STATUS)):
             socket.send_messages([frame])
 
     def _get_in_line(self, *, had_turn: bool) -> None:

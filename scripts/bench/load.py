@@ -19,7 +19,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import orjson
-from websockets.speedups import apply_mask
+
+from rosbridge_sim.shell.websocket_internals import apply_mask
 
 __all__ = [
     "LoadError",

@@ -6,6 +6,9 @@ highest; the ratio to the floor is the median of the rounds' own ratios, and abo
 one. Of all figures the CPU time of a delivered message is the one that noise touches least.
 
     ./.venv/bin/python scripts/bench/wire.py [--rounds N] [--quick] [--only NAME]... [--against PROGRAM] [--json FILE]
+        [--websocket-io direct|library]
+
+`--websocket-io library --against .venv/bin/rosbridge-sim` tells what our own reading of frames gains.
 """
 
 from __future__ import annotations
@@ -281,12 +284,20 @@ ROWS = (
 
 
 def _measure(
-    rows: Sequence[Row], rounds: int, seconds: float, against: str | None
+    rows: Sequence[Row], rounds: int, seconds: float, against: str | None, flags: Sequence[str]
 ) -> dict[str, list[tuple[Figures, Figures]]]:
-    """Row -> (server's figures, floor's figures) of each round; `against` is another server in place of the floor."""
+    """Row -> (server's figures, floor's figures) of each round.
+
+    Args:
+        rows: to be measured.
+        rounds: of each row.
+        seconds: of each measurement.
+        against: another server in place of the floor.
+        flags: of the server, which the other one does not get.
+    """
     worldless = (*SERVER, "--no-world")
     measured: dict[str, list[tuple[Figures, Figures]]] = {}
-    with running(worldless):  # so that no measured start is the first one
+    with running((*worldless, *flags)):  # so that no measured start is the first one
         pass
     for row in rows:
         command = SERVER if row.is_world else worldless
@@ -294,6 +305,7 @@ def _measure(
         run_other = row.floor
         if against is not None:
             other, run_other = (against, "serve", "--port", "0", *command[len(SERVER) :]), row.server
+        command = (*command, *flags)
         measured[row.name] = []
         with ExitStack() as stack:
             if not row.is_fresh:
@@ -364,13 +376,21 @@ def main() -> None:
     parser.add_argument(
         "--against", metavar="PROGRAM", help="another rosbridge-sim in place of the floor, such as one of an old commit"
     )
+    parser.add_argument(
+        "--websocket-io",
+        choices=("direct", "library"),
+        default="direct",
+        help="how the server reads frames; the program of --against does as it does by itself",
+    )
     parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures here too")
     args = parser.parse_args()
     rows = [row for row in ROWS if not args.only or any(part in row.name for part in args.only)]
     if not rows:
         parser.error("no such row; there are: " + "; ".join(row.name for row in ROWS))
     rounds, seconds = (3, 0.2) if args.quick else (args.rounds, 0.4)
-    entries = _summary(rows, _measure(rows, rounds, seconds, args.against))
+    # The default is not said, so that a server of an old commit can be measured too.
+    flags = () if args.websocket_io == "direct" else ("--websocket-io", args.websocket_io)
+    entries = _summary(rows, _measure(rows, rounds, seconds, args.against, flags))
     print(machine())
     print(f"median (lowest..highest) of {rounds} rounds")
     _print_table(entries)

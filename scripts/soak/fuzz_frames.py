@@ -20,6 +20,7 @@ import numpy as np
 from PIL import Image
 
 from rosbridge_sim.errors import PeerError
+from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.schema.check import Shape, Slot
 from rosbridge_sim.schema.store import Store
 from scripts.soak.fuzz_raw import part_of_frame, raw_bytes
@@ -150,7 +151,7 @@ class FrameMaker:
 
     # Ops
 
-    def _pick(self, *groups: tuple[float, tuple[Any, ...] | list[Any]]) -> Any:  # noqa: ANN401 - any JSON value
+    def _pick(self, *groups: tuple[float, tuple[Any, ...] | list[Any]]) -> JsonValue:
         filled = [(weight, group) for weight, group in groups if group]
         return self.chance.choice(self.chance.choices([g for _, g in filled], [w for w, _ in filled])[0])
 
@@ -376,7 +377,7 @@ class FrameMaker:
 
     # Damage
 
-    def _spoilt(self, value: Any) -> Any:  # noqa: ANN401 - any JSON value
+    def _spoilt(self, value: JsonValue) -> JsonValue:
         """The value with one thing in it changed, somewhere."""
         if isinstance(value, dict) and value and self.chance.random() < 0.9:
             key = self.chance.choice(list(value))
@@ -470,7 +471,7 @@ class FrameMaker:
                 data[self.chance.randrange(len(data))] = self.chance.randrange(256)
         return bytes(data)
 
-    def _for_cbor(self, value: Any) -> Any:  # noqa: ANN401 - any JSON value
+    def _for_cbor(self, value: JsonValue) -> JsonValue:
         """The value with some lists of numbers as typed arrays, and some texts as bytes."""
         if isinstance(value, dict):
             return {key: self._for_cbor(inner) for key, inner in value.items()}

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from websockets.exceptions import ConnectionClosed
 
+from rosbridge_sim.loose_types import JsonValue
 from tests.conftest import Connect, Serve
 from tests.support import Client, ServerProcess
 
@@ -116,7 +117,7 @@ TEXTS = [
 ]  # fmt: skip
 
 
-def spoil(chance: random.Random, value: Any) -> Any:  # noqa: ANN401 - any JSON value
+def spoil(chance: random.Random, value: JsonValue) -> JsonValue:
     """The value with one thing in it changed, somewhere."""
     if isinstance(value, dict) and value and chance.random() < 0.9:
         key = chance.choice(list(value))

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from rosbridge_sim.loose_types import JsonValue
 from tests.conftest import Connect, Simulate
 from tests.support import PATIENCE, Client
 
@@ -74,7 +75,7 @@ async def answers(client: Client, last: str) -> dict[str, Any]:
     return found
 
 
-async def ego_place(client: Client) -> Any:  # noqa: ANN401 - a vector of JSON
+async def ego_place(client: Client) -> JsonValue:
     """Where the ego is: a tick of somebody who is not the master moves nothing and tells it."""
     await burst(client, [call("/SyncModeWaitForTick", "look", user_id="nobody")])
     return (await answers(client, "look"))["look"]["vehicle_status"]["position"]

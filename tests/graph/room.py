@@ -10,6 +10,7 @@ from typing import Any
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.graph.policy import OPEN, Policy
+from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.protocol.flow import BinaryFrame, Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.schema.store import Store
@@ -62,7 +63,7 @@ class Wire:
         assert (answer["op"], answer["id"]) == ("service_response", "c")
         return answer
 
-    def learns(self, method: str, /, **args: object) -> Any:  # noqa: ANN401 - any JSON value
+    def learns(self, method: str, /, **args: object) -> JsonValue:
         answer = self.calls(f"/rosapi/{method}", **args)
         assert answer["result"] is True, answer
         return answer["values"]

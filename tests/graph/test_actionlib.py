@@ -11,6 +11,7 @@ from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.actionlib import BEAT, MAX_ENDED, MEMORY, Actionlib, Status
 from rosbridge_sim.graph.actions import Goal, GoalStatus
 from rosbridge_sim.graph.bus import Owner, Topic
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.store import Message
 from tests.graph.room import make_bus
 
@@ -82,7 +83,7 @@ class Stage:
         who.listen("status", "feedback", "result")
         return who
 
-    def sequence(self, *numbers: int) -> Any:  # noqa: ANN401 - a generated struct
+    def sequence(self, *numbers: int) -> Struct:
         return self.bus.store.action(TYPE).result.struct(sequence=list(numbers))
 
     def advance(self, seconds: float) -> int:

@@ -22,6 +22,7 @@ from rosbridge_sim.graph.frames import (
     invert,
     turn,
 )
+from rosbridge_sim.loose_types import Struct
 from tests.graph.room import make_bus, make_peer, make_store
 
 Matrix = npt.NDArray[np.float64]
@@ -40,7 +41,7 @@ class Teller:
 TELLER = Teller()
 
 
-def stamped(parent: str, child: str, pose: Pose = IDENTITY, frame: int = 0) -> Any:  # noqa: ANN401 - a generated struct
+def stamped(parent: str, child: str, pose: Pose = IDENTITY, frame: int = 0) -> Struct:
     store = make_store()
     types = {name: store.message(f"geometry_msgs/{name}").struct for name in ("Vector3", "Quaternion", "Transform")}
     return store.message("geometry_msgs/TransformStamped").struct(

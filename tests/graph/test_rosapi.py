@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from typing import Any
 
 import pytest
 
 from rosbridge_sim.graph import rosapi
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.loose_types import JsonValue
 from tests.graph.room import make_bus, make_peer
 from tests.schema.strategies import shared_store
 
@@ -21,14 +21,14 @@ def bus() -> Bus:
     return bus
 
 
-def ask(bus: Bus, method: str, **args: object) -> Any:  # noqa: ANN401 - any JSON value
+def ask(bus: Bus, method: str, **args: object) -> JsonValue:
     """A service's values; its refusal is an AssertionError."""
     answer = call(bus, method, **args)
     assert answer["result"] is True, answer
     return answer["values"]
 
 
-def call(bus: Bus, method: str, **args: object) -> Any:  # noqa: ANN401 - any JSON value
+def call(bus: Bus, method: str, **args: object) -> JsonValue:
     peer, outbox = make_peer(bus)
     peer.receive(json.dumps({"op": "call_service", "service": f"/rosapi/{method}", "args": args}).encode(), 0.0)
     (frame,) = outbox.take(2**30)

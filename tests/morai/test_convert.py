@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import FieldError
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.convert import Converter, gear_of, maker, time_text
 from rosbridge_sim.morai.maps.mgeo import Projection, RoadMap
 from rosbridge_sim.morai.releases import FIELD, LENIENCY, MANUAL, RELEASES, Profile, choose_profile
@@ -154,7 +155,7 @@ def test_simulated_time_is_exact() -> None:
     assert make_store().message("rosgraph_msgs/Clock").encode_json(clock) == b'{"clock":{"secs":1,"nsecs":500000000}}'
 
 
-def command(**fields: object) -> Any:  # noqa: ANN401 - a generated struct
+def command(**fields: object) -> Struct:
     return make_store().message("morai_msgs/CtrlCmd").check(fields, 0)
 
 

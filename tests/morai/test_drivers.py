@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.scenarios.scenario import Scenario, place_on_roads, read_scenario
 from rosbridge_sim.morai.stage import WHOLE, LoadOptions, Stage
@@ -22,7 +23,7 @@ from tests.world.roadworks import built_in
 LINK = {"initPositionMode": "Link", "initLink": "A1B1", "initLinkRatio": 0.25}
 
 
-def scenario_of(*vehicles: dict[str, Any], **more: Any) -> Scenario:  # noqa: ANN401 - parts of a document
+def scenario_of(*vehicles: dict[str, Any], **more: JsonValue) -> Scenario:
     return read_scenario(json.dumps({"vehicleList": vehicles, **more}).encode(), "drive.json")
 
 

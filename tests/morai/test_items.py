@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from rosbridge_sim.errors import DocumentError, TypeNameError
 from rosbridge_sim.graph.bus import Answer, Bus, Call
 from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.loose_types import JsonValue, Struct
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.items import Items
 from rosbridge_sim.morai.network_settings import ItemKind
@@ -35,7 +36,7 @@ class PartOfServer:
 class Rig:
     """A publisher, a topic that is kept, a subscriber and two services of an owner, and somebody else."""
 
-    def __init__(self, **tables: Any) -> None:  # noqa: ANN401 - what a TOML file says
+    def __init__(self, **tables: JsonValue) -> None:
         self.bus = Bus(make_store())
         self.owner, self.client = PartOfServer("/sim"), Client(self.bus, "/client")
         self.items = Items(self.owner, self.bus, network_settings(tables))
@@ -50,7 +51,7 @@ class Rig:
         self.taken: list[int] = []
         self.calls: list[Call] = []
 
-    def count(self) -> Any:  # noqa: ANN401 - a generated struct
+    def count(self) -> Struct:
         return make_store().message(INT).struct(self.frame)
 
     def hold(self, call: Call, _now: float) -> None:
@@ -61,7 +62,7 @@ class Rig:
         self.outputs.show_due(self.frame, self.frame * 0.02, self.frame * 0.02)
         self.outputs.update(self.kept, self.count(), 0.0)
 
-    def change(self, **tables: Any) -> None:  # noqa: ANN401 - what a TOML file says
+    def change(self, **tables: JsonValue) -> None:
         settings = network_settings(tables)
         self.items.check(settings)
         self.items.change(settings, 0.0)
@@ -74,7 +75,7 @@ class Rig:
         return out | into | {s.name for s in self.bus.services.values() if s.owner is self.owner}
 
 
-def opened(**tables: Any) -> Rig:  # noqa: ANN401 - what a TOML file says
+def opened(**tables: JsonValue) -> Rig:
     rig = Rig(**tables)
     assert rig.names() == set(), "nothing is there before all is known"
     rig.items.open()

@@ -13,6 +13,7 @@ import pytest
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.bus import Answer, Bus, Owner, Topic
+from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.morai.node import MAX_FRAMES
 from rosbridge_sim.morai.releases import FIELD
 from rosbridge_sim.morai.replays.recorded import Reading, Then
@@ -744,7 +745,7 @@ def stamps_in(value: object) -> list[int]:
     return [stamp for one in value.values() for stamp in stamps_in(one)]
 
 
-def without_stamps(value: Any) -> Any:  # noqa: ANN401 - any JSON
+def without_stamps(value: JsonValue) -> JsonValue:
     """The same without what says when it is."""
     if isinstance(value, (list, tuple)):
         return [without_stamps(one) for one in value]

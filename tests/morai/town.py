@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.node import NodeSettings
 from rosbridge_sim.morai.scenarios.scenario import Scenario, read_scenario
@@ -40,7 +41,7 @@ class Crossroads:
         self.client = Client(self.bus, "/client")
 
     @classmethod
-    def tiny(cls, x: float = 50.0, y: float = 3.5, **more: Any) -> Crossroads:  # noqa: ANN401 - parts of a document
+    def tiny(cls, x: float = 50.0, y: float = 3.5, **more: JsonValue) -> Crossroads:
         """The hand-written crossing; its stop line is at x = 100, its ego stands on the inner lane."""
         ego = {"initPosition": {"pos": {"x": x, "y": y}}, "gear": 4}
         document = {"mapInfo": {"mapName": "tiny"}, "egoVehicle": ego, **more}

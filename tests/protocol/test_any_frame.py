@@ -16,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
+from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.protocol.ops import Fragment, Op, Png, Publish
 from rosbridge_sim.protocol.session import Session
@@ -66,7 +67,7 @@ def picture(data: bytes, mode: str = "RGB") -> bytes:
     return file.getvalue()
 
 
-def with_arrays(value: Any) -> Any:  # noqa: ANN401 - any JSON value
+def with_arrays(value: JsonValue) -> JsonValue:
     """The value with lists of numbers as typed arrays, as far as they can be."""
     if isinstance(value, dict):
         return {key: with_arrays(inner) for key, inner in value.items()}

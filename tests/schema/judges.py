@@ -16,6 +16,7 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.check import Shape, Slot
 from rosbridge_sim.schema.names import Generation
 
@@ -30,7 +31,7 @@ ARRAY_TAGS = {
 _NUMPY = {64: "u1", 69: "<u2", 70: "<u4", 71: "<u8", 72: "i1", 77: "<i2", 78: "<i4", 79: "<i8", 85: "<f4", 86: "<f8"}
 
 
-def plain(shape: Shape, value: Any) -> dict[str, Any]:  # noqa: ANN401 - a generated struct
+def plain(shape: Shape, value: Struct) -> dict[str, Any]:
     """A value as Python objects: lists, dicts, numbers, text, bytes."""
     return {name: _plain(slot, getattr(value, slot.attribute), shape) for name, slot in shape.slots.items()}
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from typing import Any
 
 import pytest
 
 from rosbridge_sim.errors import FieldError
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.compile import MessageType
 from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.store import Store
@@ -23,7 +23,7 @@ def make(text: str, ros: Generation = 1, **other: str) -> MessageType:
     return Store(texts, ros=ros).message("p/T")
 
 
-def decode(message_type: MessageType, body: object) -> Any:  # noqa: ANN401 - a generated struct
+def decode(message_type: MessageType, body: object) -> Struct:
     """What a body stands for, through the text that a client would send."""
     return message_type.decode_json(json.dumps(body).encode(), STAMP_NS)
 

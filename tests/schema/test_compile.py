@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -14,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import FieldError
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.compile import _REFUSALS, MessageType, OpaqueType, _parse_json
 from tests.schema.making import make
 from tests.schema.strategies import STAMP_NS, bodies, broken_texts, every_type, odd_bodies, values
@@ -46,7 +46,7 @@ def test_to_builtins_is_what_goes_out() -> None:
 # Fast against slow
 
 
-def read_fast(message_type: MessageType, text: bytes) -> Any:  # noqa: ANN401 - a generated struct
+def read_fast(message_type: MessageType, text: bytes) -> Struct:
     """What the fast way makes of a text by itself; None where it leaves it to the slow one."""
     try:
         value = message_type._decode(text)
@@ -57,7 +57,7 @@ def read_fast(message_type: MessageType, text: bytes) -> Any:  # noqa: ANN401 - 
     return value
 
 
-def read_slowly(message_type: MessageType, text: bytes) -> Any:  # noqa: ANN401 - a generated struct
+def read_slowly(message_type: MessageType, text: bytes) -> Struct:
     return message_type.check(_parse_json(message_type.name, text, ValueError()), STAMP_NS)
 
 

@@ -8,13 +8,14 @@ import orjson
 import pytest
 
 from rosbridge_sim.errors import FieldError
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.skeleton import MAX_COST, Skeleton
 from tests.graph.room import make_store
 
 STORE = make_store()
 
 
-def decode(name: str, body: dict[str, Any]) -> Any:  # noqa: ANN401 - a generated struct
+def decode(name: str, body: dict[str, Any]) -> Struct:
     return STORE.message(name).decode_json(orjson.dumps(body), 0)
 
 

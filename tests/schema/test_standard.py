@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from rosbags.typesys.stores import ros1_noetic, ros2_jazzy
+from rosbags.typesys import Stores, get_typestore
 
 from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.standard import PACKAGES, ros2_text, standard_names, standard_text
@@ -14,7 +14,8 @@ BOTH: list[Generation] = [1, 2]
 
 def test_the_packages_are_those_of_rosbags() -> None:
     ours = {"example_interfaces"}  # its messages are copies of those in std_msgs
-    theirs = {1: set(ros1_noetic.FIELDDEFS), 2: set(ros2_jazzy.FIELDDEFS)}
+    stores = {1: Stores.ROS1_NOETIC, 2: Stores.ROS2_JAZZY}
+    theirs = {ros: set(get_typestore(store).fielddefs) for ros, store in stores.items()}
     packages = {ros: {name.split("/")[0] for name in names} for ros, names in theirs.items()}
     assert PACKAGES[1] == packages[1] - {"builtin_interfaces"} | ours
     assert PACKAGES[2] == packages[2] | ours

@@ -15,7 +15,7 @@ from websockets.frames import Close, CloseCode
 from websockets.http11 import Response
 
 from rosbridge_sim.protocol.flow import BinaryFrame
-from rosbridge_sim.shell import dialing
+from rosbridge_sim.shell import websocket_internals
 from rosbridge_sim.shell.dialing import DialedSocket, why_gone, why_not
 from tests.support import PATIENCE
 
@@ -130,13 +130,13 @@ async def test_a_server_that_breaks_off_and_hangs_on_is_left(last: bytes, said: 
         async with asyncio.timeout(PATIENCE):
             await socket.wait_closed()
         is_left.set()
-        assert isinstance(socket.protocol.close_exc, ConnectionClosed)
+        assert isinstance(socket.end, ConnectionClosed)
         assert said in why_gone("ws://h", socket.protocol.close_exc)
 
 
 @pytest.mark.slow
 async def test_pings_from_a_server_that_reads_nothing_do_not_pile_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dialing, "MAX_UNREAD", 2**20)
+    monkeypatch.setattr(websocket_internals, "MAX_UNREAD", 2**20)
 
     async def ping(connection: ServerConnection) -> None:
         connection.transport.pause_reading()

@@ -20,7 +20,7 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.frames import Frame, Opcode
 
 from rosbridge_sim.protocol.flow import BinaryFrame
-from rosbridge_sim.shell import direct
+from rosbridge_sim.shell import websocket_internals
 from rosbridge_sim.shell.direct import COMPRESSED_AT_ONCE, DirectSocket, Receiver
 from tests.support import PATIENCE
 
@@ -219,13 +219,14 @@ async def test_a_client_that_does_not_hang_up_after_a_refused_text_is_cut_off() 
 
 
 @pytest.mark.parametrize(
-    "fault",
+    "name",
     [
-        *(CONVERSATIONS[name] for name in ("not masked", "unknown opcode", "too long", "a long ping", "close")),
-        *(CONVERSATIONS[name] for name in ("a continuation of nothing", "too long in fragments")),
+        *("not masked", "unknown opcode", "too long", "a long ping", "close"),
+        *("a continuation of nothing", "too long in fragments"),
     ],
 )
-async def test_a_client_that_stays_after_the_end_of_the_protocol_is_cut_off(fault: bytes) -> None:
+async def test_a_client_that_stays_after_the_end_of_the_protocol_is_cut_off(name: str) -> None:
+    fault = CONVERSATIONS[name]
     gone = asyncio.Event()
 
     class Socket(DirectSocket):
@@ -262,7 +263,7 @@ async def test_a_request_that_is_none_is_cut_off() -> None:
 async def test_a_client_that_ends_its_side_and_reads_nothing_is_cut_off(
     monkeypatch: pytest.MonkeyPatch, ending: str
 ) -> None:
-    monkeypatch.setattr(direct, "LAST_ANSWERS", 0.01)
+    monkeypatch.setattr(websocket_internals, "LAST_ANSWERS", 0.01)
     gone, begun = asyncio.Event(), asyncio.Event()
 
     class Socket(DirectSocket):

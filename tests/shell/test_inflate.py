@@ -24,7 +24,8 @@ MB = 2**20
 
 def pair(*, is_fresh: bool) -> tuple[PerMessageDeflate, LateDeflate]:
     """A client's end of the extension, and the server's."""
-    return PerMessageDeflate(False, is_fresh, 12, 12), LateDeflate(is_fresh, False, 12, 12)  # noqa: FBT003 - the library's own
+    client = PerMessageDeflate(False, is_fresh, 12, 12)  # noqa: FBT003 - the library's own
+    return client, LateDeflate(PerMessageDeflate(is_fresh, False, 12, 12), is_fresh=is_fresh, window_bits=12)  # noqa: FBT003 - the same
 
 
 def deflated(client: PerMessageDeflate, server: LateDeflate, message: bytes) -> Deflated:

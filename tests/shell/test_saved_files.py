@@ -13,6 +13,7 @@ import pytest
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.morai.node import Node, NodeSettings
 from rosbridge_sim.morai.simulator import make_node
 from rosbridge_sim.shell.storage import DiskLibrary
@@ -130,7 +131,7 @@ def test_a_pedestrian_steps_out_when_the_ego_comes_near_and_waits_again_after_a_
 # Verdicts
 
 
-def check(folder: Path, *words: str) -> Any:  # noqa: ANN401 - a JSON value
+def check(folder: Path, *words: str) -> JsonValue:
     done = run("scenario", "check", *words, "--map", str(folder / "maps" / MAP_NAME), "--json")
     assert done.err == ""
     return json.loads(done.out)

@@ -18,6 +18,7 @@ from typing import Annotated, Any, Final
 
 from pydantic import Field, TypeAdapter, model_validator
 
+from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.morai.documents import (
     Coordinate,
     Document,
@@ -96,7 +97,7 @@ class _Phase(Document):
 
     @model_validator(mode="before")
     @classmethod
-    def _part_names(cls, value: Any) -> Any:  # noqa: ANN401 - whatever stood in the document
+    def _part_names(cls, value: JsonValue) -> JsonValue:
         colours = value.get("lightcolor") if isinstance(value, dict) else None
         if not isinstance(colours, dict):
             return {**value, "groups": []} if isinstance(value, dict) else value

@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import ConfigDict, TypeAdapter
 from pydantic_core import from_json, to_json
 
+from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.morai.convert import KMH
 from rosbridge_sim.morai.maps.lights import CROSSWALK_FILES, light_type, sort_files
 from rosbridge_sim.morai.maps.mgeo import BORDER_FILES, FILES, MAP_FILES, RoadMap
@@ -62,10 +63,10 @@ class _Sets:
 
 
 def _parse(files: Mapping[str, bytes]) -> _Sets:
-    def entries(name: str | None) -> Any:  # noqa: ANN401 - a JSON value, checked by the reader
+    def entries(name: str | None) -> JsonValue:
         return [] if name is None or name not in files else from_json(files[name].removeprefix(b"\xef\xbb\xbf"))
 
-    def entries_of(kind: str) -> Any:  # noqa: ANN401 - the same
+    def entries_of(kind: str) -> JsonValue:
         return entries(roles.get(kind))
 
     roles = {kind: name for kind, (_, name) in sort_files({name: (text, name) for name, text in files.items()}).items()}

@@ -14,6 +14,7 @@ from msgspec.structs import astuple
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError
 from rosbridge_sim.graph.bus import Call, Owner
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.bindings import Bindings
 from rosbridge_sim.morai.convert import DEGREES, maker
 from rosbridge_sim.morai.outputs import Outputs
@@ -371,7 +372,7 @@ class Replay(Part):
 
     # Network replay
 
-    def _hear(self, message: Any, sender: Owner, now: float) -> None:  # noqa: ANN401 - a generated struct
+    def _hear(self, message: Struct, sender: Owner, now: float) -> None:
         """A client tells what it replays.
 
         Raises:
@@ -411,7 +412,7 @@ class Replay(Part):
 
     # Out
 
-    def _process_status(self) -> Any:  # noqa: ANN401 - a generated struct
+    def _process_status(self) -> Struct:
         node = self._node
         store = node.bus.store
         result, mode, status, commanded_ns = self._process()
@@ -432,7 +433,7 @@ class Replay(Part):
             self._told = process
             self._outputs.show_now(self._status, now)
 
-    def _replay_info(self) -> Any:  # noqa: ANN401 - a generated struct, or None
+    def _replay_info(self) -> Struct:
         """The drive or what is being replayed, for others than ourselves, who listen there too.
 
         While the world follows somebody's messages on the same topic they are the ones to be heard.
@@ -465,7 +466,7 @@ class Replay(Part):
         return info
 
 
-def _print_of(info: Any) -> int:  # noqa: ANN401 - a generated struct
+def _print_of(info: Struct) -> int:
     """What tells one ReplayInfo from another; the stamp alone does not, since who leaves it open gets that of now."""
     header = info.header
     parts = [astuple(part) for part in (header.stamp, info.orientation, info.linear_acceleration)]

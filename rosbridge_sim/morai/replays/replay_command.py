@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, Final
+from typing import Final
 
 from rosbridge_sim.errors import FieldError
+from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.replays.puppets import EVERYBODY
 from rosbridge_sim.morai.replays.replay_table import Event
 
@@ -56,7 +57,7 @@ class Command:
         return [*tuned, *([Event.SEEK] if self.start_ns is not None else []), self.event]
 
 
-def read_command(request: Any) -> Command:  # noqa: ANN401 - a generated struct
+def read_command(request: Struct) -> Command:
     """Read a MoraiSimProcHandle; of a stop, the options do not count.
 
     Raises:

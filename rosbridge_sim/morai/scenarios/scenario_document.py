@@ -15,6 +15,7 @@ from typing import Annotated, Any, ClassVar, Final, TypeVar
 
 from pydantic import Field, TypeAdapter, model_validator
 
+from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.morai.documents import (
     Coordinate,
     Document,
@@ -79,7 +80,7 @@ class EnuPosition(Document):
 
     @model_validator(mode="before")
     @classmethod
-    def _from_texts(cls, value: Any) -> Any:  # noqa: ANN401  # whatever stood in the document
+    def _from_texts(cls, value: JsonValue) -> JsonValue:
         """MORAI writes each number twice, `x` and the text `_x`: the text serves where the number is missing."""
         if not isinstance(value, dict):
             return value
@@ -286,7 +287,7 @@ def scenario_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Scenario", **schema}
 
 
-def _without_noise(schema: Any) -> Any:  # noqa: ANN401  # a JSON value
+def _without_noise(schema: JsonValue) -> JsonValue:
     """A schema without pydantic's made-up titles and with one `type` where it writes "this or null" at length."""
     if isinstance(schema, list):
         return [_without_noise(item) for item in schema]

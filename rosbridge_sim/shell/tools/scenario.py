@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.morai.catalogue import Catalogue, default_model
 from rosbridge_sim.morai.convert import KMH
 from rosbridge_sim.morai.maps.map_check import UNREAD_FILES
@@ -206,7 +207,7 @@ def _count(document: object) -> dict[str, int]:
     return {key: len(part) if isinstance(part, list) else 1 for key, part in parts.items() if part is not None}
 
 
-def _items(scenario: Scenario, document: Any, catalogue: Catalogue) -> Iterator[_Account]:  # noqa: ANN401 - a JSON value
+def _items(scenario: Scenario, document: JsonValue, catalogue: Catalogue) -> Iterator[_Account]:
     for spawn in (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles):
         key, _, number = spawn.where.rstrip("]").partition("[")
         item = document[key][int(number)] if number else document[key]
