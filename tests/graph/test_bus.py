@@ -243,6 +243,17 @@ def test_a_topic_keeps_as_many_messages_of_each_publisher_as_the_one_that_asks_f
         assert [(one, held.messages()) for one, held in topic.kept.items()] == list(plain.kept.items())
 
 
+@pytest.mark.parametrize("timeout", [1.0, TYPE_MEMORY - 1.0, TYPE_MEMORY + 1.0])
+def test_next_deadline_is_the_earliest_of_a_call_and_a_topic_without_holders(timeout: float) -> None:
+    """A later one would leave the caller without an answer, or the topic with its old type, for too long."""
+    bus, provider, caller, visitor = make_bus(), Somebody(), Somebody(), Visitor()
+    bus.provide(provider, "/add", ADD, provider.hold)
+    bus.call(caller, "/add", {}, caller.answers.append, now=0.0, timeout=timeout)
+    bus.advertise(visitor, "/t", STRING)
+    bus.leave(visitor, 0.0)
+    assert bus.next_deadline() == min(timeout, TYPE_MEMORY)
+
+
 def test_ended_calls_do_not_wait_for_a_deadline_that_is_far_away() -> None:
     bus, provider, caller = make_bus(), Somebody(), Somebody()
     bus.provide(provider, "/add", ADD, provider.hold)

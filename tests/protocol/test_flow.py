@@ -85,6 +85,21 @@ def test_a_peer_that_does_not_read_keeps_the_newest_of_each_topic_and_every_answ
     assert outbox.dropped["/rare"] == 0
 
 
+def test_stalled_client_keeps_exactly_the_burst_of_a_topic() -> None:
+    """A client that asks for `queue_length` 5 gets the five newest, not six: one more is a stale pose."""
+    outbox = Socket(OutboxLimits(burst=5), is_open=False).outbox
+    outbox.bursts["/few"] = 2
+    for i in range(2):
+        outbox.offer("/few", b"f%d" % i)
+    for i in range(4):  # with the sixth message the outbox is over its limit, and is trimmed
+        outbox.offer("/few", b"g%d" % i)
+    assert outbox.take(ALL) == [b"g2", b"g3"]
+    for i in range(6):
+        outbox.offer("/t", b"t%d" % i)
+    assert outbox.take(ALL) == [b"t1", b"t2", b"t3", b"t4", b"t5"]
+    assert outbox.dropped == {"/few": 4, "/t": 1}
+
+
 def test_bytes_are_bounded_and_the_newest_of_each_topic_stays() -> None:
     outbox = Socket(OutboxLimits(topic_bytes=1_000), is_open=False).outbox
     outbox.offer("/big", b"x" * 5_000)
