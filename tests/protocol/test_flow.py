@@ -123,6 +123,46 @@ def test_answers_beyond_the_hard_limit_are_the_end() -> None:
     assert not outbox.dropped
 
 
+def test_outbox_is_overfull_beyond_the_hard_limit_and_not_at_it() -> None:
+    outbox = Socket(OutboxLimits(topic_bytes=10, hard_bytes=100), is_open=False).outbox
+    assert not outbox.is_overfull
+    outbox.send(b"x" * 100)
+    assert not outbox.is_overfull
+    outbox.send(b"x" * 100)
+    assert outbox.is_overfull
+
+
+def test_stalled_client_keeps_half_of_the_byte_limit_when_it_is_passed() -> None:
+    """Less would lose more than needed; more would have to be trimmed again at once."""
+    outbox = Socket(OutboxLimits(topic_bytes=1_000), is_open=False).outbox
+    for _ in range(11):
+        outbox.offer("/t", b"x" * 100)
+    assert outbox.num_bytes == 500
+
+
+def test_outbox_of_a_stalled_client_is_gone_through_seldom() -> None:
+    """Else each frame to a client that does not read costs as much as all that wait for it."""
+    num_carried = 0
+
+    def carry() -> None:
+        nonlocal num_carried
+        num_carried += 1
+
+    outbox = Outbox(OutboxLimits(burst=10, topic_bytes=1_000), lambda: None, carry)
+    for _ in range(1_000):
+        outbox.send(b"x")
+        outbox.offer("/t", b"x" * 10)
+    assert num_carried < 30
+
+
+def test_answers_alone_are_carried_before_they_pass_the_limit_by_much() -> None:
+    socket = Socket(OutboxLimits(topic_bytes=1_000), is_open=True)
+    socket.outbox.send(b"x" * 1_000)
+    assert socket.taken == []
+    socket.outbox.send(b"x")
+    assert len(socket.taken) == 2
+
+
 @given(st.lists(st.tuples(st.sampled_from(["/a", "/b", None]), st.integers(1, 300))), st.integers(1, 20))
 def test_order_is_kept_and_nothing_but_topics_is_lost(frames: list[tuple[str | None, int]], burst: int) -> None:
     outbox = Socket(OutboxLimits(burst=burst, topic_bytes=2_000, hard_bytes=10**9), is_open=False).outbox
