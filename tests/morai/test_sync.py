@@ -319,6 +319,21 @@ AnyOrder.TestCase.settings = settings(
 TestAnyOrder = AnyOrder.TestCase
 
 
+@pytest.mark.parametrize("way", ["drop", "withdraw"])
+def test_commands_that_are_left_after_others_are_forgotten_come_in_the_order_of_their_frames(way: str) -> None:
+    """A heap that lost entries is no heap: a late command hides an early one, which is then carried out too late."""
+    sync: Sync[str] = Sync()
+    sync.start("me", 20, ME, 0.0)
+    commands = {named: f"for {named}" for named in (1, 5, 2, 6, 7, 3, 4)}
+    for named, command in commands.items():
+        sync.submit(command, named, 0, ME, 0.0, is_ready=named != 1)
+    if way == "drop":
+        assert sync.drop(lambda command: command is commands[1]) == 1
+    else:
+        sync.withdraw(commands[1])
+    assert [sync.due(frame) for frame in range(1, 8)] == [[], *([commands[frame]] for frame in range(2, 8))]
+
+
 def test_generated_ids_are_the_same_on_every_run() -> None:
     def run() -> list[str]:
         sync: Sync[str] = Sync()

@@ -183,20 +183,24 @@ def test_a_snapshot_serves_more_than_once() -> None:
 def test_stores_that_differ_have_another_digest() -> None:
     """The digest of a world tells replays apart; each of these stores moves its agents otherwise, now or later."""
 
-    def digest(*lengths: float, base: int = 0, first: int = 0) -> bytes:
+    def digest(*lengths: float, base: int = 0, first: int = 0, aside: float = 0.0) -> bytes:
         paths = Paths()
         paths._next_base = base
         for i, length in enumerate(lengths, start=first):
-            paths.add(i, lay_segments(line(length, 7), is_loop=False, reach=REACH))
+            points = line(length, 7)
+            points[:, 1] = aside
+            paths.add(i, lay_segments(points, is_loop=False, reach=REACH))
         return paths.digest()
 
-    assert digest(10.0, 20.0) == digest(10.0, 20.0)
-    other_segments, other_spans, other_keys = (
-        digest(10.0, 21.0),
-        digest(10.0, 20.0, first=1),
-        digest(10.0, 20.0, base=9),
-    )
-    assert len({digest(10.0, 20.0), digest(10.0), other_segments, other_spans, other_keys}) == 5
+    usual = digest(10.0, 20.0)
+    others = [
+        digest(10.0),
+        digest(10.0, 20.0, aside=1.0),  # the segments alone
+        digest(10.0, 20.0, first=1),  # who has which path
+        digest(10.0, 20.0, base=9),  # the key of the next one
+    ]
+    assert digest(10.0, 20.0) == usual
+    assert len({usual, *others}) == 5
 
 
 def test_digest_follows_what_comes_and_goes() -> None:
