@@ -247,6 +247,18 @@ def test_outbox_that_is_spoken_to_while_a_message_is_dropped_keeps_what_is_said(
     assert (len(outbox), outbox.num_bytes) == (0, 0)
 
 
+def test_what_is_made_late_counts_for_what_is_asked_for() -> None:
+    """Else a picture and all that waits behind it go to the socket at once, however little room it has."""
+
+    class Whole(Late):
+        is_finished = True
+
+    outbox = Socket(OutboxLimits(), is_open=False).outbox
+    outbox.offer("/l", Whole("a"))
+    outbox.send(b"after")
+    assert (outbox.take(2), outbox.take(2)) == ([b"a1"], [b"after"])
+
+
 def test_frames_are_not_made_by_the_one_that_adds_them() -> None:
     taken: list[bytes] = []
     outbox = Outbox(OutboxLimits(topic_bytes=3), lambda: None, lambda: taken.extend(outbox.take(ALL)))
