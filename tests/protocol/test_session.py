@@ -280,6 +280,16 @@ def test_heavy_message_that_cannot_be_written_is_told_with_its_topic(error: Exce
     assert why is error or why.__cause__ is error
 
 
+@pytest.mark.parametrize("error", [EncodingError("not this one"), ZeroDivisionError("not this one")])
+def test_pieces_that_cannot_be_made_are_told_with_their_topic(error: Exception) -> None:
+    session = make_session()
+    unsent: list[tuple[str, EncodingError]] = []
+    session.on_unsent = lambda spelling, why: unsent.append((spelling, why))
+    session.outbox.on_unmade("/t", error)
+    ((spelling, why),) = unsent
+    assert (spelling, isinstance(why, EncodingError), "not this one" in str(why)) == ("/t", True, True)
+
+
 def test_message_that_cannot_be_written_after_it_has_waited_is_told_with_its_topic() -> None:
     class Broken(Unwritable):
         text_length = 0
