@@ -77,6 +77,34 @@ def test_a_listeners_complaint_reaches_the_sender_after_everybody_has_heard() ->
     assert len(good.heard) == 1
 
 
+def test_first_complaint_of_several_listeners_is_the_senders_answer() -> None:
+    """The rest often follows from the first; and which one it is must not depend on how many listen."""
+    bus, sender = make_bus(), Somebody()
+    topic = bus.advertise(sender, "/t", STRING)
+
+    def refuse(number: int) -> Callable[..., NoReturn]:
+        def complain(*_: object) -> NoReturn:
+            raise FieldError(f"complaint {number}")
+
+        return complain
+
+    for number in (1, 2, 3):
+        bus.subscribe(Somebody(), "/t", refuse(number))
+    with pytest.raises(PeerError, match="complaint 1"):
+        bus.publish(sender, topic, text(bus, "x"), 0.0)
+
+
+def test_part_of_the_server_that_takes_any_type_binds_a_topic_to_none() -> None:
+    """The recorder listens everywhere: no type of a client may be settled for good by that."""
+    bus, client, part = make_bus(), Visitor(), Somebody("/recorder")
+    topic = bus.advertise(client, "/t", STRING)
+    bound = topic.is_bound
+    bus.subscribe(part, "/t", part.deliver)
+    assert (topic.is_bound, bound) == (False, False)
+    bus.subscribe(part, "/t", part.deliver, type_name=STRING)
+    assert topic.is_bound
+
+
 def test_a_listener_may_leave_while_it_is_spoken_to() -> None:
     bus, sender, other = make_bus(), Somebody(), Somebody()
     topic = bus.advertise(sender, "/t", STRING)

@@ -331,6 +331,34 @@ def test_frame_that_fits_goes_out_whole() -> None:
     assert [frame["op"] for frame in said(session)] == ["publish", "service_response", "service_response"]
 
 
+@pytest.mark.parametrize(("spare", "num_frames"), [(0, 1), (-1, 2)])
+def test_frame_of_exactly_the_fragment_size_goes_out_whole(spare: int, num_frames: int) -> None:
+    frame = b'{"op":"publish","topic":"/t","msg":{"data":"hi"}}'
+    session = make_session()
+    make_feed(session, Terms(fragment_size=len(frame) + spare)).deliver(Body(), 0.0, 0)
+    assert len(session.outbox.take(2**30)) == num_frames
+
+
+def test_heavy_message_comes_in_pieces_that_make_it_whole() -> None:
+    session = make_session()
+    make_feed(session, Terms(fragment_size=20)).deliver(Heavy(), 0.0, 0)
+    frames: list[Any] = []
+    while len(session.outbox):
+        frames += said(session)
+    assert len(frames) > 1
+    whole = "".join(frame["data"] for frame in frames)
+    assert json.loads(whole) == {"op": "publish", "topic": "/t", "msg": {"data": "hi"}}
+
+
+def test_each_frame_that_comes_is_counted_once() -> None:
+    session = make_session()
+    for num, frame in enumerate(
+        [b'{"op":"subscribe","topic":"/t"}', b"rubbish", b'{"op":"unsubscribe","topic":"/t"}'], 1
+    ):
+        receive(session, frame)
+        assert session.num_received == num
+
+
 def test_pieces_that_have_come_are_on_the_account_of_the_client() -> None:
     account = Account(1_000)
     session = make_session(account=account)
