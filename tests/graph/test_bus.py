@@ -94,6 +94,31 @@ def test_first_complaint_of_several_listeners_is_the_senders_answer() -> None:
         bus.publish(sender, topic, text(bus, "x"), 0.0)
 
 
+def test_complaint_about_something_of_the_simulators_own_is_a_line_in_the_log(caplog: pytest.LogCaptureFixture) -> None:
+    bus, node, other = make_bus(), Somebody("/morai_sim"), Somebody()
+    topic = bus.advertise(node, "/t", STRING)
+
+    def refuse(*_: object) -> NoReturn:
+        raise FieldError("not like this")
+
+    subscription = bus.subscribe(other, "/t", refuse)
+    bus.announce(node, topic, text(bus, "x"), 0.0)
+    bus.show(node, topic, text(bus, "x"), [subscription], 0.0)
+    assert caplog.messages == ["a listener of /t refused a message: not like this"] * 2
+    assert bus.guard.num_faults == 0
+
+
+def test_message_that_the_account_has_no_room_for_is_heard_and_not_latched_and_its_sender_is_told() -> None:
+    bus, sender, listener = make_bus(), Somebody(), Somebody()
+    bus.accounts[sender] = Account(0)
+    topic = bus.advertise(sender, "/t", STRING, depth=1)
+    bus.subscribe(listener, "/t", listener.deliver)
+    with pytest.raises(GraphError, match="the message is not latched") as caught:
+        bus.publish(sender, topic, text(bus, "x"), 0.0)
+    assert caught.value.reason is Reason.TOO_MUCH
+    assert (len(listener.heard), list(topic.latched)) == (1, [])
+
+
 def test_part_of_the_server_that_takes_any_type_binds_a_topic_to_none() -> None:
     """The recorder listens everywhere: no type of a client may be settled for good by that."""
     bus, client, part = make_bus(), Visitor(), Somebody("/recorder")

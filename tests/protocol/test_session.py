@@ -232,6 +232,20 @@ def test_queue_of_a_feed_without_throttle_is_what_the_outbox_keeps_of_it() -> No
     assert session.outbox.bursts == {}
 
 
+def test_feed_that_has_ended_neither_waits_nor_sends_nor_sets_an_alarm() -> None:
+    """A client that unsubscribes must not get what had waited, and its feed must not be kept."""
+    alarms: list[float] = []
+    session = Session(Outbox(OutboxLimits(), lambda: None, lambda: None), alarms.append)
+    feed = make_feed(session, Terms(0.1, 1))
+    feed.deliver(Body(), 0.0, 0)
+    feed.deliver(Body(), 0.0, 0)
+    assert len(list(session.waiting())) == 1
+    session.drop_feed(feed)
+    assert (list(session.waiting()), list(session._waiting)) == ([], [])
+    session.flush(0.1, 0)
+    assert (len(said(session)), alarms) == (1, [0.1])
+
+
 # How messages go out
 
 
