@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, NoReturn
 
@@ -10,10 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, invariant, rule
 
-from rosbridge_sim.errors import FieldError, GraphError, PeerError, UnknownPackageError
+from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason, UnknownPackageError
 from rosbridge_sim.graph.actions import Action
 from rosbridge_sim.graph.bus import MAX_CALLS, MAX_STALE, TYPE_MEMORY, Answer, Bus, Call, Owner, Topic, resolve
 from rosbridge_sim.graph.owner import OfferKind
+from rosbridge_sim.graph.unpublished import PATIENCE
+from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.schema.store import Message
 from tests.graph.room import make_bus, make_store
 
@@ -72,6 +75,59 @@ def test_a_listeners_complaint_reaches_the_sender_after_everybody_has_heard() ->
     with pytest.raises(PeerError, match="not like this"):
         bus.publish(sender, topic, text(bus, "x"), 0.0)
     assert len(good.heard) == 1
+
+
+def test_first_complaint_of_several_listeners_is_the_senders_answer() -> None:
+    """The rest often follows from the first; and which one it is must not depend on how many listen."""
+    bus, sender = make_bus(), Somebody()
+    topic = bus.advertise(sender, "/t", STRING)
+
+    def refuse(number: int) -> Callable[..., NoReturn]:
+        def complain(*_: object) -> NoReturn:
+            raise FieldError(f"complaint {number}")
+
+        return complain
+
+    for number in (1, 2, 3):
+        bus.subscribe(Somebody(), "/t", refuse(number))
+    with pytest.raises(PeerError, match="complaint 1"):
+        bus.publish(sender, topic, text(bus, "x"), 0.0)
+
+
+def test_complaint_about_something_of_the_simulators_own_is_a_line_in_the_log(caplog: pytest.LogCaptureFixture) -> None:
+    bus, node, other = make_bus(), Somebody("/morai_sim"), Somebody()
+    topic = bus.advertise(node, "/t", STRING)
+
+    def refuse(*_: object) -> NoReturn:
+        raise FieldError("not like this")
+
+    subscription = bus.subscribe(other, "/t", refuse)
+    bus.announce(node, topic, text(bus, "x"), 0.0)
+    bus.show(node, topic, text(bus, "x"), [subscription], 0.0)
+    assert caplog.messages == ["a listener of /t refused a message: not like this"] * 2
+    assert bus.guard.num_faults == 0
+
+
+def test_message_that_the_account_has_no_room_for_is_heard_and_not_latched_and_its_sender_is_told() -> None:
+    bus, sender, listener = make_bus(), Somebody(), Somebody()
+    bus.accounts[sender] = Account(0)
+    topic = bus.advertise(sender, "/t", STRING, depth=1)
+    bus.subscribe(listener, "/t", listener.deliver)
+    with pytest.raises(GraphError, match="the message is not latched") as caught:
+        bus.publish(sender, topic, text(bus, "x"), 0.0)
+    assert caught.value.reason is Reason.TOO_MUCH
+    assert (len(listener.heard), list(topic.latched)) == (1, [])
+
+
+def test_part_of_the_server_that_takes_any_type_binds_a_topic_to_none() -> None:
+    """The recorder listens everywhere: no type of a client may be settled for good by that."""
+    bus, client, part = make_bus(), Visitor(), Somebody("/recorder")
+    topic = bus.advertise(client, "/t", STRING)
+    bound = topic.is_bound
+    bus.subscribe(part, "/t", part.deliver)
+    assert (topic.is_bound, bound) == (False, False)
+    bus.subscribe(part, "/t", part.deliver, type_name=STRING)
+    assert topic.is_bound
 
 
 def test_a_listener_may_leave_while_it_is_spoken_to() -> None:
@@ -243,6 +299,17 @@ def test_a_topic_keeps_as_many_messages_of_each_publisher_as_the_one_that_asks_f
         assert [(one, held.messages()) for one, held in topic.kept.items()] == list(plain.kept.items())
 
 
+@pytest.mark.parametrize("timeout", [1.0, TYPE_MEMORY - 1.0, TYPE_MEMORY + 1.0])
+def test_next_deadline_is_the_earliest_of_a_call_and_a_topic_without_holders(timeout: float) -> None:
+    """A later one would leave the caller without an answer, or the topic with its old type, for too long."""
+    bus, provider, caller, visitor = make_bus(), Somebody(), Somebody(), Visitor()
+    bus.provide(provider, "/add", ADD, provider.hold)
+    bus.call(caller, "/add", {}, caller.answers.append, now=0.0, timeout=timeout)
+    bus.advertise(visitor, "/t", STRING)
+    bus.leave(visitor, 0.0)
+    assert bus.next_deadline() == min(timeout, TYPE_MEMORY)
+
+
 def test_ended_calls_do_not_wait_for_a_deadline_that_is_far_away() -> None:
     bus, provider, caller = make_bus(), Somebody(), Somebody()
     bus.provide(provider, "/add", ADD, provider.hold)
@@ -255,6 +322,111 @@ def test_ended_calls_do_not_wait_for_a_deadline_that_is_far_away() -> None:
     assert caller.answers[-1].values == "Timeout exceeded while waiting for service response"
     assert provider.calls[0].request is None
     assert bus.next_deadline() is None
+
+
+def test_next_deadline_is_that_of_a_listener_without_a_publisher_where_it_comes_first() -> None:
+    bus, provider, caller, listener = make_bus(), Somebody(), Somebody(), Somebody()
+    bus.provide(provider, "/add", ADD, provider.hold)
+    bus.call(caller, "/add", {}, caller.answers.append, now=0.0, timeout=PATIENCE + 1.0)
+    subscription = bus.subscribe(listener, "/t", listener.deliver, type_name=STRING)
+    bus.unpublished.watch(subscription, lambda _topic: None, 0.0)
+    assert bus.next_deadline() == PATIENCE
+    bus.expire(PATIENCE)
+    assert bus.next_deadline() == PATIENCE + 1.0
+
+
+def test_call_in_flight_is_on_the_account_of_its_caller_until_it_has_ended() -> None:
+    bus, provider, caller = make_bus(), Somebody(), Somebody()
+    account = bus.accounts[caller] = Account(10_000)
+    bus.provide(provider, "/add", ADD, provider.hold)
+    bus.provide(provider, "/own", ADD, provider.hold, is_exclusive=True)
+    bus.call(caller, "/own", {}, caller.answers.append, now=0.0)
+    assert account.num_bytes == 0  # the simulator's own services answer at once
+    for end in ("answer", "refuse", "expire", "leave"):
+        bus.call(caller, "/add", {}, caller.answers.append, now=0.0, timeout=1.0)
+        assert account.num_bytes > 0
+        if end == "answer":
+            provider.calls[-1].answer(bus.store.service(ADD).response.default())
+        elif end == "refuse":
+            provider.calls[-1].refuse("no")
+        elif end == "expire":
+            bus.expire(1.0)
+        else:
+            bus.withdraw(provider, "/add")
+        assert account.num_bytes == 0
+
+
+def test_call_that_the_account_has_no_room_for_is_refused_and_not_handed_on() -> None:
+    bus, provider, caller = make_bus(), Somebody(), Somebody()
+    bus.accounts[caller] = Account(1)
+    bus.provide(provider, "/add", ADD, provider.hold)
+    bus.call(caller, "/add", {}, caller.answers.append, now=0.0)
+    (answer,) = caller.answers
+    assert (answer.is_ok, answer.reason, provider.calls) == (False, Reason.TOO_MUCH, [])
+    assert str(answer.values).startswith("Too much in flight: ")
+
+
+def test_name_of_an_exclusive_topic_is_free_after_its_owner_has_left() -> None:
+    bus, node, other = make_bus(), Somebody("/morai_sim"), Somebody()
+    bus.advertise(node, "/Ego_topic", STRING, is_exclusive=True)
+    bus.unadvertise(other, "/Ego_topic", 0.0)
+    with pytest.raises(GraphError, match="published by /morai_sim alone"):
+        bus.advertise(other, "/Ego_topic", STRING)
+    bus.unadvertise(node, "/Ego_topic", 0.0)
+    assert bus.advertise(other, "/Ego_topic", STRING).publishers.keys() == {other}
+
+
+def test_owner_may_offer_its_own_service_anew_without_a_word_and_others_with_one() -> None:
+    bus, node, other = make_bus(), Somebody("/morai_sim"), Somebody()
+    for is_exclusive in (True, False):
+        service = bus.provide(node, "s", ADD, node.hold, is_exclusive=is_exclusive)
+        assert bus.services == {"/s": service}
+    assert node.told == []
+    bus.provide(other, "/s", ADD, other.hold)
+    assert other.told == [("warning", "Duplicate service advertised. Overwriting /s.")]
+
+
+def test_watchers_hear_of_all_that_an_owner_begins_and_ceases_to_hold() -> None:
+    """The bridges announce from this: what they do not hear of is missing on the far side, or stays there for ever."""
+    bus, owner = make_bus(), Somebody()
+    heard: list[Owner] = []
+    bus.on_holdings.append(heard.append)
+    steps: list[Callable[[], object]] = [
+        lambda: bus.advertise(owner, "/t", STRING),
+        lambda: bus.unadvertise(owner, "/t", 0.0),
+        lambda: bus.provide(owner, "/s", ADD, owner.hold),
+        lambda: bus.withdraw(owner, "/s"),
+    ]
+    for step in steps:
+        step()
+        assert set(heard) == {owner}
+        heard.clear()
+    subscription = bus.subscribe(owner, "/t", owner.deliver, type_name=STRING)
+    assert set(heard) == {owner}
+    heard.clear()
+    bus.unsubscribe(subscription, 0.0)
+    assert set(heard) == {owner}
+
+
+def test_watchers_hear_of_a_client_whose_advertisement_a_part_of_the_server_has_ended() -> None:
+    bus, node, client = make_bus(), Somebody("/morai_sim"), Visitor()
+    bus.advertise(client, "/t", STRING)
+    heard: list[Owner] = []
+    bus.on_holdings.append(heard.append)
+    bus.advertise(node, "/t", STRING, is_exclusive=True)
+    assert set(heard) == {client, node}
+
+
+def test_failure_of_one_listener_that_is_shown_something_is_counted_and_the_others_have_it() -> None:
+    bus, node, good = make_bus(), Somebody("/morai_sim"), Somebody()
+    topic = bus.advertise(node, "/t", STRING)
+
+    def break_down(*_: object) -> NoReturn:
+        raise ZeroDivisionError
+
+    subscriptions = [bus.subscribe(Somebody(), "/t", break_down), bus.subscribe(good, "/t", good.deliver)]
+    bus.show(node, topic, text(bus, "x"), subscriptions, 0.0)
+    assert (bus.guard.num_faults, len(good.heard)) == (1, 1)
 
 
 def test_who_leaves_costs_nothing_for_the_actions_of_others() -> None:

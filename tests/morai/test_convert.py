@@ -47,6 +47,12 @@ def objects(world: World, profile: Profile = MANUAL) -> dict[str, Any]:
     return shown("ObjectStatusList", Converter(make_store(), profile).object_status_list(world, world.row(0), int))
 
 
+@pytest.mark.parametrize(("frame", "seq"), [(2**31, 2**31), (2**32 - 1, 2**32 - 1), (2**32 + 5, 5)])
+def test_seq_counts_through_all_of_its_32_bits(frame: int, seq: int) -> None:
+    """It is a uint32: a client that looks for lost messages takes any other jump for a loss."""
+    assert Converter(make_store()).header(frame).seq == seq
+
+
 def test_the_ego_is_in_metres_degrees_and_its_own_frame() -> None:
     world = a_world()
     dynamics.command(world, 0, mode=Mode.PEDALS, steer=0.01, throttle=0.25)

@@ -1,5 +1,11 @@
 from __future__ import annotations
 
+import logging
+from collections.abc import Callable
+
+import pytest
+
+from rosbridge_sim.morai.commands import Pose
 from rosbridge_sim.morai.convert import Control, Converter
 from rosbridge_sim.morai.ego import CtrlMode, Ego
 from rosbridge_sim.world.state import Body, Gear, Kind, Mode, World
@@ -46,6 +52,28 @@ def test_gears_change_at_rest_alone() -> None:
     assert why.startswith("gear DRIVE refused")
     assert ego.gear is Gear.REVERSE
     assert ego.shift(Gear.REVERSE) is None
+
+
+@pytest.mark.parametrize("change", ["put", "renew", "shift"])
+def test_refused_gear_is_logged_once_and_again_after_the_car_has_changed(
+    change: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Clients ask until it works, so one line is enough; after a new start the refusal is news again."""
+    caplog.set_level(logging.INFO, "rosbridge_sim")
+    world, ego = an_ego()
+    changes: dict[str, Callable[[], object]] = {
+        "put": lambda: ego.put(Pose(5.0, 0.0, 0.0, 0.0, 0.0, 0.0, speed=9.0)),
+        "renew": ego.renew,
+        "shift": lambda: ego.shift(ego.gear),
+    }
+    world.speed[ego.row] = 9.0
+    for _ in range(3):
+        assert ego.shift(Gear.REVERSE) is not None
+    assert [record.getMessage().split(":")[0] for record in caplog.records] == ["gear REVERSE refused"]
+    changes[change]()
+    for _ in range(3):
+        assert ego.shift(Gear.REVERSE) is not None
+    assert len(caplog.records) == 2
 
 
 def test_only_handing_over_from_a_client_lifts_the_feet() -> None:

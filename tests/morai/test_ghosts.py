@@ -12,7 +12,7 @@ from rosbridge_sim.errors import FieldError
 from rosbridge_sim.morai.catalogue import Catalogue, Model
 from rosbridge_sim.morai.ghosts import WINDOW
 from rosbridge_sim.morai.stage import FIRST_EGO, MAX_ENTITIES, MAX_FILE_UID
-from rosbridge_sim.world.state import Body, Kind
+from rosbridge_sim.world.state import DT, Body, Kind
 from tests.morai.stand import ALL, Client, Stand
 
 GHOST = "morai_msgs/GhostMessage"
@@ -205,6 +205,20 @@ def test_the_speed_of_a_ghost_is_worked_out_from_its_way() -> None:
     place(client, npc(2, 903.0))  # after a long silence
     client.tick()
     assert npcs_of(client)[2]["velocity"]["x"] == 0.0
+
+
+def test_the_speed_of_a_ghost_is_its_mean_over_the_window() -> None:
+    """A window that is a frame longer lags behind whoever brakes."""
+    stand = Stand("empty", start="sync")
+    client = stand.client()
+    client.listen("/Object_topic")
+    client.start()
+    for i in range(3 * WINDOW):
+        place(client, npc(2, 10.0 + 0.002 * i * i))
+        client.tick()
+    last = 3 * WINDOW - 1
+    way = 0.002 * (last**2 - (last - WINDOW) ** 2)
+    assert npcs_of(client)[2]["velocity"]["x"] / 3.6 == pytest.approx(way / (WINDOW * DT))
 
 
 def test_the_newer_release_tells_the_speed() -> None:

@@ -42,6 +42,19 @@ def test_a_hundred_hertz_sends_every_state_twice_with_its_own_stamp() -> None:
     assert len(client.messages("/Ego_topic")) == 10
 
 
+def test_repeats_divide_the_frame_evenly() -> None:
+    """A client at 100 Hz expects a message every 10 ms, not after 7 ms and then 13 ms."""
+    stand = Stand(network=rates({"Ego_topic": 100.0}))
+    client = stand.client()
+    client.listen("/Ego_topic")
+    stand.run(0.1)
+    num = len(client.messages("/Ego_topic"))
+    stand.run(0.009)
+    assert len(client.messages("/Ego_topic")) == num
+    stand.run(0.001)
+    assert len(client.messages("/Ego_topic")) == num + 1
+
+
 def test_repeats_come_in_their_order_even_when_all_is_late() -> None:
     stand = Stand(network=rates({"/Ego_topic": 120.0}))
     client = stand.client()

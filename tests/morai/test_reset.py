@@ -64,6 +64,7 @@ def test_it_is_as_after_the_start_whatever_has_happened() -> None:
     assert stand.world.digest() == fresh.world.digest()
     assert stand.node.stage.road_map.name == "track"
     assert [ego.index for ego in stand.node.egos] == [FIRST_EGO]
+    assert stand.node.camera_index == FIRST_EGO  # else a second ego that comes later would be looked at
     assert stand.node.followed is stand.node.egos[0]
     assert client.call("/Ego-2/SyncModeCmd", {}).is_ok is False
     state, at_start = (each.ask("/Service_MoraiEventCmd", option=0) for each in (client, fresh.client()))

@@ -475,6 +475,9 @@ def test_a_link_that_the_map_lacks() -> None:
         ("egoVehicle.initPosition", [], "egoVehicle.initPosition: expected an object, got a list of 0"),
         ("egoVehicle.initPosition.initPositionMode", "Link", "egoVehicle.initPosition.initLink: missing"),
         ("egoVehicle.currentVelocity", 5000, "egoVehicle.currentVelocity: expected at most 1,000, got 5000"),
+        # Other programs read these files, too: the bound is part of the format.
+        ("egoVehicle.currentVelocity", 1000.1, "egoVehicle.currentVelocity: expected at most 1,000, got 1000.1"),
+        ("egoVehicle.currentVelocity", -1000.1, "egoVehicle.currentVelocity: expected at least -1,000, got -1000.1"),
         (
             "vehicleList.1.initPosition.initLinkRatio",
             2,

@@ -319,6 +319,48 @@ AnyOrder.TestCase.settings = settings(
 TestAnyOrder = AnyOrder.TestCase
 
 
+def test_command_that_comes_while_ticks_wait_is_for_the_frame_after_them() -> None:
+    """The client has sent it after the ticks, so it must not act on the frames that they compute."""
+    sync: Sync[str] = Sync()
+    sync.start("me", 40, ME, 0.0)
+    sync.submit("scenario", 11, 10, ME, 0.0, is_ready=False)
+    for _ in range(2):
+        assert sync.tick("me", 0, 10, ME, 0.0).effects == (Effect.WAIT,)
+    sync.submit("brake", 0, 10, ME, 0.0)
+    sync.ready("scenario")
+    assert [sync.due(frame) for frame in range(11, 16)] == [["scenario"], [], [], [], ["brake"]]
+
+
+def test_made_ids_begin_anew_with_a_reset_unless_somebody_has_one() -> None:
+    """A reset run is the same as the first one; but two masters must never have the same id."""
+    sync: Sync[str] = Sync()
+    sync.start("", 20, ME, 0.0)
+    first = sync.master_id
+    sync.stop(first)
+    sync.forget()
+    sync.start("", 20, ME, 0.0)
+    assert sync.master_id == first
+    sync.forget()
+    sync.stop(first)
+    sync.start("", 20, ME, 0.0)
+    assert sync.master_id != first
+
+
+@pytest.mark.parametrize("way", ["drop", "withdraw"])
+def test_commands_that_are_left_after_others_are_forgotten_come_in_the_order_of_their_frames(way: str) -> None:
+    """A heap that lost entries is no heap: a late command hides an early one, which is then carried out too late."""
+    sync: Sync[str] = Sync()
+    sync.start("me", 20, ME, 0.0)
+    commands = {named: f"for {named}" for named in (1, 5, 2, 6, 7, 3, 4)}
+    for named, command in commands.items():
+        sync.submit(command, named, 0, ME, 0.0, is_ready=named != 1)
+    if way == "drop":
+        assert sync.drop(lambda command: command is commands[1]) == 1
+    else:
+        sync.withdraw(commands[1])
+    assert [sync.due(frame) for frame in range(1, 8)] == [[], *([commands[frame]] for frame in range(2, 8))]
+
+
 def test_generated_ids_are_the_same_on_every_run() -> None:
     def run() -> list[str]:
         sync: Sync[str] = Sync()

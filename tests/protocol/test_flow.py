@@ -85,6 +85,21 @@ def test_a_peer_that_does_not_read_keeps_the_newest_of_each_topic_and_every_answ
     assert outbox.dropped["/rare"] == 0
 
 
+def test_stalled_client_keeps_exactly_the_burst_of_a_topic() -> None:
+    """A client that asks for `queue_length` 5 gets the five newest, not six: one more is a stale pose."""
+    outbox = Socket(OutboxLimits(burst=5), is_open=False).outbox
+    outbox.bursts["/few"] = 2
+    for i in range(2):
+        outbox.offer("/few", b"f%d" % i)
+    for i in range(4):  # with the sixth message the outbox is over its limit, and is trimmed
+        outbox.offer("/few", b"g%d" % i)
+    assert outbox.take(ALL) == [b"g2", b"g3"]
+    for i in range(6):
+        outbox.offer("/t", b"t%d" % i)
+    assert outbox.take(ALL) == [b"t1", b"t2", b"t3", b"t4", b"t5"]
+    assert outbox.dropped == {"/few": 4, "/t": 1}
+
+
 def test_bytes_are_bounded_and_the_newest_of_each_topic_stays() -> None:
     outbox = Socket(OutboxLimits(topic_bytes=1_000), is_open=False).outbox
     outbox.offer("/big", b"x" * 5_000)
@@ -106,6 +121,46 @@ def test_answers_beyond_the_hard_limit_are_the_end() -> None:
         outbox.send(b"x" * 100)
     assert outbox.is_overfull
     assert not outbox.dropped
+
+
+def test_outbox_is_overfull_beyond_the_hard_limit_and_not_at_it() -> None:
+    outbox = Socket(OutboxLimits(topic_bytes=10, hard_bytes=100), is_open=False).outbox
+    assert not outbox.is_overfull
+    outbox.send(b"x" * 100)
+    assert not outbox.is_overfull
+    outbox.send(b"x" * 100)
+    assert outbox.is_overfull
+
+
+def test_stalled_client_keeps_half_of_the_byte_limit_when_it_is_passed() -> None:
+    """Less would lose more than needed; more would have to be trimmed again at once."""
+    outbox = Socket(OutboxLimits(topic_bytes=1_000), is_open=False).outbox
+    for _ in range(11):
+        outbox.offer("/t", b"x" * 100)
+    assert outbox.num_bytes == 500
+
+
+def test_outbox_of_a_stalled_client_is_gone_through_seldom() -> None:
+    """Else each frame to a client that does not read costs as much as all that wait for it."""
+    num_carried = 0
+
+    def carry() -> None:
+        nonlocal num_carried
+        num_carried += 1
+
+    outbox = Outbox(OutboxLimits(burst=10, topic_bytes=1_000), lambda: None, carry)
+    for _ in range(1_000):
+        outbox.send(b"x")
+        outbox.offer("/t", b"x" * 10)
+    assert num_carried < 30
+
+
+def test_answers_alone_are_carried_before_they_pass_the_limit_by_much() -> None:
+    socket = Socket(OutboxLimits(topic_bytes=1_000), is_open=True)
+    socket.outbox.send(b"x" * 1_000)
+    assert socket.taken == []
+    socket.outbox.send(b"x")
+    assert len(socket.taken) == 2
 
 
 @given(st.lists(st.tuples(st.sampled_from(["/a", "/b", None]), st.integers(1, 300))), st.integers(1, 20))
@@ -190,6 +245,18 @@ def test_outbox_that_is_spoken_to_while_a_message_is_dropped_keeps_what_is_said(
     outbox.send(b"after")
     assert outbox.take(ALL) == [b"after", b"said"]
     assert (len(outbox), outbox.num_bytes) == (0, 0)
+
+
+def test_what_is_made_late_counts_for_what_is_asked_for() -> None:
+    """Else a picture and all that waits behind it go to the socket at once, however little room it has."""
+
+    class Whole(Late):
+        is_finished = True
+
+    outbox = Socket(OutboxLimits(), is_open=False).outbox
+    outbox.offer("/l", Whole("a"))
+    outbox.send(b"after")
+    assert (outbox.take(2), outbox.take(2)) == ([b"a1"], [b"after"])
 
 
 def test_frames_are_not_made_by_the_one_that_adds_them() -> None:

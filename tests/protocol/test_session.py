@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
+import cbor2
 import pytest
 
-from rosbridge_sim.errors import FrameError
+from rosbridge_sim.errors import EncodingError, FieldError, FrameError
+from rosbridge_sim.protocol.account import Account
+from rosbridge_sim.protocol.codec import HEAVY
 from rosbridge_sim.protocol.feed import Terms
 from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.protocol.ops import Advertise, Op, Subscribe
@@ -17,8 +20,15 @@ from rosbridge_sim.protocol.session import Feed, Session
 T = TypeVar("T")
 
 
-def make_session(*, is_talkative: bool = True) -> Session:
-    return Session(Outbox(OutboxLimits(), lambda: None, lambda: None), lambda _due: None, is_talkative=is_talkative)
+def make_session(*, is_talkative: bool = True, account: Account | None = None) -> Session:
+    outbox = Outbox(OutboxLimits(), lambda: None, lambda: None)
+    return Session(outbox, lambda _due: None, is_talkative=is_talkative, account=account)
+
+
+def make_feed(session: Session, terms: Terms, topic: str = "/t") -> Feed:
+    feed = Feed(session, topic)
+    feed.set_terms(None, terms)
+    return feed
 
 
 def said(session: Session) -> list[Any]:
@@ -32,6 +42,8 @@ def receive(session: Session, frame: bytes) -> list[Op]:
 
 
 class Body:
+    """A message as `schema/` encodes it."""
+
     json = b'{"data":"hi"}'
     cbor = b"\xa1\x64data\x62hi"
     raw = b"\2\0\0\0hi"
@@ -43,6 +55,30 @@ class Body:
 
     def shared(self, _key: object, make: Callable[[], T]) -> T:
         return make()
+
+
+class Heavy(Body):
+    """A message that is encoded when it is taken from the outbox."""
+
+    text_length = HEAVY
+
+
+class Unwritable(Heavy):
+    """A heavy message whose encoder breaks down."""
+
+    def __init__(self, error: Exception) -> None:
+        self.error = error
+
+    def framed(self, _head: bytes) -> NoReturn:
+        raise self.error
+
+
+class Unfit(Body):
+    """A message that CBOR cannot hold."""
+
+    @property
+    def cbor(self) -> NoReturn:  # type: ignore[override] # that it cannot be had is the point
+        raise FieldError("not in cbor")
 
 
 def test_ops_come_in_order_and_the_rest_is_told() -> None:
@@ -142,3 +178,205 @@ def test_others_have_their_turn_between_pieces_that_make_nothing_whole() -> None
     piece = b'{"op":"fragment","id":"f","num":%d,"total":9,"data":"x"}'
     steps = session.receive(b"".join(piece % i for i in range(8)), 0.0)
     assert list(steps) == [None] * 8
+
+
+# What waits for its turn
+
+
+def test_alarm_is_set_for_the_first_of_those_that_wait_and_not_once_nothing_waits() -> None:
+    """Without it the last value of a burst stays in the queue until the next one comes."""
+    alarms: list[float] = []
+    session = Session(Outbox(OutboxLimits(), lambda: None, lambda: None), alarms.append)
+    feeds = [make_feed(session, Terms(each, 1), f"/{each}") for each in (0.3, 0.1)]
+    for feed in feeds:
+        feed.deliver(Body(), 0.0, 0)
+    assert (len(said(session)), alarms) == (2, [])
+    for feed in feeds:
+        feed.deliver(Body(), 0.0, 0)
+        feed.deliver(Body(), 0.0, 0)  # it waits already
+    assert (said(session), alarms) == ([], [0.3, 0.1])
+    session.flush(0.1, 0)
+    assert [message["topic"] for message in said(session)] == ["/0.1"]
+    assert alarms == [0.3, 0.1, 0.3]
+    session.flush(0.3, 0)
+    assert [message["topic"] for message in said(session)] == ["/0.3"]
+    assert alarms == [0.3, 0.1, 0.3]
+    assert list(session.waiting()) == []
+
+
+def test_alarm_is_for_the_earliest_of_those_that_still_wait() -> None:
+    alarms: list[float] = []
+    session = Session(Outbox(OutboxLimits(), lambda: None, lambda: None), alarms.append)
+    for interval in (0.2, 0.5, 0.3):
+        feed = make_feed(session, Terms(interval, 1), f"/{interval}")
+        feed.deliver(Body(), 0.0, 0)
+        feed.deliver(Body(), 0.0, 0)
+    assert alarms == [0.2, 0.5, 0.3]
+    session.flush(0.1, 0)
+    assert alarms[3:] == [0.2]
+
+
+def test_queue_of_a_feed_without_throttle_is_what_the_outbox_keeps_of_it() -> None:
+    """With a throttle, `queue_length` is about what waits in the feed, and the outbox keeps its usual burst."""
+    session = make_session()
+    feed = make_feed(session, Terms(queue_length=3))
+    assert session.outbox.bursts == {"/t": 3}
+    feed.set_terms(None, Terms(interval=0.1, queue_length=3))
+    assert session.outbox.bursts == {}
+    feed.set_terms(None, Terms(queue_length=4))
+    assert session.outbox.bursts == {"/t": 4}
+    feed.set_terms(None, Terms())
+    assert session.outbox.bursts == {}
+    feed.set_terms(None, Terms(queue_length=4))
+    session.drop_feed(feed)
+    assert session.outbox.bursts == {}
+
+
+def test_feed_that_has_ended_neither_waits_nor_sends_nor_sets_an_alarm() -> None:
+    """A client that unsubscribes must not get what had waited, and its feed must not be kept."""
+    alarms: list[float] = []
+    session = Session(Outbox(OutboxLimits(), lambda: None, lambda: None), alarms.append)
+    feed = make_feed(session, Terms(0.1, 1))
+    feed.deliver(Body(), 0.0, 0)
+    feed.deliver(Body(), 0.0, 0)
+    assert len(list(session.waiting())) == 1
+    session.drop_feed(feed)
+    assert (list(session.waiting()), list(session._waiting)) == ([], [])
+    session.flush(0.1, 0)
+    assert (len(said(session)), alarms) == (1, [0.1])
+
+
+# How messages go out
+
+
+@pytest.mark.parametrize("body", [Body(), Heavy()])
+@pytest.mark.parametrize("compression", ["none", "cbor", "cbor-raw"])
+def test_each_message_that_goes_out_is_counted_once(body: Body, compression: str) -> None:
+    session = make_session()
+    feed = make_feed(session, Terms(compression=compression))
+    for num in (1, 2, 3):
+        feed.deliver(body, 0.0, 0)
+        assert (session.num_sent, len(session.outbox)) == (num, num)
+
+
+@pytest.mark.parametrize("body", [Body(), Heavy()])
+def test_cbor_raw_is_stamped_with_the_time_at_which_the_message_was_sent(body: Body) -> None:
+    session = make_session()
+    feed = make_feed(session, Terms(compression="cbor-raw"))
+    feed.deliver(body, 0.0, 7_000_000_005)
+    frames: list[bytes] = []
+    while len(session.outbox):
+        frames += session.outbox.take(2**30)
+    (value,) = map(cbor2.loads, frames)
+    assert value["msg"] == {"secs": 7, "nsecs": 5, "bytes": Body.raw}
+
+
+@pytest.mark.parametrize("compression", ["cbor", "none"])
+def test_heavy_message_is_encoded_when_it_is_taken_and_not_before(compression: str) -> None:
+    session = make_session()
+    feed = make_feed(session, Terms(compression=compression))
+    feed.deliver(Unwritable(ZeroDivisionError()), 0.0, 0)  # nothing is raised: nobody reads yet
+    assert len(session.outbox) == 1
+
+
+@pytest.mark.parametrize("error", [EncodingError("not this one"), ZeroDivisionError("not this one")])
+def test_heavy_message_that_cannot_be_written_is_told_with_its_topic(error: Exception) -> None:
+    """Its publisher hears of it; the connection and the other messages live on."""
+    session = make_session()
+    unsent: list[tuple[str, EncodingError]] = []
+    session.on_unsent = lambda spelling, why: unsent.append((spelling, why))
+    feed = make_feed(session, Terms())
+    feed.deliver(Unwritable(error), 0.0, 0)
+    session.remark("error", "after")
+    assert [status["msg"] for status in said(session)] == ["after"]
+    ((spelling, why),) = unsent
+    assert (spelling, isinstance(why, EncodingError), "not this one" in str(why)) == ("/t", True, True)
+    assert why is error or why.__cause__ is error
+
+
+@pytest.mark.parametrize("error", [EncodingError("not this one"), ZeroDivisionError("not this one")])
+def test_pieces_that_cannot_be_made_are_told_with_their_topic(error: Exception) -> None:
+    session = make_session()
+    unsent: list[tuple[str, EncodingError]] = []
+    session.on_unsent = lambda spelling, why: unsent.append((spelling, why))
+    session.outbox.on_unmade("/t", error)
+    ((spelling, why),) = unsent
+    assert (spelling, isinstance(why, EncodingError), "not this one" in str(why)) == ("/t", True, True)
+
+
+def test_message_that_cannot_be_written_after_it_has_waited_is_told_with_its_topic() -> None:
+    class Broken(Unwritable):
+        text_length = 0
+
+    session = make_session()
+    unsent: list[str] = []
+    session.on_unsent = lambda spelling, _why: unsent.append(spelling)
+    feed = make_feed(session, Terms(interval=0.1, queue_length=1))
+    feed.deliver(Body(), 0.0, 0)
+    feed.deliver(Broken(EncodingError("not this one")), 0.0, 0)
+    session.flush(0.1, 0)
+    assert unsent == ["/t"]
+
+
+@pytest.mark.parametrize("text_length", [0, HEAVY])
+def test_listener_is_told_once_that_messages_have_no_such_encoding(text_length: int) -> None:
+    """Not with each of a thousand messages; but again when it has asked anew."""
+    body = Unfit()
+    body.text_length = text_length
+    session = make_session()
+    feed = make_feed(session, Terms(compression="cbor"))
+    told: list[int] = []
+    for _ in range(2):
+        for _ in range(3):
+            feed.deliver(body, 0.0, 0)
+            told.append(0)
+            while len(session.outbox):
+                told[-1] += len(session.outbox.take(2**30))
+        feed.set_terms(None, Terms(compression="cbor"))
+    assert told == [1, 0, 0, 1, 0, 0]
+
+
+def test_frame_that_fits_goes_out_whole() -> None:
+    session = make_session()
+    feed = make_feed(session, Terms(fragment_size=1_000))
+    feed.deliver(Body(), 0.0, 0)
+    session.answer("/s", None, Body(), is_ok=True, fragment_size=1_000)
+    session.answer("/s", None, Body(), is_ok=True, fragment_size=0)
+    assert [frame["op"] for frame in said(session)] == ["publish", "service_response", "service_response"]
+
+
+@pytest.mark.parametrize(("spare", "num_frames"), [(0, 1), (-1, 2)])
+def test_frame_of_exactly_the_fragment_size_goes_out_whole(spare: int, num_frames: int) -> None:
+    frame = b'{"op":"publish","topic":"/t","msg":{"data":"hi"}}'
+    session = make_session()
+    make_feed(session, Terms(fragment_size=len(frame) + spare)).deliver(Body(), 0.0, 0)
+    assert len(session.outbox.take(2**30)) == num_frames
+
+
+def test_heavy_message_comes_in_pieces_that_make_it_whole() -> None:
+    session = make_session()
+    make_feed(session, Terms(fragment_size=20)).deliver(Heavy(), 0.0, 0)
+    frames: list[Any] = []
+    while len(session.outbox):
+        frames += said(session)
+    assert len(frames) > 1
+    whole = "".join(frame["data"] for frame in frames)
+    assert json.loads(whole) == {"op": "publish", "topic": "/t", "msg": {"data": "hi"}}
+
+
+def test_each_frame_that_comes_is_counted_once() -> None:
+    session = make_session()
+    for num, frame in enumerate(
+        [b'{"op":"subscribe","topic":"/t"}', b"rubbish", b'{"op":"unsubscribe","topic":"/t"}'], 1
+    ):
+        receive(session, frame)
+        assert session.num_received == num
+
+
+def test_pieces_that_have_come_are_on_the_account_of_the_client() -> None:
+    account = Account(1_000)
+    session = make_session(account=account)
+    receive(session, b'{"op":"fragment","id":"f","num":0,"total":2,"data":"xxxx"}')
+    assert account.num_bytes > 0
+    session.leave()
+    assert account.num_bytes == 0

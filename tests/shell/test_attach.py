@@ -17,6 +17,7 @@ from websockets.asyncio.server import ServerConnection, serve
 from rosbridge_sim import DocumentError, Simulator
 from rosbridge_sim.graph import mirror, rosapi_watch
 from rosbridge_sim.morai.loads import Loads
+from rosbridge_sim.shell import attach
 from rosbridge_sim.shell.app import AddressError
 from rosbridge_sim.shell.attach import is_own_address
 from tests.conftest import Connect
@@ -362,6 +363,29 @@ async def test_departure_is_told_to_the_bridge() -> None:
             assert "/SyncModeCmd" in far_side.graph.services
         assert not [name for name in far_side.graph.services if "Sync" in name]
         assert not [line for line in far_side.log if "Unknown operation" in line or "exception" in line.lower()]
+
+
+async def test_stop_ends_with_the_answer_of_the_bridge_and_not_with_a_time_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else every stop takes half a second longer than the bridge does."""
+    monkeypatch.setattr(attach, "LAST_WORD", 2.0 * PATIENCE)
+    async with FarSide() as far_side, attached(far_side.url) as sim:
+        async with asyncio.timeout(PATIENCE):
+            await sim.attachments[0].stop()
+
+
+@pytest.mark.slow
+async def test_waits_between_attempts_grow_to_the_chosen_longest_one(lines: Callable[[], list[str]]) -> None:
+    """A bridge that comes back after an hour is found within `--attach-retry`, not within another hour."""
+
+    async def leave(connection: ServerConnection) -> None:
+        await connection.close()
+
+    async with serve(leave, "127.0.0.1", 0) as server:
+        url = f"ws://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+        async with Simulator(attach=url, listen=False, attach_retry=0.75):
+            await until(lambda: sum("next try" in line for line in lines()) > 3)
+    waits = [line.rpartition(" in ")[2] for line in lines() if "next try" in line]
+    assert waits[:4] == ["0.5 s", "0.75 s", "0.75 s", "0.75 s"]
 
 
 @pytest.mark.slow

@@ -319,6 +319,19 @@ async def test_latched_message_that_cannot_be_written_keeps_no_topic_from_the_ba
     assert bus.guard.num_unencoded == 1
 
 
+@pytest.mark.parametrize("end", ["stop", "fail"])
+async def test_recording_that_has_ended_is_not_flushed_any_more(tmp_path: Path, end: str) -> None:
+    """A timer that goes on would keep the bag in memory and write to its closed file once a second, for ever."""
+    bus, path = make_bus(), tmp_path / "a.bag"
+    recorder = Recorder(bus, Scribe(open_bag(path), bus.store), path, loop=asyncio.get_running_loop())
+    recorder._tick()
+    if end == "stop":
+        recorder.stop()
+    else:
+        recorder.fail(OSError("gone"))
+    assert recorder._timer.cancelled()
+
+
 @pytest.mark.parametrize("seam", ["write", "flush", "abort"])
 async def test_recording_that_fails_ends_and_the_world_goes_on(
     tmp_path: Path, connect: Connect, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, seam: str

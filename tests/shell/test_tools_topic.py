@@ -7,10 +7,11 @@ import json
 import os
 import re
 import signal
+from typing import Any
 
 import pytest
 
-from rosbridge_sim.shell.tools.rate import Rates
+from rosbridge_sim.shell.tools.rate import Rate, Rates, _Line
 from rosbridge_sim.shell.tools.topic import FieldPath
 from tests.conftest import Connect
 from tests.shell.tooling import in_the_background, run, start
@@ -200,6 +201,41 @@ async def test_hz_says_when_nothing_comes(server: ServerProcess, connect: Connec
         out, err = await asyncio.to_thread(process.communicate, timeout=PATIENCE)
         assert (process.returncode, err) == (0, "")
         assert out.splitlines()[-1].startswith("average rate: ")
+
+
+@pytest.mark.slow
+async def test_hz_tells_a_stream_that_has_stopped_from_one_that_goes_on(
+    server: ServerProcess, connect: Connect
+) -> None:
+    """The rate is that of the last messages: without `is_new`, a sensor that has died still has 10 Hz."""
+    client = await connect(server.url)
+    topic, kind = "/tools/stops", "std_msgs/String"
+    with start("topic", "hz", topic, "--type", kind, "-n", "3", "--json", url=server.url) as process:
+
+        async def report() -> dict[str, Any]:
+            value: dict[str, Any] = json.loads(await asyncio.to_thread(read_line, process))
+            return value
+
+        assert not (await report())["is_new"]
+        for _ in range(2):
+            await client.send("publish", topic=topic, type=kind, msg={})
+        while not (one := await report())["is_new"]:
+            pass
+        while (one := await report())["is_new"]:  # the two may have come in different seconds
+            pass
+        assert one["window"] == 2
+        await client.send("publish", topic=topic, type=kind, msg={})
+        out, _ = await asyncio.to_thread(process.communicate, timeout=PATIENCE)
+        assert json.loads(out.splitlines()[-1])["is_new"]
+
+
+def test_hz_on_a_line_says_no_new_messages_although_a_rate_is_known(capsys: pytest.CaptureFixture[str]) -> None:
+    rate = Rate(2.0, 0.5, 0.5, 0.0, 3)
+    with _Line(is_json=False) as line:
+        line.write(rate, is_new=True)
+        line.write(rate, is_new=False)
+        line.write(None, is_new=True)
+    assert capsys.readouterr().out.splitlines() == [str(rate), "no new messages", "no new messages"]
 
 
 # pub

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rosbridge_sim.world import contacts
-from rosbridge_sim.world.contacts import LIFE, SMALL
+from rosbridge_sim.world.contacts import LIFE, MARGIN, SMALL, TURN_MARGIN
 from rosbridge_sim.world.dynamics import command, teleport
 from rosbridge_sim.world.geometry import BoolArray, ComplexArray, do_boxes_meet
 from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
@@ -354,6 +354,31 @@ def test_lists_leave_nobody_out(num: int, size: float) -> None:
         assert watch is slow.derived(contacts.Watch)
         num_seen += len(fast.contacts)
     assert num_seen > 100
+
+
+def test_two_that_stray_by_their_whole_margins_at_once_are_seen() -> None:
+    """The margin holds each way, east and north: on the diagonal it is longer by the root of two."""
+    blade = Body.box(10.0, 0.05, 1.0)
+    reach = math.hypot(5.0, 0.025)
+    aside, turn = 0.99 * MARGIN, 0.98 * TURN_MARGIN / reach
+    widest = 2.0 * (math.sqrt(2.0) * aside + 5.0 * math.sin(turn))  # two tips that come towards each other
+    gap = widest - 0.01
+    heading = math.radians(45.0)
+    world = World()
+    left, right = (world.row(world.spawn(Kind.VEHICLE, blade, name="x", x=0.0, y=0.0)) for _ in range(2))
+    world.x[left], world.y[left] = -(gap + 0.05) * math.sin(heading), (gap + 0.05) * math.cos(heading)
+    world.yaw[[left, right]] = heading
+    world.touch()
+    for _ in range(2):
+        contacts.find(world, contacts.remember(world))
+        assert pairs(world) == []
+    before = contacts.remember(world)
+    for row, side in ((left, 1.0), (right, -1.0)):  # to the right and to the left of where they head
+        world.x[row] += side * aside
+        world.y[row] -= side * aside
+        world.yaw[row] -= side * turn
+    contacts.find(world, before)
+    assert pairs(world) == [(1, 2)]
 
 
 def heap(num: int, *, ego: int = -1) -> World:

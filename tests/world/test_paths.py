@@ -178,3 +178,38 @@ def test_a_snapshot_serves_more_than_once() -> None:
         assert np.array_equal(other.keys, paths.keys)
         other.remove(7)
         assert other.num == 0
+
+
+def test_stores_that_differ_have_another_digest() -> None:
+    """The digest of a world tells replays apart; each of these stores moves its agents otherwise, now or later."""
+
+    def digest(*lengths: float, base: int = 0, first: int = 0, aside: float = 0.0) -> bytes:
+        paths = Paths()
+        paths._next_base = base
+        for i, length in enumerate(lengths, start=first):
+            points = line(length, 7)
+            points[:, 1] = aside
+            paths.add(i, lay_segments(points, is_loop=False, reach=REACH))
+        return paths.digest()
+
+    usual = digest(10.0, 20.0)
+    others = [
+        digest(10.0),
+        digest(10.0, 20.0, aside=1.0),  # the segments alone
+        digest(10.0, 20.0, first=1),  # who has which path
+        digest(10.0, 20.0, base=9),  # the key of the next one
+    ]
+    assert digest(10.0, 20.0) == usual
+    assert len({usual, *others}) == 5
+
+
+def test_digest_follows_what_comes_and_goes() -> None:
+    paths = Paths()
+    laid = lay_segments(line(10.0, 7), is_loop=False, reach=REACH)
+    empty = paths.digest()
+    paths.add(0, laid)
+    alone = paths.digest()
+    paths.add(1, laid)
+    both = paths.digest()
+    paths.remove(1)
+    assert len({empty, alone, both, paths.digest()}) == 4  # the next path gets another key than before

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from rosbridge_sim.world.dynamics import command, place_ghost, shift, teleport
 from rosbridge_sim.world.state import Body, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
+from tests.world.roadworks import signalled
 
 CAR = Body()
 PATH = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 20.0], [0.0, 20.0]])
@@ -29,6 +30,23 @@ def test_a_command_counts_for_the_very_next_step() -> None:
     step(world)
     assert world.speed[row] > 0.0
     assert world.x[row] > 0.0
+
+
+def test_lights_in_a_frame_are_those_of_that_frame() -> None:
+    """A client that plans by the signal's timing sees green in the frame in which drivers get it."""
+    roads, plan = signalled(green=5, yellow=2)
+    world = World()
+    world.lay_roads(roads, plan)
+    alone = World()
+    alone.lay_roads(roads, plan)
+    seen = set()
+    for frame in range(1, 40):
+        step(world)
+        alone.signals.advance(frame)
+        assert world.signals.frame == world.frame == frame
+        assert world.signals.shown.tolist() == alone.signals.shown.tolist()
+        seen.add(tuple(world.signals.shown.tolist()))
+    assert len(seen) == 4
 
 
 ACTIONS = st.one_of(

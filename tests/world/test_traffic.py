@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from rosbridge_sim.world.dynamics import teleport
 from rosbridge_sim.world.geometry import BoolArray, FloatArray
 from rosbridge_sim.world.lookout import FIRM, GAP, HEADWAY, STOP_GAP, View, look
-from rosbridge_sim.world.network import MAX_LATERAL, Network
+from rosbridge_sim.world.network import COMFORT, MAX_LATERAL, Network
 from rosbridge_sim.world.plan import Lamp, Light, Plan
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import DT, Body, Kind, World
 from rosbridge_sim.world.step import step
-from rosbridge_sim.world.traffic import DECISION, keep_lane
+from rosbridge_sim.world.traffic import DECISION, _accelerate, keep_lane
 from tests.world.judges import RedRuns
 from tests.world.roadworks import CAR, arc, built_in, car, crossing, ego, line, make, road, signalled
 
@@ -146,6 +146,16 @@ def test_a_slower_one_is_followed_at_a_distance_in_time() -> None:
     assert world.speed[fast] == pytest.approx(10.0, abs=0.1)
     # The model's own distance at half the wish: (s0 + v T) / sqrt(1 - (v / v0)^4).
     assert gap == pytest.approx((GAP + HEADWAY * 10.0) / math.sqrt(1.0 - 0.5**4), rel=0.05)
+
+
+@pytest.mark.parametrize(("speed", "lead", "gap"), [(20.0, 15.0, 60.0), (15.0, 0.0, 80.0), (10.0, 12.0, 20.0)])
+def test_following_is_that_of_the_intelligent_driver_model(speed: float, lead: float, gap: float) -> None:
+    """Treiber, Hennecke, Helbing 2000: a weaker closing term brakes late and hard, a stronger one much too early."""
+    wanted = 2.0 + 1.2 * speed + speed * (speed - lead) / (2.0 * math.sqrt(1.5 * COMFORT))
+    accel = 1.5 * (1.0 - (speed / 30.0) ** 4 - (wanted / gap) ** 2)
+    one, none = np.ones(1), np.full(1, np.inf)
+    view = View(gap * one, lead * one, np.zeros(1, dtype=np.int64), none, none, np.zeros(1, dtype=np.bool_))
+    assert _accelerate(speed * one, 30.0 * one, view) == pytest.approx(accel)
 
 
 def test_a_queue_stands_and_moves_off_in_order() -> None:
@@ -303,6 +313,28 @@ def test_nobody_enters_who_would_have_to_stop_inside() -> None:
     assert lane_of(world, waiting) == "e"
 
 
+@pytest.mark.parametrize(("spare", "lane"), [(-0.3, "w"), (0.3, "e")])
+def test_a_crossing_is_entered_where_room_for_the_car_and_its_gap_is_behind_it(spare: float, lane: str) -> None:
+    """Who enters without room for the gap comes to a stand with its tail on the crossing."""
+    world = world_of(crossing())
+    car(world, "e", CAR.rear_overhang + CAR.length + GAP + spare, wish=0.0)
+    row = car(world, "w", 150.0, speed=8.0)
+    run(world, 30.0)
+    assert lane_of(world, row) == lane
+
+
+@pytest.mark.parametrize(("spare", "may_enter"), [(-0.3, False), (0.3, True)])
+def test_room_behind_a_crossing_is_kept_for_those_who_may_enter_with_their_gap(
+    spare: float, *, may_enter: bool
+) -> None:
+    world = world_of(crossing())
+    car(world, "e", CAR.rear_overhang + 2.0 * (CAR.length + GAP) + spare, wish=0.0)
+    first, second = car(world, "w", 176.0, speed=8.0), car(world, "w", 164.0, speed=8.0)
+    run(world, 4 * DECISION * DT)
+    entered = world.roads.row("we")
+    assert (world.claim[[first, second]] == entered).tolist() == [True, may_enter]
+
+
 def test_who_finds_a_street_full_takes_another() -> None:
     roads = make(
         a=(line((0, 0), (100, 0)), "b c"),
@@ -343,6 +375,17 @@ def test_who_is_beside_the_lane_is_not_in_the_way() -> None:
     world.spawn(Kind.OBSTACLE, Body.box(0.4, 0.4, 0.7), name="cone", x=200.0, y=-2.0)
     row = car(world, "a", 10.0, speed=15.0)
     assert run(world, 30.0)[:, row].min() > 14.5
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(("clear", "is_passed"), [(1.35, False), (1.45, True)])
+def test_a_thing_is_in_the_way_within_half_a_car_and_a_bit(side: float, clear: float, *, is_passed: bool) -> None:
+    """1.4 m beside the line: a car is 1.82 m wide and keeps half a metre from what it passes."""
+    world = world_of(road())
+    world.spawn(Kind.OBSTACLE, Body.box(0.5, 0.5, 1.0), name="thing", x=120.0, y=side * (clear + 0.25))
+    row = car(world, "a", 80.0, speed=10.0)
+    run(world, 12.0)
+    assert (world.x[row] > 130.0) is np.bool_(is_passed)
 
 
 @pytest.mark.parametrize("kind", [Kind.PEDESTRIAN, Kind.OBSTACLE])

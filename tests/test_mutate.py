@@ -1,0 +1,57 @@
+"""The mutation test's own part: which mutants a file has, and that each of them is another program."""
+
+from __future__ import annotations
+
+import ast
+
+import pytest
+
+from scripts.mutate import PACKAGE, ROOT, TESTS, mutants_of, mutate
+
+SOURCE = """
+LIMIT: int = 2
+
+def keep(x: int = 0) -> int:
+    '''Doc.'''
+    assert x != 7, "no"
+    if x >= 1 and not x > 5:
+        raise ValueError(f"{x + 1}")
+    return min(x, 300)
+"""
+
+
+def test_mutants_are_changes_of_what_functions_do_and_of_nothing_else() -> None:
+    changes = [mutant.change for mutant in mutants_of(SOURCE)]
+    assert changes == [
+        "x >= 1 and (not x > 5)  ->  not (x >= 1 and (not x > 5))",
+        "x >= 1 and (not x > 5)  ->  False",
+        "x >= 1 and (not x > 5)  ->  x >= 1 or not x > 5",
+        "x >= 1 and (not x > 5)  ->  not x > 5",
+        "x >= 1 and (not x > 5)  ->  x >= 1",
+        "x >= 1  ->  x > 1",
+        "1  ->  2",
+        "not x > 5  ->  x > 5",
+        "x > 5  ->  x >= 5",
+        "raise ValueError(f'{x + 1}')  ->  pass",
+        "return min(x, 300)  ->  return None",
+        "min  ->  max",
+    ]
+
+
+def test_each_mutant_is_the_file_with_one_change() -> None:
+    original = ast.unparse(ast.parse(SOURCE))
+    programs = [ast.unparse(mutate(SOURCE, mutant)) for mutant in mutants_of(SOURCE)]
+    assert len({original, *programs}) == len(programs) + 1
+    for program in programs:
+        compile(program, "x", "exec")
+        changed = [pair for pair in zip(original.splitlines(), program.splitlines(), strict=True) if pair[0] != pair[1]]
+        assert len(changed) == 1
+
+
+@pytest.mark.parametrize("file", TESTS)
+def test_deciding_files_and_their_tests_are_where_the_table_says(file: str) -> None:
+    source = (ROOT / PACKAGE / file).read_text()
+    found = mutants_of(source)
+    assert len(found) > 10
+    compile(mutate(source, found[-1]), file, "exec")
+    assert [test for tests in TESTS[file] for test in tests.split() if not (ROOT / "tests" / test).exists()] == []
