@@ -1,4 +1,4 @@
-"""The command line: `rosbridge-sim [serve] [flags]` and `attach URL`; the tools beside it are in `shell/commands.py`.
+"""The command line: `rosbridge-sim [serve] [flags]` and `attach URL`; the other commands are in `cli/`.
 
 The first line on stdout says where it listens, or to which bridge it is attached; everything else goes to stderr.
 Whatever a person can get wrong is one line there and exit code 2; a bug of ours is a traceback and exit code 1; a
@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING
 
 from rosbridge_sim import __version__
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.shell.memory import keep_memory
+from rosbridge_sim.shell.config.loading import SettingError, format_config, hint, read_settings, strange_variables
 from rosbridge_sim.shell.signals import on_stop_signals, stop_signals
-from rosbridge_sim.shell.sources import SettingError, format_config, hint, read_settings, strange_variables
+from rosbridge_sim.shell.websocket.memory import keep_memory
 
 if TYPE_CHECKING:
     from rosbridge_sim.shell.app import Simulator
@@ -45,7 +45,7 @@ def main() -> int:
             print(f"rosbridge-sim: {line}", file=sys.stderr)  # noqa: T201 - a person waits for it, no log
         return 2
     except OSError as error:
-        from rosbridge_sim.shell.command_line import OUTPUT_LOST, drop_output  # noqa: PLC0415 - serve does without
+        from rosbridge_sim.cli.command_line import OUTPUT_LOST, drop_output  # noqa: PLC0415 - serve does without
 
         if error.errno not in OUTPUT_LOST or error.filename is not None:
             raise
@@ -147,7 +147,7 @@ def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
 
 def _tool(name: str) -> Callable[[Sequence[str]], int]:
     def run(argv: Sequence[str]) -> int:
-        from rosbridge_sim.shell.commands import TOOLS  # noqa: PLC0415 - serve does without
+        from rosbridge_sim.cli.bridge_commands import TOOLS  # noqa: PLC0415 - serve does without
 
         return TOOLS[name](argv)
 

@@ -14,19 +14,19 @@ from itertools import islice, pairwise
 
 __all__ = ["hint", "listing"]
 
-MAX_NAME = 80
+MAX_COMPARED_NAME = 80
 """Characters of a name that gets a suggestion: more than any topic, type or field of ours has."""
 
-MAX_KNOWN = 300
+MAX_CACHED = 300
 """Known names that are looked at. The server's own come first, and are some two hundred."""
 
 NUM_COMPARED = 3
 """Known names that are compared letter by letter: some 30 us each."""
 
-MAX_LISTED = 12
+MAX_SUGGESTED = 12
 """Names in a listing: a line of a terminal or two."""
 
-MAX_SHOWN = 60
+MAX_NAME_SHOWN = 60
 """Characters of a name in a listing: known names may be clients' own."""
 
 
@@ -38,9 +38,9 @@ def hint(name: str, known: Iterable[str], cutoff: float = 0.7) -> str:
         known: what there is.
         cutoff: least similarity, from 0 to 1. Case, `_`, `-` and `/` alone make no name dissimilar.
     """
-    if not name or len(name) > MAX_NAME:
+    if not name or len(name) > MAX_COMPARED_NAME:
         return ""
-    near = _nearest(name, tuple(islice(known, MAX_KNOWN)), cutoff)
+    near = _nearest(name, tuple(islice(known, MAX_CACHED)), cutoff)
     return f" (did you mean {near}?)" if near else ""
 
 
@@ -68,15 +68,15 @@ _SLACK = 3
 
 def listing(names: Iterable[str]) -> str:
     """Return names as a sentence has them: the first dozen, and `...` for the rest."""
-    first = list(islice(names, MAX_LISTED + 1))
-    shown = [name if len(name) <= MAX_SHOWN else name[:MAX_SHOWN] + "..." for name in first[:MAX_LISTED]]
-    return ", ".join([*shown, "..."] if len(first) > MAX_LISTED else shown)
+    first = list(islice(names, MAX_SUGGESTED + 1))
+    shown = [name if len(name) <= MAX_NAME_SHOWN else name[:MAX_NAME_SHOWN] + "..." for name in first[:MAX_SUGGESTED]]
+    return ", ".join([*shown, "..."] if len(first) > MAX_SUGGESTED else shown)
 
 
 @lru_cache(maxsize=1_024)  # known names come again and again; at most 7 MB, where clients fill it with long names
 def _pairs(name: str) -> frozenset[int]:
     """Pairs of neighbouring letters, its two ends included, as numbers; without regard to case."""
-    codes = [_END, *map(ord, name.lower()[:MAX_NAME]), _END]
+    codes = [_END, *map(ord, name.lower()[:MAX_COMPARED_NAME]), _END]
     return frozenset(first << 21 | second for first, second in pairwise(codes))
 
 

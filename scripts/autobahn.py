@@ -21,10 +21,10 @@ from kosoku import FailureError, run_fuzzingclient
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 
-from rosbridge_sim.protocol.flow import BinaryFrame
-from rosbridge_sim.shell.direct import DirectSocket
-from rosbridge_sim.shell.inflate import Deflated, LateDeflate, LateDeflateFactory, inflate
-from rosbridge_sim.shell.text_check import TextCheck
+from rosbridge_sim.protocol.outbox import BinaryFrame
+from rosbridge_sim.shell.websocket.inflate import Deflated, LateDeflate, LateDeflateFactory, inflate
+from rosbridge_sim.shell.websocket.server_connection import DirectConnection
+from rosbridge_sim.shell.websocket.text_check import TextCheck
 
 __all__ = ["compare", "run"]
 
@@ -35,7 +35,7 @@ MAX_SIZE = 2**26
 class Echo:
     """Sends back each message of a connection as it came."""
 
-    def __init__(self, socket: DirectSocket) -> None:
+    def __init__(self, socket: DirectConnection) -> None:
         self._socket = socket
 
     def begin(self) -> float:
@@ -85,7 +85,7 @@ class Echo:
 
 
 async def _serve_direct(socket: ServerConnection) -> None:
-    assert isinstance(socket, DirectSocket)
+    assert isinstance(socket, DirectConnection)
     socket.listen(Echo(socket))
     await socket.wait_closed()
 
@@ -106,7 +106,7 @@ async def _listening(*, is_direct: bool) -> AsyncIterator[str]:
         options = {
             "compression": None,
             "extensions": [LateDeflateFactory()],
-            "create_connection": DirectSocket,
+            "create_connection": DirectConnection,
         }
     server = await serve(
         _serve_direct if is_direct else _serve_reference,

@@ -2,7 +2,7 @@
 """Mutation test of the deciding files: which small faults in them do the tests not notice?
 
     .venv/bin/python scripts/mutate.py                        every file of the table, at most 45 minutes
-    .venv/bin/python scripts/mutate.py protocol/flow.py       one file
+    .venv/bin/python scripts/mutate.py protocol/outbox.py     one file
     .venv/bin/python scripts/mutate.py --minutes 10 --seed 1  another sample of what does not fit in
     .venv/bin/python scripts/mutate.py --again LOG            what an earlier run has printed, with new tests
 
@@ -42,10 +42,13 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = "rosbridge_sim"
 
 TESTS = {
-    "protocol/flow.py": ("protocol/test_flow.py", "protocol"),
+    "protocol/outbox.py": ("protocol/test_outbox.py", "protocol"),
     "protocol/session.py": ("protocol/test_session.py graph/test_vectors.py", "protocol graph"),
-    "morai/sync.py": ("morai/test_sync.py", "morai/test_node.py morai/test_egos.py morai/test_outputs.py"),
-    "world/step.py": ("world/test_step.py world/test_waiting.py world/test_contacts.py", "world/test_dynamics.py"),
+    "morai/sync.py": (
+        "morai/test_sync.py",
+        "morai/test_simulator_node.py morai/test_egos.py morai/interfaces/test_publishers.py",
+    ),
+    "world/step.py": ("world/test_step.py world/test_waiting.py world/test_collisions.py", "world/test_dynamics.py"),
     "graph/bus.py": ("graph/test_bus.py graph/test_unpublished.py graph/test_peer.py", "graph"),
 }
 """The deciding files; for each one, quick tests that notice most mutants, and those that are to notice the rest."""

@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parent.parent
 if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))  # works from a fresh clone, too
 
-from rosbridge_sim.morai.scenarios.scenario_document import scenario_schema  # noqa: E402
+from rosbridge_sim.morai.scenarios.model import scenario_schema  # noqa: E402
 
 
 def schema_files() -> dict[Path, str]:

@@ -12,7 +12,7 @@ import hypothesis
 import pytest
 import pytest_asyncio
 
-from tests.places import Bridges, Place
+from tests.deployment import Bridges, Place
 from tests.support import Client, ServerProcess, require_tool
 
 __all__ = ["Connect", "Serve", "Simulate", "require_tool"]

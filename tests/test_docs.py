@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from rosbridge_sim.shell.settings import Settings
+from rosbridge_sim.shell.config.settings import Settings
 from tests.support import ROOT
 
 PAGES = sorted((ROOT / "docs").rglob("*.md"))

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from rosbridge_sim import __version__
-from rosbridge_sim.shell.settings import Settings
+from rosbridge_sim.shell.config.settings import Settings
 from tests.conftest import Connect
 from tests.support import ROOT, miss, read_line
 

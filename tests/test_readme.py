@@ -13,11 +13,11 @@ import pytest
 
 from rosbridge_sim.morai.catalogue import CATALOGUE
 from rosbridge_sim.morai.releases import FIELD, MANUAL
-from rosbridge_sim.morai.sync import TABLE
-from rosbridge_sim.shell.catalogue_file import read_catalogue
+from rosbridge_sim.morai.sync import SYNC_TABLE
+from rosbridge_sim.shell.files.catalogue_file import read_catalogue
 from rosbridge_sim.world.state import Kind
+from tests.cli.tool_fixture import run as run_tool
 from tests.conftest import Connect, Serve
-from tests.shell.tooling import run as run_tool
 from tests.support import PATIENCE, ROOT, ServerProcess, require_node_modules, require_tool
 
 README = (ROOT / "README.md").read_text()
@@ -199,7 +199,7 @@ def test_the_diagram_of_synchronous_mode_is_its_table() -> None:
     drawn = set(re.findall(r"^ +(\w+) --> (\w+):", README, re.MULTILINE))
     assert drawn == {
         (state.name, outcome.state.name)
-        for state, outcomes in TABLE.items()
+        for state, outcomes in SYNC_TABLE.items()
         for outcome in outcomes.values()
         if outcome.state is not state
     }

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from rosbridge_sim.suggestions import MAX_KNOWN, MAX_NAME, hint, listing
+from rosbridge_sim.suggestions import MAX_CACHED, MAX_COMPARED_NAME, hint, listing
 
 
 @pytest.mark.parametrize(
@@ -24,7 +24,7 @@ def test_nearest_name_is_suggested(name: str, known: list[str], near: str) -> No
     assert hint(name, known) == f" (did you mean {near}?)"
 
 
-@pytest.mark.parametrize("name", ["", "zzz", "x" * (MAX_NAME + 1), "\ud800", "a" * 10**7])
+@pytest.mark.parametrize("name", ["", "zzz", "x" * (MAX_COMPARED_NAME + 1), "\ud800", "a" * 10**7])
 def test_name_that_is_like_none_or_too_long_gets_no_suggestion(name: str) -> None:
     assert hint(name, ["port", "host"]) == ""
     assert hint("port", [name]) == ""
@@ -40,7 +40,7 @@ def test_only_the_first_names_are_looked_at() -> None:
             yield f"/topic_{looked_at}"
 
     assert hint("/topc_7", names()) == " (did you mean /topic_7?)"
-    assert looked_at <= MAX_KNOWN + 1
+    assert looked_at <= MAX_CACHED + 1
 
 
 def test_listing_names_a_dozen_and_cuts_long_names() -> None:

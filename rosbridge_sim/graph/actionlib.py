@@ -22,12 +22,14 @@ from typing import Any
 import msgspec
 
 from rosbridge_sim.errors import GraphError
-from rosbridge_sim.graph.actions import Action, Goal, GoalStatus, Outcome
-from rosbridge_sim.graph.bus import Bus, Owner, Topic
+from rosbridge_sim.graph.actions import Action, Goal, GoalOutcome, GoalStatus
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Participant
+from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.store import Message
 
-__all__ = ["BEAT", "MAX_ID", "MEMORY", "Actionlib", "Status"]
+__all__ = ["BEAT", "MAX_GOAL_ID", "MEMORY", "Actionlib", "ActionlibStatus"]
 
 BEAT = 0.2
 """Between two messages on the status topic [s]; actionlib's own rate. roslibpy gives up after 3 s without one."""
@@ -38,11 +40,11 @@ MEMORY = 5.0
 MAX_ENDED = 100
 """Ended goals that are listed at most."""
 
-MAX_ID = 1_024
+MAX_GOAL_ID = 1_024
 """Longest id of a goal [characters]."""
 
 
-class Status(IntEnum):
+class ActionlibStatus(IntEnum):
     """The numbers of actionlib_msgs/GoalStatus, as far as they occur here."""
 
     ACTIVE = 1
@@ -53,8 +55,8 @@ class Status(IntEnum):
 
 
 _ENDS = {
-    GoalStatus.SUCCEEDED: Status.SUCCEEDED,
-    GoalStatus.CANCELED: Status.PREEMPTED,
+    GoalStatus.SUCCEEDED: ActionlibStatus.SUCCEEDED,
+    GoalStatus.CANCELED: ActionlibStatus.PREEMPTED,
 }
 """What the ends of the bus's goals are called here; all others are ABORTED."""
 
@@ -71,9 +73,9 @@ class _Tracked:
     """
 
     goal_id: Any
-    sender: Owner
+    sender: Participant
     goal: Goal | None = None
-    status: Status = Status.ACTIVE
+    status: ActionlibStatus = ActionlibStatus.ACTIVE
     text: str = ""
     ended_at: float = math.inf
 
@@ -129,16 +131,16 @@ class Actionlib:
 
     # From clients
 
-    def _take(self, _topic: Topic, message: Message, sender: Owner, now: float) -> None:
+    def _take(self, _topic: Topic, message: Message, sender: Participant, now: float) -> None:
         """A goal; what is wrong with it is told to the sender, in the result and by the error."""
         self._now = now
         goal_id = self._complete(message.value.goal_id)
         key = goal_id.id
-        if len(key) > MAX_ID:
-            raise GraphError(f"The id of a goal has at most {MAX_ID} characters")
+        if len(key) > MAX_GOAL_ID:
+            raise GraphError(f"The id of a goal has at most {MAX_GOAL_ID} characters")
         self._forget_ended(now)
         if key in self._tracked or any(tracked.goal_id.id == key for tracked in self._ended):
-            sender.tell("warning", f"Goal {key} of {self._action.name} is known already")
+            sender.notify("warning", f"Goal {key} of {self._action.name} is known already")
             return
         tracked = self._tracked[key] = _Tracked(goal_id, sender)
 
@@ -148,21 +150,23 @@ class Actionlib:
                 self._feedback_struct(header=self._stamped(), status=self._describe(tracked), feedback=values.value),
             )
 
-        def on_outcome(outcome: Outcome) -> None:
+        def on_outcome(outcome: GoalOutcome) -> None:
             if isinstance(outcome.values, Message):
-                status = _ENDS.get(GoalStatus(outcome.status), Status.ABORTED)
+                status = _ENDS.get(GoalStatus(outcome.status), ActionlibStatus.ABORTED)
                 self._end(tracked, status, "", outcome.values.value)
             else:
-                self._end(tracked, Status.ABORTED if tracked.goal else Status.REJECTED, outcome.values)
+                self._end(
+                    tracked, ActionlibStatus.ABORTED if tracked.goal else ActionlibStatus.REJECTED, outcome.values
+                )
 
         args = Message(self._action.type.goal, message.value.goal)
         tracked.goal = self._bus.actions.send(sender, self._action.name, args, on_outcome, on_feedback)
-        if tracked.status is Status.REJECTED:
+        if tracked.status is ActionlibStatus.REJECTED:
             raise GraphError(f"Goal {key} of {self._action.name} was rejected: {tracked.text}")
         if key in self._tracked:
             self._tell_status(now)
 
-    def _cancel(self, _topic: Topic, message: Message, sender: Owner, now: float) -> None:
+    def _cancel(self, _topic: Topic, message: Message, sender: Participant, now: float) -> None:
         """The wish to end the goal with an id; all of the sender's; its goals up to a time."""
         self._now = now
         key, stamp = message.value.id, msgspec.structs.astuple(message.value.stamp)
@@ -177,16 +181,16 @@ class Actionlib:
             if is_meant and tracked.goal is not None:
                 tracked.goal.cancel()
 
-    def _see_off(self, owner: Owner, now: float) -> None:
+    def _see_off(self, owner: Participant, now: float) -> None:
         """Somebody has left; the bus has cancelled what was under way for it."""
         self._now = now
         for tracked in list(self._tracked.values()):
             if tracked.sender is owner:
-                self._end(tracked, Status.PREEMPTED, "its client has left")
+                self._end(tracked, ActionlibStatus.PREEMPTED, "its client has left")
 
     # To clients
 
-    def _end(self, tracked: _Tracked, status: Status, text: str, values: object = None) -> None:
+    def _end(self, tracked: _Tracked, status: ActionlibStatus, text: str, values: object = None) -> None:
         """Note a goal's end and tell it; without `values` the result is an empty one."""
         if self._tracked.pop(tracked.goal_id.id, None) is None:
             return

@@ -19,14 +19,15 @@ from enum import IntEnum
 from typing import Any, Final, Protocol
 
 from rosbridge_sim.errors import EncodingError, GraphError, PeerError, Reason
-from rosbridge_sim.graph.channels import Call, Handle, Service
 from rosbridge_sim.graph.guard import Guard
-from rosbridge_sim.graph.owner import Body, Owner, decode_body, gives_way, resolve, size_of_body, take_over
+from rosbridge_sim.graph.participant import Participant, decode_body, gives_way, resolve, size_of_body, take_over
+from rosbridge_sim.graph.topics_services import Call, Handle, Service
 from rosbridge_sim.protocol.account import Account
+from rosbridge_sim.protocol.ops import OpBody
 from rosbridge_sim.schema.compile import ActionType, OpaqueActionType
 from rosbridge_sim.schema.store import Message, Store
 
-__all__ = ["CANCEL", "Action", "Actions", "Goal", "GoalStatus", "Outcome"]
+__all__ = ["CANCEL", "Action", "Actions", "Goal", "GoalOutcome", "GoalStatus"]
 
 CANCEL: Final = "/_action/cancel_goal"
 """End of the name of an action's service for cancelling."""
@@ -48,7 +49,7 @@ class GoalStatus(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class GoalOutcome:
     """How a goal ended.
 
     Attributes:
@@ -65,7 +66,7 @@ class Outcome:
 
 
 OnFeedback = Callable[[Message], None]
-OnOutcome = Callable[[Outcome], None]
+OnOutcome = Callable[[GoalOutcome], None]
 
 
 @dataclass(eq=False, slots=True)
@@ -74,7 +75,7 @@ class Action:
 
     name: str
     type: ActionType | OpaqueActionType
-    owner: Owner
+    owner: Participant
     take: Callable[[Goal], None]
     cancel: Callable[[Goal], None]
     is_exclusive: bool = False
@@ -91,7 +92,7 @@ class Goal:
     """
 
     action: Action
-    caller: Owner
+    caller: Participant
     request: object
     on_outcome: OnOutcome
     on_feedback: OnFeedback | None
@@ -106,11 +107,11 @@ class Goal:
 
     def end(self, status: int, values: object) -> None:
         """End the goal with a struct of the action's result type."""
-        self._end(Outcome(is_ok=True, status=status, values=Message(self.action.type.result, values)))
+        self._end(GoalOutcome(is_ok=True, status=status, values=Message(self.action.type.result, values)))
 
     def fail(self, why: str) -> None:
         """End a goal that its provider never brought to an end."""
-        self._end(Outcome(is_ok=False, status=GoalStatus.UNKNOWN, values=why))
+        self._end(GoalOutcome(is_ok=False, status=GoalStatus.UNKNOWN, values=why))
 
     def cancel(self) -> None:
         """Ask the provider to end the goal soon."""
@@ -123,7 +124,7 @@ class Goal:
             self._end(None)
             self.actions.ask_to_cancel(self)
 
-    def _end(self, outcome: Outcome | None) -> None:
+    def _end(self, outcome: GoalOutcome | None) -> None:
         if self.is_done:
             return
         self.is_done = True
@@ -142,16 +143,16 @@ class _Bus(Protocol):
     guard: Guard
     services: dict[str, Service]
 
-    def provide(self, owner: Owner, name: str, type_name: str, handle: Handle, *, is_exclusive: bool) -> Service:
+    def provide(self, owner: Participant, name: str, type_name: str, handle: Handle, *, is_exclusive: bool) -> Service:
         """Offer a service."""
 
-    def withdraw(self, owner: Owner, name: str) -> None:
+    def withdraw(self, owner: Participant, name: str) -> None:
         """Stop offering it."""
 
     def action_type(self, name: str) -> ActionType | OpaqueActionType:
         """The type of that name."""
 
-    def account_of(self, owner: Owner) -> Account:
+    def account_of(self, owner: Participant) -> Account:
         """The account that pays for what an owner makes this process hold."""
 
 
@@ -163,12 +164,12 @@ class Actions:
         self._bus = bus
         self.max_goals = max_goals
         self.by_name: dict[str, Action] = {}
-        self._goals: dict[Owner, dict[Goal, None]] = {}
-        self._provided: dict[Owner, dict[Action, None]] = {}
+        self._goals: dict[Participant, dict[Goal, None]] = {}
+        self._provided: dict[Participant, dict[Action, None]] = {}
 
     def provide(
         self,
-        owner: Owner,
+        owner: Participant,
         name: str,
         type_name: str,
         take: Callable[[Goal], None],
@@ -197,7 +198,7 @@ class Actions:
         if old is not None and old.owner is not owner:
             if old.is_exclusive and not gives_way(old.owner, owner):
                 raise GraphError(f"Action {name} is provided by {old.owner.name} alone", reason=Reason.NAME_TAKEN)
-            owner.tell("warning", f"Duplicate action advertised. Overwriting {name}.")
+            owner.notify("warning", f"Duplicate action advertised. Overwriting {name}.")
             self._bus.guard.attempt("the loss of an action", take_over, old.owner, "action", name, owner)
         if old is not None:
             self._drop(old, f"Action {name} was unadvertised")
@@ -209,7 +210,7 @@ class Actions:
         self._provided.setdefault(owner, {})[action] = None
         return action
 
-    def withdraw(self, owner: Owner, name: str) -> None:
+    def withdraw(self, owner: Participant, name: str) -> None:
         """Stop offering an action.
 
         Raises:
@@ -222,7 +223,12 @@ class Actions:
         self._drop(action, f"Action {action.name} was unadvertised")
 
     def send(
-        self, caller: Owner, name: str, args: Body | Message, on_outcome: OnOutcome, on_feedback: OnFeedback | None
+        self,
+        caller: Participant,
+        name: str,
+        args: OpBody | Message,
+        on_outcome: OnOutcome,
+        on_feedback: OnFeedback | None,
     ) -> Goal | None:
         """Send a goal. `on_outcome` is called exactly once unless the caller leaves; None if that was at once.
 
@@ -249,7 +255,7 @@ class Actions:
                 text = "Too much under way: this client makes the server hold too much"
                 raise GraphError(text, reason=Reason.TOO_MUCH)
         except PeerError as error:
-            on_outcome(Outcome(is_ok=False, status=GoalStatus.UNKNOWN, values=str(error), reason=error.reason))
+            on_outcome(GoalOutcome(is_ok=False, status=GoalStatus.UNKNOWN, values=str(error), reason=error.reason))
             return None
         goal = Goal(action, caller, request, on_outcome, on_feedback, self, num_bytes=size)
         action.goals[goal] = None
@@ -285,14 +291,14 @@ class Actions:
         except Exception as error:  # noqa: BLE001 - a bug of ours in the caller's own state
             self._bus.guard.contain(goal.caller, error)
 
-    def hand_over(self, goal: Goal, outcome: Outcome) -> None:
+    def hand_over(self, goal: Goal, outcome: GoalOutcome) -> None:
         """Give a goal's caller its end (for `Goal` alone). One that cannot be encoded is a failure of the goal."""
         try:
             goal.on_outcome(outcome)
         except Exception as error:  # noqa: BLE001 - as above
             if isinstance(error, EncodingError) and outcome.is_ok:
                 self._note_encoding(goal.action, error)
-                self.hand_over(goal, Outcome(is_ok=False, status=GoalStatus.UNKNOWN, values=str(error)))
+                self.hand_over(goal, GoalOutcome(is_ok=False, status=GoalStatus.UNKNOWN, values=str(error)))
             else:
                 self._bus.guard.contain(goal.caller, error)
 
@@ -303,7 +309,7 @@ class Actions:
         except Exception as error:  # noqa: BLE001 - a bug of ours in the provider's own state
             self._bus.guard.contain(goal.action.owner, error)
 
-    def leave(self, owner: Owner) -> None:
+    def leave(self, owner: Participant) -> None:
         """Cancel the owner's goals, fail those that were sent to it."""
         attempt = self._bus.guard.attempt
         for goal in list(self._goals.pop(owner, ())):
@@ -316,7 +322,7 @@ class Actions:
         """Log that something of an action cannot be encoded, and tell its provider."""
         guard = self._bus.guard
         guard.note_encoding(action.name, error)
-        guard.attempt("a remark to a provider", action.owner.tell, "error", f"{action.name}: {error}")
+        guard.attempt("a remark to a provider", action.owner.notify, "error", f"{action.name}: {error}")
 
     def _cancel(self, action: Action, call: Call) -> None:
         """Cancel the caller's goals, since ROS 2 asks for it by a call."""
@@ -331,7 +337,7 @@ class Actions:
         for goal in goals:
             goal.cancel()
 
-    def _check_cancel(self, name: str, owner: Owner, old: Action | None) -> None:
+    def _check_cancel(self, name: str, owner: Participant, old: Action | None) -> None:
         """Raise GraphError if the action's service for cancelling belongs to a third owner alone."""
         service = self._bus.services.get(name + CANCEL)
         if service is None or not service.is_exclusive or service.owner is owner or gives_way(service.owner, owner):

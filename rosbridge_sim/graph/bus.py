@@ -1,6 +1,6 @@
 """Who talks to whom in this process: topics, services and parameters, in one synchronous table.
 
-Everything that talks is an `Owner`: a WebSocket client's `Peer`, the simulator's node, rosapi, later a
+Everything that talks is an `Participant`: a WebSocket client's `Peer`, the simulator's node, rosapi, later a
 recorder or a far bridge. The bus calls listeners and providers directly and in a fixed order, so one
 incoming frame is carried to its end before the next: that is our transaction. It has never heard of
 frames, sockets or JSON text; message bodies reach it as `Message` values of the store.
@@ -27,23 +27,23 @@ from itertools import count, takewhile
 
 from rosbridge_sim.errors import EncodingError, GraphError, PeerError, Reason, UnknownPackageError
 from rosbridge_sim.graph.actions import Actions
-from rosbridge_sim.graph.channels import Answer, Call, Deliver, Handle, OnAnswer, Service, Subscription, Topic
 from rosbridge_sim.graph.guard import Guard
-from rosbridge_sim.graph.owner import (
-    Body,
+from rosbridge_sim.graph.parameters import Parameters
+from rosbridge_sim.graph.participant import (
     Guest,
-    Owner,
-    Tell,
+    Notify,
+    Participant,
     decode_body,
     gives_way,
     resolve,
     size_of_body,
     take_over,
 )
-from rosbridge_sim.graph.parameters import Parameters
 from rosbridge_sim.graph.refusals import RefusedRequest
+from rosbridge_sim.graph.topics_services import Answer, Call, Deliver, Handle, OnAnswer, Service, Subscription, Topic
 from rosbridge_sim.graph.unpublished import UnpublishedTopics
 from rosbridge_sim.protocol.account import Account
+from rosbridge_sim.protocol.ops import OpBody
 from rosbridge_sim.schema.compile import (
     ActionType,
     MessageType,
@@ -54,24 +54,7 @@ from rosbridge_sim.schema.compile import (
 )
 from rosbridge_sim.schema.store import Message, Store
 
-__all__ = [
-    "MAX_CALLS",
-    "TYPE_MEMORY",
-    "Answer",
-    "Body",
-    "Bus",
-    "Call",
-    "Deliver",
-    "Handle",
-    "Holdings",
-    "OnAnswer",
-    "Owner",
-    "Service",
-    "Subscription",
-    "Topic",
-    "decode_body",
-    "resolve",
-]
+__all__ = ["MAX_CALLS", "TYPE_MEMORY", "Bus", "Holdings"]
 
 TYPE_MEMORY = 10.0
 """How long a topic's type is remembered without publishers and subscribers [s] (`unregister_timeout`)."""
@@ -79,7 +62,7 @@ TYPE_MEMORY = 10.0
 MAX_CALLS = 1_000
 """Calls, and goals, that one caller may have in flight by default: ten times what the busiest known client has."""
 
-MAX_REMEMBERED = 10_000
+MAX_REMEMBERED_TOPICS = 10_000
 """Topics without publishers, and types that nobody knows, that are kept for their next user: the newest."""
 
 MAX_STALE = 100
@@ -134,9 +117,9 @@ class Bus:
         self.stamp_ns = 0
         self.actions = Actions(self, max_calls)
         self.parameters = Parameters()
-        self.watchers: list[Callable[[Owner, float], None]] = []
+        self.watchers: list[Callable[[Participant, float], None]] = []
         self.on_topic: list[Callable[[Topic], None]] = []
-        self.on_holdings: list[Callable[[Owner], None]] = []
+        self.on_holdings: list[Callable[[Participant], None]] = []
         self.is_strict = is_strict
         self.service_timeout = service_timeout
         self.max_calls = max_calls
@@ -144,13 +127,13 @@ class Bus:
         self.unpublished = UnpublishedTopics()
         self.on_refusal: Callable[[RefusedRequest], None] = lambda _refusal: None
         self.total = Account()
-        self.accounts: dict[Owner, Account] = {}
+        self.accounts: dict[Participant, Account] = {}
         self._own_account = Account(total=self.total)
         self.num_published = 0
         self.num_calls = 0
         self.topics: dict[str, Topic] = {}
         self.services: dict[str, Service] = {}
-        self._holdings: dict[Owner, Holdings] = {}
+        self._holdings: dict[Participant, Holdings] = {}
         self._deadlines: list[tuple[float, int, Call]] = []
         self._num_stale = 0  # calls among the deadlines that have ended
         self._ticket = count()
@@ -163,7 +146,7 @@ class Bus:
 
     def advertise(
         self,
-        owner: Owner,
+        owner: Participant,
         name: str,
         type_name: str,
         *,
@@ -206,7 +189,7 @@ class Bus:
         self._tell_holdings(owner)
         return topic
 
-    def unadvertise(self, owner: Owner, name: str, now: float, key: object = None) -> None:
+    def unadvertise(self, owner: Participant, name: str, now: float, key: object = None) -> None:
         """Take one advertisement of `owner` back, or all of them where `key` is None; none there is no error."""
         topic = self.topics.get(resolve(name))
         if topic is None or owner not in topic.publishers:
@@ -215,7 +198,7 @@ class Bus:
         if owner not in topic.publishers:
             self._drop_publisher(owner, topic, now)
 
-    def publish(self, sender: Owner, topic: Topic, message: Message, now: float) -> None:
+    def publish(self, sender: Participant, topic: Topic, message: Message, now: float) -> None:
         """Hand a message to every listener of a topic that `sender` advertised.
 
         Raises:
@@ -244,7 +227,7 @@ class Bus:
         if problem is not None:
             raise problem
 
-    def _end_alone(self, owner: Owner, error: Exception, before: Exception | None) -> Exception | None:
+    def _end_alone(self, owner: Participant, error: Exception, before: Exception | None) -> Exception | None:
         """End an owner for which something has failed; return the failure to raise, if any: one, the others are noted.
 
         Args:
@@ -260,7 +243,7 @@ class Bus:
             self.guard.note("another listener of the same message", raised)
         return before
 
-    def announce(self, sender: Owner, topic: Topic, message: Message, now: float) -> None:
+    def announce(self, sender: Participant, topic: Topic, message: Message, now: float) -> None:
         """Publish something of our own. What a listener finds wrong with it is for the log, and so is its failure.
 
         Never raises: nothing that is wrong with a listener is the world's failure.
@@ -275,7 +258,7 @@ class Bus:
             self.guard.note(f"a listener of {topic.name}", error)
 
     def show(
-        self, sender: Owner, topic: Topic, message: Message, listeners: Iterable[Subscription], now: float
+        self, sender: Participant, topic: Topic, message: Message, listeners: Iterable[Subscription], now: float
     ) -> None:
         """Hand something of our own to some listeners of a topic; otherwise as `announce`. It is not latched.
 
@@ -298,13 +281,13 @@ class Bus:
 
     def subscribe(
         self,
-        owner: Owner,
+        owner: Participant,
         name: str,
         deliver: Deliver,
         *,
         type_name: str | None = None,
         is_idle: bool = False,
-        tell: Tell | None = None,
+        notify: Notify | None = None,
         is_general: bool = False,
         is_recording: bool = False,
     ) -> Subscription:
@@ -319,7 +302,7 @@ class Bus:
             deliver: gets each message.
             type_name: in any accepted spelling; None takes the topic's.
             is_idle: overhear only; the subscription's own `is_idle` may be changed later.
-            tell: tells the owner something about the subscription; None for `owner.tell`.
+            notify: tells the owner something about the subscription; None for `owner.tell`.
             is_general: see `Subscription`.
             is_recording: the same.
 
@@ -332,7 +315,14 @@ class Bus:
             self._settle(owner, topic, message_type)
         wanted = None if type_name is None else message_type
         subscription = Subscription(
-            topic, owner, deliver, is_idle, wanted, tell or owner.tell, is_general=is_general, is_recording=is_recording
+            topic,
+            owner,
+            deliver,
+            is_idle,
+            wanted,
+            notify or owner.notify,
+            is_general=is_general,
+            is_recording=is_recording,
         )
         topic.add(subscription)
         self._held(owner).subscriptions[subscription] = None
@@ -398,7 +388,7 @@ class Bus:
         if topic in self._orphans:
             self._forget(topic)
 
-    def type_conflict(self, name: str, type_name: str, owner: Owner | None = None) -> str | None:
+    def type_conflict(self, name: str, type_name: str, owner: Participant | None = None) -> str | None:
         """Why a topic cannot be of this type; None if it can, whether it is there or not.
 
         Args:
@@ -423,7 +413,7 @@ class Bus:
     # Services
 
     def provide(
-        self, owner: Owner, name: str, type_name: str, handle: Handle, *, is_exclusive: bool = False
+        self, owner: Participant, name: str, type_name: str, handle: Handle, *, is_exclusive: bool = False
     ) -> Service:
         """Offer a service. The last to offer a name has it; whoever waits for the one before is told at once.
 
@@ -438,7 +428,7 @@ class Bus:
             if old.is_exclusive and old.owner is not owner and not gives_way(old.owner, owner):
                 raise GraphError(f"Service {name} is provided by {old.owner.name} alone", reason=Reason.NAME_TAKEN)
             if old.owner is not owner:
-                owner.tell("warning", f"Duplicate service advertised. Overwriting {name}.")
+                owner.notify("warning", f"Duplicate service advertised. Overwriting {name}.")
                 self.guard.attempt("the loss of a service", take_over, old.owner, "service", name, owner)
             self._drop_service(old, f"Service {name} was unadvertised")
         service = Service(name, service_type, owner, handle, is_exclusive)
@@ -447,7 +437,7 @@ class Bus:
         self._tell_holdings(owner)
         return service
 
-    def withdraw(self, owner: Owner, name: str, *, answers_calls: bool = False) -> None:
+    def withdraw(self, owner: Participant, name: str, *, answers_calls: bool = False) -> None:
         """Stop offering a service.
 
         Args:
@@ -465,7 +455,14 @@ class Bus:
         self._drop_service(service, None if answers_calls else f"Service {service.name} was unadvertised")
 
     def call(
-        self, caller: Owner, name: str, args: Body, on_answer: OnAnswer, *, now: float, timeout: float | None = None
+        self,
+        caller: Participant,
+        name: str,
+        args: OpBody,
+        on_answer: OnAnswer,
+        *,
+        now: float,
+        timeout: float | None = None,
     ) -> None:
         """Call a service. `on_answer` is called exactly once, perhaps before this returns, unless the caller leaves.
 
@@ -534,18 +531,18 @@ class Bus:
             if isinstance(error, EncodingError) and answer.is_ok:
                 name, owner = call.service.name, call.service.owner
                 self.guard.note_encoding(name, error)
-                self.guard.attempt("a remark to a provider", owner.tell, "error", f"{name}: {error}")
+                self.guard.attempt("a remark to a provider", owner.notify, "error", f"{name}: {error}")
                 self.hand_over(call, Answer(is_ok=False, values=str(error)))
             else:  # in the caller's own state
                 self.guard.contain(call.caller, error)
 
     # Memory
 
-    def account_of(self, owner: Owner) -> Account:
+    def account_of(self, owner: Participant) -> Account:
         """The account that pays for what an owner makes this process hold."""
         return self.accounts.get(owner, self._own_account)
 
-    def forget_latched(self, owner: Owner) -> None:
+    def forget_latched(self, owner: Participant) -> None:
         """Keep nothing that an owner has published for those who come late."""
         for topic in list(self.topics.values()):
             topic.forget_messages_of(owner)
@@ -581,10 +578,10 @@ class Bus:
             self.guard.attempt("a time-out", refuse, "Timeout exceeded while waiting for service response")
         for topic in list(takewhile(lambda topic: _is_over(topic, now), self._orphans)):
             self.guard.attempt("forgetting a topic", self._forget, topic)
-        for topic, tell in self.unpublished.take_due(now):
-            self.guard.attempt("a word about a topic that nobody publishes", tell, topic)
+        for topic, notify in self.unpublished.take_due(now):
+            self.guard.attempt("a word about a topic that nobody publishes", notify, topic)
 
-    def leave(self, owner: Owner, now: float) -> None:
+    def leave(self, owner: Participant, now: float) -> None:
         """Take away all that `owner` holds, answer those who wait for it, tell the watchers. Twice is no error."""
         attempt = self.guard.attempt
         attempt("the end of an owner's goals", self.actions.leave, owner)
@@ -605,11 +602,11 @@ class Bus:
         for watch in tuple(self.watchers):
             attempt("what follows an owner's end", watch, owner, now)
 
-    def owners(self) -> list[Owner]:
+    def owners(self) -> list[Participant]:
         """Everybody who holds anything, in order of arrival."""
         return list(self._holdings)
 
-    def holdings(self, owner: Owner) -> Holdings:
+    def holdings(self, owner: Participant) -> Holdings:
         """What an owner has here, to be read and not changed."""
         return self._holdings.get(owner) or Holdings()
 
@@ -622,13 +619,15 @@ class Bus:
         call.deadline = None
         return call
 
-    def _held(self, owner: Owner) -> Holdings:
+    def _held(self, owner: Participant) -> Holdings:
         held = self._holdings.get(owner)
         if held is None:
             held = self._holdings[owner] = Holdings()
         return held
 
-    def _topic_for(self, owner: Owner, name: str, type_name: str | None) -> tuple[Topic, MessageType | OpaqueType]:
+    def _topic_for(
+        self, owner: Participant, name: str, type_name: str | None
+    ) -> tuple[Topic, MessageType | OpaqueType]:
         """The topic, made if need be, and the type that `owner` may use there; what is there is not changed."""
         absolute = resolve(name)
         topic = self.topics.get(absolute)
@@ -646,7 +645,7 @@ class Bus:
         """The type of that name: the topic's own, where it is that one."""
         return topic.type if self.store.canonical(type_name) == topic.type.name else self._message_type(type_name)
 
-    def _settle(self, owner: Owner, topic: Topic, message_type: MessageType | OpaqueType) -> None:
+    def _settle(self, owner: Participant, topic: Topic, message_type: MessageType | OpaqueType) -> None:
         """Have a type at a topic from now on. It must not be bound to another one."""
         if message_type.name != topic.type.name:
             self._displace_publishers(
@@ -688,7 +687,7 @@ class Bus:
             if len(self._opaque_types) >= self._tidy_types_at:
                 self._opaque_types = {t.type.name: t.type for t in self.topics.values() if type(t.type) is OpaqueType}
                 # not again before half as many have come: a look at all topics then costs each type a constant amount
-                self._tidy_types_at = max(MAX_REMEMBERED, len(self._opaque_types) * 3 // 2 + 1)
+                self._tidy_types_at = max(MAX_REMEMBERED_TOPICS, len(self._opaque_types) * 3 // 2 + 1)
             opaque = self._opaque_types[canonical] = OpaqueType(canonical)
             near = self.store.near_package(canonical)
             _log.warning("%s: its package is unknown%s; messages of this type are relayed unchecked", canonical, near)
@@ -722,7 +721,7 @@ class Bus:
         canonical = self.store.canonical(name)
         resolve(canonical)  # as long as a name may be
         if (canonical, what) not in self._unknown_types:
-            if len(self._unknown_types) >= MAX_REMEMBERED:
+            if len(self._unknown_types) >= MAX_REMEMBERED_TOPICS:
                 self._unknown_types.clear()
             self._unknown_types[canonical, what] = None
             near = self.store.near_package(canonical)
@@ -730,14 +729,14 @@ class Bus:
         return canonical
 
     def _tell_of(self, topic: Topic) -> None:
-        for tell in tuple(self.on_topic):
-            self.guard.attempt(f"a look at {topic.name}", tell, topic)
+        for notify in tuple(self.on_topic):
+            self.guard.attempt(f"a look at {topic.name}", notify, topic)
 
-    def _tell_holdings(self, owner: Owner) -> None:
-        for tell in tuple(self.on_holdings):
-            self.guard.attempt(f"a look at what {owner.name} holds", tell, owner)
+    def _tell_holdings(self, owner: Participant) -> None:
+        for notify in tuple(self.on_holdings):
+            self.guard.attempt(f"a look at what {owner.name} holds", notify, owner)
 
-    def _drop_publisher(self, owner: Owner, topic: Topic, now: float) -> None:
+    def _drop_publisher(self, owner: Participant, topic: Topic, now: float) -> None:
         """Tidy up after an owner that publishes there no longer."""
         topic.on_demand.pop(owner, None)
         if topic.publishers:
@@ -754,7 +753,7 @@ class Bus:
             topic.orphaned_at = now
             self._orphans.pop(topic, None)
             self._orphans[topic] = None
-            if len(self._orphans) > MAX_REMEMBERED:
+            if len(self._orphans) > MAX_REMEMBERED_TOPICS:
                 self._forget(next(iter(self._orphans)))
 
     def _forget(self, topic: Topic) -> None:

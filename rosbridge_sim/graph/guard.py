@@ -19,7 +19,7 @@ from rosbridge_sim.errors import EncodingError
 
 __all__ = ["Guard", "Guarded"]
 
-MAX_TOLD = 1_000
+MAX_BLAMED = 1_000
 """Failures of encoding that are remembered, so that each is logged once; beyond them they are only counted."""
 
 P = ParamSpec("P")
@@ -107,6 +107,6 @@ class Guard:
         self.num_unencoded += 1
         self.num_faults += 1
         told = (where, str(error))
-        if told not in self._told and len(self._told) < MAX_TOLD:
+        if told not in self._told and len(self._told) < MAX_BLAMED:
             self._told.add(told)
             _log.error("%s: a message is dropped: %s", where, error, exc_info=error)

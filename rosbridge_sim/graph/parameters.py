@@ -16,7 +16,7 @@ from typing import Any, Final
 import orjson
 
 from rosbridge_sim.errors import GraphError
-from rosbridge_sim.graph.owner import Owner
+from rosbridge_sim.graph.participant import Participant
 
 __all__ = ["MAX_NAMESPACES", "MAX_PARAMETERS", "MAX_PARAMETER_BYTES", "MAX_VALUE_PARTS", "Parameters", "merge"]
 
@@ -45,7 +45,7 @@ OVERHEAD: Final = 400
 
 
 @dataclass(eq=False, slots=True)
-class _Account:
+class _Share:
     """Account of what one client has set: parameters, namespaces and bytes."""
 
     num: int = 0
@@ -69,7 +69,7 @@ class _Entry:
     member: bytes
     skip: int
     serial: int
-    account: _Account
+    account: _Share
 
 
 @dataclass(slots=True)
@@ -78,7 +78,7 @@ class _Folder:
 
     name: str
     num: int
-    account: _Account
+    account: _Share
 
 
 class Parameters:
@@ -88,7 +88,7 @@ class Parameters:
         self._entries: dict[str, _Entry] = {}
         self._names: list[str] = []
         self._folders: dict[str, _Folder] = {}
-        self._accounts: dict[Owner, _Account] = {}
+        self._accounts: dict[Participant, _Share] = {}
         self._num_bytes = 0
         self._serial = 0
         self._read: tuple[tuple[str, int], str] | None = None  # the namespace that was read last, and its text
@@ -103,12 +103,12 @@ class Parameters:
     def __contains__(self, name: str) -> bool:
         return name in self._entries
 
-    def num_held(self, owner: Owner) -> int:
+    def num_held(self, owner: Participant) -> int:
         """Memory of the parameters that an owner has set [bytes]."""
         account = self._accounts.get(owner)
         return account.num_bytes + OVERHEAD * (account.num + account.num_namespaces) if account else 0
 
-    def put(self, name: str, value: str, owner: Owner) -> None:
+    def put(self, name: str, value: str, owner: Participant) -> None:
         """Set a parameter.
 
         Args:
@@ -125,7 +125,7 @@ class Parameters:
         folder, _, last = name.rpartition("/")
         key = orjson.dumps(last) + b":"
         size = _size(name, text)
-        account = self._accounts.get(owner) or _Account()
+        account = self._accounts.get(owner) or _Share()
         self._check_room(name, size, old, account)
         if old is None:
             self._check_namespaces(folder, account)
@@ -154,7 +154,7 @@ class Parameters:
             self._names = [name for name in self._names if name in self._entries]
         self._read = None
 
-    def disown(self, owner: Owner) -> None:
+    def disown(self, owner: Participant) -> None:
         """Forget who set the parameters of an owner that has left; they stay."""
         self._accounts.pop(owner, None)
 
@@ -233,7 +233,7 @@ class Parameters:
 
     # Bounds
 
-    def _check_room(self, name: str, size: int, old: _Entry | None, account: _Account) -> None:
+    def _check_room(self, name: str, size: int, old: _Entry | None, account: _Share) -> None:
         old_size = 0 if old is None else _size(name, old.member[old.skip :])
         is_own = old is not None and old.account is account
         for num, num_bytes, part, whose in (
@@ -248,7 +248,7 @@ class Parameters:
                     " names included"
                 )
 
-    def _check_namespaces(self, folder: str, account: _Account) -> None:
+    def _check_namespaces(self, folder: str, account: _Share) -> None:
         num = 0
         while folder and folder not in self._folders:
             num += 1
@@ -257,12 +257,12 @@ class Parameters:
             if num and now + num > MAX_NAMESPACES // part:
                 raise GraphError(f"At most {MAX_NAMESPACES // part} namespaces of parameters {whose} can be kept")
 
-    def _settle(self, account: _Account, num: int, num_bytes: int) -> None:
+    def _settle(self, account: _Share, num: int, num_bytes: int) -> None:
         account.num += num
         account.num_bytes += num_bytes
         self._num_bytes += num_bytes
 
-    def _hold_folder(self, name: str, account: _Account) -> None:
+    def _hold_folder(self, name: str, account: _Share) -> None:
         while name:
             folder = self._folders.get(name)
             if folder is not None:

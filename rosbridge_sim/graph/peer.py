@@ -28,34 +28,35 @@ import msgspec
 import orjson
 
 from rosbridge_sim.errors import EncodingError, FrameError, GraphError, PeerError, Reason
-from rosbridge_sim.graph.actions import Goal, GoalStatus, Outcome
-from rosbridge_sim.graph.bus import Answer, Bus, Call, Owner, Subscription, Topic, decode_body, resolve
-from rosbridge_sim.graph.owner import OfferKind, Tell
+from rosbridge_sim.graph.actions import Goal, GoalOutcome, GoalStatus
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Notify, OfferKind, Participant, decode_body, resolve
 from rosbridge_sim.graph.policy import OPEN, Policy
 from rosbridge_sim.graph.refusals import refusal_of
+from rosbridge_sim.graph.topics_services import Answer, Call, Subscription, Topic
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.codec import is_absent
-from rosbridge_sim.protocol.feed import read_qos, read_terms
 from rosbridge_sim.protocol.session import LEVELS, Feed, Session
+from rosbridge_sim.protocol.subscription import read_options, read_qos
 from rosbridge_sim.schema.compile import MessageType, OpaqueType
 from rosbridge_sim.schema.store import Message
 from rosbridge_sim.suggestions import hint, listing
 
-__all__ = ["NODE_NAME", "FrameWork", "Peer", "Work"]
+__all__ = ["WEBSOCKET_NODE_NAME", "FrameWork", "Peer", "Work"]
 
-NODE_NAME = "/rosbridge_websocket"
+WEBSOCKET_NODE_NAME = "/rosbridge_websocket"
 """All clients are one ROS node, as behind rosbridge_suite; Lichtblick looks for it."""
 
 _IMPLICIT = object()
 """The key of the advertisement that a bare publish without an id makes; no client can spell it."""
 
-MAX_ID = 1_024
+MAX_OP_ID = 1_024
 """Longest id of what is held [characters]; any other id is only echoed."""
 
 _EMPTY = re.compile(rb"\{\s*+\}")
 """JSON text of an object without fields."""
 
-MAX_WATCHED = 100
+MAX_WATCHED_TOPICS = 100
 """Topics of one client at most that it is told of when nobody publishes them: as many lines in the log."""
 
 MAX_ALIKE = 3
@@ -152,7 +153,7 @@ class Peer:
         on_released: called when the last hold has ended; not after `leave`.
     """
 
-    name = NODE_NAME
+    name = WEBSOCKET_NODE_NAME
 
     def __init__(self, bus: Bus, session: Session, address: str = "", policy: Policy = OPEN) -> None:
         """A client that holds nothing yet.
@@ -292,7 +293,7 @@ class Peer:
             return False
         return True
 
-    def tell(self, level: str, text: str) -> None:
+    def notify(self, level: str, text: str) -> None:
         """Remark something that answers no request."""
         self._remark(level, text)
         self._note_told(level, text, self._op)
@@ -316,16 +317,16 @@ class Peer:
         except Exception as error:  # noqa: BLE001 - a bug of ours in this client's own state
             self._bus.guard.blame(self, error)
 
-    def teller(self) -> Tell:
+    def notifier(self) -> Notify:
         """See `Correlating`."""
         op_id, op = self._op_id, self._op
 
-        def tell(level: str, text: str) -> None:
+        def notify(level: str, text: str) -> None:
             self.num_errors += level == "error"
             self._remark(level, text, op_id)
             self._note_told(level, text, op)
 
-        return tell
+        return notify
 
     def lose(self, kind: OfferKind, name: str, why: str) -> None:
         """See `Guest`."""
@@ -465,17 +466,17 @@ class Peer:
         if listening is None:
             feed = Feed(self.session, op.topic)
 
-            def deliver(_topic: Topic, message: Message, _sender: Owner, now: float) -> None:
+            def deliver(_topic: Topic, message: Message, _sender: Participant, now: float) -> None:
                 feed.deliver(message, now, bus.stamp_ns)
 
-            subscription = bus.subscribe(self, op.topic, deliver, type_name=type_name, tell=self.teller())
+            subscription = bus.subscribe(self, op.topic, deliver, type_name=type_name, notify=self.notifier())
             listening = self._listenings[op.topic] = _Listening(feed, subscription)
-            if len(self._listenings) <= MAX_WATCHED:
+            if len(self._listenings) <= MAX_WATCHED_TOPICS:
                 bus.unpublished.watch(subscription, self._tell_unpublished, now)
         elif op.type is not None:
             was_mute = bus.retype(listening.subscription, op.type)
         feed = listening.feed
-        feed.set_terms(op.id, read_terms(op))
+        feed.set_terms(op.id, read_options(op))
         self._num_ids += is_new
         if (is_new or was_mute) and qos.is_latching is not False:
             for message in listening.subscription.topic.latched:
@@ -648,7 +649,7 @@ class Peer:
         def on_feedback(values: Message) -> None:
             self.session.say("action_feedback", {"values": values}, op.fragment_size, action=op.action, id=op.id)
 
-        def on_outcome(outcome: Outcome) -> None:
+        def on_outcome(outcome: GoalOutcome) -> None:
             self._goals.pop(key, None)
             values = outcome.values
             if outcome.reason is not None:
@@ -736,7 +737,7 @@ class Peer:
     def _set_level(self, op: ops.SetLevel, _now: float) -> None:
         if op.level not in LEVELS:  # the protocol has no answer for it; its author sees the log
             expected = ", ".join(LEVELS)
-            self.note(Reason.WRONG_VALUE, f"set_level: expected one of {expected}; got {op.level[:MAX_ID]!r}", op)
+            self.note(Reason.WRONG_VALUE, f"set_level: expected one of {expected}; got {op.level[:MAX_OP_ID]!r}", op)
         self.session.set_level(op.level)
 
     def _status(self, op: ops.Status, _now: float) -> None:
@@ -747,8 +748,8 @@ class Peer:
 
     def _check_room(self, op_id: ops.Id = None) -> None:
         """Raise GraphError if the client may not hold one more thing, under that id."""
-        if isinstance(op_id, str) and len(op_id) > MAX_ID:
-            raise GraphError(f"The id of a topic has at most {MAX_ID} characters", reason=Reason.TOO_MUCH)
+        if isinstance(op_id, str) and len(op_id) > MAX_OP_ID:
+            raise GraphError(f"The id of a topic has at most {MAX_OP_ID} characters", reason=Reason.TOO_MUCH)
         limit = self._policy.max_held
         if self._num_ids + len(self._provisions) + len(self._performances) >= limit:
             text = f"At most {limit} topics, services and actions can be held by one client"
@@ -780,25 +781,25 @@ def _read_status(number: int) -> GoalStatus:
         raise GraphError(text, reason=Reason.WRONG_VALUE) from None
 
 
-def _is_empty_object(body: ops.Body) -> bool:
+def _is_empty_object(body: ops.OpBody) -> bool:
     if isinstance(body, (bytes, msgspec.Raw)):
         return _EMPTY.match(memoryview(body)) is not None
     return isinstance(body, dict) and not body
 
 
-def _is_filled_object(body: ops.Body) -> bool:
+def _is_filled_object(body: ops.OpBody) -> bool:
     """Whether a body is an object with anything in it. Whether it is JSON at all is not looked at."""
     if isinstance(body, (bytes, msgspec.Raw)):
         return bytes(memoryview(body)[:1]) == b"{" and not _is_empty_object(body)
     return isinstance(body, dict) and bool(body)
 
 
-def _says_anything(body: ops.Body) -> bool:
+def _says_anything(body: ops.OpBody) -> bool:
     """Return whether a body is there and is no empty object."""
     return not is_absent(body) and not _is_empty_object(body)
 
 
-def _read_refusal(values: ops.Body, service: str) -> object:
+def _read_refusal(values: ops.OpBody, service: str) -> object:
     """The reason that a provider gave: any JSON value; a text of ours where it gave none."""
     if not _says_anything(values):
         return f"Service {service} failed; its provider gave no reason"

@@ -49,20 +49,20 @@ from typing import Final, NamedTuple, TypeAlias
 
 from rosbridge_sim.errors import GraphError, Reason
 from rosbridge_sim.graph.actions import CANCEL
-from rosbridge_sim.graph.owner import resolve
-from rosbridge_sim.graph.republisher import NODE_NAME as REPUBLISHER
-from rosbridge_sim.graph.republisher import SERVICE_NAME as REPUBLISH
+from rosbridge_sim.graph.participant import resolve
+from rosbridge_sim.graph.tf.web_republisher import REPUBLISHER_NAME as REPUBLISHER
+from rosbridge_sim.graph.tf.web_republisher import SERVICE_NAME as REPUBLISH
 
-__all__ = ["OPEN", "Effect", "Lookup", "Policy", "Rule", "Use", "Way", "Ways"]
+__all__ = ["OPEN", "Policy", "PolicyEffect", "Rule", "Use", "Way", "WayLookup", "Ways"]
 
 ROSAPI: Final = "/rosapi/"
 """Where the names of the services begin with which clients look around."""
 
-MAX_KNOWN: Final = 20_000
+MAX_KNOWN_NAMES: Final = 20_000
 """Names of which the table keeps the other names; looking them up costs some 10 us, and rosapi lists thousands."""
 
 MAX_EFFECTS: Final = 3
-MAX_SHOWN: Final = 8
+MAX_WAYS_SHOWN: Final = 8
 MAX_CHARS: Final = 60
 """Effects, ways of each and characters of one that a line on what is left open names: a line of a log is to be read."""
 
@@ -98,12 +98,12 @@ class Way(NamedTuple):
     name: str
 
 
-Lookup: TypeAlias = Callable[[Way], Iterable[Way]]
+WayLookup: TypeAlias = Callable[[Way], Iterable[Way]]
 """The other names under which a way is judged too; the way itself may be among them."""
 
 
 @dataclass(frozen=True, slots=True)
-class Effect:
+class PolicyEffect:
     """Something that can be brought about in several ways, which are not the same thing.
 
     Attributes:
@@ -126,11 +126,11 @@ class Ways:
 
     def __init__(self) -> None:
         self.on_change: dict[Callable[[float], None], None] = {}
-        self._lookups: list[Lookup] = [_look_up]
-        self._effects: list[Callable[[], Iterable[Effect]]] = [lambda: (_TRANSFORMS,)]
+        self._lookups: list[WayLookup] = [_look_up]
+        self._effects: list[Callable[[], Iterable[PolicyEffect]]] = [lambda: (_TRANSFORMS,)]
         self._known: dict[tuple[Way, tuple[Way, ...]], tuple[Way, ...]] = {}
 
-    def add(self, effects: Callable[[], Iterable[Effect]], lookup: Lookup | None = None) -> None:
+    def add(self, effects: Callable[[], Iterable[PolicyEffect]], lookup: WayLookup | None = None) -> None:
         """Add the rows of a part of the server.
 
         Args:
@@ -145,8 +145,8 @@ class Ways:
     def change(self, now: float) -> None:
         """Look everything up anew, for a part of the server has other names now."""
         self._known.clear()
-        for tell in tuple(self.on_change):
-            tell(now)
+        for notify in tuple(self.on_change):
+            notify(now)
 
     def all_of(self, way: Way, type_name: str = "") -> tuple[Way, ...]:
         """The way itself and all others that it is judged by.
@@ -162,12 +162,12 @@ class Ways:
             found = dict.fromkeys([way, *of_action])
             for lookup in self._lookups:
                 found |= dict.fromkeys(lookup(way))
-            if len(self._known) >= MAX_KNOWN:
+            if len(self._known) >= MAX_KNOWN_NAMES:
                 self._known.clear()
             ways = self._known[key] = tuple(found)
         return ways
 
-    def effects(self) -> Iterator[Effect]:
+    def effects(self) -> Iterator[PolicyEffect]:
         """All that can be brought about in several ways."""
         for each in self._effects:
             yield from each()
@@ -208,7 +208,7 @@ _SHOWN: Final = tuple(
 _REPUBLISHERS: Final = (Way(Use.SERVICE, REPUBLISH), Way(Use.ACTION, REPUBLISHER))
 """The ways of asking for transforms."""
 
-_TRANSFORMS: Final = Effect("learn transforms", (*_SHOWN[:2], *_REPUBLISHERS))
+_TRANSFORMS: Final = PolicyEffect("learn transforms", (*_SHOWN[:2], *_REPUBLISHERS))
 
 
 def _shows(way: Way) -> tuple[Way, ...]:
@@ -414,7 +414,9 @@ class Policy:
     def _is_left_out(self, use: Use, way: Way) -> bool:
         return way.use is use and not self._is_allowed(way, self.ways.all_of(way))
 
-    def _describe(self, flag: str, effects: Iterable[Effect], is_closed_by: Callable[[Way], bool]) -> Iterator[str]:
+    def _describe(
+        self, flag: str, effects: Iterable[PolicyEffect], is_closed_by: Callable[[Way], bool]
+    ) -> Iterator[str]:
         """A line on what a pattern leaves open, if it does."""
         parts = []
         for effect in effects:
@@ -429,7 +431,7 @@ OPEN = Policy()
 """Everything is allowed."""
 
 
-def _listed(parts: Sequence[str], limit: int = MAX_SHOWN, between: str = ", ") -> str:
+def _listed(parts: Sequence[str], limit: int = MAX_WAYS_SHOWN, between: str = ", ") -> str:
     """The first of them, and how many more there are."""
     more = len(parts) - limit
     return between.join(parts[:limit]) + (f"{between}and {more} more" if more > 0 else "")

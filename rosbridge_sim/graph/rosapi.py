@@ -17,16 +17,18 @@ from typing import Any, TypeAlias
 import orjson
 
 from rosbridge_sim.errors import GraphError, TypeNameError
-from rosbridge_sim.graph.bus import Bus, Call, Owner, Service, Topic, resolve
+from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.parameters import MAX_PARAMETERS
+from rosbridge_sim.graph.participant import Participant, resolve
 from rosbridge_sim.graph.policy import OPEN, Policy, Rule
+from rosbridge_sim.graph.topics_services import Call, Service, Topic
 from rosbridge_sim.schema.compile import MessageType
-from rosbridge_sim.schema.names import Kind
+from rosbridge_sim.schema.names import DefinitionKind
 from rosbridge_sim.schema.typedefs import typedefs
 
-__all__ = ["NODE_NAME", "Rosapi"]
+__all__ = ["ROSAPI_NAME", "Rosapi"]
 
-NODE_NAME = "/rosapi"
+ROSAPI_NAME = "/rosapi"
 
 _BAD_VALUE = (
     "Due to the type flexibility of the ROS parameter server, the value argument to set_param must be a"
@@ -59,7 +61,7 @@ _Fields: TypeAlias = dict[str, Any]
 class Rosapi:
     """The owner of the rosapi services."""
 
-    name = NODE_NAME
+    name = ROSAPI_NAME
 
     def __init__(self, bus: Bus, policy: Policy = OPEN) -> None:
         """Offer all services on `bus`, and show there what `policy` lets clients use."""
@@ -105,10 +107,10 @@ class Rosapi:
         bus.provide(self, "/rosapi/set_param", "rosapi/SetParam", self._set_param, is_exclusive=True)
         bus.watchers.append(self._see_off)
 
-    def tell(self, level: str, text: str) -> None:
+    def notify(self, level: str, text: str) -> None:
         """Nobody reads what rosapi is told; it asks for nothing."""
 
-    def _spelled(self, type_name: str, kind: Kind) -> str:
+    def _spelled(self, type_name: str, kind: DefinitionKind) -> str:
         """A type's name as the personality writes it."""
         return self._bus.store.spelled(type_name, kind)
 
@@ -244,7 +246,7 @@ class Rosapi:
 
     def _interfaces(self, _request: _Request) -> _Fields:
         store, spelled = self._bus.store, self._spelled
-        kinds: tuple[Kind, ...] = ("msg", "srv", "action")
+        kinds: tuple[DefinitionKind, ...] = ("msg", "srv", "action")
         return {"interfaces": sorted({spelled(name, kind) for kind in kinds for name in store.names(kind)})}
 
     def _ros_version(self, _request: _Request) -> _Fields:
@@ -336,11 +338,11 @@ class Rosapi:
     def _get_param_names(self, _request: _Request) -> _Fields:
         return {"names": self._usable(list(self._params))}
 
-    def num_held(self, owner: Owner) -> int:
+    def num_held(self, owner: Participant) -> int:
         """Memory of the parameters that an owner has set [bytes]."""
         return self._params.num_held(owner)
 
-    def _see_off(self, owner: Owner, _now: float) -> None:
+    def _see_off(self, owner: Participant, _now: float) -> None:
         self._params.disown(owner)
 
 
@@ -356,7 +358,7 @@ def _handler(respond: Callable[[_Request], _Fields]) -> Callable[[Call, float], 
     return handle
 
 
-def _node_names(owners: Iterable[Owner]) -> list[str]:
+def _node_names(owners: Iterable[Participant]) -> list[str]:
     """Each node once, in order of name: all clients are one node."""
     return sorted({owner.name for owner in owners})
 

@@ -10,18 +10,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import islice
 
-from rosbridge_sim.graph.channels import Subscription, Topic
+from rosbridge_sim.graph.topics_services import Subscription, Topic
 
-__all__ = ["PATIENCE", "UnpublishedTopics"]
+__all__ = ["UNPUBLISHED_AFTER", "UnpublishedTopics"]
 
-PATIENCE = 5.0
+UNPUBLISHED_AFTER = 5.0
 """How long a topic may have no publisher before its listener is told [s]: most programs of a start-up script are there
 by then."""
 
-MAX_WATCHED = 1_000
+MAX_WATCHED_SUBSCRIPTIONS = 1_000
 """Subscriptions that are watched at once; no listener of a further one is told."""
 
-MAX_TOLD = 20
+MAX_TOLD_AT_ONCE = 20
 """Listeners that are told in one turn, some 0.2 ms each; the others in the next."""
 
 
@@ -37,16 +37,16 @@ class UnpublishedTopics:
         self.advise: Callable[[Topic], str] = lambda _topic: ""
         self._watched: dict[Subscription, tuple[float, Callable[[Topic], None]]] = {}
 
-    def watch(self, subscription: Subscription, tell: Callable[[Topic], None], now: float) -> None:
-        """Have a listener told if its topic still has no publisher after `PATIENCE`.
+    def watch(self, subscription: Subscription, notify: Callable[[Topic], None], now: float) -> None:
+        """Have a listener told if its topic still has no publisher after `UNPUBLISHED_AFTER`.
 
         Args:
             subscription: which has just begun.
-            tell: called with the topic, once or never.
+            notify: called with the topic, once or never.
             now: monotonic time [s].
         """
-        if not subscription.topic.publishers and len(self._watched) < MAX_WATCHED:
-            self._watched[subscription] = (now + PATIENCE, tell)
+        if not subscription.topic.publishers and len(self._watched) < MAX_WATCHED_SUBSCRIPTIONS:
+            self._watched[subscription] = (now + UNPUBLISHED_AFTER, notify)
 
     def forget(self, subscription: Subscription) -> None:
         """Watch a subscription no longer; one that is not watched is no error."""
@@ -60,7 +60,7 @@ class UnpublishedTopics:
 
     def take_due(self, now: float) -> list[tuple[Topic, Callable[[Topic], None]]]:
         """Return the topics without a publisher whose listeners are to be told by now [s], with what tells them."""
-        due = [each for each in islice(self._watched.items(), MAX_TOLD) if each[1][0] <= now]
+        due = [each for each in islice(self._watched.items(), MAX_TOLD_AT_ONCE) if each[1][0] <= now]
         for subscription, _ in due:
             del self._watched[subscription]
-        return [(subscription.topic, tell) for subscription, (_, tell) in due if not subscription.topic.publishers]
+        return [(subscription.topic, notify) for subscription, (_, notify) in due if not subscription.topic.publishers]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from rosbridge_sim.graph.bus import Call
-from rosbridge_sim.graph.owner import Tell
+from rosbridge_sim.graph.participant import Notify
+from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 
 __all__ = ["complain", "request_of", "respond"]
@@ -22,6 +22,6 @@ def respond(call: Call, response: Struct) -> None:
     call.answer(call.service.type.response.struct(response))
 
 
-def complain(tell: Tell, text: str) -> None:
+def complain(notify: Notify, text: str) -> None:
     """Tell a peer of its mistake where no answer can hold the reason."""
-    tell("error", text)
+    notify("error", text)

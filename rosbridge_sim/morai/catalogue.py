@@ -157,7 +157,7 @@ _CLASSES: Final = {
 _DIGITS: Final = 8
 """Of a `DataID`."""
 
-MAX_NAME: Final = 200
+MAX_MODEL_NAME: Final = 200
 """Longest name that is looked up: names come from clients, and may be megabytes."""
 
 
@@ -187,7 +187,7 @@ class Catalogue:
         Case, blanks, `_`, `-` and brackets make no difference, and the model year may be left out: `kia k5` is
         `2015_Kia_K5`. Another year is another car.
         """
-        return self._by_key.get(key_of_name(name)) if len(name) <= MAX_NAME else None
+        return self._by_key.get(key_of_name(name)) if len(name) <= MAX_MODEL_NAME else None
 
     def suggest(self, name: str) -> str:
         """Return the nearest model for the end of an error; an empty text where none comes near."""

@@ -21,8 +21,8 @@ from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.releases import MANUAL, Profile
-from rosbridge_sim.schema.check import round32
 from rosbridge_sim.schema.store import Store
+from rosbridge_sim.schema.validate import round32
 from rosbridge_sim.world.geometry import FloatArray, IntArray
 from rosbridge_sim.world.motion import motion
 from rosbridge_sim.world.roads import Roads
@@ -30,7 +30,7 @@ from rosbridge_sim.world.state import STEP_NS, Body, Gear, Kind, Mode, World
 
 __all__ = [
     "EGO_TYPE",
-    "KMH",
+    "MPS_TO_KMH",
     "Control",
     "Converter",
     "UniqueId",
@@ -42,7 +42,7 @@ __all__ = [
 
 # Units
 
-KMH: Final = 3.6
+MPS_TO_KMH: Final = 3.6
 """One m/s [km/h]."""
 
 DEGREES: Final = math.degrees(1.0)
@@ -259,7 +259,7 @@ class Converter:
         )
         fields = store.message("morai_msgs/CtrlCmd").struct.__struct_fields__
         self._steering = "steering" if "steering" in fields else "front_steer"
-        self._speed_factor = KMH if profile.object_velocity_unit == "km/h" else 1.0
+        self._speed_factor = MPS_TO_KMH if profile.object_velocity_unit == "km/h" else 1.0
         self._is_width_first = profile.object_size_order == "width-length-height"
         self._at_rest = self._vector(0.0, 0.0, 0.0)
 
@@ -396,7 +396,7 @@ class Converter:
             steer=getattr(command, self._steering),
             throttle=command.accel,
             brake=command.brake,
-            speed=command.velocity / KMH,
+            speed=command.velocity / MPS_TO_KMH,
             accel=command.acceleration,
         )
 

@@ -21,8 +21,8 @@ from rosbridge_sim.loose_types import JsonValue
 __all__ = [
     "Coordinate",
     "Document",
-    "Flag",
-    "Kept",
+    "KeptAsWritten",
+    "LenientBool",
     "Mistake",
     "Number",
     "Ratio",
@@ -36,13 +36,13 @@ __all__ = [
 
 T = TypeVar("T")
 
-MAX_SHOWN = 40
+MAX_VALUE_SHOWN = 40
 """Characters of an offending value that an error shows."""
 
-MAX_MISTAKES = 100
+MAX_DOCUMENT_MISTAKES = 100
 """Of a document that are told one by one."""
 
-MAX_COORDINATE = 1e8
+MAX_DOCUMENT_COORDINATE = 1e8
 """Beyond every plane coordinate on earth, false eastings included [m]."""
 
 # 1234.5, -1,234.5, .5, 1e-05; a comma only where it parts thousands: "12,5" has two meanings and is refused.
@@ -70,7 +70,7 @@ def _number(value: object) -> object:
         return value
     if isinstance(value, str):
         text = value.strip()
-        if len(text) <= MAX_SHOWN and any(map(str.isdigit, text)) and _NUMBER.fullmatch(text):
+        if len(text) <= MAX_VALUE_SHOWN and any(map(str.isdigit, text)) and _NUMBER.fullmatch(text):
             text = text.replace(",", "")
             return int(text) if text.lstrip("+-").isdecimal() else float(text)
     raise PydanticCustomError("number", "expected a number")
@@ -91,7 +91,9 @@ _NUMBER_SCHEMA = WithJsonSchema({"type": ["number", "string"]})
 Number = Annotated[float, BeforeValidator(_number), Field(ge=-1e12, le=1e12), _NUMBER_SCHEMA]
 """Any finite number, also as text."""
 
-Coordinate = Annotated[float, BeforeValidator(_number), Field(ge=-MAX_COORDINATE, le=MAX_COORDINATE), _NUMBER_SCHEMA]
+Coordinate = Annotated[
+    float, BeforeValidator(_number), Field(ge=-MAX_DOCUMENT_COORDINATE, le=MAX_DOCUMENT_COORDINATE), _NUMBER_SCHEMA
+]
 """Metres."""
 
 Ratio = Annotated[
@@ -106,10 +108,10 @@ Whole = Annotated[
 ]
 """An int32, also as text or as 2.0."""
 
-Flag = Annotated[bool, BeforeValidator(_flag), WithJsonSchema({"type": "boolean"})]
+LenientBool = Annotated[bool, BeforeValidator(_flag), WithJsonSchema({"type": "boolean"})]
 
 
-Kept = Annotated[Any, WithJsonSchema({})]
+KeptAsWritten = Annotated[Any, WithJsonSchema({})]
 """Any JSON value, kept as it is written: what has no effect cannot be a mistake."""
 
 
@@ -155,9 +157,9 @@ def find_mistakes(kind: TypeAdapter[T], text: bytes, source: str, max_bytes: int
         return [Mistake((), str(error))]
     except ValidationError as error:
         errors = error.errors(include_url=False)
-        found = [Mistake(one["loc"], _one_line(one, source)) for one in errors[:MAX_MISTAKES]]
-        if len(errors) > MAX_MISTAKES:
-            found.append(Mistake((), f"{source}: ... and {len(errors) - MAX_MISTAKES:,} more"))
+        found = [Mistake(one["loc"], _one_line(one, source)) for one in errors[:MAX_DOCUMENT_MISTAKES]]
+        if len(errors) > MAX_DOCUMENT_MISTAKES:
+            found.append(Mistake((), f"{source}: ... and {len(errors) - MAX_DOCUMENT_MISTAKES:,} more"))
         return list({mistake.text: mistake for mistake in found}.values())
     return []
 
@@ -230,7 +232,7 @@ def _shown(value: JsonValue) -> str:
         return "null"
     if isinstance(value, bool):
         return "true" if value else "false"
-    text = repr(value) if len(str(value)) <= MAX_SHOWN else repr(str(value)[:MAX_SHOWN]) + "..."
+    text = repr(value) if len(str(value)) <= MAX_VALUE_SHOWN else repr(str(value)[:MAX_VALUE_SHOWN]) + "..."
     return " ".join(text.split())
 
 

@@ -13,7 +13,7 @@ from enum import IntEnum
 from typing import Any, Final
 
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.commands import Pose
+from rosbridge_sim.morai.command_parsing import GhostPose
 from rosbridge_sim.morai.convert import Control, Converter
 from rosbridge_sim.world import dynamics
 from rosbridge_sim.world.roads import Roads
@@ -142,7 +142,7 @@ class Ego:
             accel=control.accel,
         )
 
-    def put(self, pose: Pose, gear: Gear | None = None) -> None:
+    def put(self, pose: GhostPose, gear: Gear | None = None) -> None:
         """Stand somewhere else, with that speed, and in that gear whatever the speed was.
 
         What was commanded before is forgotten, or the car would leave its new place with the old pedals and wheels.
@@ -166,7 +166,7 @@ class Ego:
         self.resume()
         self.forget_status()
 
-    def haunt(self, pose: Pose) -> None:
+    def place_as_ghost(self, pose: GhostPose) -> None:
         """Stand somewhere as a ghost: nothing moves it until the next command, and its speed is what is said.
 
         Raises:
@@ -177,7 +177,7 @@ class Ego:
             dynamics.turn_wheels(self._world, self.row, pose.steer)
         self.forget_status()
 
-    def _place(self, pose: Pose, speed: float, *, is_ghost: bool = False) -> None:
+    def _place(self, pose: GhostPose, speed: float, *, is_ghost: bool = False) -> None:
         place = dynamics.place_ghost if is_ghost else dynamics.teleport
         place(
             self._world,

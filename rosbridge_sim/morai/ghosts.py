@@ -19,20 +19,20 @@ import numpy as np
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.morai.catalogue import Model
-from rosbridge_sim.morai.commands import Ghost, Pose
-from rosbridge_sim.morai.stage import FIRST_UID, MAX_ENTITIES, MAX_FILE_UID, Stage
+from rosbridge_sim.morai.command_parsing import Ghost, GhostPose
+from rosbridge_sim.morai.scene import FIRST_UID, MAX_ENTITIES, MAX_FILE_UID, Scene
 from rosbridge_sim.world import dynamics
 from rosbridge_sim.world.state import DT, Kind, World
 
 __all__ = ["Ghosts"]
 
-WINDOW: Final = 10
+SPEED_WINDOW: Final = 10
 """Frames over which a speed is worked out: 0.2 s."""
 
-MAX_GAP: Final = 50
+MAX_GHOST_GAP: Final = 50
 """Frames after which a message says nothing about the way from the one before: 1 s."""
 
-MAX_SPEED: Final = 100.0
+MAX_GHOST_SPEED: Final = 100.0
 """What is faster than this has been put elsewhere and has not driven there [m/s]."""
 
 _WHOSE: Final = {
@@ -48,16 +48,16 @@ _Trail = deque[tuple[int, float, float]]  # frame, x, y
 class Ghosts:
     """Places ghosts. What it knows beside the world is where they have been of late."""
 
-    def __init__(self, world: World, stage: Stage, is_ego: Callable[[int], bool]) -> None:
+    def __init__(self, world: World, scene: Scene, is_ego: Callable[[int], bool]) -> None:
         """Nobody yet.
 
         Args:
-            world: written through `stage` and `dynamics`.
-            stage: spawns.
+            world: written through `scene` and `dynamics`.
+            scene: spawns.
             is_ego: whether a number on the wire is an ego's.
         """
         self._world = world
-        self._stage = stage
+        self._scene = scene
         self._is_ego = is_ego
         self._trails: dict[int, _Trail] = {}
 
@@ -76,7 +76,7 @@ class Ghosts:
         self._trails = {uid: trail for uid, trail in self._trails.items() if uid in self._world}
         with self._world.room_for(len(models)):
             for uid, model in models.items():
-                self._stage.add_as(uid, model, x=0.0, y=0.0, z=0.0, yaw=0.0)
+                self._scene.add_as(uid, model, x=0.0, y=0.0, z=0.0, yaw=0.0)
         rows = np.array([self._world.row(ghost.unique_id) for ghost in ghosts], dtype=np.int64)
         speeds = [g.pose.speed if g.has_speed else self._work_out_speed(g.unique_id, g.pose) for g in ghosts]
         poses = [
@@ -94,10 +94,10 @@ class Ghosts:
             raise FieldError(f"unique_id: expected {FIRST_UID}..{MAX_FILE_UID}, got {ghost.unique_id}")
         if self._is_ego(ghost.unique_id):
             raise FieldError(f"unique_id {ghost.unique_id}: expected a vehicle's, it is an ego's")
-        model = self._stage.catalogue.find(ghost.name)
+        model = self._scene.catalogue.find(ghost.name)
         if model is None or model.kind is not Kind.VEHICLE:
             text = f"unique_id {ghost.unique_id}: the catalogue has no vehicle {ghost.name[:80]!r}"
-            raise FieldError(f"{text}{self._stage.catalogue.suggest(ghost.name)}")
+            raise FieldError(f"{text}{self._scene.catalogue.suggest(ghost.name)}")
         return model
 
     def _check_vehicle(self, uid: int) -> None:
@@ -105,22 +105,22 @@ class Ghosts:
         if kind is not Kind.VEHICLE or self._is_ego(uid):
             raise FieldError(f"unique_id {uid}: expected a vehicle's, it is {_WHOSE[kind]}")
 
-    def _work_out_speed(self, uid: int, pose: Pose) -> float:
+    def _work_out_speed(self, uid: int, pose: GhostPose) -> float:
         """Along the heading, from where it has been within the window [m/s]."""
         frame = self._world.frame
         trail = self._trails.setdefault(uid, deque())
-        if trail and not 0 <= frame - trail[-1][0] <= MAX_GAP:
+        if trail and not 0 <= frame - trail[-1][0] <= MAX_GHOST_GAP:
             trail.clear()
         if trail and trail[-1][0] == frame:  # two messages in a frame: the later one counts
             trail.pop()
-        while len(trail) > 1 and frame - trail[1][0] >= WINDOW:
+        while len(trail) > 1 and frame - trail[1][0] >= SPEED_WINDOW:
             trail.popleft()
         speed = 0.0
         if trail:
             since, x, y = trail[0]
             along = (pose.x - x) * math.cos(pose.yaw) + (pose.y - y) * math.sin(pose.yaw)
             speed = along / ((frame - since) * DT)
-            if abs(speed) > MAX_SPEED:
+            if abs(speed) > MAX_GHOST_SPEED:
                 trail.clear()
                 speed = 0.0
         trail.append((frame, pose.x, pose.y))

@@ -21,21 +21,21 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from rosbridge_sim.errors import DocumentError, GraphError, PeerError
-from rosbridge_sim.graph.bus import Call, Owner
-from rosbridge_sim.graph.owner import Tell, explain, teller
+from rosbridge_sim.graph.participant import Notify, Participant, explain, notifier
+from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.answers import complain, request_of, respond
-from rosbridge_sim.morai.bindings import Bindings
+from rosbridge_sim.morai.component import Component
 from rosbridge_sim.morai.convert import maker
-from rosbridge_sim.morai.network_settings import Networks, NetworkSettings
-from rosbridge_sim.morai.part import Part
+from rosbridge_sim.morai.interfaces.network_settings import Networks, NetworkSettings
+from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
 from rosbridge_sim.morai.reading import Reader
-from rosbridge_sim.morai.scenarios.scenario import Scenario
-from rosbridge_sim.morai.stage import FoundMap, Library, Load, LoadOptions, find_map
-from rosbridge_sim.world.network import Network
+from rosbridge_sim.morai.scenarios.reader import Scenario
+from rosbridge_sim.morai.scene import FoundMap, Library, Load, LoadOptions, find_map
+from rosbridge_sim.world.lane_conflicts import LaneConflicts
 
 if TYPE_CHECKING:
-    from rosbridge_sim.morai.node import Node
+    from rosbridge_sim.morai.simulator_node import SimulatorNode
 
 __all__ = ["Loads"]
 
@@ -75,10 +75,10 @@ class _AtFrame:
         self.carry_out(now)
 
 
-class Loads(Part):
+class Loads(Component):
     """The part of a node that loads scenarios."""
 
-    def __init__(self, node: Node, reader: Reader, networks: Networks | None) -> None:
+    def __init__(self, node: SimulatorNode, reader: Reader, networks: Networks | None) -> None:
         """Nothing is being read.
 
         Args:
@@ -95,7 +95,7 @@ class Loads(Part):
         self._make_result = maker(store, "morai_msgs/SyncModeResultResponse", "result")
         self._make_load_result = maker(store, "morai_msgs/MoraiSrvResponse", "result")
 
-    def bind(self, bindings: Bindings) -> None:
+    def bind(self, bindings: SubscribersServices) -> None:
         """What the world has once."""
         bindings.provide("SyncModeScenarioLoad", "MoraiSyncModeSLSrv", self._load_at_frame)
         bindings.provide("Service_MoraiSL", "MoraiScenarioLoadSrv", self._load_now)
@@ -109,8 +109,8 @@ class Loads(Part):
 
     def _load_at_frame(self, call: Call, now: float) -> None:
         request, node = request_of(call), self._node
-        sync, base = node.sync, node.stage.found_map
-        command, tell = _AtFrame(), teller(call.caller)
+        sync, base = node.sync, node.scene.found_map
+        command, notify = _AtFrame(), notifier(call.caller)
         outcome = sync.submit(command, request.frame, node.world.frame, call.caller, now, is_ready=False)
         if not outcome.is_accepted:
             explain(call.caller, "warning", f"{call.service.name}: {outcome.why}", outcome.reason)
@@ -121,10 +121,10 @@ class Loads(Part):
             is_usable = False
             try:
                 load, network = self._prepare(request, documents, call.caller, base)
-                command.carry_out = partial(self._carry_out, call, tell, load, network, is_pausing=request.set_pause)
+                command.carry_out = partial(self._carry_out, call, notify, load, network, is_pausing=request.set_pause)
                 is_usable = True
             except (PeerError, DocumentError) as error:
-                complain(tell, f"{call.service.name}: {error}")
+                complain(notify, f"{call.service.name}: {error}")
             finally:
                 (sync.ready if is_usable else sync.withdraw)(command)
                 respond(call, self._make_result(is_usable))
@@ -133,29 +133,29 @@ class Loads(Part):
         self._read(request, call.caller, base, finish, now)
 
     def _carry_out(
-        self, call: Call, tell: Tell, load: Load, network: NetworkSettings | None, now: float, *, is_pausing: bool
+        self, call: Call, notify: Notify, load: Load, network: NetworkSettings | None, now: float, *, is_pausing: bool
     ) -> None:
         """A load's frame has come."""
         try:
             self._node.carry_out(load, is_pausing=is_pausing, now=now, network=network)
         except DocumentError as error:
-            complain(tell, f"{call.service.name}: {error}")
+            complain(notify, f"{call.service.name}: {error}")
 
     # Now
 
     def _load_now(self, call: Call, now: float) -> None:
-        tell = teller(call.caller)
+        notify = notifier(call.caller)
 
         def end(error: PeerError | DocumentError | None) -> None:
             if error is not None:
-                complain(tell, f"{call.service.name}: {error}")
+                complain(notify, f"{call.service.name}: {error}")
             respond(call, self._make_load_result(error is None))
 
         self._start(request_of(call), call.caller, end, now)
 
-    def _hear_load(self, bindings: Bindings, request: Struct, sender: Owner, now: float) -> None:
+    def _hear_load(self, bindings: SubscribersServices, request: Struct, sender: Participant, now: float) -> None:
         """The same over a topic; as there, synchronous mode does not stand in the way."""
-        topic, tell = bindings.topic("ScenarioLoad"), teller(sender)
+        topic, notify = bindings.topic("ScenarioLoad"), notifier(sender)
         is_here = True
         refusal: GraphError | None = None
 
@@ -165,7 +165,7 @@ class Loads(Part):
                 return
             refusal = GraphError(f"{topic}: {error}")
             if not is_here:
-                complain(tell, str(refusal))
+                complain(notify, str(refusal))
 
         self._start(request, sender, end, now)
         is_here = False
@@ -175,7 +175,7 @@ class Loads(Part):
     def _start(
         self,
         request: Struct,
-        caller: Owner,
+        caller: Participant,
         end: Callable[[PeerError | DocumentError | None], None],
         now: float,
     ) -> None:
@@ -187,7 +187,7 @@ class Loads(Part):
             try:
                 if self._epoch != epoch:
                     raise GraphError(_WAS_RESET)
-                load, network = self._prepare(request, documents, caller, self._node.stage.found_map)
+                load, network = self._prepare(request, documents, caller, self._node.scene.found_map)
                 self._node.carry_out(load, is_pausing=request.set_pause, now=now, network=network)
                 problem = None
             except (PeerError, DocumentError) as error:
@@ -195,21 +195,21 @@ class Loads(Part):
             finally:
                 end(problem)
 
-        self._read(request, caller, self._node.stage.found_map, finish, now)
+        self._read(request, caller, self._node.scene.found_map, finish, now)
 
     # Both
 
     def _read(
         self,
         request: Struct,
-        caller: Owner,
+        caller: Participant,
         base: FoundMap,
         finish: Callable[[_Documents | DocumentError, float], None],
         now: float,
     ) -> None:
         """Have the documents read that a request names, and hold its client meanwhile."""
         if not any((request.delete_all, *_parts(request), request.load_network_connection_data)):
-            caller.tell("warning", "nothing to load: delete_all and all load_... are false")
+            caller.notify("warning", "nothing to load: delete_all and all load_... are false")
         node, name = self._node, request.file_name
         networks = self._networks if request.load_network_connection_data else None
         is_done = False
@@ -232,7 +232,7 @@ class Loads(Part):
         self,
         request: Struct,
         documents: _Documents | DocumentError,
-        caller: Owner,
+        caller: Participant,
         base: FoundMap,
     ) -> tuple[Load, NetworkSettings | None]:
         """The load that a request asks for and, if they are wanted, the network settings that belong to it.
@@ -252,13 +252,13 @@ class Loads(Part):
         options = LoadOptions(
             delete_all=request.delete_all, ego=ego, vehicles=vehicles, pedestrians=pedestrians, obstacles=obstacles
         )
-        load = self._node.stage.prepare(documents.scenario, options, own_map=documents.own_map, base=base)
+        load = self._node.scene.prepare(documents.scenario, options, own_map=documents.own_map, base=base)
         network = None
         if documents.network is not None:
             network = documents.network.over(self._opening_network)
             self._node.items.check(network)
         elif request.load_network_connection_data:
-            caller.tell("warning", f"{request.file_name[:80]!r} has no network settings: those in force stay")
+            caller.notify("warning", f"{request.file_name[:80]!r} has no network settings: those in force stay")
         return load, network
 
 
@@ -291,5 +291,5 @@ def _read_documents(library: Library, networks: Networks | None, name: str, base
     if any(vehicle.driver is not None for vehicle in scenario.vehicles):
         # What drivers need to know of a map is made once and costs as much as reading it. If the world makes it in the
         # same moment, either copy will do.
-        (own_map or base).road_map.roads.derived(Network)
+        (own_map or base).road_map.roads.derived(LaneConflicts)
     return _Documents(scenario, own_map, networks.network(name) if networks is not None else None)

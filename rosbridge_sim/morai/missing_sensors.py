@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from rosbridge_sim.graph.bus import Topic
+from rosbridge_sim.graph.topics_services import Topic
 
 __all__ = ["advise"]
 

@@ -25,20 +25,20 @@ from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from rosbridge_sim.errors import DocumentError, FieldError
-from rosbridge_sim.graph.bus import Owner
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.bindings import Bindings
-from rosbridge_sim.morai.captures import Archive, boxes_text, gps_text, imu_text
+from rosbridge_sim.morai.component import Component
 from rosbridge_sim.morai.convert import maker
 from rosbridge_sim.morai.ego import GPS, IMU, SENSORS, Ego
-from rosbridge_sim.morai.frames import frame_prefix
-from rosbridge_sim.morai.maps.globe import Globe
-from rosbridge_sim.morai.outputs import Outputs
-from rosbridge_sim.morai.part import Part
+from rosbridge_sim.morai.interfaces.publishers import Publishers
+from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
+from rosbridge_sim.morai.maps.georeference import Georeference
+from rosbridge_sim.morai.sensor_files import SensorDataStore, boxes_text, gps_text, imu_text
+from rosbridge_sim.morai.tf_publisher import frame_prefix
 from rosbridge_sim.world.sensors import Mounting, feel, find_boxes, locate
 
 if TYPE_CHECKING:
-    from rosbridge_sim.morai.node import Node
+    from rosbridge_sim.morai.simulator_node import SimulatorNode
 
 __all__ = ["Sensors", "mountings_of"]
 
@@ -56,10 +56,10 @@ _FIELDS: Final = ("pose_x", "pose_y", "pose_z", "roll", "pitch", "yaw")
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
-class Sensors(Part):
+class Sensors(Component):
     """The part of a node that has to do with sensors. Where they sit is the egos' to know."""
 
-    def __init__(self, node: Node, archive: Archive | None) -> None:
+    def __init__(self, node: SimulatorNode, archive: SensorDataStore | None) -> None:
         """The sensors of one node.
 
         Args:
@@ -68,7 +68,7 @@ class Sensors(Part):
         """
         self._node = node
         self._archive = archive
-        self._globe = Globe()
+        self._globe = Georeference()
         store = node.bus.store
         self._make_gps = maker(
             store,
@@ -85,12 +85,12 @@ class Sensors(Part):
         self._make_vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
         self._make_quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
 
-    def show_ego(self, ego: Ego, prefix: str, outputs: Outputs) -> None:
+    def show_ego(self, ego: Ego, prefix: str, outputs: Publishers) -> None:
         """Publish what each ego has of its own."""
         outputs.add(prefix + "gps", "morai_msgs/GPSMessage", partial(self._gps, ego), is_sampled=True)
         outputs.add(prefix + "imu", "sensor_msgs/Imu", partial(self._imu, ego), is_sampled=True)
 
-    def bind_ego(self, ego: Ego, bindings: Bindings) -> None:
+    def bind_ego(self, ego: Ego, bindings: SubscribersServices) -> None:
         """What each ego has of its own."""
         bindings.listen("SensorPosControl", "SensorPosControl", partial(self._move, ego))
         bindings.listen("SaveSensorData", "SaveSensorData", partial(self._save_as_told, ego, bindings))
@@ -100,7 +100,7 @@ class Sensors(Part):
         for ego in self._node.egos:
             ego.mountings = dict.fromkeys(SENSORS, Mounting())
 
-    def capture(self, ego: Ego, caller: Owner, service: str) -> None:
+    def capture(self, ego: Ego, caller: Participant, service: str) -> None:
         """Save what an ego's sensors see in this frame under the frame's number; the caller hears of a mishap.
 
         Args:
@@ -113,7 +113,7 @@ class Sensors(Part):
         try:
             self._save(ego, "", "", f"sensor_capture of {service}")
         except DocumentError as error:
-            caller.tell("error", f"sensor_capture: {error}")
+            caller.notify("error", f"sensor_capture: {error}")
 
     # Out
 
@@ -121,7 +121,7 @@ class Sensors(Part):
         return self._node.convert.header(self._node.world.frame, frame_prefix(ego) + sensor)
 
     def _gps(self, ego: Ego) -> Struct:
-        road_map = self._node.stage.road_map
+        road_map = self._node.scene.road_map
         x, y, z = locate(self._node.world, ego.row, ego.mountings[GPS])
         east, north, up = road_map.origin
         place = self._globe.locate(road_map, x, y)
@@ -142,13 +142,15 @@ class Sensors(Part):
 
     # In
 
-    def _move(self, ego: Ego, message: Struct, sender: Owner, now: float) -> None:
+    def _move(self, ego: Ego, message: Struct, sender: Participant, now: float) -> None:
         moved = mountings_of(message)
         ego.mountings |= moved
         self._node.announce_mounts(now)
         _log.debug("ego %d: %s moved by %s", ego.index, ", ".join(moved) or "no sensor", sender.name)
 
-    def _save_as_told(self, ego: Ego, bindings: Bindings, message: Struct, _sender: Owner, _now: float) -> None:
+    def _save_as_told(
+        self, ego: Ego, bindings: SubscribersServices, message: Struct, _sender: Participant, _now: float
+    ) -> None:
         where = "morai_msgs/SaveSensorData"
         name = message.custom_file_name if message.is_custom_file_name else ""
         if message.is_custom_file_name and not name:

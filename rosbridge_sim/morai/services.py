@@ -1,6 +1,6 @@
 """What clients can ask of the simulator: its services, and the topics of synchronous mode.
 
-Each handler reads a request, lets `sync` or `stage` decide, and answers. Two kinds of "no" are kept apart:
+Each handler reads a request, lets `sync` or `scene` decide, and answers. Two kinds of "no" are kept apart:
 
 - the request itself is wrong (no such gear, no such model): over a topic a status, over a service a refused call or,
   where the response has a `result`, false and a status with the reason;
@@ -20,21 +20,21 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError, Reason
-from rosbridge_sim.graph.bus import Call, Owner
-from rosbridge_sim.graph.owner import explain, teller
+from rosbridge_sim.graph.participant import Participant, explain, notifier
+from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.answers import complain, request_of, respond
-from rosbridge_sim.morai.bindings import Bindings
-from rosbridge_sim.morai.commands import lamps_of
+from rosbridge_sim.morai.command_parsing import lamps_of
+from rosbridge_sim.morai.component import Component
 from rosbridge_sim.morai.convert import gear_of, maker, time_text
 from rosbridge_sim.morai.ego import CtrlMode, Ego, EgoCommand
-from rosbridge_sim.morai.part import Part
+from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
 from rosbridge_sim.morai.sensors import Sensors
-from rosbridge_sim.morai.sync import Outcome
+from rosbridge_sim.morai.sync import SyncOutcome
 from rosbridge_sim.world.state import MAX_COORDINATE, Gear
 
 if TYPE_CHECKING:
-    from rosbridge_sim.morai.node import Command, Node, TickResult
+    from rosbridge_sim.morai.simulator_node import SceneCommand, SimulatorNode, TickResult
 
 __all__ = ["Services"]
 
@@ -42,16 +42,16 @@ __all__ = ["Services"]
 # at its word, 0x10 would still fit into the field and means nothing else, so it is gear as well.
 _MODE_BIT, _GEAR_BITS, _LAMP_BIT, _PAUSE_BIT = 1, 2 | 16, 4, 8
 
-MAX_LISTED: Final = 20
+MAX_IDS_LISTED: Final = 20
 """Ids that a status lists."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
-class Services(Part):
+class Services(Component):
     """A node's services, and the topics of synchronous mode. It holds no state: that is the parts' of the node."""
 
-    def __init__(self, node: Node, sensors: Sensors) -> None:
+    def __init__(self, node: SimulatorNode, sensors: Sensors) -> None:
         """The services of a node that is being made.
 
         Args:
@@ -71,7 +71,7 @@ class Services(Part):
         self._make_lamps = maker(store, "morai_msgs/Lamps", "header", "turnSignal", "emergencySignal")
         self._make_result = maker(store, "morai_msgs/SyncModeResultResponse", "result")
 
-    def bind(self, bindings: Bindings) -> None:
+    def bind(self, bindings: SubscribersServices) -> None:
         """What the world has once."""
         bindings.provide("Service_MoraiVehicleSpec", "MoraiVehicleSpecSrv", self._vehicle_spec)
         bindings.provide("Service_MoraiMapSpec", "MoraiMapSpecSrv", self._map_spec)
@@ -86,7 +86,7 @@ class Services(Part):
             "SyncModeRemoveObject", "MoraiSyncModeRemoveObjectSrv", self._remove_object, is_everywhere=False
         )
 
-    def bind_ego(self, ego: Ego, bindings: Bindings) -> None:
+    def bind_ego(self, ego: Ego, bindings: SubscribersServices) -> None:
         """What each ego has of its own. Synchronous mode is one for all: a tick of either moves the world."""
         bindings.provide("SyncModeCmd", "MoraiSyncModeCmdSrv", self._sync_cmd)
         bindings.provide("SyncModeWaitForTick", "MoraiWaitForTickSrv", partial(self._wait_for_tick, ego))
@@ -136,7 +136,7 @@ class Services(Part):
         request = request_of(call)
         name = call.service.name
 
-        def read() -> Command:
+        def read() -> SceneCommand:
             control = self._node.convert.control(request.command)
 
             def carry_out(_now: float) -> None:
@@ -152,21 +152,21 @@ class Services(Part):
 
     def _sync_set_gear(self, ego: Ego, call: Call, now: float) -> None:
         request = request_of(call)
-        tell = teller(call.caller)
+        notify = notifier(call.caller)
 
-        def read() -> Command:
+        def read() -> SceneCommand:
             gear = gear_of(request.gear)
 
             def shift(_now: float) -> None:
                 why = None if gear is None else ego.shift(gear)
                 if why is not None:
-                    tell("warning", f"{call.service.name}: {why}")
+                    notify("warning", f"{call.service.name}: {why}")
 
             return EgoCommand(ego, shift)
 
         self._queue(call, read, request.frame, now)
 
-    def _queue(self, call: Call, read: Callable[[], Command], frame: int, now: float) -> None:
+    def _queue(self, call: Call, read: Callable[[], SceneCommand], frame: int, now: float) -> None:
         """Have a command wait for its frame, and answer whether it does. It is read only if the mode is on."""
         result = False
         try:
@@ -180,7 +180,7 @@ class Services(Part):
                 explain(call.caller, "warning", f"{call.service.name}: {outcome.why}", outcome.reason)
         respond(call, self._make_result(result))
 
-    def _submit(self, read: Callable[[], Command], frame: int, caller: Owner, now: float) -> Outcome:
+    def _submit(self, read: Callable[[], SceneCommand], frame: int, caller: Participant, now: float) -> SyncOutcome:
         sync = self._node.sync
         command = read() if sync.is_on else _nothing
         return sync.submit(command, frame, self._node.world.frame, caller, now)
@@ -193,7 +193,7 @@ class Services(Part):
         request = request_of(call)
         self._queue(call, lambda: self._read_remove(request, call.caller, call.service.name), request.frame, now)
 
-    def _hear_add(self, bindings: Bindings, request: Struct, sender: Owner, now: float) -> None:
+    def _hear_add(self, bindings: SubscribersServices, request: Struct, sender: Participant, now: float) -> None:
         topic = bindings.topic("SyncModeAddObj")
         try:
             command = self._read_add(request, sender, topic)
@@ -201,12 +201,12 @@ class Services(Part):
             raise FieldError(f"{topic}: {error}") from None
         self._queue_silently(topic, command, request.frame, sender, now)
 
-    def _hear_remove(self, bindings: Bindings, request: Struct, sender: Owner, now: float) -> None:
+    def _hear_remove(self, bindings: SubscribersServices, request: Struct, sender: Participant, now: float) -> None:
         topic = bindings.topic("SyncModeRemoveObj")
         self._queue_silently(topic, self._read_remove(request, sender, topic), request.frame, sender, now)
 
-    def _read_add(self, request: Struct, sender: Owner, where: str) -> Command:
-        catalogue = self._node.stage.catalogue
+    def _read_add(self, request: Struct, sender: Participant, where: str) -> SceneCommand:
+        catalogue = self._node.scene.catalogue
         model = catalogue.find(request.name)
         if model is None:
             raise FieldError(f"the catalogue has no model {request.name[:80]!r}{catalogue.suggest(request.name)}")
@@ -216,33 +216,33 @@ class Services(Part):
         if not -MAX_COORDINATE <= heading_deg <= MAX_COORDINATE:
             raise FieldError(f"heading: expected a number within +-{MAX_COORDINATE:g}, got {heading_deg}")
         x, y, z = place
-        tell = teller(sender)
+        notify = notifier(sender)
 
         def add(_now: float) -> None:
             try:
-                uid = self._node.stage.add(model, x=x, y=y, z=z, yaw=math.radians(heading_deg))
+                uid = self._node.scene.add(model, x=x, y=y, z=z, yaw=math.radians(heading_deg))
             except PeerError as error:
-                complain(tell, f"{where}: {error}")
+                complain(notify, f"{where}: {error}")
             else:
                 _log.info("added %s with unique_id %d", model.name, uid)
 
         return add
 
-    def _read_remove(self, request: Struct, sender: Owner, where: str) -> Command:
-        tell = teller(sender)
+    def _read_remove(self, request: Struct, sender: Participant, where: str) -> SceneCommand:
+        notify = notifier(sender)
 
         def remove(_now: float) -> None:
             node, unique_id = self._node, request.unique_id
             try:
                 if unique_id not in node.world and node.find_ego(unique_id) is not None:
                     raise FieldError(f"unique_id {unique_id}: the ego cannot be removed")
-                node.stage.remove(unique_id)
+                node.scene.remove(unique_id)
             except PeerError as error:
-                complain(tell, f"{where}: {error}")
+                complain(notify, f"{where}: {error}")
 
         return remove
 
-    def _queue_silently(self, topic: str, command: Command, frame: int, sender: Owner, now: float) -> None:
+    def _queue_silently(self, topic: str, command: SceneCommand, frame: int, sender: Participant, now: float) -> None:
         """Have a command that came over a topic wait for its frame; nobody is answered.
 
         Raises:
@@ -266,7 +266,7 @@ class Services(Part):
             refusals.append(ego.shift(gear))
         for why in refusals:
             if why is not None:
-                call.caller.tell("warning", f"{call.service.name}: {why}")
+                call.caller.notify("warning", f"{call.service.name}: {why}")
         if lamps is not None:
             ego.turn_signal, ego.emergency_signal = lamps
         sync = self._node.sync
@@ -298,17 +298,17 @@ class Services(Part):
         request = request_of(call)
         ego = self._node.find_ego(request.unique_id)
         unique_id = request.unique_id if ego is None else ego.uid
-        body = self._node.stage.vehicle(unique_id)
+        body = self._node.scene.vehicle(unique_id)
         if body is None:
-            ids = [*(one.index for one in self._node.egos), *self._node.stage.vehicle_ids()]
-            listed = ", ".join(map(str, ids[:MAX_LISTED]))
-            more = f", ... and {len(ids) - MAX_LISTED:,} more" if len(ids) > MAX_LISTED else ""
+            ids = [*(one.index for one in self._node.egos), *self._node.scene.vehicle_ids()]
+            listed = ", ".join(map(str, ids[:MAX_IDS_LISTED]))
+            more = f", ... and {len(ids) - MAX_IDS_LISTED:,} more" if len(ids) > MAX_IDS_LISTED else ""
             text = f"unique_id: expected a vehicle's, one of {listed}{more}; got {request.unique_id}"
             explain(call.caller, "error", f"{call.service.name}: {text}; all figures are 0", Reason.WRONG_VALUE)
         respond(call, self._node.convert.vehicle_spec(body))
 
     def _map_spec(self, call: Call, _now: float) -> None:
-        respond(call, self._node.convert.map_spec(self._node.stage.road_map))
+        respond(call, self._node.convert.map_spec(self._node.scene.road_map))
 
 
 def _nothing(_now: float) -> None:

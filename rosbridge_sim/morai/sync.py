@@ -2,7 +2,7 @@
 
 Why a table. The published pages describe five services and say nothing of what happens when two clients want
 the same thing, when a number is odd or when a client dies; every stand-in answers that somewhere, mostly by
-accident. Here each answer is one row: a state, an event, and what follows. `TABLE` is what runs, what the tests
+accident. Here each answer is one row: a state, an event, and what follows. `SYNC_TABLE` is what runs, what the tests
 walk over and what a diagram can be drawn from.
 
 The states are four. Three have a paused twin, because a pause is somebody else's wish (the event service, a
@@ -57,19 +57,19 @@ from rosbridge_sim.errors import Reason
 __all__ = [
     "FRAME_MS",
     "MAX_AHEAD",
-    "MAX_ID",
     "MAX_STEP_MS",
-    "MAX_WAITING",
+    "MAX_USER_ID",
+    "MAX_WAITING_COMMANDS",
     "NO_MASTER",
     "OF_A_MASTER",
     "OF_WAITING",
     "REASONS",
-    "TABLE",
-    "Effect",
-    "Event",
-    "Outcome",
-    "State",
+    "SYNC_TABLE",
     "Sync",
+    "SyncEffect",
+    "SyncEvent",
+    "SyncOutcome",
+    "SyncState",
 ]
 
 FRAME_MS: Final = 20
@@ -78,17 +78,17 @@ FRAME_MS: Final = 20
 MAX_STEP_MS: Final = 1_000
 """The longest time step of one tick [ms]: fifty frames, so that one call cannot hold the process for long."""
 
-MAX_WAITING: Final = 1_000
+MAX_WAITING_COMMANDS: Final = 1_000
 """Commands that may wait at once."""
 
 MAX_AHEAD: Final = 10_000
 """How far ahead of the world a command's frame may lie: 200 simulated seconds."""
 
-MAX_ID: Final = 256
+MAX_USER_ID: Final = 256
 """Characters of a user id; it goes out with every SyncModeInfo."""
 
 
-class State(IntEnum):
+class SyncState(IntEnum):
     """Who moves the world, and whether somebody has paused it."""
 
     FREE = 0
@@ -100,12 +100,12 @@ class State(IntEnum):
     WAITING = 6
 
 
-NO_MASTER: Final = frozenset({State.FREE, State.FREE_PAUSED, State.OPEN, State.OPEN_PAUSED})
-_ON: Final = frozenset(State) - {State.FREE, State.FREE_PAUSED}
-_PAUSED: Final = frozenset({State.FREE_PAUSED, State.OPEN_PAUSED, State.LED_PAUSED})
+NO_MASTER: Final = frozenset({SyncState.FREE, SyncState.FREE_PAUSED, SyncState.OPEN, SyncState.OPEN_PAUSED})
+_ON: Final = frozenset(SyncState) - {SyncState.FREE, SyncState.FREE_PAUSED}
+_PAUSED: Final = frozenset({SyncState.FREE_PAUSED, SyncState.OPEN_PAUSED, SyncState.LED_PAUSED})
 
 
-class Event(IntEnum):
+class SyncEvent(IntEnum):
     """What was said, and by whom. `MASTER` is whoever names the master's id, `OTHER` everybody else."""
 
     START_BY_MASTER = 0
@@ -132,23 +132,23 @@ class Event(IntEnum):
 
 OF_A_MASTER: Final = frozenset(
     {
-        Event.START_BY_MASTER,
-        Event.STOP_BY_MASTER,
-        Event.TICK_BY_MASTER,
-        Event.TICK_MISFIT,
-        Event.TICK_EARLY,
-        Event.LOSS_TO_RUN,
-        Event.LOSS_TO_PAUSE,
-        Event.LOSS_TO_WAIT,
+        SyncEvent.START_BY_MASTER,
+        SyncEvent.STOP_BY_MASTER,
+        SyncEvent.TICK_BY_MASTER,
+        SyncEvent.TICK_MISFIT,
+        SyncEvent.TICK_EARLY,
+        SyncEvent.LOSS_TO_RUN,
+        SyncEvent.LOSS_TO_PAUSE,
+        SyncEvent.LOSS_TO_WAIT,
     }
 )
 """Events that take a master to happen: the table has no row for them in the states of `NO_MASTER`."""
 
-OF_WAITING: Final = frozenset({Event.TURN, Event.LAST_TURN})
+OF_WAITING: Final = frozenset({SyncEvent.TURN, SyncEvent.LAST_TURN})
 """Events that take a tick that waits: the table has rows for them in WAITING alone."""
 
 
-class Effect(Enum):
+class SyncEffect(Enum):
     """What follows from an event.
 
     Of these `Sync` itself does: LEAD (the caller is master, with this time step), RELEASE (nobody is master), DROP
@@ -169,7 +169,7 @@ class Effect(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class SyncOutcome:
     """One row of the table.
 
     Attributes:
@@ -179,9 +179,9 @@ class Outcome:
         why: for a refusal, a text for the peer; empty otherwise.
     """
 
-    state: State
+    state: SyncState
     is_accepted: bool
-    effects: tuple[Effect, ...] = ()
+    effects: tuple[SyncEffect, ...] = ()
     why: str = ""
 
     @property
@@ -190,12 +190,12 @@ class Outcome:
         return REASONS.get(self.why, Reason.REFUSED)
 
 
-def _yes(state: State, *effects: Effect) -> Outcome:
-    return Outcome(state, is_accepted=True, effects=effects)
+def _yes(state: SyncState, *effects: SyncEffect) -> SyncOutcome:
+    return SyncOutcome(state, is_accepted=True, effects=effects)
 
 
-def _no(state: State, why: str) -> Outcome:
-    return Outcome(state, is_accepted=False, why=why)
+def _no(state: SyncState, why: str) -> SyncOutcome:
+    return SyncOutcome(state, is_accepted=False, why=why)
 
 
 _OFF: Final = "synchronous mode is off"
@@ -203,11 +203,11 @@ _TAKEN: Final = "another user id is the master"
 _LEADERLESS: Final = "nobody is master: start synchronous mode first"
 _IS_PAUSED: Final = "the simulation is paused"
 _MISFIT: Final = (
-    f"time_step must be a multiple of {FRAME_MS} ms and at most {MAX_STEP_MS}, user_id at most {MAX_ID} characters"
+    f"time_step must be a multiple of {FRAME_MS} ms and at most {MAX_STEP_MS}, user_id at most {MAX_USER_ID} characters"
 )
 _NOT_NEXT: Final = "strict frames: a tick must name the frame that it will end on"
 _TOO_FAR: Final = f"the frame is more than {MAX_AHEAD} frames ahead"
-_TOO_MANY: Final = f"{MAX_WAITING} commands are waiting already"
+_TOO_MANY: Final = f"{MAX_WAITING_COMMANDS} commands are waiting already"
 
 REASONS: Final[Mapping[str, Reason]] = {
     _OFF: Reason.SYNC_OFF,
@@ -222,123 +222,133 @@ REASONS: Final[Mapping[str, Reason]] = {
 """The text of a refusal -> its kind."""
 
 
-TABLE: Final[Mapping[State, Mapping[Event, Outcome]]] = {
-    State.FREE: {
-        Event.START_BY_OTHER: _yes(State.LED, Effect.LEAD, Effect.ANNOUNCE),
-        Event.START_MISFIT: _no(State.FREE, _MISFIT),
-        Event.STOP_BY_OTHER: _yes(State.FREE),
-        Event.TICK_BY_OTHER: _no(State.FREE, _OFF),
-        Event.COMMAND: _no(State.FREE, _OFF),
-        Event.COMMAND_TOO_FAR: _no(State.FREE, _OFF),
-        Event.COMMAND_TOO_MANY: _no(State.FREE, _OFF),
-        Event.PAUSE: _yes(State.FREE_PAUSED),
-        Event.RESUME: _yes(State.FREE),
-        Event.RESET: _yes(State.FREE, Effect.DROP),
+SYNC_TABLE: Final[Mapping[SyncState, Mapping[SyncEvent, SyncOutcome]]] = {
+    SyncState.FREE: {
+        SyncEvent.START_BY_OTHER: _yes(SyncState.LED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
+        SyncEvent.START_MISFIT: _no(SyncState.FREE, _MISFIT),
+        SyncEvent.STOP_BY_OTHER: _yes(SyncState.FREE),
+        SyncEvent.TICK_BY_OTHER: _no(SyncState.FREE, _OFF),
+        SyncEvent.COMMAND: _no(SyncState.FREE, _OFF),
+        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.FREE, _OFF),
+        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.FREE, _OFF),
+        SyncEvent.PAUSE: _yes(SyncState.FREE_PAUSED),
+        SyncEvent.RESUME: _yes(SyncState.FREE),
+        SyncEvent.RESET: _yes(SyncState.FREE, SyncEffect.DROP),
     },
-    State.FREE_PAUSED: {
-        Event.START_BY_OTHER: _yes(State.LED_PAUSED, Effect.LEAD, Effect.ANNOUNCE),
-        Event.START_MISFIT: _no(State.FREE_PAUSED, _MISFIT),
-        Event.STOP_BY_OTHER: _yes(State.FREE_PAUSED),
-        Event.TICK_BY_OTHER: _no(State.FREE_PAUSED, _OFF),
-        Event.COMMAND: _no(State.FREE_PAUSED, _OFF),
-        Event.COMMAND_TOO_FAR: _no(State.FREE_PAUSED, _OFF),
-        Event.COMMAND_TOO_MANY: _no(State.FREE_PAUSED, _OFF),
-        Event.PAUSE: _yes(State.FREE_PAUSED),
-        Event.RESUME: _yes(State.FREE, Effect.FLOW),
-        Event.RESET: _yes(State.FREE_PAUSED, Effect.DROP),
+    SyncState.FREE_PAUSED: {
+        SyncEvent.START_BY_OTHER: _yes(SyncState.LED_PAUSED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
+        SyncEvent.START_MISFIT: _no(SyncState.FREE_PAUSED, _MISFIT),
+        SyncEvent.STOP_BY_OTHER: _yes(SyncState.FREE_PAUSED),
+        SyncEvent.TICK_BY_OTHER: _no(SyncState.FREE_PAUSED, _OFF),
+        SyncEvent.COMMAND: _no(SyncState.FREE_PAUSED, _OFF),
+        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.FREE_PAUSED, _OFF),
+        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.FREE_PAUSED, _OFF),
+        SyncEvent.PAUSE: _yes(SyncState.FREE_PAUSED),
+        SyncEvent.RESUME: _yes(SyncState.FREE, SyncEffect.FLOW),
+        SyncEvent.RESET: _yes(SyncState.FREE_PAUSED, SyncEffect.DROP),
     },
-    State.OPEN: {
-        Event.START_BY_OTHER: _yes(State.LED, Effect.LEAD, Effect.ANNOUNCE),
-        Event.START_MISFIT: _no(State.OPEN, _MISFIT),
-        Event.STOP_BY_OTHER: _yes(State.FREE, Effect.DROP, Effect.FLOW, Effect.ANNOUNCE),
-        Event.TICK_BY_OTHER: _no(State.OPEN, _LEADERLESS),
-        Event.COMMAND: _yes(State.OPEN, Effect.QUEUE),
-        Event.COMMAND_TOO_FAR: _no(State.OPEN, _TOO_FAR),
-        Event.COMMAND_TOO_MANY: _no(State.OPEN, _TOO_MANY),
-        Event.PAUSE: _yes(State.OPEN_PAUSED),
-        Event.RESUME: _yes(State.OPEN),
-        Event.RESET: _yes(State.OPEN, Effect.DROP),
+    SyncState.OPEN: {
+        SyncEvent.START_BY_OTHER: _yes(SyncState.LED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
+        SyncEvent.START_MISFIT: _no(SyncState.OPEN, _MISFIT),
+        SyncEvent.STOP_BY_OTHER: _yes(SyncState.FREE, SyncEffect.DROP, SyncEffect.FLOW, SyncEffect.ANNOUNCE),
+        SyncEvent.TICK_BY_OTHER: _no(SyncState.OPEN, _LEADERLESS),
+        SyncEvent.COMMAND: _yes(SyncState.OPEN, SyncEffect.QUEUE),
+        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.OPEN, _TOO_FAR),
+        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.OPEN, _TOO_MANY),
+        SyncEvent.PAUSE: _yes(SyncState.OPEN_PAUSED),
+        SyncEvent.RESUME: _yes(SyncState.OPEN),
+        SyncEvent.RESET: _yes(SyncState.OPEN, SyncEffect.DROP),
     },
-    State.OPEN_PAUSED: {
-        Event.START_BY_OTHER: _yes(State.LED_PAUSED, Effect.LEAD, Effect.ANNOUNCE),
-        Event.START_MISFIT: _no(State.OPEN_PAUSED, _MISFIT),
-        Event.STOP_BY_OTHER: _yes(State.FREE_PAUSED, Effect.DROP, Effect.ANNOUNCE),
-        Event.TICK_BY_OTHER: _no(State.OPEN_PAUSED, _LEADERLESS),
-        Event.COMMAND: _yes(State.OPEN_PAUSED, Effect.QUEUE),
-        Event.COMMAND_TOO_FAR: _no(State.OPEN_PAUSED, _TOO_FAR),
-        Event.COMMAND_TOO_MANY: _no(State.OPEN_PAUSED, _TOO_MANY),
-        Event.PAUSE: _yes(State.OPEN_PAUSED),
-        Event.RESUME: _yes(State.OPEN),
-        Event.RESET: _yes(State.OPEN_PAUSED, Effect.DROP),
+    SyncState.OPEN_PAUSED: {
+        SyncEvent.START_BY_OTHER: _yes(SyncState.LED_PAUSED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
+        SyncEvent.START_MISFIT: _no(SyncState.OPEN_PAUSED, _MISFIT),
+        SyncEvent.STOP_BY_OTHER: _yes(SyncState.FREE_PAUSED, SyncEffect.DROP, SyncEffect.ANNOUNCE),
+        SyncEvent.TICK_BY_OTHER: _no(SyncState.OPEN_PAUSED, _LEADERLESS),
+        SyncEvent.COMMAND: _yes(SyncState.OPEN_PAUSED, SyncEffect.QUEUE),
+        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.OPEN_PAUSED, _TOO_FAR),
+        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.OPEN_PAUSED, _TOO_MANY),
+        SyncEvent.PAUSE: _yes(SyncState.OPEN_PAUSED),
+        SyncEvent.RESUME: _yes(SyncState.OPEN),
+        SyncEvent.RESET: _yes(SyncState.OPEN_PAUSED, SyncEffect.DROP),
     },
-    State.LED: {
-        Event.START_BY_MASTER: _yes(State.LED, Effect.LEAD, Effect.ANNOUNCE),
-        Event.START_BY_OTHER: _no(State.LED, _TAKEN),
-        Event.START_MISFIT: _no(State.LED, _MISFIT),
-        Event.STOP_BY_MASTER: _yes(State.FREE, Effect.RELEASE, Effect.DROP, Effect.FLOW, Effect.ANNOUNCE),
-        Event.STOP_BY_OTHER: _no(State.LED, _TAKEN),
-        Event.TICK_BY_MASTER: _yes(State.LED, Effect.MOVE),
-        Event.TICK_BY_OTHER: _no(State.LED, _TAKEN),
-        Event.TICK_MISFIT: _no(State.LED, _NOT_NEXT),
-        Event.COMMAND: _yes(State.LED, Effect.QUEUE),
-        Event.COMMAND_TOO_FAR: _no(State.LED, _TOO_FAR),
-        Event.COMMAND_TOO_MANY: _no(State.LED, _TOO_MANY),
-        Event.PAUSE: _yes(State.LED_PAUSED, Effect.ANNOUNCE),
-        Event.RESUME: _yes(State.LED),
-        Event.LOSS_TO_RUN: _yes(State.FREE, Effect.RELEASE, Effect.DROP, Effect.FLOW, Effect.ANNOUNCE),
-        Event.LOSS_TO_PAUSE: _yes(State.FREE_PAUSED, Effect.RELEASE, Effect.DROP, Effect.ANNOUNCE),
-        Event.LOSS_TO_WAIT: _yes(State.OPEN, Effect.RELEASE, Effect.DROP, Effect.ANNOUNCE),
-        Event.TICK_EARLY: _yes(State.WAITING, Effect.WAIT),
-        Event.RESET: _yes(State.LED, Effect.DROP),
-    },
-    State.LED_PAUSED: {
-        Event.START_BY_MASTER: _yes(State.LED_PAUSED, Effect.LEAD, Effect.ANNOUNCE),
-        Event.START_BY_OTHER: _no(State.LED_PAUSED, _TAKEN),
-        Event.START_MISFIT: _no(State.LED_PAUSED, _MISFIT),
-        Event.STOP_BY_MASTER: _yes(State.FREE_PAUSED, Effect.RELEASE, Effect.DROP, Effect.ANNOUNCE),
-        Event.STOP_BY_OTHER: _no(State.LED_PAUSED, _TAKEN),
-        Event.TICK_BY_MASTER: _no(State.LED_PAUSED, _IS_PAUSED),
-        Event.TICK_BY_OTHER: _no(State.LED_PAUSED, _TAKEN),
-        Event.TICK_MISFIT: _no(State.LED_PAUSED, _IS_PAUSED),
-        Event.COMMAND: _yes(State.LED_PAUSED, Effect.QUEUE),
-        Event.COMMAND_TOO_FAR: _no(State.LED_PAUSED, _TOO_FAR),
-        Event.COMMAND_TOO_MANY: _no(State.LED_PAUSED, _TOO_MANY),
-        Event.PAUSE: _yes(State.LED_PAUSED),
-        Event.RESUME: _yes(State.LED, Effect.ANNOUNCE),
-        Event.LOSS_TO_RUN: _yes(State.FREE_PAUSED, Effect.RELEASE, Effect.DROP, Effect.ANNOUNCE),
-        Event.LOSS_TO_PAUSE: _yes(State.FREE_PAUSED, Effect.RELEASE, Effect.DROP, Effect.ANNOUNCE),
-        Event.LOSS_TO_WAIT: _yes(State.OPEN_PAUSED, Effect.RELEASE, Effect.DROP, Effect.ANNOUNCE),
-        Event.TICK_EARLY: _no(State.LED_PAUSED, _IS_PAUSED),
-        Event.RESET: _yes(State.LED_PAUSED, Effect.DROP),
-    },
-    State.WAITING: {
-        Event.START_BY_MASTER: _yes(State.WAITING, Effect.LEAD, Effect.ANNOUNCE),
-        Event.START_BY_OTHER: _no(State.WAITING, _TAKEN),
-        Event.START_MISFIT: _no(State.WAITING, _MISFIT),
-        Event.STOP_BY_MASTER: _yes(
-            State.FREE, Effect.RELEASE, Effect.DROP, Effect.REFUSE, Effect.FLOW, Effect.ANNOUNCE
+    SyncState.LED: {
+        SyncEvent.START_BY_MASTER: _yes(SyncState.LED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
+        SyncEvent.START_BY_OTHER: _no(SyncState.LED, _TAKEN),
+        SyncEvent.START_MISFIT: _no(SyncState.LED, _MISFIT),
+        SyncEvent.STOP_BY_MASTER: _yes(
+            SyncState.FREE, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.FLOW, SyncEffect.ANNOUNCE
         ),
-        Event.STOP_BY_OTHER: _no(State.WAITING, _TAKEN),
-        Event.TICK_BY_MASTER: _yes(State.WAITING, Effect.WAIT),
-        Event.TICK_BY_OTHER: _no(State.WAITING, _TAKEN),
-        Event.TICK_MISFIT: _no(State.WAITING, _NOT_NEXT),
-        Event.TICK_EARLY: _yes(State.WAITING, Effect.WAIT),
-        Event.TURN: _yes(State.WAITING, Effect.MOVE),
-        Event.LAST_TURN: _yes(State.LED, Effect.MOVE),
-        Event.COMMAND: _yes(State.WAITING, Effect.QUEUE),
-        Event.COMMAND_TOO_FAR: _no(State.WAITING, _TOO_FAR),
-        Event.COMMAND_TOO_MANY: _no(State.WAITING, _TOO_MANY),
-        Event.PAUSE: _yes(State.LED_PAUSED, Effect.REFUSE, Effect.ANNOUNCE),
-        Event.RESUME: _yes(State.WAITING),
-        Event.LOSS_TO_RUN: _yes(State.FREE, Effect.RELEASE, Effect.DROP, Effect.REFUSE, Effect.FLOW, Effect.ANNOUNCE),
-        Event.LOSS_TO_PAUSE: _yes(State.FREE_PAUSED, Effect.RELEASE, Effect.DROP, Effect.REFUSE, Effect.ANNOUNCE),
-        Event.LOSS_TO_WAIT: _yes(State.OPEN, Effect.RELEASE, Effect.DROP, Effect.REFUSE, Effect.ANNOUNCE),
-        Event.RESET: _yes(State.LED, Effect.DROP, Effect.REFUSE),
+        SyncEvent.STOP_BY_OTHER: _no(SyncState.LED, _TAKEN),
+        SyncEvent.TICK_BY_MASTER: _yes(SyncState.LED, SyncEffect.MOVE),
+        SyncEvent.TICK_BY_OTHER: _no(SyncState.LED, _TAKEN),
+        SyncEvent.TICK_MISFIT: _no(SyncState.LED, _NOT_NEXT),
+        SyncEvent.COMMAND: _yes(SyncState.LED, SyncEffect.QUEUE),
+        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.LED, _TOO_FAR),
+        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.LED, _TOO_MANY),
+        SyncEvent.PAUSE: _yes(SyncState.LED_PAUSED, SyncEffect.ANNOUNCE),
+        SyncEvent.RESUME: _yes(SyncState.LED),
+        SyncEvent.LOSS_TO_RUN: _yes(
+            SyncState.FREE, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.FLOW, SyncEffect.ANNOUNCE
+        ),
+        SyncEvent.LOSS_TO_PAUSE: _yes(SyncState.FREE_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
+        SyncEvent.LOSS_TO_WAIT: _yes(SyncState.OPEN, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
+        SyncEvent.TICK_EARLY: _yes(SyncState.WAITING, SyncEffect.WAIT),
+        SyncEvent.RESET: _yes(SyncState.LED, SyncEffect.DROP),
+    },
+    SyncState.LED_PAUSED: {
+        SyncEvent.START_BY_MASTER: _yes(SyncState.LED_PAUSED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
+        SyncEvent.START_BY_OTHER: _no(SyncState.LED_PAUSED, _TAKEN),
+        SyncEvent.START_MISFIT: _no(SyncState.LED_PAUSED, _MISFIT),
+        SyncEvent.STOP_BY_MASTER: _yes(SyncState.FREE_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
+        SyncEvent.STOP_BY_OTHER: _no(SyncState.LED_PAUSED, _TAKEN),
+        SyncEvent.TICK_BY_MASTER: _no(SyncState.LED_PAUSED, _IS_PAUSED),
+        SyncEvent.TICK_BY_OTHER: _no(SyncState.LED_PAUSED, _TAKEN),
+        SyncEvent.TICK_MISFIT: _no(SyncState.LED_PAUSED, _IS_PAUSED),
+        SyncEvent.COMMAND: _yes(SyncState.LED_PAUSED, SyncEffect.QUEUE),
+        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.LED_PAUSED, _TOO_FAR),
+        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.LED_PAUSED, _TOO_MANY),
+        SyncEvent.PAUSE: _yes(SyncState.LED_PAUSED),
+        SyncEvent.RESUME: _yes(SyncState.LED, SyncEffect.ANNOUNCE),
+        SyncEvent.LOSS_TO_RUN: _yes(SyncState.FREE_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
+        SyncEvent.LOSS_TO_PAUSE: _yes(SyncState.FREE_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
+        SyncEvent.LOSS_TO_WAIT: _yes(SyncState.OPEN_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
+        SyncEvent.TICK_EARLY: _no(SyncState.LED_PAUSED, _IS_PAUSED),
+        SyncEvent.RESET: _yes(SyncState.LED_PAUSED, SyncEffect.DROP),
+    },
+    SyncState.WAITING: {
+        SyncEvent.START_BY_MASTER: _yes(SyncState.WAITING, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
+        SyncEvent.START_BY_OTHER: _no(SyncState.WAITING, _TAKEN),
+        SyncEvent.START_MISFIT: _no(SyncState.WAITING, _MISFIT),
+        SyncEvent.STOP_BY_MASTER: _yes(
+            SyncState.FREE, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.REFUSE, SyncEffect.FLOW, SyncEffect.ANNOUNCE
+        ),
+        SyncEvent.STOP_BY_OTHER: _no(SyncState.WAITING, _TAKEN),
+        SyncEvent.TICK_BY_MASTER: _yes(SyncState.WAITING, SyncEffect.WAIT),
+        SyncEvent.TICK_BY_OTHER: _no(SyncState.WAITING, _TAKEN),
+        SyncEvent.TICK_MISFIT: _no(SyncState.WAITING, _NOT_NEXT),
+        SyncEvent.TICK_EARLY: _yes(SyncState.WAITING, SyncEffect.WAIT),
+        SyncEvent.TURN: _yes(SyncState.WAITING, SyncEffect.MOVE),
+        SyncEvent.LAST_TURN: _yes(SyncState.LED, SyncEffect.MOVE),
+        SyncEvent.COMMAND: _yes(SyncState.WAITING, SyncEffect.QUEUE),
+        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.WAITING, _TOO_FAR),
+        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.WAITING, _TOO_MANY),
+        SyncEvent.PAUSE: _yes(SyncState.LED_PAUSED, SyncEffect.REFUSE, SyncEffect.ANNOUNCE),
+        SyncEvent.RESUME: _yes(SyncState.WAITING),
+        SyncEvent.LOSS_TO_RUN: _yes(
+            SyncState.FREE, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.REFUSE, SyncEffect.FLOW, SyncEffect.ANNOUNCE
+        ),
+        SyncEvent.LOSS_TO_PAUSE: _yes(
+            SyncState.FREE_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.REFUSE, SyncEffect.ANNOUNCE
+        ),
+        SyncEvent.LOSS_TO_WAIT: _yes(
+            SyncState.OPEN, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.REFUSE, SyncEffect.ANNOUNCE
+        ),
+        SyncEvent.RESET: _yes(SyncState.LED, SyncEffect.DROP, SyncEffect.REFUSE),
     },
 }
 """Every state and every event that can happen in it."""
 
-_LOSS: Final = {"run": Event.LOSS_TO_RUN, "pause": Event.LOSS_TO_PAUSE, "wait": Event.LOSS_TO_WAIT}
+_LOSS: Final = {"run": SyncEvent.LOSS_TO_RUN, "pause": SyncEvent.LOSS_TO_PAUSE, "wait": SyncEvent.LOSS_TO_WAIT}
 
 C = TypeVar("C")
 """What a command is; the caller's business."""
@@ -373,7 +383,7 @@ class Sync(Generic[C]):
             is_strict: a tick must name the frame that it will end on.
             may_anyone_stop: take a stop from anybody, not from the master alone.
         """
-        self.state = State.OPEN if is_on else State.FREE
+        self.state = SyncState.OPEN if is_on else SyncState.FREE
         self.master_id = ""
         self.step_ms = FRAME_MS
         self._loss = _LOSS[on_loss]
@@ -402,12 +412,12 @@ class Sync(Generic[C]):
     @property
     def is_free(self) -> bool:
         """Whether real time moves the world now."""
-        return self.state is State.FREE
+        return self.state is SyncState.FREE
 
     @property
     def can_send_tick(self) -> bool:
         """Whether a tick of the master would be accepted now."""
-        return self.state is State.LED or self.state is State.WAITING
+        return self.state is SyncState.LED or self.state is SyncState.WAITING
 
     @property
     def num_frames(self) -> int:
@@ -438,7 +448,7 @@ class Sync(Generic[C]):
             return None
         return self._heard_at + self._lease
 
-    def why(self, outcome: Outcome) -> str:
+    def why(self, outcome: SyncOutcome) -> str:
         """Return why an event was refused, with the master's name where that is another one; call it at once.
 
         Args:
@@ -446,7 +456,7 @@ class Sync(Generic[C]):
         """
         return f"{outcome.why}: {self.master_id!r}" if outcome.reason is Reason.NOT_MASTER else outcome.why
 
-    def start(self, user_id: str, step_ms: int, holder: object, now: float) -> Outcome:
+    def start(self, user_id: str, step_ms: int, holder: object, now: float) -> SyncOutcome:
         """Somebody wants to be master, or the master wants another time step.
 
         Args:
@@ -459,23 +469,23 @@ class Sync(Generic[C]):
             The outcome. `master_id` and `step_ms` then hold what the answer says, whether accepted or not.
         """
         step = step_ms or FRAME_MS
-        if step % FRAME_MS or not 0 < step <= MAX_STEP_MS or len(user_id) > MAX_ID:
-            event = Event.START_MISFIT
+        if step % FRAME_MS or not 0 < step <= MAX_STEP_MS or len(user_id) > MAX_USER_ID:
+            event = SyncEvent.START_MISFIT
         else:
-            event = Event.START_BY_MASTER if self._is_master(user_id) else Event.START_BY_OTHER
+            event = SyncEvent.START_BY_MASTER if self._is_master(user_id) else SyncEvent.START_BY_OTHER
         outcome = self._follow(event)
-        if Effect.LEAD in outcome.effects:
+        if SyncEffect.LEAD in outcome.effects:
             self.master_id = user_id or self._make_id()
             self.step_ms = step
             self._hear(holder, now)
         return outcome
 
-    def stop(self, user_id: str) -> Outcome:
+    def stop(self, user_id: str) -> SyncOutcome:
         """Somebody wants the world to run by itself again. What still waited is dropped."""
         is_allowed = self._is_master(user_id) or (self._may_anyone_stop and self.state not in NO_MASTER)
-        return self._follow(Event.STOP_BY_MASTER if is_allowed else Event.STOP_BY_OTHER)
+        return self._follow(SyncEvent.STOP_BY_MASTER if is_allowed else SyncEvent.STOP_BY_OTHER)
 
-    def tick(self, user_id: str, named: int, frame: int, holder: object, now: float) -> Outcome:
+    def tick(self, user_id: str, named: int, frame: int, holder: object, now: float) -> SyncOutcome:
         """Somebody wants the world to move by one time step.
 
         Args:
@@ -490,13 +500,13 @@ class Sync(Generic[C]):
             WAIT call `take_turn` whenever a command has become ready or was withdrawn.
         """
         if not self._is_master(user_id):
-            return self._follow(Event.TICK_BY_OTHER)
+            return self._follow(SyncEvent.TICK_BY_OTHER)
         self._hear(holder, now)
         end = frame + sum(self._ticks) + self.num_frames
         if self._is_strict and named != end:
-            return self._follow(Event.TICK_MISFIT)
-        outcome = self._follow(Event.TICK_EARLY if self._is_early(end) else Event.TICK_BY_MASTER)
-        if Effect.WAIT in outcome.effects:
+            return self._follow(SyncEvent.TICK_MISFIT)
+        outcome = self._follow(SyncEvent.TICK_EARLY if self._is_early(end) else SyncEvent.TICK_BY_MASTER)
+        if SyncEffect.WAIT in outcome.effects:
             self._ticks.append(self.num_frames)
         return outcome
 
@@ -512,12 +522,12 @@ class Sync(Generic[C]):
         if not self._ticks or self._is_early(frame + self._ticks[0]):
             return 0
         num_frames = self._ticks.popleft()
-        self._follow(Event.TURN if self._ticks else Event.LAST_TURN)
+        self._follow(SyncEvent.TURN if self._ticks else SyncEvent.LAST_TURN)
         return num_frames
 
     def submit(
         self, command: C, named: int, frame: int, holder: object, now: float, *, is_ready: bool = True
-    ) -> Outcome:
+    ) -> SyncOutcome:
         """Have a command wait for the frame it names, or for the next one if that is past.
 
         Args:
@@ -532,11 +542,11 @@ class Sync(Generic[C]):
             self._heard_at = now
         frame += sum(self._ticks)
         if named > frame + MAX_AHEAD:
-            return self._follow(Event.COMMAND_TOO_FAR)
-        if len(self._waiting) >= MAX_WAITING:
-            return self._follow(Event.COMMAND_TOO_MANY)
-        outcome = self._follow(Event.COMMAND)
-        if Effect.QUEUE in outcome.effects:
+            return self._follow(SyncEvent.COMMAND_TOO_FAR)
+        if len(self._waiting) >= MAX_WAITING_COMMANDS:
+            return self._follow(SyncEvent.COMMAND_TOO_MANY)
+        outcome = self._follow(SyncEvent.COMMAND)
+        if SyncEffect.QUEUE in outcome.effects:
             self._num_arrived += 1
             due = max(named, frame + 1)
             heapq.heappush(self._waiting, (due, self._num_arrived, command))
@@ -586,30 +596,30 @@ class Sync(Generic[C]):
             due.append(heapq.heappop(self._waiting)[2])
         return due
 
-    def forget(self) -> Outcome:
+    def forget(self) -> SyncOutcome:
         """The world has begun anew: what waits was meant for frames of the old one. The mode stays as it is."""
-        outcome = self._follow(Event.RESET)
+        outcome = self._follow(SyncEvent.RESET)
         self._num_arrived = 0
         if self.state in NO_MASTER:
             self._num_ids = 0
         return outcome
 
-    def pause(self) -> Outcome:
+    def pause(self) -> SyncOutcome:
         """Stand still; the mode stays as it is."""
-        return self._follow(Event.PAUSE)
+        return self._follow(SyncEvent.PAUSE)
 
-    def resume(self) -> Outcome:
+    def resume(self) -> SyncOutcome:
         """End the pause."""
-        return self._follow(Event.RESUME)
+        return self._follow(SyncEvent.RESUME)
 
-    def leave(self, holder: object) -> Outcome | None:
+    def leave(self, holder: object) -> SyncOutcome | None:
         """A peer is gone. The outcome if the master went with it, else None."""
         if holder not in self._holders:
             return None
         del self._holders[holder]
         return None if self._holders else self._follow(self._loss)
 
-    def expire(self, now: float) -> Outcome | None:
+    def expire(self, now: float) -> SyncOutcome | None:
         """Time has passed. The outcome if the master has been silent for too long, else None."""
         due = self.lease_due
         return None if due is None or now < due else self._follow(self._loss)
@@ -625,16 +635,16 @@ class Sync(Generic[C]):
         self._num_ids += 1
         return f"sync-{self._num_ids}"
 
-    def _follow(self, event: Event) -> Outcome:
-        outcome = TABLE[self.state][event]
+    def _follow(self, event: SyncEvent) -> SyncOutcome:
+        outcome = SYNC_TABLE[self.state][event]
         self.state = outcome.state
-        if Effect.RELEASE in outcome.effects:
+        if SyncEffect.RELEASE in outcome.effects:
             self.master_id = ""
             self._holders.clear()
-        if Effect.DROP in outcome.effects:
+        if SyncEffect.DROP in outcome.effects:
             self._waiting.clear()
             self._unready.clear()
-        if Effect.REFUSE in outcome.effects:
+        if SyncEffect.REFUSE in outcome.effects:
             self._ticks.clear()
         return outcome
 

@@ -18,9 +18,9 @@ from collections import defaultdict
 from collections.abc import Iterator
 from typing import Final
 
-from rosbridge_sim.graph.policy import Effect, Use, Way
-from rosbridge_sim.morai.items import Items
-from rosbridge_sim.morai.network_settings import DEFAULTS, ItemKind, NetworkSettings, split_prefix
+from rosbridge_sim.graph.policy import PolicyEffect, Use, Way
+from rosbridge_sim.morai.interfaces.network_settings import DEFAULTS, InterfaceKind, NetworkSettings, split_prefix
+from rosbridge_sim.morai.interfaces.registry import InterfaceRegistry
 
 __all__ = ["SimulatorWays"]
 
@@ -56,15 +56,15 @@ _SAME: Final = (
 _SAME_AS: Final = {way: row for row in _SAME for way in row}
 
 _EFFECTS: Final = (
-    Effect(
+    PolicyEffect(
         "move an ego",
         (*_publishing("/ctrl_cmd", "/ctrl_cmd_0", "/ghost_ctrl_cmd"), *_PLACE, *_calling("/SyncModeCtrlCmd")),
         (*_EVENT, *_REPLAYS, *_LOADS, *_RESET),  # by the event service an ego is told to drive itself
     ),
-    Effect("shift an ego's gear", (*_calling("/SyncModeSetGear"), *_EVENT), _PLACE),
-    Effect("choose who drives an ego", _EVENT, _PLACE),
-    Effect("switch an ego's lamps", (*_publishing("/lamps"), *_EVENT), _PLACE),
-    Effect(
+    PolicyEffect("shift an ego's gear", (*_calling("/SyncModeSetGear"), *_EVENT), _PLACE),
+    PolicyEffect("choose who drives an ego", _EVENT, _PLACE),
+    PolicyEffect("switch an ego's lamps", (*_publishing("/lamps"), *_EVENT), _PLACE),
+    PolicyEffect(
         "add, move or remove others",
         (
             *_publishing("/NpcGhost_Topic", "/SyncModeAddObj", "/SyncModeRemoveObj"),
@@ -72,16 +72,16 @@ _EFFECTS: Final = (
         ),
         (*_PLACE, *_REPLAYS, *_LOADS, *_RESET),
     ),
-    Effect("put another scene in place", (*_LOADS, *_RESET), _REPLAYS),
-    Effect("replay a recording", _REPLAYS),
-    Effect("set traffic lights", _publishing("/SetTrafficLight", "/InsnControl"), (*_LOADS, *_RESET)),
-    Effect(
+    PolicyEffect("put another scene in place", (*_LOADS, *_RESET), _REPLAYS),
+    PolicyEffect("replay a recording", _REPLAYS),
+    PolicyEffect("set traffic lights", _publishing("/SetTrafficLight", "/InsnControl"), (*_LOADS, *_RESET)),
+    PolicyEffect(
         "stop time or let it go on",
         (*_EVENT, *_calling("/SyncModeCmd"), *_TICK),
         (*_LOADS, *_calling("/Morai_SimProc")),
     ),
-    Effect("save sensor data", _publishing("/SaveSensorData"), _calling("/SyncModeCtrlCmd")),
-    Effect(
+    PolicyEffect("save sensor data", _publishing("/SaveSensorData"), _calling("/SyncModeCtrlCmd")),
+    PolicyEffect(
         "learn where an ego is",
         _hearing("/Ego_topic", "/tf", "/gps", "/imu"),
         (
@@ -89,17 +89,17 @@ _EFFECTS: Final = (
             *_TICK,
         ),
     ),
-    Effect(
+    PolicyEffect(
         "learn where others are",
         _hearing("/Object_topic"),
         _hearing("/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"),
     ),
-    Effect("learn of collisions", _hearing("/CollisionData", "/VehicleCollisionData")),
-    Effect(
+    PolicyEffect("learn of collisions", _hearing("/CollisionData", "/VehicleCollisionData")),
+    PolicyEffect(
         "learn what traffic lights show",
         (*_hearing("/GetTrafficLightStatus", "/InsnStatus", "/IntscnTL_topic"), *_calling("/Morai_TLSrv")),
     ),
-    Effect(
+    PolicyEffect(
         "learn the simulated time",
         (*_hearing("/clock"), *_calling("/rosapi/get_time")),
         (*_hearing("/SyncModeInfo"), *_calling("/SyncModeCmd"), *_TICK),
@@ -107,21 +107,25 @@ _EFFECTS: Final = (
 )
 """By default names: what can be brought about, or learned, in several ways."""
 
-_KINDS: Final = {Use.PUBLISH: ItemKind.SUBSCRIBER, Use.SUBSCRIBE: ItemKind.PUBLISHER, Use.SERVICE: ItemKind.SERVICE}
+_KINDS: Final = {
+    Use.PUBLISH: InterfaceKind.SUBSCRIBER,
+    Use.SUBSCRIBE: InterfaceKind.PUBLISHER,
+    Use.SERVICE: InterfaceKind.SERVICE,
+}
 """The simulator's part in each use."""
 
 
 class SimulatorWays:
     """The simulator's other names, as its items are called at the time."""
 
-    def __init__(self, items: Items | None) -> None:
+    def __init__(self, items: InterfaceRegistry | None) -> None:
         """The names of these items; None for MORAI's own, where a client is the simulator."""
         self._items = items
         self._indexed: NetworkSettings | None = None
         self._defaults: dict[tuple[bool, str], list[tuple[str, str]]] = {}
 
     def others(self, way: Way) -> Iterator[Way]:
-        """The names under which a way is judged too; see `Lookup`."""
+        """The names under which a way is judged too; see `WayLookup`."""
         if way.use is Use.ACTION:
             return
         for prefix, default in self._defaults_of(way):
@@ -132,7 +136,7 @@ class SimulatorWays:
                     for kind in _kinds(use):
                         yield Way(use, self._settings.choice(kind, same, where).name or same)
 
-    def effects(self) -> Iterator[Effect]:
+    def effects(self) -> Iterator[PolicyEffect]:
         """Effects that can be brought about in several ways, under the names that are there now."""
         if self._items is None:
             return
@@ -146,7 +150,7 @@ class SimulatorWays:
             )
 
         for effect in _EFFECTS:
-            yield Effect(effect.what, named(effect.ways), named(effect.also))
+            yield PolicyEffect(effect.what, named(effect.ways), named(effect.also))
 
     @property
     def _settings(self) -> NetworkSettings:
@@ -164,18 +168,18 @@ class SimulatorWays:
         return [(prefix, bare), *renamed, *followed]
 
 
-def _kinds(use: Use) -> tuple[ItemKind, ...]:
+def _kinds(use: Use) -> tuple[InterfaceKind, ...]:
     """The items that may be behind a name: a client may publish where the simulator does, or hear what it is told."""
-    return (ItemKind.SERVICE,) if use is Use.SERVICE else (ItemKind.SUBSCRIBER, ItemKind.PUBLISHER)
+    return (InterfaceKind.SERVICE,) if use is Use.SERVICE else (InterfaceKind.SUBSCRIBER, InterfaceKind.PUBLISHER)
 
 
 def _index(settings: NetworkSettings) -> dict[tuple[bool, str], list[tuple[str, str]]]:
     """Index: (is a service, name) -> the prefixes and default names of all that is called so."""
     found: dict[tuple[bool, str], list[tuple[str, str]]] = defaultdict(list)
-    for kind in ItemKind:
+    for kind in InterfaceKind:
         for full_name in settings.choices(kind):
             prefix, default = split_prefix(full_name)
             name = settings.choice(kind, default, prefix).name
             if name is not None and name != full_name:
-                found[kind is ItemKind.SERVICE, name].append((prefix, default))
+                found[kind is InterfaceKind.SERVICE, name].append((prefix, default))
     return dict(found)

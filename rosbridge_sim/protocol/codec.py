@@ -26,7 +26,7 @@ import orjson
 
 from rosbridge_sim.errors import FrameError, Reason
 from rosbridge_sim.loose_types import JsonValue
-from rosbridge_sim.protocol.ops import ABSENT, OPS, Body, Id, Op
+from rosbridge_sim.protocol.ops import ABSENT, OPS, Id, Op, OpBody
 from rosbridge_sim.suggestions import hint, listing
 from rosbridge_sim.weight import FULL, LIGHT, claim, weigh, weigh_exactly
 
@@ -457,7 +457,7 @@ def _shorten_bytes(part: memoryview) -> str:
     return _shorten(bytes(part[: 4 * _SHOWN]).decode(errors="ignore"))
 
 
-def is_absent(body: Body) -> bool:
+def is_absent(body: OpBody) -> bool:
     """Whether a body was left out, or null, which means the same."""
     if isinstance(body, (bytes, msgspec.Raw)):
         return body is ABSENT or bytes(body) in {b"", b"null"}

@@ -4,7 +4,7 @@ The fields are the ones that mean something to us; a frame may carry any others.
 null in an optional field means the same as leaving it out, because ROS# writes nulls for what is unset
 (rosbridge_suite refuses those). Message bodies (`msg`, `args`, `values`) of plain frames stay JSON text that is not
 read yet; `schema/` decodes them. Those of other frames (glued ones, CBOR) are Python objects, though declared as text:
-a `Body` is either.
+a `OpBody` is either.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ __all__ = [
     "AdvertiseAction",
     "AdvertiseService",
     "Auth",
-    "Body",
     "CallService",
     "CancelActionGoal",
     "Fragment",
     "Id",
     "Op",
+    "OpBody",
     "Png",
     "Publish",
     "SendActionGoal",
@@ -48,7 +48,7 @@ ABSENT = msgspec.Raw(b"")
 """A body that the frame did not hold."""
 
 
-Body: TypeAlias = msgspec.Raw | bytes | dict[str, Any] | list[Any] | str | float | bool | None
+OpBody: TypeAlias = msgspec.Raw | bytes | dict[str, Any] | list[Any] | str | float | bool | None
 """A message body as the wire layer hands it on: JSON text that was not read yet, or the value read from it."""
 
 

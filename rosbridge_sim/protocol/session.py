@@ -16,6 +16,7 @@ import orjson
 
 from rosbridge_sim.errors import EncodingError, FrameError, PeerError
 from rosbridge_sim.protocol.account import Account
+from rosbridge_sim.protocol.cbor_frames import cbor_head, cbor_raw_frame, decode_cbor, is_cbor
 from rosbridge_sim.protocol.codec import (
     HEAVY,
     LONG,
@@ -28,12 +29,11 @@ from rosbridge_sim.protocol.codec import (
     response_frame,
     status_frame,
 )
-from rosbridge_sim.protocol.encodings import cbor_head, cbor_raw_frame, decode_cbor, is_cbor
-from rosbridge_sim.protocol.feed import MergedTerms, Pace, Terms
-from rosbridge_sim.protocol.flow import BinaryFrame, LateFrames, Outbox
 from rosbridge_sim.protocol.fragments import Characters, Defragmenter, Pieces
 from rosbridge_sim.protocol.ops import Fragment, Id, Op, Png
+from rosbridge_sim.protocol.outbox import BinaryFrame, LateFrames, Outbox
 from rosbridge_sim.protocol.png import Picture, PictureFrames, decode_png
+from rosbridge_sim.protocol.subscription import MergedOptions, SubscriptionOptions, Throttle
 
 __all__ = ["LEVELS", "Feed", "Session"]
 
@@ -326,16 +326,16 @@ class Feed:
 
     def __init__(self, session: Session, spelling: str) -> None:
         self.spelling = spelling
-        self.pace: Pace[Encoded] = Pace(session.account, _size_of)
-        self._merged = MergedTerms()
+        self.pace: Throttle[Encoded] = Throttle(session.account, _size_of)
+        self._merged = MergedOptions()
         self.ids = self._merged.by_id
         self._session = session
-        self._terms = Terms()
+        self._terms = SubscriptionOptions()
         self._is_plain = True
         self._is_warned = False
         self._head = publish_head(spelling)
 
-    def set_terms(self, sub_id: Id, terms: Terms | None) -> None:
+    def set_terms(self, sub_id: Id, terms: SubscriptionOptions | None) -> None:
         """Put one subscription on other terms, or end it with None; one stays at least."""
         self._is_warned = False
         self._merged.put(sub_id, terms)

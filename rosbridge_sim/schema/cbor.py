@@ -18,8 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rosbridge_sim.errors import EncodingError, FieldError
-from rosbridge_sim.schema.check import Shape, Slot
-from rosbridge_sim.schema.source import MAX_INLINE, MAX_STARRED, Source, code_of, count_fields, pack_numbers
+from rosbridge_sim.schema.codegen import MAX_INLINE, MAX_STARRED, Source, code_of, count_fields, pack_numbers
+from rosbridge_sim.schema.validate import FieldSpec, MessageSpec
 
 __all__ = ["CborWriters", "encode_plain", "head"]
 
@@ -83,7 +83,7 @@ class CborWriters:
     def __init__(self) -> None:
         self._writers: dict[str, _Write] = {}
 
-    def encode(self, shape: Shape, value: msgspec.Struct) -> bytes:
+    def encode(self, shape: MessageSpec, value: msgspec.Struct) -> bytes:
         """The CBOR map of a value.
 
         Raises:
@@ -96,7 +96,7 @@ class CborWriters:
             raise EncodingError(f"{shape.name}: cannot be written as CBOR: {error}") from error
         return b"".join(out)
 
-    def writer(self, shape: Shape) -> _Write:
+    def writer(self, shape: MessageSpec) -> _Write:
         """The writer of a message type, made at its first use."""
         writer = self._writers.get(shape.name)
         if writer is None:
@@ -107,7 +107,7 @@ class CborWriters:
 class _CborSource(Source):
     """Collects constants and doubles that stand side by side into one call of `struct`."""
 
-    def __init__(self, nested: Callable[[Shape], _Write]) -> None:
+    def __init__(self, nested: Callable[[MessageSpec], _Write]) -> None:
         super().__init__()
         self.names.update(ints=_INTS, text=_text, bools=_bools, texts=_texts, head=head)
         self._nested = nested
@@ -145,7 +145,7 @@ class _CborSource(Source):
         parts = [self.bind("c", item) if isinstance(item, bytes) else item for item in run]
         super().piece(f"{self.bind('pack', struct.Struct(layout).pack)}({', '.join(parts)})")
 
-    def message(self, shape: Shape, value: str) -> None:
+    def message(self, shape: MessageSpec, value: str) -> None:
         """The map of a message that `value` stands for."""
         self.constant(head(_MAP, len(shape.slots)))
         for wire, slot in shape.slots.items():
@@ -161,7 +161,7 @@ class _CborSource(Source):
                 self.flush()
                 self.line(f"{self.bind('write', self._nested(slot.shape))}({item}, out)")
 
-    def scalar(self, kind: str, shape: Shape, item: str) -> None:
+    def scalar(self, kind: str, shape: MessageSpec, item: str) -> None:
         if kind in {"float32", "float64"}:
             self.double(item)
         elif kind in {"string", "wstring"}:
@@ -179,7 +179,7 @@ class _CborSource(Source):
         else:
             self.piece(f"ints[{item}]")
 
-    def array(self, slot: Slot, shape: Shape, item: str) -> None:
+    def array(self, slot: FieldSpec, shape: MessageSpec, item: str) -> None:
         kind = slot.field.type
         if slot.field.is_bytes:
             data = self.keep(f"bytes({item})")
@@ -208,7 +208,7 @@ class _CborSource(Source):
                 self.piece(f"{self.bind('numbers', partial(_numbers, code))}({item})")
 
 
-def _compile(shape: Shape, nested: Callable[[Shape], _Write]) -> _Write:
+def _compile(shape: MessageSpec, nested: Callable[[MessageSpec], _Write]) -> _Write:
     source = _CborSource(nested)
     source.message(shape, "value")
     return source.build("value, out", f"cbor of {shape.name}")

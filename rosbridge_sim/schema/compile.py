@@ -30,14 +30,14 @@ import pybase64
 from rosbridge_sim.errors import DefinitionError, FieldError
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.cbor import CborWriters, encode_plain
-from rosbridge_sim.schema.check import Dialect, Leniency, Shape, Slot, check, round32, round32_list
 from rosbridge_sim.schema.names import Generation, ros2_names
 from rosbridge_sim.schema.parse import Definition, Field
 from rosbridge_sim.schema.skeleton import Skeleton
+from rosbridge_sim.schema.validate import Dialect, FieldSpec, Leniency, MessageSpec, check, round32, round32_list
 from rosbridge_sim.weight import LIGHT, claim, weigh
 
 if TYPE_CHECKING:
-    from rosbridge_sim.schema.wire import RosWire
+    from rosbridge_sim.schema.ros_serialization import RosWire
 
 __all__ = [
     "ActionType",
@@ -76,7 +76,7 @@ class MessageType:
 
     __slots__ = ("_after", "_decode", "_encoders", "_skeleton", "definition", "name", "shape", "struct")
 
-    def __init__(self, shape: Shape, encoders: Encoders) -> None:
+    def __init__(self, shape: MessageSpec, encoders: Encoders) -> None:
         self.name = shape.name
         self.definition = shape.definition
         self.struct = shape.struct
@@ -167,7 +167,7 @@ class Encoders:
     @cached_property
     def ros(self) -> RosWire:
         """The writers of ROS's own bytes."""
-        from rosbridge_sim.schema.wire import RosWire  # noqa: PLC0415 - for those who ask
+        from rosbridge_sim.schema.ros_serialization import RosWire  # noqa: PLC0415 - for those who ask
 
         return RosWire(self._ros_generation)
 
@@ -404,7 +404,7 @@ def compile_message(
         DefinitionError: a nested type is unknown or contains itself.
     """
     name = definition.name
-    slots: dict[str, Slot] = {}
+    slots: dict[str, FieldSpec] = {}
     columns: list[tuple[str, Any, Any]] = []
     afters: dict[str, _After] = {}
     is_header = name == "std_msgs/Header" and any(
@@ -416,7 +416,7 @@ def compile_message(
             afters[f.name] = inner.after
         attribute = _attribute(f.name, definition)
         default = _default(f, inner, definition, dialect)
-        slots[f.name] = Slot(
+        slots[f.name] = FieldSpec(
             field=f,
             attribute=attribute,
             make=default if callable(default) else partial(_same, default),
@@ -446,7 +446,7 @@ def compile_message(
     for other, own in ros2_names([*slots, *aliases]).items():
         aliases.setdefault(other, aliases.get(own, own))
     after = _make_after(name, slots, dialect, is_header=is_header, afters=afters)
-    shape = Shape(name, definition, dialect, struct, slots, aliases, is_header, after)
+    shape = MessageSpec(name, definition, dialect, struct, slots, aliases, is_header, after)
     return MessageType(shape, encoders)
 
 
@@ -534,7 +534,7 @@ _annotate: Any = Annotated
 
 
 def _make_after(
-    name: str, slots: Mapping[str, Slot], dialect: Dialect, *, is_header: bool, afters: Mapping[str, _After]
+    name: str, slots: Mapping[str, FieldSpec], dialect: Dialect, *, is_header: bool, afters: Mapping[str, _After]
 ) -> _After | None:
     """The function that does to a decoded value what `msgspec` cannot; None where there is nothing to do.
 

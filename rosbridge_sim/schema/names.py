@@ -16,8 +16,8 @@ from rosbridge_sim.errors import TypeNameError
 __all__ = [
     "RENAMED_FIELDS",
     "RENAMED_PACKAGES",
+    "DefinitionKind",
     "Generation",
-    "Kind",
     "printable",
     "ros2_names",
     "snake_case",
@@ -28,7 +28,7 @@ __all__ = [
 Generation: TypeAlias = Literal[1, 2]
 """Of ROS."""
 
-Kind: TypeAlias = Literal["msg", "srv", "action"]
+DefinitionKind: TypeAlias = Literal["msg", "srv", "action"]
 """Of a type."""
 
 RENAMED_PACKAGES: Final[Mapping[str, str]] = {
@@ -75,7 +75,7 @@ def split_name(name: str) -> tuple[str, str]:
     return match[1], match[2]
 
 
-def spelled(name: str, kind: Kind, ros: Generation) -> str:
+def spelled(name: str, kind: DefinitionKind, ros: Generation) -> str:
     """A type `pkg/Type` as a generation writes it."""
     if ros == 1:
         return name

@@ -46,13 +46,13 @@ BASE_TYPES = frozenset(
 MAX_FLOAT32 = 3.4028235677973366e38
 """The first number that float32 rounds to infinity: half a step above its greatest one."""
 
-MAX_LENGTH = 1 << 24
+MAX_ARRAY_LENGTH = 1 << 24
 """The longest fixed array: its default value alone would take 128 MB."""
 
 MAX_DIGITS = 18
 """Of a length in a type: any such number fits an int64; Python refuses to read thousands of digits."""
 
-MAX_TOLD = 300
+MAX_LINE_SHOWN = 300
 """Characters of an error: it quotes the text, and a line of that may be a megabyte long."""
 
 TYPE_TOKEN = re.compile(
@@ -241,8 +241,8 @@ class _Line:
     ros: Generation
 
     def fail(self, at: int, text: str) -> NoReturn:
-        if len(text) > MAX_TOLD:
-            text = text[:MAX_TOLD] + "..."
+        if len(text) > MAX_LINE_SHOWN:
+            text = text[:MAX_LINE_SHOWN] + "..."
         raise DefinitionError(self.source, self.number, at + 1, text)
 
     def parse(self) -> Field | Constant | None:
@@ -280,8 +280,10 @@ class _Line:
         array = None
         if match["array"]:
             array = int(match["count"] or 0)
-            if (match["count"] and not 0 < array <= MAX_LENGTH) or (match["bound"] and not match["count"]):
-                self.fail(match.start("array"), f"an array's length is from 1 to {MAX_LENGTH}, found {match['array']}")
+            if (match["count"] and not 0 < array <= MAX_ARRAY_LENGTH) or (match["bound"] and not match["count"]):
+                self.fail(
+                    match.start("array"), f"an array's length is from 1 to {MAX_ARRAY_LENGTH}, found {match['array']}"
+                )
         return Field(
             base,
             name,

@@ -15,7 +15,7 @@ import msgspec
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.schema.check import Shape
+from rosbridge_sim.schema.validate import MessageSpec
 
 __all__ = ["MAX_COST", "Skeleton"]
 
@@ -34,7 +34,7 @@ class _Plan:
 
     __slots__ = ("inner", "lists", "struct")
 
-    def __init__(self, shape: Shape, *, is_flat: bool = False) -> None:
+    def __init__(self, shape: MessageSpec, *, is_flat: bool = False) -> None:
         self.lists: list[_List] = []
         self.inner: list[tuple[str, _Plan]] = []
         columns: list[tuple[str, Any, Any]] = []
@@ -83,7 +83,7 @@ class _Plan:
         return total
 
 
-def _cost_of(shape: Shape) -> int:
+def _cost_of(shape: MessageSpec) -> int:
     """Cost of a message with nothing but defaults."""
     cost = 1
     for slot in shape.slots.values():
@@ -100,7 +100,7 @@ class Skeleton:
 
     __slots__ = ("_counts",)
 
-    def __init__(self, shape: Shape) -> None:
+    def __init__(self, shape: MessageSpec) -> None:
         """Made at a type's first long body.
 
         Args:

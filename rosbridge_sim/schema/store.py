@@ -15,13 +15,12 @@ import msgspec
 
 from rosbridge_sim.errors import DefinitionError, EncodingError, PeerError, TypeNameError, UnknownPackageError
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.schema.check import ROS1, ROS2, Leniency
 from rosbridge_sim.schema.compile import ActionType, Encoders, MessageType, OpaqueType, ServiceType, compile_message
 from rosbridge_sim.schema.names import (
     RENAMED_FIELDS,
     RENAMED_PACKAGES,
+    DefinitionKind,
     Generation,
-    Kind,
     spelled,
     split_name,
 )
@@ -29,6 +28,7 @@ from rosbridge_sim.schema.parse import Definition, Field, parse_action, parse_me
 from rosbridge_sim.schema.sizes import size_of
 from rosbridge_sim.schema.standard import PACKAGES, WITHOUT_SERVICES, ros2_text, standard_names, standard_text
 from rosbridge_sim.schema.typedefs import full_text
+from rosbridge_sim.schema.validate import ROS1, ROS2, Leniency
 from rosbridge_sim.suggestions import hint
 
 __all__ = ["Leniency", "Message", "Store"]
@@ -230,7 +230,7 @@ class Store:
         is_there = any((package, kind, short) in self._texts for kind in ("msg", "srv", "action"))
         return full if is_there else self._leniency.types.get(full, full)
 
-    def spelled(self, name: str, kind: Kind) -> str:
+    def spelled(self, name: str, kind: DefinitionKind) -> str:
         """A type's name as the personality writes it: `pkg/Type` for ROS 1, `pkg/msg/Type` for ROS 2.
 
         Raises:
@@ -242,7 +242,7 @@ class Store:
         """The names of all packages with a known type, in order."""
         return sorted(self._packages | PACKAGES[self.ros])
 
-    def names(self, kind: Kind) -> list[str]:
+    def names(self, kind: DefinitionKind) -> list[str]:
         """The names of all known messages, services or actions, in order."""
         own = {f"{package}/{name}" for package, k, name in self._texts if k == kind}
         if kind == "msg":
@@ -460,7 +460,7 @@ class Store:
                 return parts[i]
         return None
 
-    def _unknown(self, package: str, name: str, kind: Kind, what: str) -> TypeNameError:
+    def _unknown(self, package: str, name: str, kind: DefinitionKind, what: str) -> TypeNameError:
         is_standard = package in PACKAGES[1] or package in PACKAGES[2]
         if package in self._packages or (is_standard and not (kind == "srv" and package in WITHOUT_SERVICES)):
             names = [short for one, k, short in self._texts if (one, k) == (package, kind)]

@@ -12,9 +12,9 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from rosbridge_sim.schema.check import Shape
 from rosbridge_sim.schema.names import Generation, ros2_names, snake_case
 from rosbridge_sim.schema.parse import TYPE_TOKEN, Constant, Definition, Field
+from rosbridge_sim.schema.validate import MessageSpec
 
 __all__ = ["TypeDef", "full_text", "typedefs"]
 
@@ -47,12 +47,12 @@ class TypeDef:
     constvalues: list[str]
 
 
-def typedefs(root: Shape) -> list[TypeDef]:
+def typedefs(root: MessageSpec) -> list[TypeDef]:
     """A type, then each type in it once, depth first."""
     return list(_typedefs(root, set()))
 
 
-def _typedefs(shape: Shape, seen: set[str]) -> Iterator[TypeDef]:
+def _typedefs(shape: MessageSpec, seen: set[str]) -> Iterator[TypeDef]:
     seen.add(shape.name)
     times = _TIMES[shape.dialect.ros]
     fields = [slot.field for slot in shape.slots.values()]
@@ -85,13 +85,13 @@ def _example(f: Field, make: Callable[[], object]) -> str:
 # Texts
 
 
-def full_text(root: Shape) -> str:
+def full_text(root: MessageSpec) -> str:
     """A type's text, then for each type in it, depth first: 80 equal signs, `MSG: pkg/Type`, its text."""
     parts = dict(_texts(root, root.dialect.ros))
     return "\n".join([parts.pop(root.name), *(f"{_BORDER}\nMSG: {name}\n{text}" for name, text in parts.items())])
 
 
-def _texts(shape: Shape, ros: Generation) -> Iterator[tuple[str, str]]:
+def _texts(shape: MessageSpec, ros: Generation) -> Iterator[tuple[str, str]]:
     """Name and text of a type and of those in it; some come twice."""
     yield shape.name, _text(shape.definition, ros)
     for slot in shape.slots.values():

@@ -1,7 +1,7 @@
 """The whole: settings in, a running simulator out.
 
 This is the one place that builds the parts and hands them to each other. `Simulator` is the same thing for the
-command line, for a test and for a notebook; two of them share nothing. Where the world fails (see `clockwork.py`),
+command line, for a test and for a notebook; two of them share nothing. Where the world fails (see `scheduler.py`),
 `wait` raises it, and the command line ends with code 1.
 """
 
@@ -22,45 +22,45 @@ from typing import TYPE_CHECKING, Self
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.policy import Policy, Rule
-from rosbridge_sim.graph.republisher import Republisher
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.graph.stamps import Stamps
-from rosbridge_sim.morai.items import ListedItem
-from rosbridge_sim.morai.network_settings import NetworkSettings
-from rosbridge_sim.morai.node import Node, NodeSettings
+from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
+from rosbridge_sim.morai.interfaces.network_settings import NetworkSettings
+from rosbridge_sim.morai.interfaces.registry import ListedInterface
+from rosbridge_sim.morai.node_factory import make_node
 from rosbridge_sim.morai.reading import Reader
 from rosbridge_sim.morai.releases import LENIENCY, SPEED_LIMITS, choose_profile
-from rosbridge_sim.morai.replays.recorded import Recordings
-from rosbridge_sim.morai.simulator import make_node
+from rosbridge_sim.morai.replays.recording_builder import Recordings
+from rosbridge_sim.morai.simulator_node import NodeSettings, SimulatorNode
 from rosbridge_sim.morai.ways import SimulatorWays
-from rosbridge_sim.protocol.flow import OutboxLimits
+from rosbridge_sim.protocol.outbox import OutboxLimits
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.shell.access import Access, load_certificate
-from rosbridge_sim.shell.archive import DiskArchive
-from rosbridge_sim.shell.clockwork import Clock, Clockwork
+from rosbridge_sim.shell.bags.recordings import DiskRecordings
+from rosbridge_sim.shell.config.loading import check_options
+from rosbridge_sim.shell.config.settings import Settings
+from rosbridge_sim.shell.config.value_types import URLS
 from rosbridge_sim.shell.descriptors import DescriptorWatch
-from rosbridge_sim.shell.kinds import URLS
+from rosbridge_sim.shell.files.library import DiskLibrary, Texts, read_definitions
+from rosbridge_sim.shell.files.network_files import DiskNetworks
+from rosbridge_sim.shell.files.quota import DataQuota, in_thread
+from rosbridge_sim.shell.files.sensor_data_store import DiskArchive
+from rosbridge_sim.shell.files.thread_reader import ThreadReader
 from rosbridge_sim.shell.log_limits import LineLimiter
 from rosbridge_sim.shell.masking import mask_of
-from rosbridge_sim.shell.memory_budget import default_budget
-from rosbridge_sim.shell.networks import DiskNetworks
-from rosbridge_sim.shell.origins import OriginRules
-from rosbridge_sim.shell.quota import DataQuota, in_thread
-from rosbridge_sim.shell.reading import ThreadReader
 from rosbridge_sim.shell.refusals import RefusalLog
-from rosbridge_sim.shell.replays import DiskRecordings
-from rosbridge_sim.shell.reports import TOPICS, WHO_IS_CONNECTED, Reports
-from rosbridge_sim.shell.server import Server, ServerLimits
-from rosbridge_sim.shell.settings import Settings
-from rosbridge_sim.shell.sources import check_options
-from rosbridge_sim.shell.storage import DiskLibrary, Texts, read_definitions
-from rosbridge_sim.shell.urls import shown_url
+from rosbridge_sim.shell.scheduler import Clock, Scheduler
+from rosbridge_sim.shell.server_topics import TOPICS, WHO_IS_CONNECTED, ServerTopics
 from rosbridge_sim.shell.wall_clock import WallClock
+from rosbridge_sim.shell.websocket.access import Access, load_certificate
+from rosbridge_sim.shell.websocket.memory_budget import default_budget
+from rosbridge_sim.shell.websocket.origins import OriginRules
+from rosbridge_sim.shell.websocket.server import Server, ServerLimits
+from rosbridge_sim.shell.websocket.urls import shown_url
 from rosbridge_sim.world.state import World
 
 if TYPE_CHECKING:
     from rosbridge_sim.shell.attach import Attachment
-    from rosbridge_sim.shell.recording import Recorder
+    from rosbridge_sim.shell.bags.recording import Recorder
 
 __all__ = ["AddressError", "Simulator", "list_items"]
 
@@ -98,13 +98,13 @@ class Simulator:
         assert settings is None or not options, "settings or options, not both"
         self.settings = check_options(options) if settings is None else settings
         self.bus: Bus | None = None
-        self.node: Node | None = None
+        self.node: SimulatorNode | None = None
         self.attachments: tuple[Attachment, ...] = ()
         self._server: Server | None = None
-        self._clockwork: Clockwork | None = None
+        self._scheduler: Scheduler | None = None
         self.descriptors: DescriptorWatch | None = None
         self._limiter: LineLimiter | None = None
-        self._reports: Reports | None = None
+        self._reports: ServerTopics | None = None
         self._recorder: Recorder | None = None
         self._recordings: DiskRecordings | None = None
         self._quota: DataQuota | None = None
@@ -130,13 +130,13 @@ class Simulator:
         Frames, loads and replays that could not be handled, what the bus's guard has counted, and one more if the world
         has failed.
         """
-        if self._server is None or self._clockwork is None:
+        if self._server is None or self._scheduler is None:
             return 0
         num_frames = self._server.num_bugs + sum(attachment.num_bugs for attachment in self.attachments)
         num_loads = sum(reader.num_bugs for reader in (self._reader, self._recordings) if reader is not None)
         is_standing = self.node is not None and self.node.failure is not None
         num_guarded = self.bus.guard.num_faults if self.bus is not None else 0
-        return num_frames + num_loads + num_guarded + (self._clockwork.is_failed or is_standing)
+        return num_frames + num_loads + num_guarded + (self._scheduler.is_failed or is_standing)
 
     async def __aenter__(self) -> Self:
         await self.start()
@@ -146,7 +146,7 @@ class Simulator:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         await self.stop()
-        if error is None and self._clockwork is not None and self._clockwork.is_failed:
+        if error is None and self._scheduler is not None and self._scheduler.is_failed:
             await self.wait()
 
     async def start(self) -> None:
@@ -173,8 +173,8 @@ class Simulator:
         loop = asyncio.get_running_loop()
         recordings = DiskRecordings(settings.data_dir, texts, loop)
         reader = ThreadReader(loop)
-        republisher = Republisher(bus)
-        node: Node | None = None
+        republisher = WebRepublisher(bus)
+        node: SimulatorNode | None = None
         if settings.world:
             self._quota = DataQuota(
                 settings.data_dir, settings.data_quota, settings.data_quota_files, aside=in_thread(loop)
@@ -183,9 +183,9 @@ class Simulator:
         _complete_policy(limits.policy, node, is_attaching=bool(settings.attach))
         stamps = None if node is None else _choose_stamps(settings, node)
         clocks: list[Clock] = [republisher] if node is None else [node, republisher]
-        clockwork = Clockwork(loop, bus, clocks, self._give_up)
-        recordings.on_done = reader.on_done = clockwork.look
-        server = Server(bus, limits, clockwork.turn)
+        scheduler = Scheduler(loop, bus, clocks, self._give_up)
+        recordings.on_done = reader.on_done = scheduler.look
+        server = Server(bus, limits, scheduler.turn)
         if node is not None:
             server.why_unhealthy = lambda: node.failure
         if settings.listen:
@@ -203,23 +203,23 @@ class Simulator:
         self._limiter.start()
         self.descriptors = DescriptorWatch(loop)
         frame = (lambda: -1) if node is None else (lambda: node.world.frame)
-        self._reports = Reports(
+        self._reports = ServerTopics(
             bus,
             server,
             loop,
             RefusalLog(loop, frame, is_quiet=settings.quiet_clients, mask=mask_of(settings.token)),
         )
         self._recordings, self._reader = recordings, reader
-        self.bus, self.node, self._server, self._clockwork = bus, node, server, clockwork
+        self.bus, self.node, self._server, self._scheduler = bus, node, server, scheduler
         if settings.listen and settings.token is None and not server.is_loopback:
             _log.warning("%s wants no token: every program that reaches it is let in; --token sets one", self.url)
         for flag in limits.access.origins.open_flags() if settings.listen and settings.token is None else ():
             _log.warning("%s lets in any website that the user visits, since no token is set; --token sets one", flag)
         if node is not None:
-            self._attach(bus, node, clockwork, stamps)
-        clockwork.look()
+            self._attach(bus, node, scheduler, stamps)
+        scheduler.look()
 
-    def _attach(self, bus: Bus, node: Node, clockwork: Clockwork, stamps: Stamps | None) -> None:
+    def _attach(self, bus: Bus, node: SimulatorNode, scheduler: Scheduler, stamps: Stamps | None) -> None:
         """Dial the bridges."""
         settings = self.settings
         if not settings.attach:
@@ -236,17 +236,17 @@ class Simulator:
             ping_timeout=settings.ping_timeout,
             outbox=_outbox_limits(settings),
         )
-        self.attachments = tuple(Attachment(bus, node, url, limits, clockwork.look) for url in settings.attach)
+        self.attachments = tuple(Attachment(bus, node, url, limits, scheduler.look) for url in settings.attach)
         for attachment in self.attachments:
             attachment.mirror.stamps = stamps
             attachment.mirror.why_gone = node.why_gone
-            clockwork.add(attachment.mirror)
+            scheduler.add(attachment.mirror)
             attachment.start()
 
     async def stop(self) -> None:
         """Close every connection (code 1001) and stop the world; within two seconds, and twice is no error."""
-        if self._clockwork is not None:
-            self._clockwork.stop()
+        if self._scheduler is not None:
+            self._scheduler.stop()
         if self._recordings is not None:
             self._recordings.stop()
         if self._quota is not None:
@@ -276,15 +276,15 @@ class Simulator:
         Raises:
             WorldFailedError: it has.
         """
-        assert self._clockwork is not None, "start it first"
-        await asyncio.shield(self._clockwork.failure)
+        assert self._scheduler is not None, "start it first"
+        await asyncio.shield(self._scheduler.failure)
 
     def _give_up(self) -> None:
         """The world has failed: whoever waits for it is to hear that it is gone."""
         self._stopping = asyncio.get_running_loop().create_task(self.stop())
 
 
-def list_items(settings: Settings) -> list[ListedItem]:
+def list_items(settings: Settings) -> list[ListedInterface]:
     """What a simulator with these settings has on the bus; one is put together for that, in the built-in scene.
 
     Raises:
@@ -292,7 +292,7 @@ def list_items(settings: Settings) -> list[ListedItem]:
     """
     bus = Bus(Store(read_definitions(settings.release, settings.schema_path), leniency=LENIENCY, ros=settings.ros))
     Rosapi(bus)
-    Republisher(bus)
+    WebRepublisher(bus)
     built_in = replace(settings, scenario=Settings().scenario, scenario_path=(), map=None, catalogue=None)
     return list(_make_node(bus, built_in, None, None).items.listing())
 
@@ -303,7 +303,7 @@ def _make_node(
     recordings: Recordings | None,
     reader: Reader | None,
     quota: DataQuota | None = None,
-) -> Node:
+) -> SimulatorNode:
     library = DiskLibrary(settings.scenario_path, settings.map, settings.catalogue)
     profile = choose_profile(
         settings.profile,
@@ -350,7 +350,7 @@ def _make_node(
     return node
 
 
-def _choose_stamps(settings: Settings, node: Node) -> Stamps:
+def _choose_stamps(settings: Settings, node: SimulatorNode) -> Stamps:
     """Which time the simulator stamps with."""
     clock = WallClock()
     choice = settings.stamps or ("sim" if settings.listen else "auto")
@@ -368,7 +368,7 @@ def _taken_names(settings: Settings) -> list[str]:
     ]
 
 
-def _start_recording(settings: Settings, bus: Bus, node: Node | None, texts: Texts) -> Recorder | None:
+def _start_recording(settings: Settings, bus: Bus, node: SimulatorNode | None, texts: Texts) -> Recorder | None:
     """Whoever records, if that is wanted.
 
     Raises:
@@ -376,8 +376,8 @@ def _start_recording(settings: Settings, bus: Bus, node: Node | None, texts: Tex
     """
     if settings.record is None:
         return None
-    from rosbridge_sim.shell.bags import open_bag  # noqa: PLC0415 - rosbags' writers are a tenth of a second
-    from rosbridge_sim.shell.recording import Recorder, Scribe  # noqa: PLC0415
+    from rosbridge_sim.shell.bags.bag import open_bag  # noqa: PLC0415 - rosbags' writers are a tenth of a second
+    from rosbridge_sim.shell.bags.recording import BagMessageWriter, Recorder  # noqa: PLC0415
 
     path = Path(settings.record)
     if path.resolve().is_relative_to(Path(settings.data_dir).resolve()):  # which is made when it is needed
@@ -387,7 +387,7 @@ def _start_recording(settings: Settings, bus: Bus, node: Node | None, texts: Tex
     store = bus.store if bag.ros == bus.store.ros else Store(texts, leniency=LENIENCY, ros=bag.ros)
     loop = asyncio.get_running_loop()
     return Recorder(
-        bus, Scribe(bag, store, bus.store), path, simulator=node, patterns=settings.record_topics, loop=loop
+        bus, BagMessageWriter(bag, store, bus.store), path, simulator=node, patterns=settings.record_topics, loop=loop
     )
 
 
@@ -419,7 +419,7 @@ def _limits(settings: Settings) -> ServerLimits:
     )
 
 
-def _complete_policy(policy: Policy, node: Node | None, *, is_attaching: bool) -> None:
+def _complete_policy(policy: Policy, node: SimulatorNode | None, *, is_attaching: bool) -> None:
     """Have patterns hold for all names of the simulator's things, and log what they leave open."""
     ways = SimulatorWays(None if node is None else node.items)
     policy.ways.add(ways.effects, ways.others)

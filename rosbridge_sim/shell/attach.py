@@ -1,11 +1,12 @@
 """Dialling somebody else's rosbridge, and again when it is gone.
 
-An `Attachment` is one bridge. What is said there is `graph/mirror.py`'s business; here are the sockets: a task for each
-line that the mirror wants dials, carries frames both ways until the socket ends, waits and dials again. The wait
-doubles from half a second up to a limit, and is short again after a connection on which everything was announced and
-that held for a while.
+An `Attachment` is one bridge. What is said there is `graph/attach/mirror.py`'s business; here are the sockets: a task
+for each line that the mirror wants dials, carries frames both ways until the socket ends, waits and dials again. The
+wait doubles from half a second up to a limit, and is short again after a connection on which everything was announced
+and that held for a while.
 
-Nothing is sent faster than the socket takes it, nor than the far side is known to handle it (`protocol/credit.py`).
+Nothing is sent faster than the socket takes it, nor than the far side is known to handle it
+(`graph/attach/flow_control.py`).
 """
 
 from __future__ import annotations
@@ -23,14 +24,15 @@ from urllib.parse import urlsplit
 from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 
-from rosbridge_sim.graph.bus import Bus, Owner
-from rosbridge_sim.graph.line import MARK, Line, Values
-from rosbridge_sim.graph.mirror import Mirror
-from rosbridge_sim.protocol.flow import OutboxLimits
-from rosbridge_sim.shell.dialing import DialedSocket, why_gone, why_not
-from rosbridge_sim.shell.library_log import quiet
-from rosbridge_sim.shell.lookup import Lookup
-from rosbridge_sim.shell.urls import port_of, shown_url
+from rosbridge_sim.graph.attach.connection import PROBE, BridgeConnection, Values
+from rosbridge_sim.graph.attach.mirror import Mirror
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Participant
+from rosbridge_sim.protocol.outbox import OutboxLimits
+from rosbridge_sim.shell.websocket.client_connection import DialedConnection, why_gone, why_not
+from rosbridge_sim.shell.websocket.dns import HostLookup
+from rosbridge_sim.shell.websocket.library_log import quiet
+from rosbridge_sim.shell.websocket.urls import port_of, shown_url
 
 __all__ = ["AttachLimits", "Attachment", "is_own_address"]
 
@@ -40,7 +42,7 @@ FIRST_WAIT = 0.5
 HELD = 2.0
 """A connection that is lost sooner may be so each time [s]."""
 
-PATIENCE = 5.0
+STOP_PATIENCE = 5.0
 """How long the far side may take to answer the handshake [s]."""
 
 LAST_WORD = 0.5
@@ -49,7 +51,7 @@ LAST_WORD = 0.5
 CLOSE_TIMEOUT = 1.0
 """How long it may take to say goodbye [s]."""
 
-WRITE_SIZE = 8 * 1024
+ATTACH_WRITE_SIZE = 8 * 1024
 """Bytes taken at a time between two looks at whether the far side keeps up."""
 
 _log = logging.getLogger("rosbridge_sim.attach")
@@ -88,7 +90,9 @@ class Attachment:
             guard has counted is not among them.
     """
 
-    def __init__(self, bus: Bus, source: Owner, url: str, limits: AttachLimits, on_change: Callable[[], None]) -> None:
+    def __init__(
+        self, bus: Bus, source: Participant, url: str, limits: AttachLimits, on_change: Callable[[], None]
+    ) -> None:
         """Nothing is dialled before `start`.
 
         Args:
@@ -109,13 +113,13 @@ class Attachment:
             limits=limits.outbox,
             max_frame_size=limits.max_frame_size,
         )
-        self.lookup = Lookup(urlsplit(url).hostname or "")
+        self.lookup = HostLookup(urlsplit(url).hostname or "")
         self.connected_at = math.inf
         self._guard = bus.guard
         self._full_url = url
         self._limits = limits
         self._on_change = on_change
-        self._carriers: dict[Line, _Carrier] = {}
+        self._carriers: dict[BridgeConnection, _ConnectionKeeper] = {}
 
     def start(self) -> None:
         """Dial, from now on and for ever."""
@@ -158,14 +162,19 @@ class Attachment:
             self._carriers.pop(line).let_go()
         for line in wanted:
             if line not in self._carriers:
-                self._carriers[line] = _Carrier(self, line, self._full_url, self._limits, self._on_change)
+                self._carriers[line] = _ConnectionKeeper(self, line, self._full_url, self._limits, self._on_change)
 
 
-class _Carrier:
+class _ConnectionKeeper:
     """Keeps one line connected, and carries what goes over it."""
 
     def __init__(
-        self, attachment: Attachment, line: Line, url: str, limits: AttachLimits, on_change: Callable[[], None]
+        self,
+        attachment: Attachment,
+        line: BridgeConnection,
+        url: str,
+        limits: AttachLimits,
+        on_change: Callable[[], None],
     ) -> None:
         self._attachment = attachment
         self._mirror = attachment.mirror
@@ -174,7 +183,7 @@ class _Carrier:
         self._limits = limits
         self._on_change = on_change
         self._loop = asyncio.get_running_loop()
-        self._socket: DialedSocket | None = None
+        self._socket: DialedConnection | None = None
         self._is_woken = False
         self._is_going_on = False
         self._is_reading = True
@@ -205,7 +214,7 @@ class _Carrier:
             if not heard.done():
                 heard.set_result(None)
 
-        self._line.ask(MARK, note, self._loop.time())
+        self._line.ask(PROBE, note, self._loop.time())
         self._carry()
         await asyncio.wait([heard, self._task], timeout=LAST_WORD, return_when=asyncio.FIRST_COMPLETED)
         heard.cancel()
@@ -248,7 +257,7 @@ class _Carrier:
         try:
             dialed = await self._dial()
         except (OSError, ValueError, WebSocketException) as error:
-            return False, why_not(self._url, error, PATIENCE, flag="attach", token="?token=... in its URL")  # noqa: S106
+            return False, why_not(self._url, error, STOP_PATIENCE, flag="attach", token="?token=... in its URL")  # noqa: S106
         self._tell_connected()
         self._socket = dialed
         self._is_reading = True
@@ -266,7 +275,7 @@ class _Carrier:
             dialed.transport.abort()
         return was_ready, why_gone(self._url, dialed.end)
 
-    async def _dial(self) -> DialedSocket:
+    async def _dial(self) -> DialedConnection:
         """A connection to the first of the host's addresses that has one for us.
 
         Raises:
@@ -275,16 +284,16 @@ class _Carrier:
             WebSocketException: somebody else is there.
         """
         limits = self._limits
-        addresses = await self._attachment.lookup.addresses(PATIENCE)
+        addresses = await self._attachment.lookup.addresses(STOP_PATIENCE)
         for address in addresses:
             try:
                 dialed = await connect(
                     self._url,
                     host=address,
                     port=port_of(self._url),
-                    create_connection=DialedSocket,
+                    create_connection=DialedConnection,
                     compression=None,
-                    open_timeout=PATIENCE,
+                    open_timeout=STOP_PATIENCE,
                     close_timeout=CLOSE_TIMEOUT,
                     ping_interval=limits.ping_interval,
                     ping_timeout=limits.ping_timeout,
@@ -296,7 +305,7 @@ class _Carrier:
                 if address == addresses[-1]:
                     raise
             else:
-                assert isinstance(dialed, DialedSocket)
+                assert isinstance(dialed, DialedConnection)
                 return dialed
         raise OSError(errno.EADDRNOTAVAIL, "the host has no address")
 
@@ -366,7 +375,7 @@ class _Carrier:
             return
         due = line.credit.due
         while dialed.has_room:
-            frames = line.take(WRITE_SIZE, self._loop.time())
+            frames = line.take(ATTACH_WRITE_SIZE, self._loop.time())
             if not frames:
                 break
             dialed.send_messages(frames)
@@ -394,7 +403,7 @@ async def is_own_address(url: str, port: int, addresses: Sequence[str]) -> bool:
     if port_of(url) != port:
         return False
     try:
-        found = await Lookup(urlsplit(url).hostname or "").addresses(PATIENCE)
+        found = await HostLookup(urlsplit(url).hostname or "").addresses(STOP_PATIENCE)
     except (OSError, UnicodeError):
         return False
     ours = {ipaddress.ip_address(address) for address in addresses}

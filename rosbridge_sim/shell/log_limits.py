@@ -45,7 +45,7 @@ CLIENT_BURST, CLIENT_RATE = 50.0, 1.0
 PLACE_BURST, PLACE_RATE = 200.0, 5.0
 """The same of one place in the code, for all clients: two hundred may connect at once and each have its line."""
 
-PERIOD: Final = 10.0
+SUMMARY_PERIOD: Final = 10.0
 """Between two lines that say how many were left out [s]."""
 
 MAX_SOURCES: Final = 1_000
@@ -103,7 +103,7 @@ class LineLimiter(logging.Filter):
         """Limit what this package logs in this process."""
         for name in LOGGERS:
             logging.getLogger(name).addFilter(self)
-        self._timer = self._loop.call_later(PERIOD, self._tick)
+        self._timer = self._loop.call_later(SUMMARY_PERIOD, self._tick)
 
     def stop(self) -> None:
         """Limit it no longer; twice is no error."""
@@ -144,7 +144,7 @@ class LineLimiter(logging.Filter):
             _log.log(level, "... %s more lines of %s%s were left out", f"{num_lines:,}", most, others)
 
     def _tick(self) -> None:
-        self._timer = self._loop.call_later(PERIOD, self._tick)
+        self._timer = self._loop.call_later(SUMMARY_PERIOD, self._tick)
         self.flush()
 
     def _admit(self, record: logging.LogRecord) -> bool:

@@ -23,15 +23,15 @@ from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.shell.masking import Mask, mask_of
 
-__all__ = ["MAX_TEXT", "Noted", "RefusalLog", "escape"]
+__all__ = ["MAX_REFUSAL_TEXT", "Noted", "RefusalLog", "escape"]
 
-PERIOD: Final = 10.0
+REFUSALS_PERIOD: Final = 10.0
 """Time for which refusals of one client and reason share a line [s]: a wrong publish at 50 Hz is six lines a minute."""
 
-MAX_TEXT: Final = 300
+MAX_REFUSAL_TEXT: Final = 300
 """Characters of a text that are shown; all our own texts are shorter but for what they quote."""
 
-MAX_NAME: Final = 100
+MAX_REFUSED_NAME: Final = 100
 """Characters of a topic's or service's name that are shown."""
 
 MAX_KINDS: Final = 2_000
@@ -150,7 +150,7 @@ class RefusalLog:
             request = kind.last
             more = f"{kind.num_unsaid:,} more refused ({request.reason.value}), the last one: {_line(request)}"
             _log.warning("%s: %s", request.client, more, extra={"client": request.client})
-            kind.until, kind.num_unsaid = now + PERIOD, 0
+            kind.until, kind.num_unsaid = now + REFUSALS_PERIOD, 0
 
     def _keep(self, request: RefusedRequest) -> None:
         kept = self._kept.pop(request.client, None)
@@ -178,20 +178,20 @@ class RefusalLog:
         self._kinds.pop(key, None)
         if len(self._kinds) >= MAX_KINDS:
             del self._kinds[next(iter(self._kinds))]
-        self._kinds[key] = _Kind(now + PERIOD, request)
+        self._kinds[key] = _Kind(now + REFUSALS_PERIOD, request)
         text = f"{_line(request)} ({request.reason.value})"
         _log.warning("%s: refused: %s", request.client, text, extra={"client": request.client})
         if self._timer is None:
-            self._timer = self._loop.call_later(PERIOD, self._end_periods)
+            self._timer = self._loop.call_later(REFUSALS_PERIOD, self._end_periods)
 
     def _end_periods(self) -> None:
         self._timer = None
         self.flush(self._clock())
         if self._kinds:
-            self._timer = self._loop.call_later(PERIOD, self._end_periods)
+            self._timer = self._loop.call_later(REFUSALS_PERIOD, self._end_periods)
 
 
-def cut(text: str, max_length: int = MAX_TEXT) -> str:
+def cut(text: str, max_length: int = MAX_REFUSAL_TEXT) -> str:
     """Return both ends of a text that is too long [characters]: an error's advice stands at its end."""
     if len(text) <= max_length:
         return text
@@ -199,7 +199,7 @@ def cut(text: str, max_length: int = MAX_TEXT) -> str:
     return f"{text[: max_length - end - 5]} ... {text[-end:]}"
 
 
-def escape(text: str, max_length: int = MAX_TEXT) -> str:
+def escape(text: str, max_length: int = MAX_REFUSAL_TEXT) -> str:
     """Return a client's text in one printable line, cut to a length [characters]."""
     shown = cut(text, max_length)
     return shown if shown.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in shown)
@@ -208,12 +208,12 @@ def escape(text: str, max_length: int = MAX_TEXT) -> str:
 def _line(request: RefusedRequest) -> str:
     """Return op, subject and text; many texts begin with the subject themselves."""
     text = request.text.removeprefix(f"{request.subject}: ")
-    what = f"{request.op} {escape(request.subject, MAX_NAME)}".strip()
+    what = f"{request.op} {escape(request.subject, MAX_REFUSED_NAME)}".strip()
     return f"{what}: {escape(text)}" if what else escape(text)
 
 
 def _shorten(request: RefusedRequest) -> RefusedRequest:
     """Return the same with texts of which no more is held than is shown."""
-    if len(request.text) <= MAX_TEXT and len(request.subject) <= MAX_NAME:
+    if len(request.text) <= MAX_REFUSAL_TEXT and len(request.subject) <= MAX_REFUSED_NAME:
         return request
-    return request._replace(text=cut(request.text), subject=cut(request.subject, MAX_NAME))
+    return request._replace(text=cut(request.text), subject=cut(request.subject, MAX_REFUSED_NAME))

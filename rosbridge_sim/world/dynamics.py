@@ -36,8 +36,8 @@ from functools import partial
 
 import numpy as np
 
-from rosbridge_sim.world.block import Block
 from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
+from rosbridge_sim.world.row_program import RowProgram
 from rosbridge_sim.world.state import MAX_COORDINATE, MAX_SPEED, BoolArray, Gear, Kind, Mode, World, check_pose
 
 __all__ = [
@@ -322,7 +322,7 @@ class _Driven:
         self.block.run()
 
     def _lay_down(self) -> None:
-        block = self.block = Block(self.world, self.rows, "target", "speed", written_from="throttle")
+        block = self.block = RowProgram(self.world, self.rows, "target", "speed", written_from="throttle")
         # In the order of `state.FLOATS`; a count that does not fit fails here.
         self.target, self.accel_max, self.accel_min, self.throttle_max = block.values[:4]
         self.sense, self.full_throttle, self.hold, self.steer_cmd = block.values[4:8]

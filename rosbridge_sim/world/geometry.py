@@ -42,7 +42,7 @@ ComplexArray = npt.NDArray[np.complex128]
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # x, y, z, w, of length 1
 
-TURN = 2.0 * math.pi
+FULL_TURN = 2.0 * math.pi
 # (queries x segments) cells looked at in one go: eight temporaries of 2 MB each stay inside the cache and bound the
 # memory of a query of any size.
 CELLS = 1 << 18
@@ -69,7 +69,7 @@ class Nearest(NamedTuple):
 def wrap_angle(angle: npt.ArrayLike) -> FloatArray:
     """Return the same direction within (-pi, pi], of the argument's shape; angles already inside keep their bits."""
     value = np.asarray(angle, dtype=np.float64)
-    wrapped = value - TURN * np.ceil((value - math.pi) / TURN)
+    wrapped = value - FULL_TURN * np.ceil((value - math.pi) / FULL_TURN)
     # A value next to the border may round to the far side of it by one last place: both mean pi.
     return np.asarray(np.where(np.abs(wrapped) >= math.pi, math.pi, wrapped))
 

@@ -26,7 +26,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.geometry import ComplexArray, FloatArray, IntArray
-from rosbridge_sim.world.network import Network
+from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.paths import DX, DY, DZ, START, X, Y, Z
 from rosbridge_sim.world.state import DT, Kind, World
 from rosbridge_sim.world.traffic import onto
@@ -175,7 +175,7 @@ def _on_lanes(world: World, rows: IntArray, arc: FloatArray) -> _Points:
     if len(is_before):
         lane[is_before] = behind[is_before]
         s[is_before] += roads.length[lane[is_before]]
-    return _on_legs(roads.derived(Network).legs[roads.locate(lane, s)[0]], s)
+    return _on_legs(roads.derived(LaneConflicts).legs[roads.locate(lane, s)[0]], s)
 
 
 def _on_legs(legs: FloatArray, arc: FloatArray) -> _Points:

@@ -38,7 +38,7 @@ TICKS: Final = float(1 << 26)  # key units in a metre
 MAX_PATH_LENGTH: Final = 1e6  # 1,000 km
 MAX_KEY: Final = 1 << 62  # 69 million km of paths
 MIN_SEGMENT: Final = 1e-6  # shorter steps between waypoints are rounding in somebody's file and have no direction
-MIN_CAPACITY: Final = 64
+MIN_SEGMENTS: Final = 64
 
 STRAIGHT: Final = 1e-9  # two legs with no more than this between them need no cut [rad]
 TIDY: Final = 1e-12  # a heading that changes keeps so far from +-pi: rounding then leaves it within [rad]
@@ -195,8 +195,8 @@ class Paths:
 
     def clear(self) -> None:
         """Forget every path."""
-        self._segments: Segments = np.empty((MIN_CAPACITY, NUM_COLUMNS))
-        self._keys: IntArray = np.empty(MIN_CAPACITY, dtype=np.int64)
+        self._segments: Segments = np.empty((MIN_SEGMENTS, NUM_COLUMNS))
+        self._keys: IntArray = np.empty(MIN_SEGMENTS, dtype=np.int64)
         self._spans: dict[int, tuple[int, int]] = {}  # in the order of the store
         self._next_base = 0
         self.num_live = 0
@@ -267,7 +267,7 @@ class Paths:
         self._bind(num)
 
     def _reserve(self, capacity: int) -> None:
-        capacity = max(MIN_CAPACITY, capacity)
+        capacity = max(MIN_SEGMENTS, capacity)
         segments, keys = np.empty((capacity, NUM_COLUMNS)), np.empty(capacity, dtype=np.int64)
         segments[: self.num], keys[: self.num] = self.segments, self.keys
         self._segments, self._keys = segments, keys

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from rosbridge_sim.world.block_grid import REACH, BlockGrid
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray, ranges, wrap_angle
 
-__all__ = ["Places", "Roads", "ranges"]
+__all__ = ["LanePlaces", "Roads", "ranges"]
 
 T = TypeVar("T")
 
@@ -47,12 +47,12 @@ CROWD = 64
 """Where there are more, so many are looked at in a square of this side [m], and of all squares the first ones before
 the second ones. On the lanes, whoever stands among others in one place changes little."""
 
-MAX_PAIRS = 1 << 18
+MAX_SEGMENT_PAIRS = 1 << 18
 """Pairs (place, block) compared at once: 2 MB for each temporary array, which stays inside the cache."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Places:
+class LanePlaces:
     """Where given points are, relative to the lane nearest to each; one row for each point.
 
     Attributes:
@@ -222,7 +222,7 @@ class Roads:
         # Each lane before has one segment fewer than it has points.
         return start + share[:, None] * (self.points[point + 1] - start), self._yaw(point - lane)
 
-    def beside(self, places: Places) -> tuple[FloatArray, FloatArray]:
+    def beside(self, places: LanePlaces) -> tuple[FloatArray, FloatArray]:
         """How far the edges of their lanes are from given places.
 
         Args:
@@ -257,7 +257,7 @@ class Roads:
             point[at] = np.minimum(np.maximum(found, first[at]), last[at])
         return point, (s - self.s[point]) / self._segment_length[point - lane]
 
-    def nearest(self, x: npt.ArrayLike, y: npt.ArrayLike, yaw: npt.ArrayLike | None = None) -> Places:
+    def nearest(self, x: npt.ArrayLike, y: npt.ArrayLike, yaw: npt.ArrayLike | None = None) -> LanePlaces:
         """The lane nearest to each point, and where on it.
 
         Args:
@@ -273,20 +273,20 @@ class Roads:
         n = len(place)
         if len(self) == 0 or n == 0:
             zero = np.zeros(n)
-            return Places(np.full(n, -1, dtype=np.int64), zero, zero.copy(), np.full(n, np.inf), zero.copy())
+            return LanePlaces(np.full(n, -1, dtype=np.int64), zero, zero.copy(), np.full(n, np.inf), zero.copy())
         heading = None
         if yaw is not None:
             angle = np.broadcast_to(np.asarray(yaw, dtype=np.float64), (n,))
             heading = np.stack((np.cos(angle), np.sin(angle)), axis=-1)
 
         best = np.zeros(n, dtype=np.int64)
-        step = max(1, MAX_PAIRS // len(self._block_size))
+        step = max(1, MAX_SEGMENT_PAIRS // len(self._block_size))
         for i in range(0, n, step):  # turns, not rows: nearly always one
             part = slice(i, i + step)
             best[part] = self._best(place[part], None if heading is None else heading[part])
         return self._places(place, best)
 
-    def within(self, x: FloatArray, y: FloatArray, radius: FloatArray) -> tuple[IntArray, Places]:
+    def within(self, x: FloatArray, y: FloatArray, radius: FloatArray) -> tuple[IntArray, LanePlaces]:
         """All lanes near each point; beside the middle of a lane, not beyond its ends.
 
         Args:
@@ -301,7 +301,7 @@ class Roads:
         place = np.stack((x, y), axis=-1)
         if len(self) == 0 or len(place) == 0:
             none, empty = np.zeros(0, dtype=np.int64), np.zeros(0)
-            return none, Places(none, empty, empty, empty, empty)
+            return none, LanePlaces(none, empty, empty, empty, empty)
         owner, block = self._blocks_within(place, radius)
         is_seen = _thin_out(place, owner, self._block_size[block])
         owner, block = owner[is_seen], block[is_seen]
@@ -332,11 +332,11 @@ class Roads:
         is_within = _length(np.maximum(gap, 0.0)) <= radius[owner]
         return owner[is_within], block[is_within]
 
-    def _places(self, place: FloatArray, segment: IntArray) -> Places:
+    def _places(self, place: FloatArray, segment: IntArray) -> LanePlaces:
         """What there is to say of `place` (n, 2) relative to the segments (n,) chosen for it."""
         along, lateral, distance = self._project(place, segment)
         lane = self._segment_lane[segment]
-        return Places(lane, self.s[self._segment_point[segment]] + along, lateral, distance, self._yaw(segment))
+        return LanePlaces(lane, self.s[self._segment_point[segment]] + along, lateral, distance, self._yaw(segment))
 
     def _best(self, place: FloatArray, heading: FloatArray | None) -> IntArray:
         """(n,) the best segment for each place, its `heading` (n, 2) as a unit vector taken into account."""

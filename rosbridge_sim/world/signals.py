@@ -16,8 +16,8 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.geometry import BoolArray, IntArray
-from rosbridge_sim.world.plan import UNSET, Lamp, Plan
 from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.signal_plan import UNSET, Lamp, SignalPlan
 
 __all__ = ["Signals", "SignalsSnapshot", "light_ahead"]
 
@@ -29,7 +29,7 @@ NEVER: Final = 2**62
 class SignalsSnapshot:
     """A copy of the state; the plan is shared, nobody writes into it."""
 
-    plan: Plan
+    plan: SignalPlan
     frame: int
     origin: IntArray
     forced: IntArray
@@ -60,7 +60,7 @@ class Signals:
         "shown",
     )
 
-    def __init__(self, plan: Plan, frame: int = 0) -> None:
+    def __init__(self, plan: SignalPlan, frame: int = 0) -> None:
         """All intersections at the beginning of their first phase, nothing forced."""
         self.plan = plan
         self._origin = np.full(len(plan.controllers), frame, dtype=np.int64)
@@ -198,7 +198,7 @@ class Signals:
         return self.plan.digest + into.tobytes() + forced.tobytes() + until.tobytes()
 
 
-def light_ahead(roads: Roads, plan: Plan, lane: int, s: float, reach: float) -> int | None:
+def light_ahead(roads: Roads, plan: SignalPlan, lane: int, s: float, reach: float) -> int | None:
     """The light of the stop line that comes next for whoever is on a lane, or None.
 
     Lanes fork: then it is the nearest stop line on any of them. Of the lanes that begin there, the one that goes

@@ -20,8 +20,8 @@ from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 
-from rosbridge_sim.world.bodies import MAX_COORDINATE, MAX_SPEED, Body, Gear, Kind, Mode
-from rosbridge_sim.world.columns import INTS, LEG_COLUMNS, NOBODY, BoolArray, Columns
+from rosbridge_sim.world.entity_arrays import INTS, LEG_COLUMNS, NOBODY, BoolArray, EntityArrays
+from rosbridge_sim.world.entity_types import MAX_COORDINATE, MAX_SPEED, Body, Gear, Kind, Mode
 from rosbridge_sim.world.geometry import FloatArray, IntArray, nearest_on_polyline, wrap_angle
 from rosbridge_sim.world.paths import (
     DX,
@@ -39,8 +39,8 @@ from rosbridge_sim.world.paths import (
     Z,
     lay_segments,
 )
-from rosbridge_sim.world.plan import Plan
 from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.signal_plan import SignalPlan
 from rosbridge_sim.world.signals import Signals, SignalsSnapshot
 
 __all__ = [
@@ -82,7 +82,7 @@ T = TypeVar("T")
 
 NO_CONTACTS: Final[IntArray] = np.empty((0, 2), dtype=np.int64)
 NO_ROADS: Final = Roads()
-NO_PLAN: Final = Plan(NO_ROADS)
+NO_PLAN: Final = SignalPlan(NO_ROADS)
 
 _BODY_COLUMNS: Final = {
     "wheelbase": "wheelbase",
@@ -121,8 +121,8 @@ class Snapshot:
     rng_state: dict[str, Any]  # numpy's own, whose shape depends on the generator
 
 
-class World(Columns):
-    """Everything that is, one row each in `Columns`, which `spawn`, `remove`, `clear`, `reset` and `restore` replace.
+class World(EntityArrays):
+    """All entities, one row each in `EntityArrays`, which `spawn`, `remove`, `clear`, `reset` and `restore` replace.
 
     An entity stays in its row as long as it lives; the row may then get another one. Read anything; write through
     `spawn`, `remove`, `traffic.keep_lane`, and `dynamics.command`, `shift` and `teleport`, since some columns follow
@@ -295,7 +295,7 @@ class World(Columns):
         self.signals = Signals(self.signals.plan)
         self._next_uid = FIRST_UID
 
-    def lay_roads(self, roads: Roads, plan: Plan | None = None) -> None:
+    def lay_roads(self, roads: Roads, plan: SignalPlan | None = None) -> None:
         """Put the world on other roads. Its lights begin their cycles now; who kept to a lane stands where he is.
 
         Args:
@@ -305,7 +305,7 @@ class World(Columns):
         Raises:
             ValueError: the plan was made for other roads. The world is as it was.
         """
-        plan = plan or Plan(roads)
+        plan = plan or SignalPlan(roads)
         if len(plan.light_of_lane) != len(roads):
             raise ValueError(f"the plan is for {len(plan.light_of_lane)} lanes, the roads have {len(roads)}")
         for row in np.flatnonzero(self.has_lane).tolist():  # rare: a map is changed under somebody

@@ -13,7 +13,7 @@ the arrays, and because everybody sees the same half-finished world at the same 
    between two steps counts for the whole of the next one, and the state that a client reads after it already shows it.
 5. *whoever is placed*: a caller that has recorded or foreign motion to show puts its rows where they stand at the end
    of this step. Here, so that whom they pass on the way there they have met.
-6. *contacts* (`contacts.find`): when all stand where they stand at the end of the step, who has touched whom on the
+6. *contacts* (`collisions.find`): when all stand where they stand at the end of the step, who has touched whom on the
    way there. It moves nobody.
 7. *bookkeeping*: the frame counter, last, so that whoever finds frame f finds the world of frame f.
 
@@ -24,12 +24,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from rosbridge_sim.world import contacts
+from rosbridge_sim.world import collisions
 from rosbridge_sim.world.dynamics import drive
+from rosbridge_sim.world.path_following import walk
 from rosbridge_sim.world.state import DT, World
 from rosbridge_sim.world.traffic import drive_lanes
 from rosbridge_sim.world.waiting import start
-from rosbridge_sim.world.walking import walk
 
 __all__ = ["step"]
 
@@ -41,7 +41,7 @@ def step(world: World, place: Callable[[], None] | None = None) -> None:
         world: whose.
         place: called within the step to place rows; see above.
     """
-    before = contacts.remember(world)
+    before = collisions.remember(world)
     world.signals.advance(world.frame + 1)
     start(world)
     drive_lanes(world, DT)
@@ -49,5 +49,5 @@ def step(world: World, place: Callable[[], None] | None = None) -> None:
     drive(world, DT)
     if place is not None:
         place()
-    contacts.find(world, before)
+    collisions.find(world, before)
     world.frame += 1

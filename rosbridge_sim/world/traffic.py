@@ -36,9 +36,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from rosbridge_sim.world.dynamics import command
-from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
-from rosbridge_sim.world.lookout import (
+from rosbridge_sim.world.driver_perception import (
     ACCEL,
     BRAKE_FROM,
     BRAKE_FULLY,
@@ -52,7 +50,9 @@ from rosbridge_sim.world.lookout import (
     look,
     spot,
 )
-from rosbridge_sim.world.network import COMFORT, Network
+from rosbridge_sim.world.dynamics import command
+from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
+from rosbridge_sim.world.lane_conflicts import COMFORT, LaneConflicts
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import DT, Gear, Kind, Mode, World, usual_wheelbase
 
@@ -78,10 +78,10 @@ MOVES: Final = 0.5
 FORESIGHT: Final = 3.0
 """Who will have walked onto the road in this time is waited for [s]."""
 
-PATIENCE: Final = 20
+MAX_WAIT_STEPS: Final = 20
 """Who stands before a full street chooses anew each time so many decisions have gone by: 2 s."""
 
-MAX_TURNS: Final = 8
+MAX_ROUTE_TURNS: Final = 8
 """Lanes entered within one step, at most: a map's snippets of a centimetre must not hold up the world."""
 
 MAX_ASIDE: Final = 3.0
@@ -145,7 +145,7 @@ def keep_lane(
     if len(route):
         world.routes[int(world.uid[row])] = np.array(route, dtype=np.int64)
     _join(world, row, lane, s, wish=wish, is_loop=is_loop)
-    _set_legs(world, roads.derived(Network), np.array([row]))
+    _set_legs(world, roads.derived(LaneConflicts), np.array([row]))
     lanes = world.int_block("lane", "ahead_5")[:, [row]]
     world.yaw[row] = _heading(roads, lanes, world.arc[[row]], world.wheelbase[[row]])[0]
     world.touch()
@@ -192,7 +192,7 @@ def _join(world: World, row: int, lane: int, s: float, *, wish: float, is_loop: 
     world.lane[row], world.arc[row], world.turns[row] = lane, s, 0
     world.claim[row] = world.held[row] = world.exit_lane[row] = world.behind[row] = -1
     _Way(world, np.array([row])).plan(np.array([0]))
-    if s + world.half_length[row] + world.centre[row] > world.roads.derived(Network).hold[lane]:
+    if s + world.half_length[row] + world.centre[row] > world.roads.derived(LaneConflicts).hold[lane]:
         world.held[row], world.exit_lane[row] = lane, world.ahead_1[row]
 
 
@@ -206,7 +206,7 @@ def drive_lanes(world: World, dt: float) -> None:
     traffic.move(dt)
 
 
-def _set_legs(world: World, network: Network, rows: IntArray) -> None:
+def _set_legs(world: World, network: LaneConflicts, rows: IntArray) -> None:
     """Find the straight legs that rows are on."""
     point, _ = world.roads.locate(world.lane[rows], world.arc[rows])
     world.point[rows] = point
@@ -258,7 +258,7 @@ class _Traffic:
         is_run = last - first + 1 == self.num
         self.at: slice | IntArray = slice(first, last + 1) if is_run else self.rows
         self.roads = world.roads
-        self.network = world.roads.derived(Network)
+        self.network = world.roads.derived(LaneConflicts)
         half, centre = world.half_length[self.at], world.centre[self.at]
         self.nose, self.rear, self.length = half + centre, half - centre, 2.0 * half
         self.wish = world.wish[self.at].copy()
@@ -292,7 +292,7 @@ class _Traffic:
         self._steer(ints, speed, accel)
         if len(self.pilots):
             self._command_pilots(ints, accel)
-        turn_away = view.is_shut_out & (speed < CREEP) & ((world.frame // DECISION + self.uid) % PATIENCE == 0)
+        turn_away = view.is_shut_out & (speed < CREEP) & ((world.frame // DECISION + self.uid) % MAX_WAIT_STEPS == 0)
         if turn_away.any():
             self.way.change(np.flatnonzero(turn_away))
         if not isinstance(at, slice):
@@ -361,7 +361,7 @@ class _Traffic:
 
     def _turn(self, which: IntArray) -> None:
         world, rows = self.world, self.rows[which]
-        for _ in range(MAX_TURNS):
+        for _ in range(MAX_ROUTE_TURNS):
             is_over = world.arc[rows] >= self.roads.length[world.lane[rows]]
             if not is_over.any():
                 break
@@ -423,7 +423,7 @@ class _Way:
 
     def __init__(self, world: World, rows: IntArray) -> None:
         self.world, self.rows = world, rows
-        self.onward = world.roads.derived(Network).onward
+        self.onward = world.roads.derived(LaneConflicts).onward
         routes = [world.routes.get(uid, _NO_ROUTE) for uid in world.uid[rows].tolist()] if world.routes else []
         self.length = np.array([len(route) for route in routes] or [0] * len(rows), dtype=np.int64)
         self.first = np.cumsum(self.length) - self.length

@@ -23,13 +23,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer
-from rosbridge_sim.morai.node import NodeSettings
+from rosbridge_sim.morai.node_factory import make_node
 from rosbridge_sim.morai.releases import LENIENCY
-from rosbridge_sim.morai.simulator import make_node
-from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
+from rosbridge_sim.morai.simulator_node import NodeSettings
+from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.shell.storage import DiskLibrary, read_definitions
+from rosbridge_sim.shell.files.library import DiskLibrary, read_definitions
 from rosbridge_sim.world.state import Kind, World
 from scripts.bench.program import machine
 

@@ -28,12 +28,12 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from rosbridge_sim.shell.storage import DiskLibrary
+from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.dynamics import command
 from rosbridge_sim.world.geometry import FloatArray
-from rosbridge_sim.world.network import Network
-from rosbridge_sim.world.plan import Plan
+from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.signal_plan import SignalPlan
 from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
 from rosbridge_sim.world.traffic import DECISION, keep_lane
@@ -110,7 +110,7 @@ def town(num: int) -> World:
     world.lay_roads(*towns(-(-num // CARS_IN_TOWN)))
     roads = world.roads
     world.spawn(Kind.EGO, CAR, name="ego", x=0.0, y=-5.25)
-    hold = roads.derived(Network).hold
+    hold = roads.derived(LaneConflicts).hold
     places = [(i, s) for i in np.flatnonzero(np.isinf(hold)) for s in np.arange(6.0, roads.length[i] - 6.0, 14.0)]
     rng.shuffle(places)
     for lane, s in places[:num]:
@@ -121,7 +121,7 @@ def town(num: int) -> World:
     return world
 
 
-def towns(copies: int) -> tuple[Roads, Plan]:
+def towns(copies: int) -> tuple[Roads, SignalPlan]:
     """The built-in town so many times, side by side."""
     one = DiskLibrary().map("town")
     assert one.plan is not None
@@ -149,7 +149,7 @@ def towns(copies: int) -> tuple[Roads, Plan]:
         for k in parts
         for controller in plan.controllers
     ]
-    return many, Plan(many, lights, controllers, passes=plan.pass_of_lane.tolist() * copies)
+    return many, SignalPlan(many, lights, controllers, passes=plan.pass_of_lane.tolist() * copies)
 
 
 def demo(_: int) -> World:

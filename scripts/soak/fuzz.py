@@ -43,7 +43,7 @@ if __name__ == "__main__":
 
 from rosbridge_sim.morai.releases import LENIENCY  # noqa: E402
 from rosbridge_sim.schema.store import Store  # noqa: E402
-from rosbridge_sim.shell.storage import read_definitions  # noqa: E402
+from rosbridge_sim.shell.files.library import read_definitions  # noqa: E402
 from scripts.soak.fuzz_bridge import spoiling  # noqa: E402
 from scripts.soak.fuzz_frames import Act, FrameMaker, Interface  # noqa: E402
 from scripts.soak.fuzz_server import (  # noqa: E402
@@ -72,8 +72,8 @@ DECODER_TESTS = (
     "tests/morai/test_any_frame.py",
     "tests/schema/test_any_definition.py",
     "tests/morai/test_any_document.py",
-    "tests/shell/test_any_file.py",
-    "tests/shell/test_any_tool.py",
+    "tests/shell/bags/test_any_file.py",
+    "tests/cli/test_any_tool.py",
 )
 """Those that use `tests/mutations.py`."""
 

@@ -21,8 +21,8 @@ from PIL import Image
 
 from rosbridge_sim.errors import PeerError
 from rosbridge_sim.loose_types import JsonValue
-from rosbridge_sim.schema.check import Shape, Slot
 from rosbridge_sim.schema.store import Store
+from rosbridge_sim.schema.validate import FieldSpec, MessageSpec
 from scripts.soak.fuzz_raw import part_of_frame, raw_bytes
 from scripts.soak.fuzz_values import (
     ENCODINGS,
@@ -333,7 +333,7 @@ class FrameMaker:
             return self._pick((1, [{"any": ["thing", 1, None]}]), (1, ODD))
         return self._body(shape, self._care())
 
-    def _body(self, shape: Shape, care: float, depth: int = 0) -> Op:
+    def _body(self, shape: MessageSpec, care: float, depth: int = 0) -> Op:
         length = self.chance.choice((0, 1, 1, 2, 3)) if care else self.chance.choice((0, 1, 40))
         keep = self.chance.choice((1.0, 1.0, 0.7))
         return {
@@ -342,7 +342,7 @@ class FrameMaker:
             if self.chance.random() < keep
         }
 
-    def _field(self, name: str, slot: Slot, care: float, length: int, depth: int) -> object:
+    def _field(self, name: str, slot: FieldSpec, care: float, length: int, depth: int) -> object:
         bounds = slot.field
         if bounds.array is None:
             return self._element(name, slot, care, depth)
@@ -356,7 +356,7 @@ class FrameMaker:
             return base64.b64encode(self.chance.randbytes(max(0, length))).decode()
         return [self._element(name, slot, care, depth) for _ in range(max(0, length))]
 
-    def _element(self, name: str, slot: Slot, care: float, depth: int) -> object:  # noqa: PLR0911 - one for each kind
+    def _element(self, name: str, slot: FieldSpec, care: float, depth: int) -> object:  # noqa: PLR0911 - one for each kind
         if slot.shape is not None:
             return self._body(slot.shape, care, depth + 1)
         is_careful = self.chance.random() < care

@@ -29,7 +29,7 @@ ROOT = Path(__file__).resolve().parents[2]
 if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))  # works from a fresh clone, too
 
-from rosbridge_sim.shell.storage import DiskLibrary  # noqa: E402
+from rosbridge_sim.shell.files.library import DiskLibrary  # noqa: E402
 from scripts.bench.program import SERVER, machine, running  # noqa: E402
 from scripts.soak.scenes import BAD, BAD_NETWORK, BUILT_IN, GOOD, MISSING, write_networks, write_scenes  # noqa: E402
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from tests.end_to_end.play import Message, Play, Table
+from tests.end_to_end.table_rows import Message, Play, Table
 
 __all__ = ["TABLE"]
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from tests.end_to_end.play import Play, Table
+from tests.end_to_end.table_rows import Play, Table
 
 __all__ = ["TABLE"]
 

@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from tests.end_to_end.play import ME, Message, Play, Table
+from tests.end_to_end.table_rows import ME, Message, Play, Table
 from tests.support import Client, ServerProcess
 
 __all__ = ["TABLE"]

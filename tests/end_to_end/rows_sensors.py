@@ -9,7 +9,7 @@ from pathlib import Path
 import pyproj
 import pytest
 
-from tests.end_to_end.play import Play, Table
+from tests.end_to_end.table_rows import Play, Table
 
 __all__ = ["TABLE"]
 

@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import pytest
 
-from tests.end_to_end.play import ME, Play, Table
 from tests.end_to_end.rows_scene import WHOLE, write_networks
+from tests.end_to_end.table_rows import ME, Play, Table
 
 __all__ = ["TABLE"]
 

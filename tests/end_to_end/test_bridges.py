@@ -17,8 +17,8 @@ import pytest
 
 from tests.broken_proxy import BrokenProxy, draw_fates
 from tests.conftest import Connect
+from tests.deployment import Kind
 from tests.far_side.server import FarSide
-from tests.places import Kind
 from tests.support import PATIENCE, AttachProcess, Client, FarSideProcess, Frame, ServerProcess
 
 pytestmark = pytest.mark.slow

@@ -13,7 +13,7 @@ from PIL import Image
 
 from tests.conftest import Connect
 from tests.end_to_end.programs import LIBRARIES, finish, is_python, start
-from tests.schema.judges import Rosbags, as_json, read_cbor
+from tests.schema.reference_readers import Rosbags, as_json, read_cbor
 from tests.schema.strategies import shared_store
 from tests.support import PATIENCE, Client, Frame, ServerProcess
 

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.deployment import Place
 from tests.end_to_end.programs import LIBRARIES, finish, start
-from tests.places import Place
 from tests.support import Frame, ServerProcess, read_line
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Connect, Serve, Simulate
-from tests.places import Place
+from tests.deployment import Place
 from tests.support import PATIENCE, ROOT, ServerProcess, read_line
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]

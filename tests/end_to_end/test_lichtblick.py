@@ -6,7 +6,7 @@ import pytest
 
 from tests.conftest import Simulate
 from tests.end_to_end.programs import finish, start
-from tests.schema.judges import alike
+from tests.schema.reference_readers import alike
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
 

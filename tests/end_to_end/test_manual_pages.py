@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Connect
+from tests.deployment import Bridges, Place
 from tests.end_to_end import rows_ego, rows_lights, rows_replay, rows_scene, rows_sensors, rows_synchronous
-from tests.end_to_end.play import Play, Row, write_scenes
+from tests.end_to_end.table_rows import Play, Row, write_scenes
 from tests.morai.pages import INTERFACES, RELEASES, REPLACED, Interface
-from tests.places import Bridges, Place
 from tests.support import Client
 
 pytestmark = pytest.mark.slow
@@ -47,15 +47,15 @@ NOT_BY_THE_BOOK = {
 STAGES = [(kind, release) for kind in ("serve", "attach") for release in RELEASES] + [("quirks", "22.R2")]
 
 CASES = [
-    pytest.param(stage, row, id=f"{'-'.join(stage)}-{row.name}")
-    for stage in STAGES
+    pytest.param(scene, row, id=f"{'-'.join(scene)}-{row.name}")
+    for scene in STAGES
     for row in ROWS
-    if stage[0] != "quirks" or row.name not in NOT_BY_THE_BOOK
+    if scene[0] != "quirks" or row.name not in NOT_BY_THE_BOOK
 ]
 
 
 @pytest.fixture(scope="module")
-def stage(
+def scene(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, bridges: Bridges
 ) -> Iterator[tuple[Place, str, Path]]:
     """A simulator of a release in some place, and the folder that it writes to."""
@@ -69,9 +69,9 @@ def stage(
     place.simulator.stop_cleanly()
 
 
-@pytest.mark.parametrize(("stage", "row"), CASES, indirect=["stage"])
-async def test_what_the_manual_promises_happens(stage: tuple[Place, str, Path], connect: Connect, row: Row) -> None:
-    place, release, data = stage
+@pytest.mark.parametrize(("scene", "row"), CASES, indirect=["scene"])
+async def test_what_the_manual_promises_happens(scene: tuple[Place, str, Path], connect: Connect, row: Row) -> None:
+    place, release, data = scene
     if release not in row.releases:
         assert not await _is_there(await connect(place.url), row.name)
         return

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Connect, Serve, Simulate
-from tests.shell.bag_reading import read_bag
+from tests.shell.bags.bag_reading import read_bag
 
 AT_START = """
 [publishers]

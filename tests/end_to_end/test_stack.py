@@ -17,7 +17,7 @@ from rosbridge_sim.world.geometry import nearest_on_polyline
 from tests.conftest import Connect, Simulate
 from tests.morai.pages import RELEASES
 from tests.support import PATIENCE, ROOT, Client
-from tests.world.roadworks import built_in
+from tests.world.road_factory import built_in
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
 
@@ -119,14 +119,14 @@ def lateral_error(line: np.ndarray[Any, np.dtype[np.float64]], places: list[tupl
 async def test_it_drives_brakes_and_goes_on_in_synchronous_mode(
     simulate: Simulate, connect: Connect, tmp_path: Path, planner: Plan, release: str
 ) -> None:
-    stand = simulate("--release", release, "--start", "sync", "--scenario", str(scene(tmp_path)))
+    harness = simulate("--release", release, "--start", "sync", "--scenario", str(scene(tmp_path)))
     path, line = course(tmp_path, 380.0)
-    referee = Referee(await connect(stand.url))
+    referee = Referee(await connect(harness.url))
     client = referee.client
     box = {"name": "Cargo_Box", "position": {"x": 140.0, "y": -1.75, "z": 0.0}, "heading": 0.0, "frame": 0}
     await change(client, release, "Add", box)
     await referee.listen()
-    process = planner(release, stand.port, path, 40, "--sync")
+    process = planner(release, harness.port, path, 40, "--sync")
 
     await referee.watch_until(lambda status: status["velocity"]["x"] > 10.0)
     status = await referee.watch_until(lambda status: status["velocity"]["x"] == 0.0)
@@ -167,13 +167,13 @@ async def objects_of(client: Client) -> dict[str, Any]:
 async def test_it_drives_brakes_and_goes_on_in_real_time(
     simulate: Simulate, connect: Connect, tmp_path: Path, planner: Plan, release: str
 ) -> None:
-    stand = simulate("--release", release, "--scenario", str(scene(tmp_path)))
+    harness = simulate("--release", release, "--scenario", str(scene(tmp_path)))
     path, line = course(tmp_path, 32.0)
-    referee = Referee(await connect(stand.url))
+    referee = Referee(await connect(harness.url))
     client = referee.client
     await put_van(client, x=62.0)
     await referee.listen()
-    process = planner(release, stand.port, path, 25)
+    process = planner(release, harness.port, path, 25)
     await referee.watch_until(lambda status: status["velocity"]["x"] > 3.0)
     status = await referee.watch_until(lambda status: status["velocity"]["x"] == 0.0)
     rear = 62.0 - 1.07  # of the van, whose place is that of its rear axle

@@ -8,12 +8,13 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import GraphError
-from rosbridge_sim.graph.actionlib import BEAT, MAX_ENDED, MEMORY, Actionlib, Status
+from rosbridge_sim.graph.actionlib import BEAT, MAX_ENDED, MEMORY, Actionlib, ActionlibStatus
 from rosbridge_sim.graph.actions import Goal, GoalStatus
-from rosbridge_sim.graph.bus import Owner, Topic
+from rosbridge_sim.graph.participant import Participant
+from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.store import Message
-from tests.graph.room import make_bus
+from tests.graph.bus_fixture import make_bus
 
 NAME = "/count"
 TYPE = "actionlib_tutorials/Fibonacci"
@@ -22,28 +23,28 @@ TYPE = "actionlib_tutorials/Fibonacci"
 class Somebody:
     """Who sends goals and hears of them; or provides."""
 
-    def __init__(self, stage: Stage | None = None, name: str = "/somebody") -> None:
+    def __init__(self, scene: Stage | None = None, name: str = "/somebody") -> None:
         self.name = name
         self.told: list[tuple[str, str]] = []
         self.heard: list[tuple[str, dict[str, Any]]] = []
-        self._stage = stage
+        self._scene = scene
 
-    def tell(self, level: str, text: str) -> None:
+    def notify(self, level: str, text: str) -> None:
         self.told.append((level, text))
 
-    def deliver(self, topic: Topic, message: Message, _sender: Owner, _now: float) -> None:
+    def deliver(self, topic: Topic, message: Message, _sender: Participant, _now: float) -> None:
         self.heard.append((topic.name.removeprefix(NAME + "/"), json.loads(message.json)))
 
     def listen(self, *names: str) -> None:
-        assert self._stage is not None
+        assert self._scene is not None
         for name in names:
-            self._stage.bus.subscribe(self, f"{NAME}/{name}", self.deliver)
+            self._scene.bus.subscribe(self, f"{NAME}/{name}", self.deliver)
 
     def publish(self, name: str, type_name: str, **fields: object) -> None:
-        assert self._stage is not None
-        bus = self._stage.bus
+        assert self._scene is not None
+        bus = self._scene.bus
         topic = bus.advertise(self, f"{NAME}/{name}", type_name)
-        bus.publish(self, topic, Message(topic.type, topic.type.check(fields, bus.stamp_ns)), self._stage.now)
+        bus.publish(self, topic, Message(topic.type, topic.type.check(fields, bus.stamp_ns)), self._scene.now)
 
     def send(self, goal_id: str = "g", order: int = 3, secs: int = 0) -> None:
         stamp = {"secs": secs, "nsecs": 0}
@@ -98,111 +99,111 @@ class Stage:
 
 
 def test_a_goal_comes_to_its_end_with_feedback_on_the_way() -> None:
-    stage = Stage()
-    who = stage.somebody()
+    scene = Stage()
+    who = scene.somebody()
     who.send("mine", order=2)
-    assert who.statuses() == {"mine": Status.ACTIVE}
-    (goal,) = stage.goals
+    assert who.statuses() == {"mine": ActionlibStatus.ACTIVE}
+    (goal,) = scene.goals
     assert goal.caller is who
     assert goal.request.order == 2  # type: ignore[attr-defined] # a generated struct
-    goal.report(stage.bus.store.action(TYPE).feedback.struct(sequence=[0, 1]))
+    goal.report(scene.bus.store.action(TYPE).feedback.struct(sequence=[0, 1]))
     (feedback,) = who.messages("feedback")
     assert feedback["feedback"] == {"sequence": [0, 1]}
     assert feedback["status"] == {
         "goal_id": {"id": "mine", "stamp": {"secs": 0, "nsecs": 40_000_000}},
-        "status": Status.ACTIVE,
+        "status": ActionlibStatus.ACTIVE,
         "text": "",
     }
     assert feedback["header"]["stamp"] == {"secs": 0, "nsecs": 40_000_000}
-    goal.end(GoalStatus.SUCCEEDED, stage.sequence(0, 1, 1))
+    goal.end(GoalStatus.SUCCEEDED, scene.sequence(0, 1, 1))
     (result,) = who.messages("result")
     assert result["result"] == {"sequence": [0, 1, 1]}
-    assert result["status"]["status"] == Status.SUCCEEDED
-    assert who.statuses() == {"mine": Status.SUCCEEDED}
+    assert result["status"]["status"] == ActionlibStatus.SUCCEEDED
+    assert who.statuses() == {"mine": ActionlibStatus.SUCCEEDED}
 
 
 @pytest.mark.parametrize(
     ("end", "status"),
     [
-        (GoalStatus.SUCCEEDED, Status.SUCCEEDED),
-        (GoalStatus.CANCELED, Status.PREEMPTED),
-        (GoalStatus.ABORTED, Status.ABORTED),
-        (GoalStatus.UNKNOWN, Status.ABORTED),
+        (GoalStatus.SUCCEEDED, ActionlibStatus.SUCCEEDED),
+        (GoalStatus.CANCELED, ActionlibStatus.PREEMPTED),
+        (GoalStatus.ABORTED, ActionlibStatus.ABORTED),
+        (GoalStatus.UNKNOWN, ActionlibStatus.ABORTED),
     ],
 )
-def test_ends_have_other_numbers_in_ros_1(end: GoalStatus, status: Status) -> None:
-    stage = Stage()
-    who = stage.somebody()
+def test_ends_have_other_numbers_in_ros_1(end: GoalStatus, status: ActionlibStatus) -> None:
+    scene = Stage()
+    who = scene.somebody()
     who.send()
-    stage.goals[0].end(end, stage.sequence())
+    scene.goals[0].end(end, scene.sequence())
     assert who.messages("result")[0]["status"]["status"] == status
 
 
 def test_a_goal_of_a_lost_provider_is_aborted_and_says_why() -> None:
-    stage = Stage()
-    who = stage.somebody()
+    scene = Stage()
+    who = scene.somebody()
     who.send()
-    stage.bus.leave(stage.provider, stage.now)
+    scene.bus.leave(scene.provider, scene.now)
     (result,) = who.messages("result")
-    assert result["status"]["status"] == Status.ABORTED
+    assert result["status"]["status"] == ActionlibStatus.ABORTED
     assert "disconnected" in result["status"]["text"]
     assert result["result"] == {"sequence": []}
 
 
 def test_a_refused_goal_is_rejected_and_its_sender_is_told() -> None:
-    stage = Stage()
-    who = stage.somebody()
+    scene = Stage()
+    who = scene.somebody()
     with pytest.raises(GraphError, match="Goal bad of /count was rejected: there is nothing before"):
         who.send("bad", order=-1)
     (result,) = who.messages("result")
-    assert result["status"]["status"] == Status.REJECTED
+    assert result["status"]["status"] == ActionlibStatus.REJECTED
     assert result["status"]["text"] == "there is nothing before the first number"
-    assert who.statuses() == {"bad": Status.REJECTED}
+    assert who.statuses() == {"bad": ActionlibStatus.REJECTED}
 
 
 def test_the_status_comes_five_times_a_second_and_only_if_somebody_listens() -> None:
-    stage = Stage()
-    assert stage.actionlib.next_due() is None
-    assert stage.advance(10.0) == 0
-    who = Somebody(stage)
+    scene = Stage()
+    assert scene.actionlib.next_due() is None
+    assert scene.advance(10.0) == 0
+    who = Somebody(scene)
     who.listen("status")
-    assert stage.advance(1.1) == 5 + 1
+    assert scene.advance(1.1) == 5 + 1
     assert [m["status_list"] for m in who.messages("status")] == [[]] * 6
-    stage.bus.leave(who, stage.now)
-    assert stage.actionlib.next_due() is None
+    scene.bus.leave(who, scene.now)
+    assert scene.actionlib.next_due() is None
 
 
 def test_turns_that_come_too_early_do_nothing() -> None:
-    stage = Stage()
-    who = stage.somebody()
+    scene = Stage()
+    who = scene.somebody()
     for _ in range(10):
-        stage.actionlib.advance(stage.now)
+        scene.actionlib.advance(scene.now)
     assert len(who.messages("status")) == 1
 
 
 def test_an_ended_goal_is_listed_for_a_while() -> None:
-    stage = Stage()
-    who = stage.somebody()
+    scene = Stage()
+    who = scene.somebody()
     who.send()
-    stage.goals[0].end(GoalStatus.SUCCEEDED, stage.sequence())
-    stage.advance(MEMORY - 2 * BEAT)
-    assert who.statuses() == {"g": Status.SUCCEEDED}
-    stage.advance(4 * BEAT)
+    scene.goals[0].end(GoalStatus.SUCCEEDED, scene.sequence())
+    scene.advance(MEMORY - 2 * BEAT)
+    assert who.statuses() == {"g": ActionlibStatus.SUCCEEDED}
+    scene.advance(4 * BEAT)
     assert who.statuses() == {}
 
 
 def test_so_many_ended_goals_are_listed_and_no_more() -> None:
-    stage = Stage()
-    who = stage.somebody()
+    scene = Stage()
+    who = scene.somebody()
     for i in range(MAX_ENDED + 5):
         who.send(f"g{i}")
-        stage.goals[i].end(GoalStatus.SUCCEEDED, stage.sequence())
+        scene.goals[i].end(GoalStatus.SUCCEEDED, scene.sequence())
     assert list(who.statuses()) == [f"g{i}" for i in range(5, MAX_ENDED + 5)]
 
 
 def test_an_id_and_a_time_are_given_where_the_client_left_them() -> None:
-    stage = Stage()
-    who = stage.somebody()
+    scene = Stage()
+    who = scene.somebody()
     who.send("")
     who.send("")
     who.send("late", secs=9)
@@ -215,73 +216,73 @@ def test_an_id_and_a_time_are_given_where_the_client_left_them() -> None:
 
 
 def test_a_goal_that_is_known_is_not_started_again() -> None:
-    stage = Stage()
-    who = stage.somebody()
+    scene = Stage()
+    who = scene.somebody()
     who.send()
     who.send()
-    stage.goals[0].end(GoalStatus.SUCCEEDED, stage.sequence())
+    scene.goals[0].end(GoalStatus.SUCCEEDED, scene.sequence())
     who.send()
-    assert len(stage.goals) == 1
+    assert len(scene.goals) == 1
     assert who.told == [("warning", "Goal g of /count is known already")] * 2
-    stage.now += MEMORY
+    scene.now += MEMORY
     who.send()
-    assert len(stage.goals) == 2
+    assert len(scene.goals) == 2
 
 
 def test_an_endless_id_is_refused() -> None:
-    stage = Stage()
+    scene = Stage()
     with pytest.raises(GraphError, match="at most 1024"):
-        stage.somebody().send("x" * 1025)
-    assert stage.goals == []
+        scene.somebody().send("x" * 1025)
+    assert scene.goals == []
 
 
 def test_a_cancel_by_id_means_that_goal_whoever_sent_it() -> None:
-    stage = Stage()
-    one, two = stage.somebody(), stage.somebody()
+    scene = Stage()
+    one, two = scene.somebody(), scene.somebody()
     one.send("a")
     one.send("b")
     two.cancel(id="a")
     two.cancel(id="nobody")
-    assert stage.cancelled == [stage.goals[0]]
-    stage.cancelled[0].end(GoalStatus.CANCELED, stage.sequence())
-    assert one.statuses() == {"a": Status.PREEMPTED, "b": Status.ACTIVE}
+    assert scene.cancelled == [scene.goals[0]]
+    scene.cancelled[0].end(GoalStatus.CANCELED, scene.sequence())
+    assert one.statuses() == {"a": ActionlibStatus.PREEMPTED, "b": ActionlibStatus.ACTIVE}
     two.cancel(id="a")
-    assert len(stage.cancelled) == 1
+    assert len(scene.cancelled) == 1
 
 
 def test_a_cancel_without_an_id_means_ones_own_goals() -> None:
-    stage = Stage()
-    one, two = stage.somebody(), stage.somebody()
+    scene = Stage()
+    one, two = scene.somebody(), scene.somebody()
     for who, name in ((one, "a"), (two, "b"), (one, "c")):
         who.send(name)
     one.cancel()
-    assert stage.cancelled == [stage.goals[0], stage.goals[2]]
+    assert scene.cancelled == [scene.goals[0], scene.goals[2]]
 
 
 def test_a_cancel_by_time_means_ones_own_goals_up_to_it() -> None:
-    stage = Stage()
-    one, two = stage.somebody(), stage.somebody()
+    scene = Stage()
+    one, two = scene.somebody(), scene.somebody()
     for i, who in enumerate((one, two, one, one)):
         who.send(f"g{i}", secs=i + 1)
     one.cancel(stamp={"secs": 3, "nsecs": 0})
-    assert stage.cancelled == [stage.goals[0], stage.goals[2]]
+    assert scene.cancelled == [scene.goals[0], scene.goals[2]]
 
 
 def test_who_leaves_has_its_goals_cancelled() -> None:
-    stage = Stage()
-    one, two = stage.somebody(), stage.somebody()
+    scene = Stage()
+    one, two = scene.somebody(), scene.somebody()
     one.send("a")
     two.send("b")
-    stage.bus.leave(one, stage.now)
-    assert stage.cancelled == [stage.goals[0]]
-    assert two.statuses() == {"a": Status.PREEMPTED, "b": Status.ACTIVE}
-    stage.cancelled[0].end(GoalStatus.CANCELED, stage.sequence())  # nobody hears of that any more
+    scene.bus.leave(one, scene.now)
+    assert scene.cancelled == [scene.goals[0]]
+    assert two.statuses() == {"a": ActionlibStatus.PREEMPTED, "b": ActionlibStatus.ACTIVE}
+    scene.cancelled[0].end(GoalStatus.CANCELED, scene.sequence())  # nobody hears of that any more
     assert len(two.messages("result")) == 1
 
 
 def test_the_topics_belong_to_the_provider() -> None:
-    stage = Stage()
-    who = Somebody(stage)
+    scene = Stage()
+    who = Somebody(scene)
     for name, type_name in (
         ("status", "actionlib_msgs/GoalStatusArray"),
         ("feedback", f"{TYPE}ActionFeedback"),

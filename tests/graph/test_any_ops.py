@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from rosbridge_sim.graph.bus import TYPE_MEMORY, Bus
 from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.graph.rosapi import Rosapi
-from rosbridge_sim.protocol.flow import BinaryFrame, Outbox
-from tests.graph.room import make_bus, make_peer
+from rosbridge_sim.protocol.outbox import BinaryFrame, Outbox
+from tests.graph.bus_fixture import make_bus, make_peer
 from tests.vector_player import read_frame
 
 names = st.sampled_from(["/a", "a", "/b"])

@@ -13,12 +13,13 @@ from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, invaria
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason, UnknownPackageError
 from rosbridge_sim.graph.actions import Action
-from rosbridge_sim.graph.bus import MAX_CALLS, MAX_STALE, TYPE_MEMORY, Answer, Bus, Call, Owner, Topic, resolve
-from rosbridge_sim.graph.owner import OfferKind
-from rosbridge_sim.graph.unpublished import PATIENCE
+from rosbridge_sim.graph.bus import MAX_CALLS, MAX_STALE, TYPE_MEMORY, Bus
+from rosbridge_sim.graph.participant import OfferKind, Participant, resolve
+from rosbridge_sim.graph.topics_services import Answer, Call, Topic
+from rosbridge_sim.graph.unpublished import UNPUBLISHED_AFTER
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.schema.store import Message
-from tests.graph.room import make_bus, make_store
+from tests.graph.bus_fixture import make_bus, make_store
 
 STRING = "std_msgs/String"
 ADD = "rospy_tutorials/AddTwoInts"
@@ -34,10 +35,10 @@ class Somebody:
         self.answers: list[Answer] = []
         self.calls: list[Call] = []
 
-    def tell(self, level: str, text: str) -> None:
+    def notify(self, level: str, text: str) -> None:
         self.told.append((level, text))
 
-    def deliver(self, topic: Topic, message: Message, _sender: Owner, _now: float) -> None:
+    def deliver(self, topic: Topic, message: Message, _sender: Participant, _now: float) -> None:
         self.heard.append((topic.name, message.value))
 
     def hold(self, call: Call, _now: float) -> None:
@@ -67,7 +68,7 @@ def test_a_listeners_complaint_reaches_the_sender_after_everybody_has_heard() ->
     bus, sender, good = make_bus(), Somebody(), Somebody()
     topic = bus.advertise(sender, "/t", STRING)
 
-    def refuse(_topic: Topic, _message: Message, _sender: Owner, _now: float) -> None:
+    def refuse(_topic: Topic, _message: Message, _sender: Participant, _now: float) -> None:
         raise FieldError("not like this")
 
     bus.subscribe(good, "/t", refuse)
@@ -240,15 +241,15 @@ class PlainTopic:
     """What latching means: all advertisements are looked at after each change."""
 
     def __init__(self) -> None:
-        self.publishers: dict[Owner, dict[object, int]] = {}
+        self.publishers: dict[Participant, dict[object, int]] = {}
         self.depth = 0
-        self.kept: dict[Owner, list[Message]] = {}
+        self.kept: dict[Participant, list[Message]] = {}
 
-    def advertise(self, owner: Owner, key: object, depth: int) -> None:
+    def advertise(self, owner: Participant, key: object, depth: int) -> None:
         self.publishers.setdefault(owner, {})[key] = depth
         self._settle()
 
-    def unadvertise(self, owner: Owner, key: object) -> None:
+    def unadvertise(self, owner: Participant, key: object) -> None:
         keys = self.publishers.get(owner, {})
         for each in list(keys) if key is None else [key]:
             keys.pop(each, None)
@@ -258,7 +259,7 @@ class PlainTopic:
                 self.kept.pop(owner, None)
         self._settle()
 
-    def publish(self, owner: Owner, message: Message) -> None:
+    def publish(self, owner: Participant, message: Message) -> None:
         if not self.depth:
             return
         if owner not in self.kept:
@@ -327,12 +328,12 @@ def test_ended_calls_do_not_wait_for_a_deadline_that_is_far_away() -> None:
 def test_next_deadline_is_that_of_a_listener_without_a_publisher_where_it_comes_first() -> None:
     bus, provider, caller, listener = make_bus(), Somebody(), Somebody(), Somebody()
     bus.provide(provider, "/add", ADD, provider.hold)
-    bus.call(caller, "/add", {}, caller.answers.append, now=0.0, timeout=PATIENCE + 1.0)
+    bus.call(caller, "/add", {}, caller.answers.append, now=0.0, timeout=UNPUBLISHED_AFTER + 1.0)
     subscription = bus.subscribe(listener, "/t", listener.deliver, type_name=STRING)
     bus.unpublished.watch(subscription, lambda _topic: None, 0.0)
-    assert bus.next_deadline() == PATIENCE
-    bus.expire(PATIENCE)
-    assert bus.next_deadline() == PATIENCE + 1.0
+    assert bus.next_deadline() == UNPUBLISHED_AFTER
+    bus.expire(UNPUBLISHED_AFTER)
+    assert bus.next_deadline() == UNPUBLISHED_AFTER + 1.0
 
 
 def test_call_in_flight_is_on_the_account_of_its_caller_until_it_has_ended() -> None:
@@ -389,7 +390,7 @@ def test_owner_may_offer_its_own_service_anew_without_a_word_and_others_with_one
 def test_watchers_hear_of_all_that_an_owner_begins_and_ceases_to_hold() -> None:
     """The bridges announce from this: what they do not hear of is missing on the far side, or stays there for ever."""
     bus, owner = make_bus(), Somebody()
-    heard: list[Owner] = []
+    heard: list[Participant] = []
     bus.on_holdings.append(heard.append)
     steps: list[Callable[[], object]] = [
         lambda: bus.advertise(owner, "/t", STRING),
@@ -411,7 +412,7 @@ def test_watchers_hear_of_all_that_an_owner_begins_and_ceases_to_hold() -> None:
 def test_watchers_hear_of_a_client_whose_advertisement_a_part_of_the_server_has_ended() -> None:
     bus, node, client = make_bus(), Somebody("/morai_sim"), Visitor()
     bus.advertise(client, "/t", STRING)
-    heard: list[Owner] = []
+    heard: list[Participant] = []
     bus.on_holdings.append(heard.append)
     bus.advertise(node, "/t", STRING, is_exclusive=True)
     assert set(heard) == {client, node}
@@ -540,7 +541,7 @@ def test_package_that_is_perhaps_misspelt_is_named_with_the_nearest_one(caplog: 
 def test_services_of_unknown_packages_are_told_once_each_and_in_bounds(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rosbridge_sim.graph.bus.MAX_REMEMBERED", 10)
+    monkeypatch.setattr("rosbridge_sim.graph.bus.MAX_REMEMBERED_TOPICS", 10)
     bus, owner = make_bus(), Somebody()
     for _ in range(3):
         bus.provide(owner, "/s", "my_msgs/Thing", lambda _call, _now: None)
@@ -566,7 +567,7 @@ def test_services_of_rosbag2_count_as_unknown_for_we_have_its_messages_alone() -
 
 def test_watchers_hear_who_left() -> None:
     bus, somebody = make_bus(), Somebody()
-    left: list[tuple[Owner, float]] = []
+    left: list[tuple[Participant, float]] = []
     bus.watchers.append(lambda owner, now: left.append((owner, now)))
     bus.leave(somebody, 3.0)
     assert left == [(somebody, 3.0)]

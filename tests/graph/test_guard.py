@@ -10,15 +10,17 @@ from typing import Any, NoReturn, cast
 import pytest
 
 from rosbridge_sim.errors import EncodingError, FieldError
-from rosbridge_sim.graph.actions import Goal, GoalStatus, Outcome
-from rosbridge_sim.graph.bus import Answer, Bus, Call, Owner, Topic
-from rosbridge_sim.graph.mirror import Mirror
+from rosbridge_sim.graph.actions import Goal, GoalOutcome, GoalStatus
+from rosbridge_sim.graph.attach.mirror import Mirror
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.peer import Peer
-from rosbridge_sim.graph.republisher import Republisher
-from rosbridge_sim.protocol.flow import Outbox
+from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
+from rosbridge_sim.graph.topics_services import Answer, Call, Topic
+from rosbridge_sim.protocol.outbox import Outbox
 from rosbridge_sim.schema.compile import MessageType
 from rosbridge_sim.schema.store import Message
-from tests.graph.room import make_bus, make_peer
+from tests.graph.bus_fixture import make_bus, make_peer
 
 STRING = "std_msgs/String"
 SERVICE = "std_srvs/SetBool"
@@ -39,12 +41,12 @@ class Part:
         self.told: list[tuple[str, str]] = []
         self.heard: list[Any] = []
         self.answers: list[Answer] = []
-        self.outcomes: list[Outcome] = []
+        self.outcomes: list[GoalOutcome] = []
 
-    def tell(self, level: str, text: str) -> None:
+    def notify(self, level: str, text: str) -> None:
         self.told.append((level, text))
 
-    def hear(self, _topic: Topic, message: Message, _sender: Owner, _now: float) -> None:
+    def hear(self, _topic: Topic, message: Message, _sender: Participant, _now: float) -> None:
         self.heard.append(message.value.data)
 
 
@@ -535,7 +537,7 @@ def test_client_that_fails_as_it_leaves_is_off_the_bus_all_the_same() -> None:
     assert len(caller.answers) == 1
 
 
-@pytest.mark.parametrize("seam", ["tell", "teller", "release"])
+@pytest.mark.parametrize("seam", ["tell", "notifier", "release"])
 def test_client_that_fails_on_a_remark_or_a_release_ends_alone(seam: str) -> None:
     bus = make_bus()
     client, _ = make_client(bus)
@@ -546,7 +548,7 @@ def test_client_that_fails_on_a_remark_or_a_release_ends_alone(seam: str) -> Non
     if seam == "release":
         release()
     else:
-        (client.tell if seam == "tell" else client.teller())("error", "x")
+        (client.notify if seam == "tell" else client.notifier())("error", "x")
     assert client not in bus.owners()
     assert bus.guard.num_faults == 1
 
@@ -556,7 +558,7 @@ def test_client_that_fails_on_a_remark_or_a_release_ends_alone(seam: str) -> Non
 
 def test_message_that_the_republisher_fails_on_is_its_senders_alone() -> None:
     bus = make_bus()
-    republisher = Republisher(bus)
+    republisher = WebRepublisher(bus)
     client, _ = make_client(bus)
     republisher._frames = None  # type: ignore[assignment] # as good a bug as any
     transform = {"header": {"frame_id": "map"}, "child_frame_id": "car"}

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.republisher import Republisher
-from tests.graph.room import Wire, make_bus
+from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
+from tests.graph.bus_fixture import Wire, make_bus
 
 TRIGGER, FIBONACCI = "std_srvs/Trigger", "example_interfaces/Fibonacci"
 
@@ -25,7 +25,7 @@ class Part:
 
     name = "/morai_sim"
 
-    def tell(self, level: str, text: str) -> None:
+    def notify(self, level: str, text: str) -> None:
         del level, text
 
 
@@ -35,7 +35,7 @@ def lost(kind: str, name: str, taker: str = "/rosbridge_websocket") -> dict[str,
 
 
 def test_client_cannot_take_a_built_in_action(bus: Bus) -> None:
-    republisher = Republisher(bus)
+    republisher = WebRepublisher(bus)
     client, user = Wire(bus), Wire(bus)
     name = "/tf2_web_republisher"
     (status,) = client.says(op="advertise_action", action=name, type=FIBONACCI, id=1)
@@ -49,7 +49,7 @@ def test_client_cannot_take_a_built_in_action(bus: Bus) -> None:
 
 
 def test_client_cannot_take_the_cancelling_of_a_built_in_action(bus: Bus) -> None:
-    Republisher(bus)
+    WebRepublisher(bus)
     (status,) = Wire(bus).says(op="advertise_service", service="/tf2_web_republisher" + CANCEL, type=TRIGGER)
     assert status["msg"].endswith("is provided by /tf2_web_republisher alone")
 

@@ -13,13 +13,13 @@ from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph import parameters as parameters_module
 from rosbridge_sim.graph.parameters import MAX_VALUE_PARTS, Parameters, merge
 from rosbridge_sim.graph.rosapi import Rosapi
-from tests.graph.room import make_bus, make_peer
+from tests.graph.bus_fixture import make_bus, make_peer
 
 
 class _Client:
     name = "/client"
 
-    def tell(self, level: str, text: str) -> None:
+    def notify(self, level: str, text: str) -> None:
         raise AssertionError((level, text))
 
 

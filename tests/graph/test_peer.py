@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.graph.bus import MAX_CALLS, TYPE_MEMORY
-from rosbridge_sim.graph.owner import hold, teller
+from rosbridge_sim.graph.participant import hold, notifier
 from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.graph.policy import Policy
-from rosbridge_sim.protocol.flow import Outbox
-from tests.graph.room import make_bus, make_peer
+from rosbridge_sim.protocol.outbox import Outbox
+from tests.graph.bus_fixture import make_bus, make_peer
 
 
 def do(peer: Peer, now: float = 0.0, /, **op: object) -> None:
@@ -274,14 +274,14 @@ def test_owner_that_cannot_be_held_goes_on() -> None:
         def __init__(self) -> None:
             self.told: list[tuple[str, str]] = []
 
-        def tell(self, level: str, text: str) -> None:
+        def notify(self, level: str, text: str) -> None:
             self.told.append((level, text))
 
     plain = Plain()
     release = hold(plain)
     release()
     release()
-    teller(plain)("error", "late")
+    notifier(plain)("error", "late")
     assert plain.told == [("error", "late")]
 
 
@@ -290,11 +290,11 @@ def test_what_is_told_late_has_the_id_of_the_op_that_it_is_about() -> None:
     (peer, told), late = make_peer(bus), []
     other = make_peer(bus)[0]
     bus.subscribe(
-        other, "/news", lambda _topic, _message, sender, _now: late.append(teller(sender)), type_name="std_msgs/Bool"
+        other, "/news", lambda _topic, _message, sender, _now: late.append(notifier(sender)), type_name="std_msgs/Bool"
     )
     do(peer, op="publish", topic="/news", id="first", msg={"data": True})
     do(peer, op="publish", topic="/news", id="second", msg={"data": True})
-    for tell in late:
-        tell("error", "no")
+    for notify in late:
+        notify("error", "no")
     assert [status["id"] for status in got(told)] == ["first", "second"]
     assert peer.num_errors == 2

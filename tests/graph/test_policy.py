@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph import bus as bus_module
 from rosbridge_sim.graph import parameters
-from rosbridge_sim.graph.bus import TYPE_MEMORY, Bus, Topic
-from rosbridge_sim.graph.peer import MAX_ID
+from rosbridge_sim.graph.bus import TYPE_MEMORY, Bus
+from rosbridge_sim.graph.peer import MAX_OP_ID
 from rosbridge_sim.graph.policy import OPEN, Policy, Rule
 from rosbridge_sim.graph.rosapi import Rosapi
-from tests.graph.room import Wire, make_store
+from rosbridge_sim.graph.topics_services import Topic
+from tests.graph.bus_fixture import Wire, make_store
 
 Join = Callable[[Policy], Wire]
 
@@ -132,7 +133,7 @@ def test_the_simulators_own_are_not_subject(bus: Bus, join: Join) -> None:
     class Owner:
         name = "/sim"
 
-        def tell(self, level: str, text: str) -> None:
+        def notify(self, level: str, text: str) -> None:
             pass
 
     join(Policy(publish=Rule(deny=("*",)), service=Rule(deny=("*",))))
@@ -365,7 +366,7 @@ def test_what_is_given_back_makes_room_once(join: Join, back: dict[str, object])
 
 def test_an_endless_id_is_not_kept(join: Join) -> None:
     client = join(OPEN)
-    op_id = "x" * (MAX_ID + 1)
+    op_id = "x" * (MAX_OP_ID + 1)
     for op in ("advertise", "subscribe"):
         (status,) = client.says(op=op, topic="/t", type="std_msgs/String", id=op_id)
         assert (status["op"], status["id"]) == ("status", op_id)
@@ -387,7 +388,7 @@ def test_calls_and_goals_in_flight_are_bounded() -> None:
 
 
 def test_topics_and_types_that_nobody_uses_any_more_are_bounded(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bus_module, "MAX_REMEMBERED", 5)
+    monkeypatch.setattr(bus_module, "MAX_REMEMBERED_TOPICS", 5)
     client = Wire(bus, OPEN)
     client.says(op="subscribe", topic="/kept", type="strange_msgs/Kept")
     for i in range(20):
@@ -403,7 +404,7 @@ def test_topics_and_types_that_nobody_uses_any_more_are_bounded(bus: Bus, monkey
 def test_many_strange_types_in_use_are_not_looked_through_for_each_new_one(
     bus: Bus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bus_module, "MAX_REMEMBERED", 5)
+    monkeypatch.setattr(bus_module, "MAX_REMEMBERED_TOPICS", 5)
     num_looks = 0
 
     class Topics(dict[str, Topic]):

@@ -11,9 +11,9 @@ from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.refusals import RefusedRequest
-from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
+from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
-from tests.graph.room import make_bus, make_peer
+from tests.graph.bus_fixture import make_bus, make_peer
 
 ADVERTISED = {"op": "advertise", "topic": "/c", "type": "geometry_msgs/Twist"}
 OFFERED = {"op": "advertise_service", "service": "/add", "type": "rospy_tutorials/AddTwoInts"}
@@ -175,8 +175,8 @@ def test_what_is_told_during_an_op_is_noted_with_that_op() -> None:
     second, _ = make_peer(bus)
     first.receive(json.dumps(OFFERED).encode(), 0.0)
     second.receive(json.dumps(OFFERED).encode(), 0.0)
-    second.tell("info", "no mistake")
-    second.tell("error", "later")
+    second.notify("info", "no mistake")
+    second.notify("error", "later")
     second.explain("warning", "refused", Reason.PAUSED)
     assert [(each.reason, each.op) for each in noted] == [
         (Reason.NOT_NOW, "advertise_service"),

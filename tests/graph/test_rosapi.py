@@ -10,7 +10,7 @@ from rosbridge_sim.graph import rosapi
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.loose_types import JsonValue
-from tests.graph.room import make_bus, make_peer
+from tests.graph.bus_fixture import make_bus, make_peer
 from tests.schema.strategies import shared_store
 
 

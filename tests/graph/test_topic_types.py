@@ -7,12 +7,14 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import GraphError
-from rosbridge_sim.graph.bus import TYPE_MEMORY, Bus, Owner, Topic
-from rosbridge_sim.graph.mirror import Mirror
+from rosbridge_sim.graph.attach.mirror import Mirror
+from rosbridge_sim.graph.bus import TYPE_MEMORY, Bus
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.policy import Policy
 from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.schema.store import Message
-from tests.graph.room import Wire, make_bus
+from tests.graph.bus_fixture import Wire, make_bus
 
 INT, STRING, IMAGE = "std_msgs/Int32", "std_msgs/String", "sensor_msgs/Image"
 
@@ -25,10 +27,10 @@ class Part:
     def __init__(self) -> None:
         self.heard: list[object] = []
 
-    def tell(self, level: str, text: str) -> None:
+    def notify(self, level: str, text: str) -> None:
         del level, text
 
-    def hear(self, _topic: Topic, message: Message, _sender: Owner, _now: float) -> None:
+    def hear(self, _topic: Topic, message: Message, _sender: Participant, _now: float) -> None:
         self.heard.append(message.value)
 
 

@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.peer import MAX_WATCHED as MAX_OF_CLIENT
+from rosbridge_sim.graph.peer import MAX_WATCHED_TOPICS as MAX_OF_CLIENT
 from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.graph.policy import Policy, Rule
-from rosbridge_sim.graph.unpublished import MAX_TOLD, MAX_WATCHED, PATIENCE
-from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
+from rosbridge_sim.graph.unpublished import MAX_TOLD_AT_ONCE, MAX_WATCHED_SUBSCRIPTIONS, UNPUBLISHED_AFTER
+from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
-from tests.graph.room import make_bus, make_peer
+from tests.graph.bus_fixture import make_bus, make_peer
 
 
 def send(peer: Peer, now: float = 0.0, /, **op: object) -> None:
@@ -37,7 +37,7 @@ def subscribe(peer: Peer, topic: str, now: float = 0.0, type_name: str = "std_ms
 
 
 def test_listener_is_told_after_the_five_seconds_that_the_readme_names() -> None:
-    assert PATIENCE == 5.0
+    assert UNPUBLISHED_AFTER == 5.0
 
 
 def test_listener_is_told_once_after_five_seconds(caplog: pytest.LogCaptureFixture) -> None:
@@ -45,10 +45,10 @@ def test_listener_is_told_once_after_five_seconds(caplog: pytest.LogCaptureFixtu
     bus = make_bus()
     peer, outbox = listener(bus)
     subscribe(peer, "/chater", 1.0)
-    assert bus.next_deadline() == 1.0 + PATIENCE
-    bus.expire(PATIENCE)
+    assert bus.next_deadline() == 1.0 + UNPUBLISHED_AFTER
+    bus.expire(UNPUBLISHED_AFTER)
     assert told(outbox) == []
-    bus.expire(1.0 + PATIENCE)
+    bus.expire(1.0 + UNPUBLISHED_AFTER)
     text = "/chater (std_msgs/String) is subscribed to, and nobody publishes it"
     assert told(outbox) == [{"op": "status", "level": "info", "msg": text}]
     bus.expire(1e9)
@@ -64,7 +64,7 @@ def test_nearest_topic_and_those_of_the_same_type_are_named() -> None:
     send(other, op="advertise", topic="/chatter", type="std_msgs/String")
     send(other, op="advertise", topic="/chatar", type="std_msgs/Int8")
     subscribe(peer, "chater")
-    bus.expire(PATIENCE)
+    bus.expire(UNPUBLISHED_AFTER)
     (status,) = told(outbox)
     assert status["msg"].endswith("publishes it (did you mean /chatter?); of this type there is /chatter")
 
@@ -73,7 +73,7 @@ def test_client_that_asked_for_no_infos_hears_nothing() -> None:
     bus = make_bus()
     peer, outbox = make_peer(bus)
     subscribe(peer, "/chatter")
-    bus.expire(PATIENCE)
+    bus.expire(UNPUBLISHED_AFTER)
     assert told(outbox) == []
 
 
@@ -87,7 +87,7 @@ def test_listener_whose_topic_is_published_is_not_told(when: str) -> None:
     subscribe(peer, "/chatter")
     if when == "after":
         send(other, op="advertise", topic="/chatter", type="std_msgs/String")
-    bus.expire(PATIENCE)
+    bus.expire(UNPUBLISHED_AFTER)
     assert told(outbox) == []
 
 
@@ -99,22 +99,22 @@ def test_listener_that_has_stopped_or_left_is_not_told() -> None:
     gone, outbox_of_gone = listener(bus)
     subscribe(gone, "/b")
     gone.leave(1.0)
-    bus.expire(PATIENCE)
+    bus.expire(UNPUBLISHED_AFTER)
     assert told(outbox) == told(outbox_of_gone) == []
     assert bus.unpublished.next_due() is None
 
 
 def test_many_subscriptions_are_told_of_in_turns_and_not_without_end() -> None:
     bus = make_bus()
-    clients = [listener(bus) for _ in range(MAX_WATCHED // MAX_OF_CLIENT + 1)]
+    clients = [listener(bus) for _ in range(MAX_WATCHED_SUBSCRIPTIONS // MAX_OF_CLIENT + 1)]
     for peer, _ in clients:
         for i in range(MAX_OF_CLIENT + 10):
             subscribe(peer, f"/topic{i}")
-    bus.expire(PATIENCE)
-    assert len(told(clients[0][1])) == MAX_TOLD
+    bus.expire(UNPUBLISHED_AFTER)
+    assert len(told(clients[0][1])) == MAX_TOLD_AT_ONCE
     while bus.unpublished.next_due() is not None:
-        bus.expire(PATIENCE)
-    assert len(told(clients[0][1])) == MAX_OF_CLIENT - MAX_TOLD
+        bus.expire(UNPUBLISHED_AFTER)
+    assert len(told(clients[0][1])) == MAX_OF_CLIENT - MAX_TOLD_AT_ONCE
     assert told(clients[-1][1]) == []
 
 
@@ -127,6 +127,6 @@ def test_topics_that_a_client_may_not_see_are_not_named() -> None:
     peer = Peer(bus, Session(outbox, lambda _due: None), policy=Policy(publish=secret, subscribe=secret))
     send(peer, op="set_level", level="info")
     subscribe(peer, "/_secret_topic")
-    bus.expire(PATIENCE)
+    bus.expire(UNPUBLISHED_AFTER)
     (status,) = told(outbox)
     assert status["msg"].endswith("nobody publishes it")

@@ -11,11 +11,11 @@ import pytest
 
 from rosbridge_sim.graph import policy as policy_module
 from rosbridge_sim.graph.bus import TYPE_MEMORY, Bus
-from rosbridge_sim.graph.policy import Effect, Policy, Rule, Use, Way, Ways
-from rosbridge_sim.graph.republisher import Republisher
+from rosbridge_sim.graph.policy import Policy, PolicyEffect, Rule, Use, Way, Ways
 from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.protocol.png import Picture
-from tests.graph.room import Wire, make_bus
+from tests.graph.bus_fixture import Wire, make_bus
 
 FIBONACCI, STRING, TRIGGER = "example_interfaces/Fibonacci", "std_msgs/String", "std_srvs/Trigger"
 GOAL, GOAL_ID = "tf2_web_republisher/TFSubscriptionActionGoal", "actionlib_msgs/GoalID"
@@ -34,7 +34,7 @@ def bus() -> Bus:
 @pytest.fixture
 def join(bus: Bus) -> Join:
     """Clients under a policy, beside a republisher and a client that offers the action /count."""
-    Republisher(bus)
+    WebRepublisher(bus)
     server = Wire(bus)
     server.says(op="advertise_action", action="/count", type=FIBONACCI)
     return lambda policy: Wire(bus, policy)
@@ -356,7 +356,7 @@ def tables() -> Tables:
 
 
 def with_rows(policy: Policy, tables: Tables) -> Policy:
-    policy.ways.add(lambda: (Effect("steer", (WHEEL, PEDAL, Way(Use.SERVICE, "/joystick"))),), tables.look_up)
+    policy.ways.add(lambda: (PolicyEffect("steer", (WHEEL, PEDAL, Way(Use.SERVICE, "/joystick"))),), tables.look_up)
     return policy
 
 
@@ -414,7 +414,7 @@ def test_names_are_looked_up_once_and_not_per_message(join: Join, tables: Tables
 
 
 def test_what_is_known_of_names_is_bounded(tables: Tables, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(policy_module, "MAX_KNOWN", 3)
+    monkeypatch.setattr(policy_module, "MAX_KNOWN_NAMES", 3)
     policy = with_rows(deny(service="/pedal"), tables)
     for i in range(20):
         policy.check_publish(f"/t{i}")
@@ -480,13 +480,13 @@ def test_log_names_what_a_pattern_leaves_open(tables: Tables) -> None:
 
 def test_log_blames_no_wildcard_for_what_another_direction_closes(tables: Tables) -> None:
     policy = Policy(publish=Rule(deny=("*",)), service=Rule(deny=("/pedal",)))
-    policy.ways.add(lambda: (Effect("ring", (PEDAL, Way(Use.SERVICE, "/bell"))),), tables.look_up)
+    policy.ways.add(lambda: (PolicyEffect("ring", (PEDAL, Way(Use.SERVICE, "/bell"))),), tables.look_up)
     assert policy.left_open() == ["--deny-service /pedal leaves these ways open to ring: calling /bell"]
 
 
 def test_way_that_does_much_else_is_named_and_means_nothing_by_itself() -> None:
     policy = deny(service="/reset")
-    effect = Effect("steer", (WHEEL,), (Way(Use.SERVICE, "/reset"),))
+    effect = PolicyEffect("steer", (WHEEL,), (Way(Use.SERVICE, "/reset"),))
     policy.ways.add(lambda: (effect,))
     assert policy.left_open() == []
     policy = deny(publish="/wheel")
@@ -497,7 +497,7 @@ def test_way_that_does_much_else_is_named_and_means_nothing_by_itself() -> None:
 def test_line_on_what_is_left_open_is_bounded() -> None:
     policy = deny(publish="/w*" + "*" * 500)
     names = tuple(Way(Use.SERVICE, f"/{'long' * 50}{i}") for i in range(100))
-    policy.ways.add(lambda: [Effect(f"do {i}", (WHEEL, *names)) for i in range(100)])
+    policy.ways.add(lambda: [PolicyEffect(f"do {i}", (WHEEL, *names)) for i in range(100)])
     (line,) = policy.left_open()
     assert line.endswith("; and 97 more")
     assert "and 92 more" in line

@@ -17,14 +17,14 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.morai.maps.mgeo import RoadMap
-from rosbridge_sim.morai.node import NodeSettings
-from rosbridge_sim.morai.scenarios.scenario import Scenario, read_scenario
-from rosbridge_sim.morai.simulator import make_node
-from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
+from rosbridge_sim.morai.node_factory import make_node
+from rosbridge_sim.morai.scenarios.reader import Scenario, read_scenario
+from rosbridge_sim.morai.simulator_node import NodeSettings
+from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.world.state import World
 from tests.morai.maps import ROADRUNNER, read
-from tests.morai.stand import make_store
+from tests.morai.sim_harness import make_store
 
 RELEASES = ("22.R2", "26.R1")
 
@@ -95,7 +95,7 @@ class Wire(Client):
         self.told: list[str] = []
         self.listener = Client(self.bus)
 
-    def tell(self, type_name: str, **msg: object) -> None:
+    def notify(self, type_name: str, **msg: object) -> None:
         """Publish on a topic of one's own, to which somebody listens."""
         self.send("advertise", topic="/own", type=type_name)
         self.listener.send("subscribe", topic="/own")
@@ -139,7 +139,7 @@ def steer(wire: Wire, spelling: str) -> None:
 
 
 def control_by_type(wire: Wire, spelling: str) -> None:
-    wire.tell(spelling, longlCmdType=2, velocity=36.0)
+    wire.notify(spelling, longlCmdType=2, velocity=36.0)
 
 
 def lamps(wire: Wire, spelling: str) -> None:
@@ -191,11 +191,11 @@ def sensor(wire: Wire, spelling: Callable[[Any], Any]) -> None:
 
 
 def objects(wire: Wire, spelling: object) -> None:
-    wire.tell("morai_msgs/ObjectStatusList", num_of_npcs=1, npc_list=spelling)
+    wire.notify("morai_msgs/ObjectStatusList", num_of_npcs=1, npc_list=spelling)
 
 
 def replay(wire: Wire, spelling: object) -> None:
-    wire.tell("morai_msgs/ReplayInfo", obstacle_list=spelling)
+    wire.notify("morai_msgs/ReplayInfo", obstacle_list=spelling)
 
 
 def start(wire: Wire, spelling: str) -> None:

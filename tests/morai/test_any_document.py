@@ -14,18 +14,18 @@ from hypothesis import strategies as st
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.morai.maps.globe import Globe
-from rosbridge_sim.morai.maps.map_check import describe_map, list_files
+from rosbridge_sim.morai.maps.check import describe_map, list_files
+from rosbridge_sim.morai.maps.georeference import Georeference
 from rosbridge_sim.morai.maps.mgeo import RoadMap, find_map_mistakes, read_map
-from rosbridge_sim.morai.node import NodeSettings
-from rosbridge_sim.morai.scenarios.scenario import Scenario, place_on_roads, read_scenario, sort_phases
-from rosbridge_sim.morai.scenarios.scenario_check import find_oddities, place_draft, read_draft
-from rosbridge_sim.morai.simulator import make_node
-from rosbridge_sim.shell.storage import DATA
+from rosbridge_sim.morai.node_factory import make_node
+from rosbridge_sim.morai.scenarios.check import find_oddities, place_draft, read_draft
+from rosbridge_sim.morai.scenarios.reader import Scenario, place_on_roads, read_scenario, sort_phases
+from rosbridge_sim.morai.simulator_node import NodeSettings
+from rosbridge_sim.shell.files.library import DATA
 from rosbridge_sim.world.signals import Signals
 from rosbridge_sim.world.state import World
 from tests.morai.maps import KOREAN, ROADRUNNER, read
-from tests.morai.stand import ALL, Client, make_store
+from tests.morai.sim_harness import ALL, Client, make_store
 from tests.mutations import Edit, Flip, damage, edits, examples, flips, spoil
 
 SCENARIOS: dict[str, Any] = {
@@ -101,7 +101,7 @@ def survey(files: dict[str, bytes]) -> bool:
     assert mistakes == []
     assert all(map(is_one_line, road_map.notes))
     json.dumps(describe_map(files, road_map), allow_nan=False)
-    Globe().locate(road_map, 1.0, 2.0)
+    Georeference().locate(road_map, 1.0, 2.0)
     if len(road_map.roads):
         road_map.roads.nearest([0.0], [0.0], [0.0])
     if road_map.plan is not None:

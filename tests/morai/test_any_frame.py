@@ -16,22 +16,22 @@ from hypothesis import strategies as st
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer
-from rosbridge_sim.graph.republisher import Republisher
 from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.morai.maps.mgeo import RoadMap
-from rosbridge_sim.morai.node import NodeSettings
+from rosbridge_sim.morai.node_factory import make_node
 from rosbridge_sim.morai.releases import LENIENCY
-from rosbridge_sim.morai.scenarios.scenario import Scenario
-from rosbridge_sim.morai.simulator import make_node
-from rosbridge_sim.protocol.flow import BinaryFrame, Outbox, OutboxLimits
+from rosbridge_sim.morai.scenarios.reader import Scenario
+from rosbridge_sim.morai.simulator_node import NodeSettings
+from rosbridge_sim.protocol.outbox import BinaryFrame, Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.shell.storage import read_definitions
+from rosbridge_sim.shell.files.library import read_definitions
 from rosbridge_sim.world.state import World
 from scripts.soak.fuzz_frames import FrameMaker, Interface
-from tests.morai.stand import Drawer, Networks, Shelf
-from tests.morai.tape import Tape
+from tests.morai.memory_recordings import Tape
+from tests.morai.sim_harness import Drawer, Networks, Shelf
 from tests.mutations import examples
 
 RELEASES: dict[Generation, str] = {1: "22.R2", 2: "26.R1"}
@@ -68,7 +68,7 @@ class Place:
     def __init__(self, ros: Generation) -> None:
         self.bus = Bus(make_store(ros))
         Rosapi(self.bus)
-        self.republisher = Republisher(self.bus)
+        self.republisher = WebRepublisher(self.bus)
         self.world = World(seed=0)
         shelf, tape = OwnShelf(), Tape()
         self.networks = Networks()

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given, settings
 
 from rosbridge_sim.errors import PeerError
-from rosbridge_sim.morai.sync import MAX_WAITING
+from rosbridge_sim.morai.sync import MAX_WAITING_COMMANDS
 from rosbridge_sim.schema.compile import MessageType
 from rosbridge_sim.world.state import Kind
-from tests.morai.stand import SCENARIOS, Client, Stand, make_store
-from tests.morai.tape import Tape
+from tests.morai.memory_recordings import Tape
+from tests.morai.sim_harness import SCENARIOS, Client, SimHarness, make_store
 
 SERVICES = {
     "/SyncModeCmd": "SyncModeCmd",
@@ -89,9 +89,9 @@ def bodies(message_type: MessageType, num: int = 2) -> st.SearchStrategy[dict[st
 @cache
 def tape() -> Tape:
     """Recordings `a`, of a second in the crowd, and `b`, of nothing."""
-    tape, stand = Tape(), Stand()
-    tape.record(stand.bus, "a", "/Ego_topic", "/Object_topic")
-    stand.run(1.0)
+    tape, harness = Tape(), SimHarness()
+    tape.record(harness.bus, "a", "/Ego_topic", "/Object_topic")
+    harness.run(1.0)
     tape.takes["b"] = []
     return tape
 
@@ -107,10 +107,10 @@ def acts() -> st.SearchStrategy[tuple[str, dict[str, Any]]]:
     return st.one_of(*pairs, rare)
 
 
-def act(stand: Stand, client: Client, name: str, body: dict[str, Any]) -> None:
-    client.now = stand.now
+def act(harness: SimHarness, client: Client, name: str, body: dict[str, Any]) -> None:
+    client.now = harness.now
     if name == "pass time":
-        stand.run(0.1)
+        harness.run(0.1)
     elif name == "leave":
         client.leave()
     elif name == "reset":
@@ -132,23 +132,23 @@ def act(stand: Stand, client: Client, name: str, body: dict[str, Any]) -> None:
     st.sampled_from(["crowd", "crossing"]),
 )
 def test_any_calls_in_any_order(calls: list[tuple[int, tuple[str, dict[str, Any]]]], start: str, scene: str) -> None:
-    stand = Stand(scene, start=start, sync_on_loss="wait", sync_lease=0.5, recordings=tape())
-    clients = [stand.client(), stand.client()]
-    clients[0].listen(*[name for name, topic in stand.bus.topics.items() if topic.publishers])
+    harness = SimHarness(scene, start=start, sync_on_loss="wait", sync_lease=0.5, recordings=tape())
+    clients = [harness.client(), harness.client()]
+    clients[0].listen(*[name for name, topic in harness.bus.topics.items() if topic.publishers])
     for who, (name, body) in calls:
-        act(stand, clients[who], name, body)
-        sync, world = stand.node.sync, stand.world
-        assert sync.num_waiting <= MAX_WAITING
+        act(harness, clients[who], name, body)
+        sync, world = harness.node.sync, harness.world
+        assert sync.num_waiting <= MAX_WAITING_COMMANDS
         assert 0 in world
-        assert all(ego.is_there for ego in stand.node.egos)
-        assert len(stand.node.egos) == np.count_nonzero(world.kind[world.alive] == Kind.EGO)
+        assert all(ego.is_there for ego in harness.node.egos)
+        assert len(harness.node.egos) == np.count_nonzero(world.kind[world.alive] == Kind.EGO)
         assert all(uid in world for uid in world.contacts.ravel().tolist())
         assert all(np.isfinite(column).all() for column in (world.x, world.y, world.yaw, world.speed, world.steer))
-        (info,) = stand.bus.topics["/SyncModeInfo"].latched
+        (info,) = harness.bus.topics["/SyncModeInfo"].latched
         assert (info.value.master_id, info.value.status) == (sync.master_id, sync.is_on)
         assert (info.value.frame, info.value.can_send_tick) == (world.frame, sync.can_send_tick)
-        assert stand.bus.stamp_ns == world.frame * 20_000_000
-        (process,) = stand.bus.topics["/sim/process/state/msg/MoraiSimProcStatus"].latched
-        assert (process.value.current_mode == 16) == stand.node.stage.is_replaying
+        assert harness.bus.stamp_ns == world.frame * 20_000_000
+        (process,) = harness.bus.topics["/sim/process/state/msg/MoraiSimProcStatus"].latched
+        assert (process.value.current_mode == 16) == harness.node.scene.is_replaying
         assert (process.value.current_status == 1) != sync.is_paused
-        assert stand.node.stage.is_replaying or not any(ego.is_replayed for ego in stand.node.egos)
+        assert harness.node.scene.is_replaying or not any(ego.is_replayed for ego in harness.node.egos)

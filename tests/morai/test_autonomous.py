@@ -9,9 +9,9 @@ import pytest
 
 from rosbridge_sim.morai.ego import CtrlMode
 from rosbridge_sim.world.state import Gear
-from tests.morai.stand import ALL, Stand
+from tests.morai.sim_harness import ALL, SimHarness
 from tests.morai.town import Crossroads
-from tests.world.judges import RedRuns
+from tests.world.traffic_observers import RedRuns
 
 ITSELF = {"option": 1, "ctrl_mode": CtrlMode.AUTONOMOUS.value}
 
@@ -45,20 +45,20 @@ def test_who_commands_it_in_synchronous_mode_drives_from_then_on() -> None:
 
 
 def test_in_real_time_control_by_topic_is_ignored_meanwhile() -> None:
-    stand = Stand("elsewhere")
-    client = stand.client()
+    harness = SimHarness("elsewhere")
+    client = harness.client()
     assert client.ask("/Service_MoraiEventCmd", **ITSELF)["gear"] == 4
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, brake=1.0)
     assert client.told == [
         ("warning", "/ctrl_cmd is ignored: ctrl_mode is AUTONOMOUS; set 3 by /Service_MoraiEventCmd")
     ]
-    stand.run(2.0)
-    assert stand.world.speed[0] > 1.0
+    harness.run(2.0)
+    assert harness.world.speed[0] > 1.0
 
 
 def test_off_the_road_the_mode_is_refused() -> None:
-    stand = Stand()  # on a map without roads
-    client = stand.client()
+    harness = SimHarness()  # on a map without roads
+    client = harness.client()
     assert client.ask("/Service_MoraiEventCmd", **ITSELF)["ctrl_mode"] == 3
     assert client.told == [
         ("warning", "/Service_MoraiEventCmd: ctrl_mode AUTONOMOUS refused: ego 0 stands on no lane, or across it")
@@ -66,8 +66,8 @@ def test_off_the_road_the_mode_is_refused() -> None:
 
 
 def test_a_scenario_that_moves_it_off_the_road_ends_the_mode() -> None:
-    stand = Stand("elsewhere")
-    client = stand.client()
+    harness = SimHarness("elsewhere")
+    client = harness.client()
     client.ask("/Service_MoraiEventCmd", **ITSELF)
     assert client.ask("/Service_MoraiSL", file_name="elsewhere", **ALL)["result"]
     assert client.ask("/Service_MoraiEventCmd", option=0)["ctrl_mode"] == 6
@@ -76,38 +76,38 @@ def test_a_scenario_that_moves_it_off_the_road_ends_the_mode() -> None:
 
 
 def test_a_scenario_whose_ego_is_parked_lets_it_drive_on() -> None:
-    stand = Stand("elsewhere")
-    client = stand.client()
+    harness = SimHarness("elsewhere")
+    client = harness.client()
     client.ask("/Service_MoraiEventCmd", **ITSELF)
-    stand.node.stage.loaded = replace(
-        stand.node.stage.loaded, egos=tuple([replace(ego, gear=Gear.PARK) for ego in stand.node.stage.loaded.egos])
+    harness.node.scene.loaded = replace(
+        harness.node.scene.loaded, egos=tuple([replace(ego, gear=Gear.PARK) for ego in harness.node.scene.loaded.egos])
     )
     client.ask("/Morai_SimProc", sim_process_status=32)  # the scenario anew
-    stand.run(2.0)
-    assert stand.world.speed[0] > 1.0
+    harness.run(2.0)
+    assert harness.world.speed[0] > 1.0
     assert client.ask("/Service_MoraiEventCmd", option=0)["gear"] == 4
 
 
 def test_put_elsewhere_it_drives_on_from_there() -> None:
-    stand = Stand("elsewhere")
-    client = stand.client()
+    harness = SimHarness("elsewhere")
+    client = harness.client()
     lists = ("global_position_x", "global_position_y", "global_position_z", "global_roll", "global_pitch", "global_yaw")
     there = {name: [0.0] for name in (*lists, "velocity")} | {"global_position_y": [40.0], "global_yaw": [90.0]}
     setting = {"number_of_ego_vehicle": 1, "camera_index": 0, "ego_index": [0], "gear": [4], "ctrl_mode": [6], **there}
     client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **setting)
-    stand.run(2.0)
-    assert stand.world.y[0] > 41.0
+    harness.run(2.0)
+    assert harness.world.y[0] > 41.0
     assert client.told == []
     client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **setting | {"global_position_x": [80.0]})
-    stand.run(2.0)
-    assert (stand.world.speed[0], stand.world.has_lane[0]) == (0.0, False)
+    harness.run(2.0)
+    assert (harness.world.speed[0], harness.world.has_lane[0]) == (0.0, False)
     assert client.told[0][1].startswith("/ego_setting: ctrl_mode AUTONOMOUS refused")
 
 
 def test_a_reset_gives_the_wheel_back() -> None:
-    stand = Stand("elsewhere")
-    client = stand.client()
+    harness = SimHarness("elsewhere")
+    client = harness.client()
     client.ask("/Service_MoraiEventCmd", **ITSELF)
     client.call("/sim/reset", {"seed": -1})
     assert client.ask("/Service_MoraiEventCmd", option=0)["ctrl_mode"] == 3
-    assert not stand.world.has_lane[0]
+    assert not harness.world.has_lane[0]

@@ -6,17 +6,17 @@ from typing import Any
 
 import pytest
 
-from tests.morai.stand import Client, Stand, rates
+from tests.morai.sim_harness import Client, SimHarness, rates
 
 AHEAD = 90.0  # the ego of "crowd" stands at (10, 20) and looks north [deg]
 
 
-def in_sync(**settings: Any) -> tuple[Stand, Client]:  # noqa: ANN401 - NodeSettings' own fields
-    stand = Stand(start="sync", **settings)
-    client = stand.client()
+def in_sync(**settings: Any) -> tuple[SimHarness, Client]:  # noqa: ANN401 - NodeSettings' own fields
+    harness = SimHarness(start="sync", **settings)
+    client = harness.client()
     client.start()
     client.listen("/CollisionData", "/VehicleCollisionData", "/Object_topic")
-    return stand, client
+    return harness, client
 
 
 def add(client: Client, name: str, x: float, y: float, heading: float = 0.0) -> None:
@@ -25,10 +25,10 @@ def add(client: Client, name: str, x: float, y: float, heading: float = 0.0) -> 
 
 
 def test_without_a_hit_the_list_is_empty_and_comes_at_its_rate() -> None:
-    stand = Stand("parked", network=rates({"/CollisionData": 10.0}))
-    client = stand.client()
+    harness = SimHarness("parked", network=rates({"/CollisionData": 10.0}))
+    client = harness.client()
     client.listen("/CollisionData", "/VehicleCollisionData")
-    stand.run(1.0)
+    harness.run(1.0)
     ego, npcs = client.messages("/CollisionData"), client.messages("/VehicleCollisionData")
     assert [message["header"]["seq"] for message in ego] == list(range(5, 55, 5))
     assert len(npcs) == 50

@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.documents import Document, Flag, Number, Whole, read_document
+from rosbridge_sim.morai.documents import Document, LenientBool, Number, Whole, read_document
 
 
 class Sample(Document):
     number: Number = 0.0
     whole: Whole = 0
-    flag: Flag = False
+    flag: LenientBool = False
     text: str = ""
 
 

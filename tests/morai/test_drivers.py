@@ -12,13 +12,13 @@ import pytest
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.morai.maps.mgeo import RoadMap
-from rosbridge_sim.morai.scenarios.scenario import Scenario, place_on_roads, read_scenario
-from rosbridge_sim.morai.stage import WHOLE, LoadOptions, Stage
-from rosbridge_sim.shell.storage import DiskLibrary
+from rosbridge_sim.morai.scenarios.reader import Scenario, place_on_roads, read_scenario
+from rosbridge_sim.morai.scene import WHOLE, LoadOptions, Scene
+from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.state import Gear, Kind, World
 from rosbridge_sim.world.step import step
 from tests.morai.maps import ROADRUNNER, read
-from tests.world.roadworks import built_in
+from tests.world.road_factory import built_in
 
 LINK = {"initPositionMode": "Link", "initLink": "A1B1", "initLinkRatio": 0.25}
 
@@ -132,8 +132,8 @@ class TinyLibrary:
         return built_in("loop") if name == "loop" else self.tiny
 
 
-def stage_of(scenario: Scenario) -> Stage:
-    return Stage(World(), TinyLibrary(), scenario, ego_gear=Gear.DRIVE)
+def stage_of(scenario: Scenario) -> Scene:
+    return Scene(World(), TinyLibrary(), scenario, ego_gear=Gear.DRIVE)
 
 
 def test_drivers_drive() -> None:
@@ -152,8 +152,8 @@ def test_drivers_drive() -> None:
 def test_lights_begin_where_the_scenario_says(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
     phases = [{"index": "IntTL13", "state": 1, "deltaTime": 2.0}, {"index": "IntTL9"}, {"index": "IntTL13", "state": 7}]
-    stage = stage_of(scenario_of(tlList=phases))
-    signals = stage.world.signals
+    scene = stage_of(scenario_of(tlList=phases))
+    signals = scene.world.signals
     assert (signals.phase.tolist(), signals.elapsed(0)) == ([1], 100)
     assert "scenario drive: no intersection 'IntTL9' has a phase 0" in caplog.text
     assert "scenario drive: no intersection 'IntTL13' has a phase 7" in caplog.text
@@ -162,61 +162,61 @@ def test_lights_begin_where_the_scenario_says(caplog: pytest.LogCaptureFixture) 
 
 
 def test_a_load_leaves_the_lights_alone_unless_it_says_or_changes_the_map() -> None:
-    stage = stage_of(scenario_of())
-    world = stage.world
+    scene = stage_of(scenario_of())
+    world = scene.world
     for _ in range(700):
         step(world)
-    stage.carry_out(stage.prepare(scenario_of({"initPosition": LINK}), WHOLE))
+    scene.carry_out(scene.prepare(scenario_of({"initPosition": LINK}), WHOLE))
     assert (world.signals.phase.tolist(), world.signals.elapsed(0)) == ([1], 50)
-    stage.carry_out(stage.prepare(scenario_of(tlList=[{"index": "IntTL13"}]), WHOLE))
+    scene.carry_out(scene.prepare(scenario_of(tlList=[{"index": "IntTL13"}]), WHOLE))
     assert (world.signals.phase.tolist(), world.signals.elapsed(0)) == ([0], 0)
-    stage.carry_out(stage.prepare(scenario_of(mapInfo={"mapName": "loop"}), WHOLE))
+    scene.carry_out(scene.prepare(scenario_of(mapInfo={"mapName": "loop"}), WHOLE))
     assert (len(world.signals.plan.controllers), len(world.roads)) == (0, 33)
 
 
 def test_on_another_map_drivers_of_the_old_one_stand() -> None:
-    stage = stage_of(scenario_of({"initPosition": LINK, "currentVelocity": 36}))
+    scene = stage_of(scenario_of({"initPosition": LINK, "currentVelocity": 36}))
     keep = LoadOptions(delete_all=False, ego=False, vehicles=True, pedestrians=False, obstacles=False)
-    stage.carry_out(stage.prepare(scenario_of(mapInfo={"mapName": "loop"}), keep))
-    world = stage.world
+    scene.carry_out(scene.prepare(scenario_of(mapInfo={"mapName": "loop"}), keep))
+    world = scene.world
     (row,) = world.rows(Kind.VEHICLE).tolist()
     assert (bool(world.has_lane[row]), float(world.speed[row])) == (False, 0.0)
 
 
 def test_a_load_is_carried_out_on_the_map_that_it_was_prepared_for() -> None:
-    stage = stage_of(scenario_of())
-    load = stage.prepare(scenario_of({"initPosition": LINK}), WHOLE)
-    stage.carry_out(stage.prepare(scenario_of(mapInfo={"mapName": "loop"}), WHOLE))
-    stage.carry_out(load)
-    world = stage.world
-    assert world.roads is stage.road_map.roads
+    scene = stage_of(scenario_of())
+    load = scene.prepare(scenario_of({"initPosition": LINK}), WHOLE)
+    scene.carry_out(scene.prepare(scenario_of(mapInfo={"mapName": "loop"}), WHOLE))
+    scene.carry_out(load)
+    world = scene.world
+    assert world.roads is scene.road_map.roads
     assert world.roads.ids[world.lane[world.rows(Kind.VEHICLE)[0]]] == "A1B1"
 
 
 def test_a_reset_is_the_beginning_again() -> None:
     phases = [{"index": "IntTL13", "state": 1, "deltaTime": 2.0}]
-    stage = stage_of(scenario_of({"initPosition": LINK}, tlList=phases))
-    before = stage.world.digest()
+    scene = stage_of(scenario_of({"initPosition": LINK}, tlList=phases))
+    before = scene.world.digest()
     for _ in range(123):
-        step(stage.world)
-    stage.reset(None)
-    assert stage.world.digest() == before
+        step(scene.world)
+    scene.reset(None)
+    assert scene.world.digest() == before
 
 
 def test_a_load_that_fails_leaves_roads_and_lights_as_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
-    stage = stage_of(scenario_of({"initPosition": LINK}))
-    load = stage.prepare(scenario_of({"initPosition": at(0, 0)}, mapInfo={"mapName": "loop"}), WHOLE)
+    scene = stage_of(scenario_of({"initPosition": LINK}))
+    load = scene.prepare(scenario_of({"initPosition": at(0, 0)}, mapInfo={"mapName": "loop"}), WHOLE)
     for _ in range(50):
-        step(stage.world)
-    before = stage.world.digest()
+        step(scene.world)
+    before = scene.world.digest()
 
     def refuse(*_: object, **__: object) -> int:
         raise ValueError("no room")
 
-    monkeypatch.setattr(stage.world, "spawn", refuse)
+    monkeypatch.setattr(scene.world, "spawn", refuse)
     with pytest.raises(DocumentError, match="drive: no room"):
-        stage.carry_out(load)
-    assert stage.world.digest() == before
+        scene.carry_out(load)
+    assert scene.world.digest() == before
 
 
 # What ships
@@ -227,8 +227,8 @@ def test_the_built_in_scenes_drive(name: str, num: int) -> None:
     library = DiskLibrary()
     scenario = library.scenario(name)
     assert scenario.notes == ()
-    stage = Stage(World(), library, scenario, ego_gear=Gear.DRIVE)
-    world = stage.world
+    scene = Scene(World(), library, scenario, ego_gear=Gear.DRIVE)
+    world = scene.world
     rows = world.rows(Kind.VEHICLE)
     assert len(rows) == num
     assert world.has_lane[rows].all()

@@ -5,12 +5,12 @@ from collections.abc import Callable
 
 import pytest
 
-from rosbridge_sim.morai.commands import Pose
+from rosbridge_sim.morai.command_parsing import GhostPose
 from rosbridge_sim.morai.convert import Control, Converter
 from rosbridge_sim.morai.ego import CtrlMode, Ego
 from rosbridge_sim.world.state import Body, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
-from tests.morai.stand import make_store
+from tests.morai.sim_harness import make_store
 
 THROTTLE = Control(Mode.PEDALS, steer=0.0, throttle=1.0, brake=0.0, speed=0.0, accel=0.0)
 
@@ -62,7 +62,7 @@ def test_refused_gear_is_logged_once_and_again_after_the_car_has_changed(
     caplog.set_level(logging.INFO, "rosbridge_sim")
     world, ego = an_ego()
     changes: dict[str, Callable[[], object]] = {
-        "put": lambda: ego.put(Pose(5.0, 0.0, 0.0, 0.0, 0.0, 0.0, speed=9.0)),
+        "put": lambda: ego.put(GhostPose(5.0, 0.0, 0.0, 0.0, 0.0, 0.0, speed=9.0)),
         "renew": ego.renew,
         "shift": lambda: ego.shift(ego.gear),
     }

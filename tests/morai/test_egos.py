@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError
-from rosbridge_sim.graph.bus import Owner
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.morai.releases import Profile
-from rosbridge_sim.morai.stage import FIRST_EGO, MAX_EGOS
+from rosbridge_sim.morai.scene import FIRST_EGO, MAX_EGOS
 from rosbridge_sim.world.state import Kind
-from tests.morai.stand import ALL, Client, Stand, rates
+from tests.morai.sim_harness import ALL, Client, SimHarness, rates
 
 SETTING = "morai_msgs/MultiEgoSetting"
 LISTS = {
@@ -38,18 +38,18 @@ def put(client: Client, *egos: int, **lists: Any) -> None:  # noqa: ANN401 - the
     client.send("/ego_setting", SETTING, **setting(*egos, **lists))
 
 
-def two_egos(**settings: Any) -> tuple[Stand, Client]:  # noqa: ANN401 - NodeSettings' own fields
-    stand = Stand("parked", **settings)
-    client = stand.client()
+def two_egos(**settings: Any) -> tuple[SimHarness, Client]:  # noqa: ANN401 - NodeSettings' own fields
+    harness = SimHarness("parked", **settings)
+    client = harness.client()
     put(client, 2, global_position_y=[10.0])
-    return stand, client
+    return harness, client
 
 
 # Who sees whom
 
 
 def test_each_ego_sees_the_others_as_vehicles_of_their_own_type() -> None:
-    stand, client = two_egos(start="sync")
+    harness, client = two_egos(start="sync")
     put(client, 3, global_position_x=[-20.0])
     client.listen("/Object_topic", "/Ego-2/Object_topic")
     client.start()
@@ -65,7 +65,7 @@ def test_each_ego_sees_the_others_as_vehicles_of_their_own_type() -> None:
     client.ask("/Service_MoraiSL", file_name="parked", **ALL)
     client.tick()
     assert client.messages("/Object_topic")[-1]["npc_list"] == []
-    assert len(stand.node.egos) == 1
+    assert len(harness.node.egos) == 1
 
 
 def test_the_nearest_may_be_an_ego() -> None:
@@ -82,15 +82,15 @@ def test_the_nearest_may_be_an_ego() -> None:
 
 
 def test_an_ego_is_put_where_the_message_says() -> None:
-    stand = Stand()
-    client = stand.client()
+    harness = SimHarness()
+    client = harness.client()
     client.listen("/Ego_topic")
     place = {"global_position_x": [100.0], "global_position_y": [-50.0], "global_position_z": [2.0]}
     put(client, 0, **place, global_yaw=[450.0], global_roll=[1.0], global_pitch=[2.0], velocity=[36.0])
-    row = stand.world.row(FIRST_EGO)
-    assert stand.world.roll[row] == pytest.approx(math.radians(1.0))
-    assert stand.world.pitch[row] == pytest.approx(math.radians(2.0))
-    stand.run(0.021)
+    row = harness.world.row(FIRST_EGO)
+    assert harness.world.roll[row] == pytest.approx(math.radians(1.0))
+    assert harness.world.pitch[row] == pytest.approx(math.radians(2.0))
+    harness.run(0.021)
     status = client.messages("/Ego_topic")[0]
     assert status["position"]["x"] == pytest.approx(100.0)
     assert status["position"]["y"] == pytest.approx(-50.0 + 0.2, abs=0.01)
@@ -100,8 +100,8 @@ def test_an_ego_is_put_where_the_message_says() -> None:
 
 
 def test_in_synchronous_mode_it_is_a_reset_between_two_ticks() -> None:
-    stand = Stand(start="sync")
-    client = stand.client()
+    harness = SimHarness(start="sync")
+    client = harness.client()
     client.start()
     client.control(0, longlCmdType=1, accel=1.0)
     for _ in range(100):
@@ -123,37 +123,37 @@ def test_in_synchronous_mode_it_is_a_reset_between_two_ticks() -> None:
     ],
 )
 def test_who_is_put_somewhere_has_forgotten_what_was_commanded(command: dict[str, float]) -> None:
-    stand = Stand("parked")
-    client = stand.client()
+    harness = SimHarness("parked")
+    client = harness.client()
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", **command)
-    stand.run(2.0)
+    harness.run(2.0)
     put(client, 0, global_position_x=[7.0], global_position_y=[8.0])
     client.listen("/Ego_topic")
-    stand.run(2.0)
+    harness.run(2.0)
     for status in client.messages("/Ego_topic"):
         assert (status["position"]["x"], status["position"]["y"], status["heading"]) == (7.0, 8.0, 0.0)
         assert status["velocity"] == status["acceleration"] == {"x": 0.0, "y": 0.0, "z": 0.0}
         assert (status["accel"], status["brake"], status["wheel_angle"]) == (0.0, 0.0, 0.0)
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=2, velocity=18.0)
-    stand.run(3.0)
+    harness.run(3.0)
     assert client.messages("/Ego_topic")[-1]["velocity"]["x"] == pytest.approx(5.0, abs=0.01)
 
 
 def test_a_reset_with_speed_rolls_straight_on_without_pedals() -> None:
-    stand = Stand("parked")
-    client = stand.client()
+    harness = SimHarness("parked")
+    client = harness.client()
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=2, velocity=60.0, steering=0.5)
-    stand.run(1.0)
+    harness.run(1.0)
     put(client, 0, velocity=[36.0])
     client.listen("/Ego_topic")
-    stand.run(1.0)
+    harness.run(1.0)
     last = client.messages("/Ego_topic")[-1]
     assert (last["position"]["y"], last["heading"], last["wheel_angle"]) == (0.0, 0.0, 0.0)
     assert 9.5 < last["velocity"]["x"] < 10.0  # rolling and drag alone
 
 
 def test_a_reset_drops_the_commands_of_that_ego_that_wait_and_the_next_one_counts() -> None:
-    stand, client = two_egos(start="sync")
+    harness, client = two_egos(start="sync")
     client.start()
     throttle = {"longlCmdType": 1, "accel": 1.0}
     for frame in (1, 3, 5):
@@ -161,12 +161,12 @@ def test_a_reset_drops_the_commands_of_that_ego_that_wait_and_the_next_one_count
         assert client.ask("/Ego-2/SyncModeCtrlCmd", frame=frame, command=throttle)["result"]
     assert client.ask("/SyncModeSetGear", frame=4, gear=2)["result"]
     put(client, 0)
-    assert stand.node.sync.num_waiting == 3
+    assert harness.node.sync.num_waiting == 3
     for _ in range(6):
         status = client.tick()["vehicle_status"]
         assert (status["velocity"]["x"], status["accel"]) == (0.0, 0.0)
-    assert stand.node.egos[0].gear.name == "DRIVE"
-    assert stand.world.speed[stand.node.egos[1].row] > 0.0
+    assert harness.node.egos[0].gear.name == "DRIVE"
+    assert harness.world.speed[harness.node.egos[1].row] > 0.0
     put(client, 0)  # twice in one frame is once
     put(client, 0)
     client.control(0, **throttle)
@@ -174,52 +174,52 @@ def test_a_reset_drops_the_commands_of_that_ego_that_wait_and_the_next_one_count
 
 
 def test_a_setting_that_is_refused_leaves_the_command_in_force() -> None:
-    stand = Stand("parked")
-    client = stand.client()
+    harness = SimHarness("parked")
+    client = harness.client()
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
     with pytest.raises(FieldError):
         put(client, 0, gear=[7])
-    stand.run(1.0)
-    assert stand.world.speed[stand.world.row(FIRST_EGO)] > 1.0
+    harness.run(1.0)
+    assert harness.world.speed[harness.world.row(FIRST_EGO)] > 1.0
 
 
 def test_the_gear_changes_at_any_speed_and_0_leaves_it() -> None:
-    stand = Stand()
-    client = stand.client()
+    harness = SimHarness()
+    client = harness.client()
     put(client, 0, velocity=[-18.0], gear=[2])
-    ego = stand.node.egos[0]
+    ego = harness.node.egos[0]
     assert ego.gear.name == "REVERSE"
-    assert stand.world.speed[ego.row] == pytest.approx(-5.0)
+    assert harness.world.speed[ego.row] == pytest.approx(-5.0)
     put(client, 0, gear=[0])
     assert ego.gear.name == "REVERSE"
 
 
 def test_keyboard_mode_takes_the_wheel_from_the_client_and_automatic_gives_it_back() -> None:
-    stand = Stand()
-    client = stand.client()
+    harness = SimHarness()
+    client = harness.client()
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
     put(client, 0, ctrl_mode=[1])
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
-    stand.run(1.0)
-    assert stand.world.speed[stand.world.row(FIRST_EGO)] == 0.0
+    harness.run(1.0)
+    assert harness.world.speed[harness.world.row(FIRST_EGO)] == 0.0
     assert client.ask("/Service_MoraiEventCmd", option=0)["ctrl_mode"] == 1
     put(client, 0, ctrl_mode=[16])
     assert client.ask("/Service_MoraiEventCmd", option=0)["ctrl_mode"] == 3
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
-    stand.run(1.0)
-    assert stand.world.speed[stand.world.row(FIRST_EGO)] > 1.0
+    harness.run(1.0)
+    assert harness.world.speed[harness.world.row(FIRST_EGO)] > 1.0
 
 
 @pytest.mark.parametrize("name", ["ego_index", *LISTS])
 @pytest.mark.parametrize("length", [0, 1, 3])
 def test_a_list_of_another_length_changes_nothing(name: str, length: int) -> None:
-    stand, client = two_egos()
-    before = stand.world.digest()
+    harness, client = two_egos()
+    before = harness.world.digest()
     body = setting(0, 2, global_position_x=[50.0, 60.0])
     body[name] = (body[name] * 2)[:length]
     with pytest.raises(FieldError, match=rf"MultiEgoSetting\.{name}: expected 2 entries"):
         client.send("/ego_setting", SETTING, **body)
-    assert stand.world.digest() == before
+    assert harness.world.digest() == before
 
 
 @pytest.mark.parametrize(
@@ -238,39 +238,39 @@ def test_a_list_of_another_length_changes_nothing(name: str, length: int) -> Non
     ],
 )
 def test_a_bad_entry_changes_nothing_of_the_others(lists: dict[str, Any], text: str) -> None:
-    stand, client = two_egos()
-    before = stand.world.digest()
+    harness, client = two_egos()
+    before = harness.world.digest()
     with pytest.raises(FieldError, match=text):
         client.send("/ego_setting", SETTING, **setting(0, 2, global_position_z=[5.0, 5.0]) | lists)
-    assert stand.world.digest() == before
-    assert len(stand.node.egos) == 2
+    assert harness.world.digest() == before
+    assert len(harness.node.egos) == 2
 
 
 def test_a_message_about_nobody_is_fine() -> None:
-    stand = Stand()
-    put(stand.client())
-    assert stand.node.followed is stand.node.egos[0]
+    harness = SimHarness()
+    put(harness.client())
+    assert harness.node.followed is harness.node.egos[0]
 
 
 def test_the_camera_follows_the_ego_that_is_named_while_there_is_one() -> None:
-    stand, client = two_egos()
+    harness, client = two_egos()
     client.send("/ego_setting", SETTING, **setting(0) | {"camera_index": 2})
-    assert stand.node.followed is stand.node.egos[1]
+    assert harness.node.followed is harness.node.egos[1]
     client.send("/ego_setting", SETTING, **setting(0) | {"camera_index": 77})
-    assert stand.node.followed is stand.node.egos[0]
+    assert harness.node.followed is harness.node.egos[0]
 
 
 # Further egos
 
 
 def test_a_number_that_is_new_is_a_new_ego_with_topics_and_services_of_its_own() -> None:
-    stand, client = two_egos()
+    harness, client = two_egos()
     client.listen("/Ego_topic", "/Ego-2/Ego_topic", "/Ego-2/Object_topic", "/Ego-2/CollisionData")
     client.send("/Ego-2/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
     state = client.ask("/Ego-2/Service_MoraiEventCmd", option=6, gear=4, lamps={"turnSignal": 1, "emergencySignal": 1})
     assert (state["gear"], state["lamps"]["turnSignal"], state["lamps"]["emergencySignal"]) == (4, 1, 1)
     assert client.ask("/Service_MoraiEventCmd", option=0)["lamps"]["turnSignal"] == 0
-    stand.run(2.0)
+    harness.run(2.0)
     first, second = client.messages("/Ego_topic")[-1], client.messages("/Ego-2/Ego_topic")[-1]
     assert (first["unique_id"], first["velocity"]["x"], first["accel"]) == (0, 0.0, 0.0)
     assert (second["unique_id"], second["accel"]) == (2, 1.0)
@@ -283,18 +283,18 @@ def test_a_number_that_is_new_is_a_new_ego_with_topics_and_services_of_its_own()
 
 
 def test_its_number_is_its_own_even_if_an_object_has_the_same() -> None:
-    stand = Stand()  # objects have the ids 3, 4, 7 and 9
-    client = stand.client()
+    harness = SimHarness()  # objects have the ids 3, 4, 7 and 9
+    client = harness.client()
     put(client, 7, global_position_x=[500.0])
     client.listen("/Ego-7/Ego_topic", "/Object_topic")
-    stand.run(0.021)
+    harness.run(0.021)
     assert client.messages("/Ego-7/Ego_topic")[0]["unique_id"] == 7
     assert 7 in [npc["unique_id"] for npc in client.messages("/Object_topic")[0]["npc_list"]]
 
 
 def test_synchronous_mode_is_one_for_all_egos() -> None:
-    stand, client = two_egos(start="sync")
-    other = stand.client()
+    harness, client = two_egos(start="sync")
+    other = harness.client()
     started = other.ask("/Ego-2/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)
     assert started["result"]
     assert not client.start("somebody else")["result"]
@@ -314,10 +314,10 @@ def test_synchronous_mode_is_one_for_all_egos() -> None:
 
 
 def test_egos_that_touch_hear_of_each_other() -> None:
-    stand, client = two_egos()
+    harness, client = two_egos()
     put(client, 2, global_position_x=[-5.0])
     client.listen("/CollisionData", "/Ego-2/CollisionData", "/VehicleCollisionData")
-    stand.run(0.021)
+    harness.run(0.021)
     (mine,) = client.messages("/CollisionData")[0]["collision_object"]
     (its,) = client.messages("/Ego-2/CollisionData")[0]["collision_object"]
     assert (mine["type"], mine["unique_id"]) == (-1, 2)
@@ -326,13 +326,13 @@ def test_egos_that_touch_hear_of_each_other() -> None:
 
 
 def test_a_scenario_with_an_ego_that_clears_the_stage_takes_the_others_and_their_names() -> None:
-    stand, client = two_egos(start="sync")
+    harness, client = two_egos(start="sync")
     client.listen("/Ego-2/Ego_topic")
     client.start()
     client.ask("/Ego-2/SyncModeCtrlCmd", frame=5, command={"longlCmdType": 1, "accel": 1.0})
     client.ask("/Ego-2/SyncModeSetGear", frame=5, gear=4)
     client.ask("/Service_MoraiSL", file_name="crowd", **ALL)
-    assert [ego.index for ego in stand.node.egos] == [0]
+    assert [ego.index for ego in harness.node.egos] == [0]
     assert client.call("/Ego-2/SyncModeCmd", {}).is_ok is False
     for _ in range(6):
         client.tick()
@@ -345,31 +345,31 @@ def test_a_scenario_with_an_ego_that_clears_the_stage_takes_the_others_and_their
 
 @pytest.mark.parametrize("options", [{"delete_all": False}, {"load_ego_vehicle_data": False}])
 def test_other_loads_leave_the_other_egos(options: dict[str, bool]) -> None:
-    stand, client = two_egos()
+    harness, client = two_egos()
     assert client.ask("/Service_MoraiSL", file_name="crowd", **ALL | options)["result"]
-    assert [ego.index for ego in stand.node.egos] == [0, 2]
-    assert all(ego.is_there for ego in stand.node.egos)
+    assert [ego.index for ego in harness.node.egos] == [0, 2]
+    assert all(ego.is_there for ego in harness.node.egos)
 
 
 def test_the_number_of_egos_is_bounded() -> None:
-    stand = Stand()
-    client = stand.client()
+    harness = SimHarness()
+    client = harness.client()
     put(client, *range(2, MAX_EGOS + 1))
     with pytest.raises(FieldError, match=f"{MAX_EGOS} egos at most"):
         put(client, MAX_EGOS + 1)
-    assert len(stand.node.egos) == MAX_EGOS
+    assert len(harness.node.egos) == MAX_EGOS
 
 
 def test_a_client_that_has_the_names_of_an_ego_before_it_comes_does_not_keep_it_out() -> None:
-    stand = Stand()
-    client, user = stand.client(), stand.client()
+    harness = SimHarness()
+    client, user = harness.client(), harness.client()
     client.send("/Ego-2/ctrl_cmd", "std_msgs/String", data="mine")
     client.send("/Ego-2/Ego_topic", "std_msgs/String", data="mine")
     client.send("/Ego-2/gps", "morai_msgs/GPSMessage")
-    stand.bus.subscribe(client, "/Ego-2/imu", lambda *_: None, type_name="std_msgs/Int32")
-    stand.bus.provide(client, "/Ego-2/SyncModeCmd", "std_srvs/Trigger", lambda *_: None)
+    harness.bus.subscribe(client, "/Ego-2/imu", lambda *_: None, type_name="std_msgs/Int32")
+    harness.bus.provide(client, "/Ego-2/SyncModeCmd", "std_srvs/Trigger", lambda *_: None)
     put(user, 2)
-    assert [ego.index for ego in stand.node.egos] == [0, 2]
+    assert [ego.index for ego in harness.node.egos] == [0, 2]
     assert sorted(client.lost) == [
         ("service", "/Ego-2/SyncModeCmd"),
         *(("topic", f"/Ego-2/{name}") for name in ("Ego_topic", "ctrl_cmd", "gps")),
@@ -377,7 +377,7 @@ def test_a_client_that_has_the_names_of_an_ego_before_it_comes_does_not_keep_it_
     assert len(client.told) == 5
     user.listen("/Ego-2/Ego_topic")
     user.send("/Ego-2/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
-    stand.run(1.0)
+    harness.run(1.0)
     assert user.messages("/Ego-2/Ego_topic")[-1]["velocity"]["x"] > 0.0
 
 
@@ -385,95 +385,95 @@ def test_a_topic_that_a_part_of_the_server_gave_another_type_keeps_the_ego_out()
     class Part:
         name = "/part"
 
-        def tell(self, level: str, text: str) -> None:
+        def notify(self, level: str, text: str) -> None:
             pass
 
-    stand = Stand()
-    client = stand.client()
-    stand.bus.advertise(Part(), "/Ego-3/ctrl_cmd", "std_msgs/String")
-    before = len(stand.bus.services)
+    harness = SimHarness()
+    client = harness.client()
+    harness.bus.advertise(Part(), "/Ego-3/ctrl_cmd", "std_msgs/String")
+    before = len(harness.bus.services)
     with pytest.raises(GraphError, match="already established"):
         put(client, 2, 3)
-    assert [ego.index for ego in stand.node.egos] == [0]
-    assert len(stand.bus.services) == before
-    assert len(stand.world.rows(Kind.EGO)) == 1
+    assert [ego.index for ego in harness.node.egos] == [0]
+    assert len(harness.bus.services) == before
+    assert len(harness.world.rows(Kind.EGO)) == 1
     put(client, 2)
-    assert [ego.index for ego in stand.node.egos] == [0, 2]
+    assert [ego.index for ego in harness.node.egos] == [0, 2]
 
 
 def test_another_ego_has_the_rate_of_the_first_or_its_own() -> None:
-    stand, client = two_egos(network=rates({"/Ego_topic": 10.0, "/Ego-3/Ego_topic": 25.0}))
+    harness, client = two_egos(network=rates({"/Ego_topic": 10.0, "/Ego-3/Ego_topic": 25.0}))
     put(client, 3)
     client.listen("/Ego-2/Ego_topic", "/Ego-3/Ego_topic", "/Ego-3/Object_topic")
-    stand.run(1.0)
+    harness.run(1.0)
     names = ("/Ego-2/Ego_topic", "/Ego-3/Ego_topic", "/Ego-3/Object_topic")
     assert [len(client.messages(name)) for name in names] == [10, 25, 50]
     for name in ("/Ego-2/VehicleCollision", "/Ego-x/Ego_topic"):
         with pytest.raises(DocumentError, match=r"^publishers\..*: the simulator has no such publisher"):
-            Stand(network=rates({name: 10.0}))
+            SimHarness(network=rates({name: 10.0}))
     with pytest.raises(DocumentError, match="at most 120 Hz"):
-        Stand(network=rates({"/Ego-2/Ego_topic": 500.0}))
+        SimHarness(network=rates({"/Ego-2/Ego_topic": 500.0}))
 
 
 def test_many_comings_and_goings_of_egos_leave_nothing() -> None:
-    stand, client = two_egos()
+    harness, client = two_egos()
     client.ask("/Service_MoraiSL", file_name="parked", **ALL)
-    before = (len(stand.bus.topics), len(stand.bus.services))
+    before = (len(harness.bus.topics), len(harness.bus.services))
     for _ in range(20):
         put(client, 2, 3, 4)
-        stand.run(0.1)
+        harness.run(0.1)
         client.ask("/Service_MoraiSL", file_name="parked", **ALL)
-    stand.bus.expire(stand.now + 1_000.0)
-    assert len(stand.bus.services) == before[1]
-    assert len(stand.bus.topics) <= before[0]
+    harness.bus.expire(harness.now + 1_000.0)
+    assert len(harness.bus.services) == before[1]
+    assert len(harness.bus.topics) <= before[0]
 
 
 def test_a_longer_list_than_there_can_be_egos_is_refused_before_it_is_read() -> None:
-    stand = Stand()
+    harness = SimHarness()
     with pytest.raises(FieldError, match=f"there are {MAX_EGOS} egos at most, got {MAX_EGOS + 1} entries"):
-        put(stand.client(), *[7] * (MAX_EGOS + 1))
-    assert len(stand.node.egos) == 1
+        put(harness.client(), *[7] * (MAX_EGOS + 1))
+    assert len(harness.node.egos) == 1
 
 
 # Who has left
 
 
 def test_services_of_an_ego_that_left_are_known_until_it_comes_back() -> None:
-    stand, client = two_egos()
+    harness, client = two_egos()
     name = "/Ego-2/Service_MoraiEventCmd"
-    assert name in stand.bus.services
-    assert not stand.node.why_gone(name)
-    stand.node.reset(None, 0.0)
-    assert name not in stand.bus.services
-    assert stand.node.why_gone(name) == "ego 2 has left"
-    assert not stand.node.why_gone("/Service_MoraiEventCmd")
-    assert not stand.node.why_gone("/Ego-3/Service_MoraiEventCmd")
+    assert name in harness.bus.services
+    assert not harness.node.why_gone(name)
+    harness.node.reset(None, 0.0)
+    assert name not in harness.bus.services
+    assert harness.node.why_gone(name) == "ego 2 has left"
+    assert not harness.node.why_gone("/Service_MoraiEventCmd")
+    assert not harness.node.why_gone("/Ego-3/Service_MoraiEventCmd")
     put(client, 2)
-    assert not stand.node.why_gone(name)
+    assert not harness.node.why_gone(name)
 
 
 def test_services_of_an_ego_are_never_taken_for_gone_for_good_while_it_leaves_and_returns() -> None:
-    stand, client = two_egos()
-    names = [name for name in stand.bus.services if name.startswith("/Ego-2/")]
+    harness, client = two_egos()
+    names = [name for name in harness.bus.services if name.startswith("/Ego-2/")]
     lost: list[str] = []
 
-    def look(_owner: Owner) -> None:
-        lost.extend(name for name in names if name not in stand.bus.services and not stand.node.why_gone(name))
+    def look(_owner: Participant) -> None:
+        lost.extend(name for name in names if name not in harness.bus.services and not harness.node.why_gone(name))
 
-    stand.bus.on_holdings.append(look)
-    stand.node.reset(None, 0.0)
+    harness.bus.on_holdings.append(look)
+    harness.node.reset(None, 0.0)
     put(client, 2)
     assert names
     assert not lost
 
 
 def test_egos_under_ever_new_numbers_are_not_remembered_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rosbridge_sim.morai.node.MAX_GONE", 3)
-    stand, client = two_egos()
+    monkeypatch.setattr("rosbridge_sim.morai.simulator_node.MAX_GONE", 3)
+    harness, client = two_egos()
     for index in range(10, 20):
-        stand.node.reset(None, 0.0)
+        harness.node.reset(None, 0.0)
         put(client, index)
-    stand.node.reset(None, 0.0)
-    assert len(stand.node._gone) == 3
-    assert stand.node.why_gone("/Ego-19/Service_MoraiEventCmd")
-    assert not stand.node.why_gone("/Ego-10/Service_MoraiEventCmd")
+    harness.node.reset(None, 0.0)
+    assert len(harness.node._gone) == 3
+    assert harness.node.why_gone("/Ego-19/Service_MoraiEventCmd")
+    assert not harness.node.why_gone("/Ego-10/Service_MoraiEventCmd")

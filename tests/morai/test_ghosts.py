@@ -10,10 +10,10 @@ import pytest
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.morai.catalogue import Catalogue, Model
-from rosbridge_sim.morai.ghosts import WINDOW
-from rosbridge_sim.morai.stage import FIRST_EGO, MAX_ENTITIES, MAX_FILE_UID
+from rosbridge_sim.morai.ghosts import SPEED_WINDOW
+from rosbridge_sim.morai.scene import FIRST_EGO, MAX_ENTITIES, MAX_FILE_UID
 from rosbridge_sim.world.state import DT, Body, Kind
-from tests.morai.stand import ALL, Client, Stand
+from tests.morai.sim_harness import ALL, Client, SimHarness
 
 GHOST = "morai_msgs/GhostMessage"
 GHOSTS = "morai_msgs/NpcGhostCmd"
@@ -40,8 +40,8 @@ def npcs_of(client: Client) -> dict[int, dict[str, Any]]:
 
 
 def test_a_ghost_stands_where_it_was_put_and_shows_what_was_said() -> None:
-    stand = Stand()
-    client = stand.client()
+    harness = SimHarness()
+    client = harness.client()
     client.listen("/Ego_topic")
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
     client.send(
@@ -52,7 +52,7 @@ def test_a_ghost_stands_where_it_was_put_and_shows_what_was_said() -> None:
         velocity=72.0,
         steering_angle=10.0,
     )
-    stand.run(0.5)
+    harness.run(0.5)
     first, last = (client.messages("/Ego_topic")[i] for i in (0, -1))
     for status in (first, last):
         assert status["position"] == vector(70.0, -3.0, 1.0)
@@ -60,18 +60,18 @@ def test_a_ghost_stands_where_it_was_put_and_shows_what_was_said() -> None:
         assert status["velocity"]["x"] == pytest.approx(20.0)
         assert status["wheel_angle"] == pytest.approx(math.radians(10.0), rel=1e-6)
         assert status["acceleration"] == vector()
-    row = stand.world.row(FIRST_EGO)
-    assert (stand.world.roll[row], stand.world.pitch[row]) == pytest.approx((math.radians(1.0), math.radians(2.0)))
+    row = harness.world.row(FIRST_EGO)
+    assert (harness.world.roll[row], harness.world.pitch[row]) == pytest.approx((math.radians(1.0), math.radians(2.0)))
 
 
 @pytest.mark.parametrize("way", ["command", "setting", "mode"])
 def test_a_ghost_drives_again_at_the_next_command_teleport_or_change_of_mode(way: str) -> None:
-    stand = Stand()
-    client = stand.client()
+    harness = SimHarness()
+    client = harness.client()
     client.send("/ghost_ctrl_cmd", GHOST, position=vector(70.0), velocity=36.0)
-    stand.run(0.2)
-    row = stand.world.row(FIRST_EGO)
-    assert stand.world.x[row] == 70.0
+    harness.run(0.2)
+    row = harness.world.row(FIRST_EGO)
+    assert harness.world.x[row] == 70.0
     if way == "command":
         client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=2, velocity=36.0)
     elif way == "mode":
@@ -89,14 +89,14 @@ def test_a_ghost_drives_again_at_the_next_command_teleport_or_change_of_mode(way
             ctrl_mode=[16],
             **{name: [0.0] for name in lists},
         )
-    stand.run(0.2)
-    assert stand.world.x[row] == pytest.approx(72.0, abs=0.1)
+    harness.run(0.2)
+    assert harness.world.x[row] == pytest.approx(72.0, abs=0.1)
 
 
 def test_ghost_control_takes_external_mode_and_real_time() -> None:
-    stand = Stand(start_mode="keyboard")
-    client = stand.client()
-    before = stand.world.digest()
+    harness = SimHarness(start_mode="keyboard")
+    client = harness.client()
+    before = harness.world.digest()
     for _ in range(2):
         client.send("/ghost_ctrl_cmd", GHOST, position=vector(70.0))
     assert [text for _, text in client.told] == [
@@ -106,7 +106,7 @@ def test_ghost_control_takes_external_mode_and_real_time() -> None:
     client.start()
     client.send("/ghost_ctrl_cmd", GHOST, position=vector(70.0))
     assert client.told[-1] == ("warning", "/ghost_ctrl_cmd is ignored in synchronous mode: use /ego_setting")
-    assert stand.world.digest() == before
+    assert harness.world.digest() == before
 
 
 @pytest.mark.parametrize(
@@ -121,22 +121,22 @@ def test_ghost_control_takes_external_mode_and_real_time() -> None:
     ],
 )
 def test_a_ghost_message_with_a_bad_number_does_nothing(wrong: dict[str, Any]) -> None:
-    stand = Stand()
-    before = stand.world.digest()
+    harness = SimHarness()
+    before = harness.world.digest()
     with pytest.raises(FieldError, match="GhostMessage"):
-        stand.client().send("/ghost_ctrl_cmd", GHOST, **wrong)
-    assert stand.world.digest() == before
+        harness.client().send("/ghost_ctrl_cmd", GHOST, **wrong)
+    assert harness.world.digest() == before
 
 
 # Vehicles
 
 
 def test_a_number_that_is_new_brings_a_vehicle_of_the_model() -> None:
-    stand = Stand("empty")
-    client = stand.client()
+    harness = SimHarness("empty")
+    client = harness.client()
     client.listen("/Object_topic")
     place(client, npc(2, 30.0, yaw=90.0), npc(3, 40.0, 5.0, name="Bus"))
-    stand.run(0.1)
+    harness.run(0.1)
     npcs = npcs_of(client)
     assert {uid: each["name"] for uid, each in npcs.items()} == {2: NIRO, 3: "Bus"}
     assert npcs[2]["heading"] == pytest.approx(90.0)
@@ -146,27 +146,27 @@ def test_a_number_that_is_new_brings_a_vehicle_of_the_model() -> None:
 
 def test_a_ghost_may_be_a_model_of_the_users() -> None:
     lorry = Model("Lorry", Kind.VEHICLE, replace(Body(), length=9.0, front_overhang=5.41))
-    stand = Stand("empty", catalogue=Catalogue([lorry]))
-    client = stand.client()
+    harness = SimHarness("empty", catalogue=Catalogue([lorry]))
+    client = harness.client()
     place(client, npc(2, 30.0, name="lorry"))
     assert client.ask("/Service_MoraiVehicleSpec", unique_id=2)["size"]["x"] == 9.0
     with pytest.raises(FieldError, match="the catalogue has no vehicle 'lorry'"):
-        place(Stand("empty").client(), npc(2, 30.0, name="lorry"))
+        place(SimHarness("empty").client(), npc(2, 30.0, name="lorry"))
 
 
 def test_a_vehicle_that_drove_becomes_a_ghost() -> None:
-    stand = Stand()  # 7 is a vehicle that goes at 10 m/s, along no path
-    client = stand.client()
+    harness = SimHarness()  # 7 is a vehicle that goes at 10 m/s, along no path
+    client = harness.client()
     client.listen("/Object_topic")
     place(client, npc(7, 300.0, name=""))
-    stand.run(0.5)
+    harness.run(0.5)
     assert npcs_of(client)[7]["position"] == vector(300.0)
     assert npcs_of(client)[7]["velocity"] == vector()
 
 
 def test_in_synchronous_mode_vehicles_are_placed_between_ticks() -> None:
-    stand = Stand(start="sync")
-    client = stand.client()
+    harness = SimHarness(start="sync")
+    client = harness.client()
     client.listen("/Object_topic", "/CollisionData")
     client.start()
     for i in range(3):
@@ -179,16 +179,16 @@ def test_in_synchronous_mode_vehicles_are_placed_between_ticks() -> None:
     assert places == [[40.0], [30.0], [20.0]]
     hits = [[each["unique_id"] for each in m["collision_object"]] for m in client.messages("/CollisionData")]
     assert hits == [[], [], [50]]
-    assert stand.world.frame == 3
+    assert harness.world.frame == 3
 
 
 def test_the_speed_of_a_ghost_is_worked_out_from_its_way() -> None:
-    stand = Stand("empty", start="sync")
-    client = stand.client()
+    harness = SimHarness("empty", start="sync")
+    client = harness.client()
     client.listen("/Object_topic")
     client.start()
     speeds = []
-    for i in range(4 * WINDOW):
+    for i in range(4 * SPEED_WINDOW):
         place(client, npc(2, 10.0 + 0.3 * i), npc(3, 10.0 - 0.1 * i))
         if i % 7 == 0:  # two messages within one frame
             place(client, npc(2, 10.0 + 0.3 * i), npc(3, 10.0 - 0.1 * i))
@@ -209,21 +209,21 @@ def test_the_speed_of_a_ghost_is_worked_out_from_its_way() -> None:
 
 def test_the_speed_of_a_ghost_is_its_mean_over_the_window() -> None:
     """A window that is a frame longer lags behind whoever brakes."""
-    stand = Stand("empty", start="sync")
-    client = stand.client()
+    harness = SimHarness("empty", start="sync")
+    client = harness.client()
     client.listen("/Object_topic")
     client.start()
-    for i in range(3 * WINDOW):
+    for i in range(3 * SPEED_WINDOW):
         place(client, npc(2, 10.0 + 0.002 * i * i))
         client.tick()
-    last = 3 * WINDOW - 1
-    way = 0.002 * (last**2 - (last - WINDOW) ** 2)
-    assert npcs_of(client)[2]["velocity"]["x"] / 3.6 == pytest.approx(way / (WINDOW * DT))
+    last = 3 * SPEED_WINDOW - 1
+    way = 0.002 * (last**2 - (last - SPEED_WINDOW) ** 2)
+    assert npcs_of(client)[2]["velocity"]["x"] / 3.6 == pytest.approx(way / (SPEED_WINDOW * DT))
 
 
 def test_the_newer_release_tells_the_speed() -> None:
-    stand = Stand("empty", release="26.R1", start="sync")
-    client = stand.client()
+    harness = SimHarness("empty", release="26.R1", start="sync")
+    client = harness.client()
     client.listen("/Object_topic")
     client.start()
     for i in range(3):
@@ -248,16 +248,16 @@ def test_the_newer_release_tells_the_speed() -> None:
     ],
 )
 def test_one_bad_entry_and_nobody_moves(wrong: dict[str, Any], text: str) -> None:
-    stand = Stand()
-    before = stand.world.digest()
+    harness = SimHarness()
+    before = harness.world.digest()
     with pytest.raises(FieldError, match=text):
-        place(stand.client(), npc(7, 99.0), npc(60, 9.0), wrong)
-    assert stand.world.digest() == before
+        place(harness.client(), npc(7, 99.0), npc(60, 9.0), wrong)
+    assert harness.world.digest() == before
 
 
 def test_an_egos_number_is_no_vehicles() -> None:
-    stand = Stand("empty")
-    client = stand.client()
+    harness = SimHarness("empty")
+    client = harness.client()
     lists = ("global_position_x", "global_position_y", "global_position_z", "global_roll", "global_pitch", "global_yaw")
     client.send(
         "/ego_setting",
@@ -274,12 +274,12 @@ def test_an_egos_number_is_no_vehicles() -> None:
 
 
 def test_a_client_may_use_its_numbers_again_after_a_load_and_new_ids_are_others() -> None:
-    stand = Stand("empty")
-    client = stand.client()
+    harness = SimHarness("empty")
+    client = harness.client()
     client.listen("/Object_topic")
     place(client, npc(40, 0.0))
     client.ask("/Service_MoraiSL", file_name="parked", **ALL)
-    stand.run(0.021)
+    harness.run(0.021)
     assert npcs_of(client) == {}
     place(client, npc(40, 50.0))
     client.start()
@@ -290,8 +290,8 @@ def test_a_client_may_use_its_numbers_again_after_a_load_and_new_ids_are_others(
 
 def test_the_number_of_ghosts_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rosbridge_sim.morai.ghosts.MAX_ENTITIES", 3)
-    stand = Stand("empty")
-    client = stand.client()
+    harness = SimHarness("empty")
+    client = harness.client()
     place(client, npc(2, 0.0), npc(3, 9.0))
     with pytest.raises(FieldError, match="holds 3 at most"):
         place(client, npc(2, 50.0), npc(4, 0.0))
@@ -302,8 +302,8 @@ def test_the_number_of_ghosts_is_bounded(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_lamps_are_seen_in_the_answer_of_the_event_service() -> None:
-    stand = Stand()
-    client = stand.client()
+    harness = SimHarness()
+    client = harness.client()
     for turn, emergency in ((1, 0), (2, 1), (0, 0)):
         client.send("/lamps", "morai_msgs/Lamps", turnSignal=turn, emergencySignal=emergency)
         lamps = client.ask("/Service_MoraiEventCmd", option=0)["lamps"]
@@ -316,8 +316,8 @@ def test_lamps_are_seen_in_the_answer_of_the_event_service() -> None:
 
 
 def test_more_vehicles_than_the_world_holds_are_refused_before_they_are_read() -> None:
-    stand = Stand()
-    before = stand.world.digest()
+    harness = SimHarness()
+    before = harness.world.digest()
     with pytest.raises(FieldError, match=f"the world holds 20,000 at most, got {MAX_ENTITIES + 1:,} vehicles"):
-        stand.client().send("/NpcGhost_Topic", "morai_msgs/NpcGhostCmd", npc_list=[{}] * (MAX_ENTITIES + 1))
-    assert stand.world.digest() == before
+        harness.client().send("/NpcGhost_Topic", "morai_msgs/NpcGhostCmd", npc_list=[{}] * (MAX_ENTITIES + 1))
+    assert harness.world.digest() == before

@@ -7,20 +7,20 @@ import pytest
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.maps.lights import colour_of, light_type
-from rosbridge_sim.world.plan import UNSET, Lamp, Plan
+from rosbridge_sim.world.signal_plan import UNSET, Lamp, SignalPlan
 from rosbridge_sim.world.signals import Signals
 from tests.morai.maps import KOREAN, ROADRUNNER, Files, light, read
 
 R, Y, G, L = Lamp.RED, Lamp.YELLOW, Lamp.GREEN, Lamp.LEFT
 
 
-def plan_of(files: Files) -> Plan:
+def plan_of(files: Files) -> SignalPlan:
     plan = read(files).plan
     assert plan is not None
     return plan
 
 
-def shown(plan: Plan, *seconds: float) -> list[list[int]]:
+def shown(plan: SignalPlan, *seconds: float) -> list[list[int]]:
     signals = Signals(plan)
     out = []
     for second in seconds:

@@ -15,10 +15,10 @@ from hypothesis import HealthCheck, given, settings
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.morai.reading import AtOnce, Reader
-from rosbridge_sim.morai.sync import State
-from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
+from rosbridge_sim.morai.sync import SyncState
+from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
-from tests.morai.stand import ALL, SCENARIOS, ByHand, Stand
+from tests.morai.sim_harness import ALL, SCENARIOS, ByHand, SimHarness
 
 Frame = dict[str, Any]
 
@@ -89,11 +89,11 @@ class Set:
 
     def __init__(self, reader: Reader | None = None, **options: Any) -> None:  # noqa: ANN401 - the stand's own
         self.reader = ByHand()
-        self.stand = Stand(reader=reader or self.reader, **options)
-        self.world, self.sync = self.stand.world, self.stand.node.sync
+        self.harness = SimHarness(reader=reader or self.reader, **options)
+        self.world, self.sync = self.harness.world, self.harness.node.sync
 
     def wire(self) -> Wire:
-        return Wire(self.stand.bus)
+        return Wire(self.harness.bus)
 
     def master(self, **options: Any) -> Wire:  # noqa: ANN401 - those of the call
         wire = self.wire()
@@ -131,7 +131,7 @@ def test_others_go_on_while_a_scenario_is_read() -> None:
     one = Set()
     loader, other = one.wire(), one.wire()
     loader.load()
-    one.stand.run(0.1)
+    one.harness.run(0.1)
     assert one.world.frame >= 5
     other.call("/Service_MoraiEventCmd", option=0)
     other.start()
@@ -153,7 +153,7 @@ def test_loads_of_one_client_are_read_one_after_the_other() -> None:
         assert len(one.reader.waiting) == 1
         one.reader.hand_over()
     assert client.answers() == [(LOAD, True)] * 3
-    assert one.stand.node.stage.loaded.name == "crowd"
+    assert one.harness.node.scene.loaded.name == "crowd"
     assert not client.peer.is_held
 
 
@@ -194,7 +194,7 @@ def test_load_of_a_client_that_has_left_takes_effect_and_leaves_nothing_behind(w
     assert len(one.world) == PARKED
     assert client.answers() == []
     assert not client.peer.is_held
-    assert client.peer not in one.stand.bus.owners()
+    assert client.peer not in one.harness.bus.owners()
 
 
 def test_load_that_a_reset_overtakes_fails() -> None:
@@ -218,11 +218,11 @@ def test_scenario_without_a_map_stands_on_the_map_that_is_there_when_it_comes_in
     first.load("parked")  # names no map
     second.load("elsewhere")
     one.reader.hand_over(1)
-    road_map = one.stand.node.stage.road_map
+    road_map = one.harness.node.scene.road_map
     assert road_map.name == "hills"
     one.reader.hand_over(0)
-    assert one.stand.node.stage.road_map is road_map
-    assert one.stand.node.stage.loaded.name == "parked"
+    assert one.harness.node.scene.road_map is road_map
+    assert one.harness.node.scene.loaded.name == "parked"
 
 
 def test_load_that_is_given_up_by_its_caller_still_holds_what_comes_behind_it() -> None:
@@ -230,7 +230,7 @@ def test_load_that_is_given_up_by_its_caller_still_holds_what_comes_behind_it() 
     client = one.master()
     client.send(op="call_service", service=LOAD, timeout=1.0, args={"request": {"file_name": "parked", **ALL}})
     client.tick()
-    one.stand.bus.expire(2.0)
+    one.harness.bus.expire(2.0)
     (refusal,) = [json.loads(frame) for frame in client.frames]
     assert (refusal["result"], one.world.frame) == (False, 0)
     one.reader.hand_over()
@@ -262,13 +262,13 @@ def test_master_that_is_held_does_not_lose_its_lease() -> None:
     client.load()
     client.now = 30.0
     client.tick()
-    one.stand.node.advance(20.0)
-    assert one.stand.node.next_due(20.0) is None
+    one.harness.node.advance(20.0)
+    assert one.harness.node.next_due(20.0) is None
     one.reader.hand_over(now=30.0)
     assert client.answers() == [(LOAD, True), (TICK, (True, 1))]
-    assert one.stand.node.next_due(30.0) == 31.0
-    one.stand.node.advance(31.0)
-    assert one.sync.state is State.FREE
+    assert one.harness.node.next_due(30.0) == 31.0
+    one.harness.node.advance(31.0)
+    assert one.sync.state is SyncState.FREE
 
 
 # At a frame
@@ -310,7 +310,7 @@ def test_tick_waits_for_the_load_of_its_frame_and_its_caller_waits_with_it() -> 
     assert loader.answers() == [(LOAD_AT, True)]
     assert [service for service, _ in master.answers()] == [TICK, "/Service_MoraiEventCmd"]
     assert (one.world.frame, len(one.world)) == (2, PARKED)
-    assert one.sync.state is State.LED
+    assert one.sync.state is SyncState.LED
 
 
 def test_tick_of_many_frames_is_one_whole_that_waits_before_its_first_frame() -> None:
@@ -348,7 +348,7 @@ def test_tick_waits_for_all_loads_of_its_frame_and_they_take_effect_in_the_order
     assert second.answers() == [(LOAD_AT, True)]
     one.reader.hand_over()
     assert master.answers() == [(TICK, (True, 1))]
-    assert one.stand.node.stage.loaded.name == "crowd"
+    assert one.harness.node.scene.loaded.name == "crowd"
 
 
 def test_ticks_of_all_who_use_the_masters_id_wait_in_their_order() -> None:
@@ -387,7 +387,7 @@ def test_last_holder_that_leaves_while_its_tick_waits_ends_the_mode() -> None:
     loader.load_at(1)
     master.tick()
     master.peer.leave(0.0)
-    assert one.sync.state is State.OPEN
+    assert one.sync.state is SyncState.OPEN
     one.reader.hand_over()
     assert loader.answers() == [(LOAD_AT, True)], "it was accepted, and dropped with the mode"
     assert (one.world.frame, len(one.world)) == (0, CROWD)
@@ -405,12 +405,14 @@ def reset(wire: Wire) -> None:
 @pytest.mark.parametrize(
     ("act", "state", "why"),
     [
-        (pause, State.LED_PAUSED, "the simulation was paused"),
-        (Wire.stop, State.FREE, "synchronous mode has ended"),
-        (reset, State.LED, "the simulation was reset"),
+        (pause, SyncState.LED_PAUSED, "the simulation was paused"),
+        (Wire.stop, SyncState.FREE, "synchronous mode has ended"),
+        (reset, SyncState.LED, "the simulation was reset"),
     ],
 )
-def test_pause_stop_and_reset_refuse_the_tick_that_waits(act: Callable[[Wire], None], state: State, why: str) -> None:
+def test_pause_stop_and_reset_refuse_the_tick_that_waits(
+    act: Callable[[Wire], None], state: SyncState, why: str
+) -> None:
     one = Set()
     master, loader, other = one.master(), one.wire(), one.wire()
     master.tick()
@@ -438,10 +440,10 @@ def test_lease_of_a_master_whose_tick_waits_does_not_end() -> None:
     master, loader = one.master(), one.wire()
     loader.load_at(1)
     master.tick()
-    one.stand.node.advance(50.0)
+    one.harness.node.advance(50.0)
     one.reader.hand_over(now=50.0)
     assert master.answers() == [(TICK, (True, 1))]
-    assert one.stand.node.next_due(50.0) == 51.0
+    assert one.harness.node.next_due(50.0) == 51.0
 
 
 def test_scenario_for_the_first_frame_may_be_read_before_there_is_a_master() -> None:
@@ -487,7 +489,7 @@ def test_ticks_that_wait_are_refused_if_the_first_of_them_fails(mode: str) -> No
     loader.load_at(1)
     first.tick()
     second.tick()
-    one.stand.node._placing.append(lambda: 1 // 0)  # type: ignore[arg-type] # as good a bug as any
+    one.harness.node._placing.append(lambda: 1 // 0)  # type: ignore[arg-type] # as good a bug as any
     one.reader.hand_over()
     assert loader.answers() == [(LOAD_AT, True)]
     for master in (first, second):
@@ -502,7 +504,7 @@ def test_load_into_a_world_that_has_failed_meanwhile_is_refused(load: Callable[[
     one = Set(on_world_failure="serve")
     master, loader = one.master(), one.wire()
     load(loader)
-    one.stand.node._fail(ZeroDivisionError("planted"))
+    one.harness.node._fail(ZeroDivisionError("planted"))
     before = one.world.digest()
     one.reader.hand_over()
     answer, told = [json.loads(frame) for frame in loader.frames]
@@ -560,7 +562,7 @@ def test_slow_disk_changes_no_byte_of_what_a_client_hears(acts: list[tuple[str, 
 def test_slow_disk_changes_no_byte_of_what_a_listener_hears_of_a_master_and_a_loader() -> None:
     def heard(reader: Reader) -> tuple[list[bytes], str]:
         one = Set(reader, start="sync")
-        listener = one.stand.client()
+        listener = one.harness.client()
         listener.listen("/Ego_topic", "/Object_topic", "/SyncModeInfo")
         master = one.master(time_step=60)
         for i in range(8):

@@ -15,14 +15,14 @@ import pytest
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.morai.maps.mgeo import RoadMap
-from rosbridge_sim.morai.node import NodeSettings
-from rosbridge_sim.morai.scenarios.scenario import Scenario, read_scenario
-from rosbridge_sim.morai.simulator import make_node
-from rosbridge_sim.morai.stage import WHOLE
+from rosbridge_sim.morai.node_factory import make_node
+from rosbridge_sim.morai.scenarios.reader import Scenario, read_scenario
+from rosbridge_sim.morai.scene import WHOLE
+from rosbridge_sim.morai.simulator_node import NodeSettings
 from rosbridge_sim.world.state import World
 from scripts.soak.scenes import BAD, GOOD, MISSING
 from tests.morai.maps import KOREAN, ROADRUNNER, read
-from tests.morai.stand import ALL, Client, make_store
+from tests.morai.sim_harness import ALL, Client, make_store
 
 MAPS = {"track": KOREAN, "town": ROADRUNNER}
 
@@ -87,7 +87,7 @@ class Run:
 
 
 def fingerprint(run: Run) -> tuple[str, RoadMap]:
-    return run.world.digest(), run.node.stage.road_map
+    return run.world.digest(), run.node.scene.road_map
 
 
 @pytest.mark.slow
@@ -134,10 +134,10 @@ def test_a_bad_load_changes_nothing_and_says_why(name: str) -> None:
 def test_an_agent_that_the_world_refuses_undoes_the_whole_load(name: str) -> None:
     run = Run()
     before, roads, plan = fingerprint(run), run.world.roads, run.world.signals.plan
-    load = run.node.stage.prepare(run.node.library.scenario(name), WHOLE)
+    load = run.node.scene.prepare(run.node.library.scenario(name), WHOLE)
     object.__setattr__((*load.egos, *load.others)[-1], "x", np.inf)
     with pytest.raises(DocumentError, match=f"{name}: "):
-        run.node.stage.carry_out(load)
+        run.node.scene.carry_out(load)
     assert fingerprint(run) == before
     assert run.world.roads is roads, "though the scenario has another map"
     assert run.world.signals.plan is plan

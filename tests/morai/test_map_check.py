@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from rosbridge_sim.morai.maps.map_check import describe_map, list_files
+from rosbridge_sim.morai.maps.check import describe_map, list_files
 from rosbridge_sim.morai.maps.mgeo import find_map_mistakes, read_map
 from tests.morai.maps import KOREAN, ROADRUNNER, Files, light, node
 

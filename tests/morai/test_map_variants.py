@@ -11,7 +11,7 @@ import pytest
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.maps.links import LANE_WIDTH
 from rosbridge_sim.morai.maps.mgeo import FILES, MAP_FILES, RoadMap, read_map
-from rosbridge_sim.shell.storage import DiskLibrary
+from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.signals import Signals
 from tests.morai.maps import KOREAN, ROADRUNNER, Files, read
 

@@ -10,11 +10,11 @@ import pytest
 
 from rosbridge_sim.morai.maps.lights import light_type
 from rosbridge_sim.morai.maps.mgeo import RoadMap
-from rosbridge_sim.world.network import Network
-from rosbridge_sim.world.plan import Lamp
+from rosbridge_sim.world.lane_conflicts import LaneConflicts
+from rosbridge_sim.world.signal_plan import Lamp
 from rosbridge_sim.world.signals import Signals
 from tests.support import ROOT
-from tests.world.roadworks import MAPS, built_in
+from tests.world.road_factory import MAPS, built_in
 
 NAMES = ("track", "town", "loop")
 
@@ -66,7 +66,7 @@ def test_lanes_of_the_motorway_lie_side_by_side() -> None:
     left, right = roads.beside(roads.nearest(roads.points[:, 0], roads.points[:, 1]))
     assert np.allclose(left, 1.75, atol=0.06)
     assert np.allclose(right, 1.75, atol=0.06)
-    assert len(Network(roads).rivals.other) == 0
+    assert len(LaneConflicts(roads).rivals.other) == 0
 
 
 def town() -> RoadMap:
@@ -104,7 +104,7 @@ def test_no_two_who_cross_have_green() -> None:
     road_map = town()
     roads, plan = road_map.roads, road_map.plan
     assert plan is not None
-    network = Network(roads)
+    network = LaneConflicts(roads)
     signals = Signals(plan)
     ever = np.zeros(len(roads), dtype=bool)
     lit = plan.light_of_lane >= 0

@@ -6,9 +6,9 @@ import json
 
 import pytest
 
-from rosbridge_sim.graph.unpublished import PATIENCE
-from tests.graph.room import make_peer
-from tests.morai.stand import Stand
+from rosbridge_sim.graph.unpublished import UNPUBLISHED_AFTER
+from tests.graph.bus_fixture import make_peer
+from tests.morai.sim_harness import SimHarness
 
 
 @pytest.mark.parametrize(
@@ -21,11 +21,11 @@ from tests.morai.stand import Stand
     ],
 )
 def test_listener_to_a_sensor_that_is_missing_is_told_so(topic: str, type_name: str, word: str) -> None:
-    stand = Stand()
-    peer, outbox = make_peer(stand.bus)
+    harness = SimHarness()
+    peer, outbox = make_peer(harness.bus)
     for op in ({"op": "set_level", "level": "info"}, {"op": "subscribe", "topic": topic, "type": type_name}):
         peer.receive(json.dumps(op).encode(), 0.0)
-    stand.bus.expire(PATIENCE)
+    harness.bus.expire(UNPUBLISHED_AFTER)
     (status,) = [json.loads(frame) for frame in outbox.take(2**20)]
     assert (status["op"], status["level"]) == ("status", "info")
     assert status["msg"].endswith(word)

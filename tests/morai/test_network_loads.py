@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import GraphError
-from tests.morai.stand import ALL, Stand, put_egos
+from tests.morai.sim_harness import ALL, SimHarness, put_egos
 
 RENAMED = {
     "publishers": {"/Ego_topic": {"name": "/car/state", "rate": 25}, "/SyncModeInfo": {"name": "/mode"}},
@@ -23,53 +23,53 @@ class PartOfServer:
 
     name = "/recorder"
 
-    def tell(self, level: str, text: str) -> None:
+    def notify(self, level: str, text: str) -> None:
         pass
 
 
 def test_a_load_brings_the_scenarios_network_settings_and_is_answered_under_the_old_name() -> None:
-    stand = Stand(network={"publishers": {"/Ego_topic": {"rate": 10}, "/tf": {"name": "/frames"}}})
-    stand.networks.tables["parked"] = RENAMED
-    client = stand.client()
+    harness = SimHarness(network={"publishers": {"/Ego_topic": {"rate": 10}, "/tf": {"name": "/frames"}}})
+    harness.networks.tables["parked"] = RENAMED
+    client = harness.client()
     assert client.ask("/Service_MoraiSL", file_name="parked", **ALL, **NETWORK)["result"] is True
     assert client.refused("/Service_MoraiSL") == "Service /Service_MoraiSL does not exist"
     client.listen("/car/state", "/frames")
     client.send("/car/drive", "morai_msgs/CtrlCmd", longlCmdType=2, velocity=30.0)
-    stand.run(1.0)
+    harness.run(1.0)
     assert len(client.messages("/car/state")) == 25
     assert len(client.messages("/frames")) == 50, "what it does not name is as at the start"
-    assert stand.bus.find_topic("/Ego_topic") is None
+    assert harness.bus.find_topic("/Ego_topic") is None
     assert client.ask("/load", file_name="crowd", **ALL)["result"] is True
-    assert "/load" in stand.bus.services, "nobody has asked for other settings"
+    assert "/load" in harness.bus.services, "nobody has asked for other settings"
     assert client.told == []
 
 
 def test_settings_of_a_scenario_are_laid_over_those_of_the_start_and_not_over_the_last_ones() -> None:
-    stand = Stand()
-    stand.networks.tables |= {"parked": RENAMED, "crowd": {"services": {"/SyncModeCmd": {"name": "/lead"}}}}
-    client = stand.client()
+    harness = SimHarness()
+    harness.networks.tables |= {"parked": RENAMED, "crowd": {"services": {"/SyncModeCmd": {"name": "/lead"}}}}
+    client = harness.client()
     client.ask("/Service_MoraiSL", file_name="parked", **ALL, **NETWORK)
     client.ask("/load", file_name="crowd", **ALL, **NETWORK)
-    assert "/lead" in stand.bus.services
+    assert "/lead" in harness.bus.services
     assert client.ask("/Service_MoraiSL", file_name="parked", **ALL)["result"] is True
 
 
 def test_a_scenario_without_network_settings_leaves_them_and_warns() -> None:
-    stand = Stand()
-    client = stand.client()
+    harness = SimHarness()
+    client = harness.client()
     assert client.ask("/Service_MoraiSL", file_name="parked", **ALL, **NETWORK)["result"] is True
     assert client.told == [("warning", "'parked' has no network settings: those in force stay")]
-    assert "/Service_MoraiSL" in stand.bus.services
+    assert "/Service_MoraiSL" in harness.bus.services
 
 
 def test_network_settings_alone_can_be_loaded() -> None:
-    stand = Stand()
-    stand.networks.tables["parked"] = RENAMED
-    client = stand.client()
-    before = stand.world.digest()
+    harness = SimHarness()
+    harness.networks.tables["parked"] = RENAMED
+    client = harness.client()
+    before = harness.world.digest()
     assert client.ask("/Service_MoraiSL", file_name="parked", **NETWORK)["result"] is True
-    assert (client.told, stand.world.digest()) == ([], before)
-    assert "/load" in stand.bus.services
+    assert (client.told, harness.world.digest()) == ([], before)
+    assert "/load" in harness.bus.services
 
 
 @pytest.mark.parametrize(
@@ -82,11 +82,11 @@ def test_network_settings_alone_can_be_loaded() -> None:
     ],
 )
 def test_settings_that_do_not_fit_refuse_the_whole_load(tables: dict[str, Any], said: str) -> None:
-    stand = Stand()
-    stand.networks.tables["parked"] = tables | {"subscribers": {"/lamps": {"on": False}}}
-    client = stand.client()
-    stand.bus.provide(PartOfServer(), "/theirs", "std_srvs/Trigger", lambda *_: None)
-    before = (stand.world.digest(), set(stand.bus.services), set(stand.bus.topics))
+    harness = SimHarness()
+    harness.networks.tables["parked"] = tables | {"subscribers": {"/lamps": {"on": False}}}
+    client = harness.client()
+    harness.bus.provide(PartOfServer(), "/theirs", "std_srvs/Trigger", lambda *_: None)
+    before = (harness.world.digest(), set(harness.bus.services), set(harness.bus.topics))
     assert client.ask("/Service_MoraiSL", file_name="parked", **ALL, **NETWORK)["result"] is False
     with pytest.raises(GraphError, match=r"^/ScenarioLoad: "):
         client.send("/ScenarioLoad", "morai_msgs/ScenarioLoad", file_name="parked", **ALL, **NETWORK)
@@ -94,13 +94,13 @@ def test_settings_that_do_not_fit_refuse_the_whole_load(tables: dict[str, Any], 
     assert client.ask("/SyncModeScenarioLoad", file_name="parked", frame=1, **ALL, **NETWORK)["result"] is False
     assert [level for level, _ in client.told] == ["error", "error"]
     assert all(said in text for _, text in client.told)
-    assert (stand.world.digest(), set(stand.bus.services), set(stand.bus.topics)) == before
+    assert (harness.world.digest(), set(harness.bus.services), set(harness.bus.topics)) == before
 
 
 def test_a_load_at_a_frame_changes_the_names_within_the_tick_whose_answer_still_comes() -> None:
-    stand = Stand()
-    stand.networks.tables["parked"] = RENAMED
-    client = stand.client()
+    harness = SimHarness()
+    harness.networks.tables["parked"] = RENAMED
+    client = harness.client()
     client.start()
     client.listen("/Ego_topic", "/SyncModeInfo")
     load = {"load_network_connection": True}  # the manual's name of the option
@@ -110,7 +110,7 @@ def test_a_load_at_a_frame_changes_the_names_within_the_tick_whose_answer_still_
     answer = client.tick()
     assert (answer["frame"], answer["vehicle_status"]["position"]["x"]) == (2, -5.0)
     assert len(client.heard) == 2
-    mode = stand.bus.find_topic("/mode")
+    mode = harness.bus.find_topic("/mode")
     assert mode is not None
     assert json.loads(mode.latched[0].json)["frame"] == 2
     client.listen("/car/state")
@@ -119,13 +119,13 @@ def test_a_load_at_a_frame_changes_the_names_within_the_tick_whose_answer_still_
 
 
 def test_a_name_that_is_taken_before_the_frame_comes_refuses_the_load_then() -> None:
-    stand = Stand()
-    stand.networks.tables["parked"] = RENAMED
-    client = stand.client()
+    harness = SimHarness()
+    harness.networks.tables["parked"] = RENAMED
+    client = harness.client()
     client.start()
     assert client.ask("/SyncModeScenarioLoad", file_name="parked", frame=2, **ALL, **NETWORK)["result"] is True
-    stand.bus.provide(PartOfServer(), "/load", "std_srvs/Trigger", lambda *_: None)
-    size = len(stand.world)
+    harness.bus.provide(PartOfServer(), "/load", "std_srvs/Trigger", lambda *_: None)
+    size = len(harness.world)
     client.tick()
     client.tick()
     ((level, text),) = client.told
@@ -134,19 +134,19 @@ def test_a_name_that_is_taken_before_the_frame_comes_refuses_the_load_then() -> 
         "/SyncModeScenarioLoad",
         "service /load is provided by /recorder",
     )
-    assert len(stand.world) == size
+    assert len(harness.world) == size
     assert client.tick()["frame"] == 3
 
 
 def test_a_load_that_drops_egos_and_changes_names_leaves_nothing_of_them() -> None:
-    stand = Stand()
-    stand.networks.tables["parked"] = RENAMED
-    client = stand.client()
+    harness = SimHarness()
+    harness.networks.tables["parked"] = RENAMED
+    client = harness.client()
     client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(2))
     assert client.ask("/Service_MoraiSL", file_name="parked", **NETWORK)["result"] is True
-    assert "/Ego-2/next" in stand.bus.services
+    assert "/Ego-2/next" in harness.bus.services
     assert client.ask("/load", file_name="crowd", **ALL, **NETWORK)["result"] is True
-    assert not [name for name in stand.bus.services if name.startswith("/Ego-2/")]
-    assert not [t.name for t in stand.bus.topics.values() if t.name.startswith("/Ego-2/") and t.publishers]
+    assert not [name for name in harness.bus.services if name.startswith("/Ego-2/")]
+    assert not [t.name for t in harness.bus.topics.values() if t.name.startswith("/Ego-2/") and t.publishers]
     client.call("/sim/reset", {"seed": 1})
-    assert "/load" in stand.bus.services, "a reset leaves the network settings"
+    assert "/load" in harness.bus.services, "a reset leaves the network settings"

@@ -11,7 +11,7 @@ from rosbridge_sim.errors import FieldError
 from rosbridge_sim.schema.compile import MessageType
 from rosbridge_sim.schema.parse import Field
 from tests.morai.pages import INTERFACES, RELEASES, RENAMED, REPLACED, SLIPS, TABLES
-from tests.morai.stand import make_store
+from tests.morai.sim_harness import make_store
 
 _GONE = {f"morai_msgs/msg/{name.strip('/')}": f"morai_msgs/{new.name.strip('/')}" for name, new in REPLACED.items()}
 """Types that 26.R1 has under another name, with the same fields."""

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.convert import DEGREES, KMH, Converter, exact_quotient
+from rosbridge_sim.morai.convert import DEGREES, MPS_TO_KMH, Converter, exact_quotient
 from rosbridge_sim.morai.releases import FIELD, MANUAL, Profile
-from rosbridge_sim.morai.replays import recorded
-from rosbridge_sim.morai.replays.recorded import Reading
+from rosbridge_sim.morai.replays import recording_builder as recorded
 from rosbridge_sim.morai.replays.recording import EGO_COLUMNS, OBJECT_COLUMNS, Recording
+from rosbridge_sim.morai.replays.recording_builder import RecordingBuilder
 from rosbridge_sim.world.state import Kind
-from tests.morai.stand import make_store
+from tests.morai.sim_harness import make_store
 
 SECOND = 1_000_000_000
 
@@ -52,8 +52,8 @@ def thing(uid: int, x: float, name: str = "Bus", heading_deg: float = 0.0, size:
     )
 
 
-def reading(profile: Profile = MANUAL) -> Reading:
-    return Reading("a", Converter(make_store(), profile))
+def reading(profile: Profile = MANUAL) -> RecordingBuilder:
+    return RecordingBuilder("a", Converter(make_store(), profile))
 
 
 def both(stamp_ns: int) -> tuple[int, int]:
@@ -64,7 +64,7 @@ def ego_at(recording: Recording, since: float, column: str = "x") -> float:
     return float(recording.scene(round(since * SECOND)).egos[0][EGO_COLUMNS.index(column)])
 
 
-@pytest.mark.parametrize("factor", [DEGREES, KMH])
+@pytest.mark.parametrize("factor", [DEGREES, MPS_TO_KMH])
 def test_what_was_converted_comes_back_to_the_last_bit(factor: float) -> None:
     rng = np.random.Generator(np.random.PCG64(1))
     values = np.concatenate([rng.uniform(-math.pi, math.pi, 10_000), [math.pi, 0.0, -0.0, 1e-9]])
@@ -192,7 +192,7 @@ def test_nothing_is_empty() -> None:
 
 
 def test_too_much_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recorded, "MAX_ENTRIES", 3)
+    monkeypatch.setattr(recorded, "MAX_RECORDED_ENTRIES", 3)
     take = reading()
     take.take_objects(Struct(npc_list=[thing(1, 0.0)]), both(1))
     with pytest.raises(DocumentError, match="a: more than 3 states in it; cut it into shorter ones"):

@@ -11,17 +11,17 @@ from rosbridge_sim.morai.convert import Converter
 from rosbridge_sim.morai.releases import FIELD, MANUAL, RELEASES, SPEED_LIMITS, choose_profile
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import Body, Kind, World
-from tests.morai.stand import ALL, Client, Stand, make_store
+from tests.morai.sim_harness import ALL, Client, SimHarness, make_store
 
 NEWER = "26.R1"
 WHEELS = ("fl", "fr", "rl", "rr")
 
 
-def in_sync(scenario: str = "crowd") -> tuple[Stand, Client]:
-    stand = Stand(scenario, release=NEWER, start="sync")
-    client = stand.client()
+def in_sync(scenario: str = "crowd") -> tuple[SimHarness, Client]:
+    harness = SimHarness(scenario, release=NEWER, start="sync")
+    client = harness.client()
     client.start()
-    return stand, client
+    return harness, client
 
 
 def test_the_steering_has_its_new_name_and_the_old_one_is_understood() -> None:
@@ -36,7 +36,7 @@ def test_the_steering_has_its_new_name_and_the_old_one_is_understood() -> None:
 
 
 def test_the_ego_knows_where_it_is_on_its_lane() -> None:
-    stand, client = in_sync("elsewhere")  # a lane north from (0, 0), 3.5 m wide
+    harness, client = in_sync("elsewhere")  # a lane north from (0, 0), 3.5 m wide
     client.listen("/Ego_topic")
     setting: dict[str, Any] = {
         "number_of_ego_vehicle": 1,
@@ -59,7 +59,7 @@ def test_the_ego_knows_where_it_is_on_its_lane() -> None:
         for name in ("tire_lateral_force", "side_slip_angle", "tire_cornering_stiffness"):
             assert status[f"{name}_{wheel}"] == 0.0
     assert client.messages("/Ego_topic") == [status]
-    assert stand.node.egos[0].status() is stand.node.egos[0].status()
+    assert harness.node.egos[0].status() is harness.node.egos[0].status()
 
 
 def test_off_any_road_the_figures_of_lanes_are_0() -> None:
@@ -71,7 +71,7 @@ def test_off_any_road_the_figures_of_lanes_are_0() -> None:
 
 
 def test_lamps_and_steering_come_with_the_setting_and_may_be_left_out() -> None:
-    stand, client = in_sync("parked")
+    harness, client = in_sync("parked")
     common: dict[str, Any] = {
         "number_of_ego_vehicle": 1,
         "ego_index": [0],
@@ -83,13 +83,13 @@ def test_lamps_and_steering_come_with_the_setting_and_may_be_left_out() -> None:
     }
     client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **common, steering_angle=[10.0], turn_signal=[3])
     assert client.ask("/Service_MoraiEventCmd", option=0)["lamps"]["emergencySignal"] == 1
-    assert stand.world.steer[stand.node.egos[0].row] == pytest.approx(math.radians(10.0))
+    assert harness.world.steer[harness.node.egos[0].row] == pytest.approx(math.radians(10.0))
     client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **common)
     assert client.ask("/Service_MoraiEventCmd", option=0)["lamps"]["emergencySignal"] == 1
 
 
 def test_objects_come_and_go_by_services_and_the_topics_are_no_more() -> None:
-    stand, client = in_sync("empty")
+    harness, client = in_sync("empty")
     place = {"name": "Bus", "position": {"x": 40.0, "y": 5.0, "z": 0.0}, "heading": 90.0}
     assert client.ask("/SyncModeAddObject", frame=2, **place) == {"result": True}
     client.listen("/Object_topic")
@@ -106,15 +106,15 @@ def test_objects_come_and_go_by_services_and_the_topics_are_no_more() -> None:
     assert client.told[-1] == ("error", "/SyncModeRemoveObject: unique_id 12345: there is no such object")
     assert client.ask("/SyncModeAddObject", name="Zeppelin", frame=0) == {"result": False}
     assert client.told[-1][1].startswith("/SyncModeAddObject: the catalogue has no model 'Zeppelin'")
-    assert stand.bus.find_topic("/SyncModeAddObj") is None
+    assert harness.bus.find_topic("/SyncModeAddObj") is None
     client.stop()
     assert client.ask("/SyncModeAddObject", frame=0, **place) == {"result": False}
 
 
 def test_the_older_release_has_the_topics_and_no_services() -> None:
-    stand = Stand()
-    assert stand.bus.find_topic("/SyncModeAddObj") is not None
-    assert not [name for name in stand.bus.services if name.endswith("Object")]
+    harness = SimHarness()
+    assert harness.bus.find_topic("/SyncModeAddObj") is not None
+    assert not [name for name in harness.bus.services if name.endswith("Object")]
 
 
 def test_what_is_hit_stands_under_both_names() -> None:
@@ -135,18 +135,20 @@ def test_the_manual_of_the_newer_release_lists_the_20_nearest() -> None:
 
 
 def test_the_speed_mode_is_held_back_for_all_egos_and_after_a_load() -> None:
-    stand = Stand(release=NEWER, start="sync", speed_limits=SPEED_LIMITS[NEWER])
-    client = stand.client()
+    harness = SimHarness(release=NEWER, start="sync", speed_limits=SPEED_LIMITS[NEWER])
+    client = harness.client()
     client.start()
 
     def changes(wish: float) -> list[float]:
         """How the two egos' speeds change in half a second [m/s^2]."""
-        before = [float(stand.world.speed[ego.row]) for ego in stand.node.egos]
+        before = [float(harness.world.speed[ego.row]) for ego in harness.node.egos]
         for prefix in ("", "/Ego-2"):
             client.ask(f"{prefix}/SyncModeCtrlCmd", frame=0, command={"longlCmdType": 2, "velocity": wish})
         for _ in range(25):
             client.tick()
-        return [2.0 * (float(stand.world.speed[e.row]) - was) for e, was in zip(stand.node.egos, before, strict=True)]
+        return [
+            2.0 * (float(harness.world.speed[e.row]) - was) for e, was in zip(harness.node.egos, before, strict=True)
+        ]
 
     zeros = ("global_position_y", "global_position_z", "global_yaw", "global_roll", "global_pitch", "velocity")
     lists: dict[str, Any] = {name: [0.0] for name in zeros} | {"global_position_x": [200.0], "gear": [4]}

@@ -12,13 +12,20 @@ import pytest
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.morai.catalogue import Catalogue, Model, find_model
 from rosbridge_sim.morai.releases import FIELD
-from rosbridge_sim.morai.replays.recorded import MAX_ENTRIES
-from rosbridge_sim.morai.replays.replay_table import OF_A_BAG, OF_A_SOURCE, TABLE, Effect, Event, State
-from rosbridge_sim.morai.stage import MAX_ENTITIES
+from rosbridge_sim.morai.replays.recording_builder import MAX_RECORDED_ENTRIES
+from rosbridge_sim.morai.replays.state_machine import (
+    OF_A_BAG,
+    OF_A_SOURCE,
+    REPLAY_TABLE,
+    ReplayEffect,
+    ReplayEvent,
+    ReplayState,
+)
+from rosbridge_sim.morai.scene import MAX_ENTITIES
 from rosbridge_sim.schema.store import Message
 from rosbridge_sim.world.state import Body, Kind
-from tests.morai.stand import ALL, Client, Stand, put_egos
-from tests.morai.tape import Tape
+from tests.morai.memory_recordings import Tape
+from tests.morai.sim_harness import ALL, Client, SimHarness, put_egos
 
 STATUS = "/sim/process/state/msg/MoraiSimProcStatus"
 INFO = "/ReplayInfo_topic"
@@ -50,15 +57,15 @@ def steer_frames(client: Client, num: int) -> None:
 def tape() -> Tape:
     """A drive in the crowd, recorded; and the same as ReplayInfo alone."""
     tape = Tape()
-    stand = Stand(start="sync", recordings=tape)
-    client = stand.client()
+    harness = SimHarness(start="sync", recordings=tape)
+    client = harness.client()
     client.start()
-    tape.record(stand.bus, "drive", "/Ego_topic", "/Object_topic")
+    tape.record(harness.bus, "drive", "/Ego_topic", "/Object_topic")
     steer_frames(client, NUM_FRAMES)
-    stand = Stand("parked", start="sync", recordings=tape)
-    client = stand.client()
+    harness = SimHarness("parked", start="sync", recordings=tape)
+    client = harness.client()
     client.start()
-    tape.record(stand.bus, "told", INFO)
+    tape.record(harness.bus, "told", INFO)
     assert replay(client, PLAY, FILE, "drive")
     for _ in range(NUM_FRAMES):
         client.tick()
@@ -67,13 +74,13 @@ def tape() -> Tape:
 
 
 @pytest.fixture
-def stand(tape: Tape) -> Stand:
-    return Stand("parked", start="sync", recordings=tape)
+def harness(tape: Tape) -> SimHarness:
+    return SimHarness("parked", start="sync", recordings=tape)
 
 
 @pytest.fixture
-def client(stand: Stand) -> Client:
-    client = stand.client()
+def client(harness: SimHarness) -> Client:
+    client = harness.client()
     client.start()
     return client
 
@@ -84,28 +91,28 @@ def bodies(messages: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def test_table_has_a_row_for_all_that_can_happen() -> None:
-    for state, event in product(State, Event):
-        is_possible = (event not in OF_A_BAG or state in {State.REPLAYING, State.AT_END}) and (
-            event not in OF_A_SOURCE or state is State.FOLLOWING
+    for state, event in product(ReplayState, ReplayEvent):
+        is_possible = (event not in OF_A_BAG or state in {ReplayState.REPLAYING, ReplayState.AT_END}) and (
+            event not in OF_A_SOURCE or state is ReplayState.FOLLOWING
         )
-        assert (event in TABLE[state]) == is_possible
+        assert (event in REPLAY_TABLE[state]) == is_possible
 
 
 def test_every_refusal_says_why_and_changes_nothing() -> None:
-    for state, rows in TABLE.items():
+    for state, rows in REPLAY_TABLE.items():
         for outcome in rows.values():
             assert not outcome.why or (outcome.state is state and not outcome.effects)
 
 
 def test_a_recording_enters_and_leaves_in_turns() -> None:
-    for state, rows in TABLE.items():
+    for state, rows in REPLAY_TABLE.items():
         for outcome in rows.values():
-            is_on = state is not State.SIMULATING
+            is_on = state is not ReplayState.SIMULATING
             for effect in outcome.effects:
-                assert effect is not Effect.ENTER or not is_on
-                assert effect is not Effect.LEAVE or is_on
-                is_on = is_on ^ (effect in {Effect.ENTER, Effect.LEAVE})
-            assert is_on == (outcome.state is not State.SIMULATING)
+                assert effect is not ReplayEffect.ENTER or not is_on
+                assert effect is not ReplayEffect.LEAVE or is_on
+                is_on = is_on ^ (effect in {ReplayEffect.ENTER, ReplayEffect.LEAVE})
+            assert is_on == (outcome.state is not ReplayState.SIMULATING)
 
 
 def drive_and_replay(release: str, **settings: Any) -> tuple[list[Any], list[Any]]:  # noqa: ANN401 - NodeSettings'
@@ -113,15 +120,15 @@ def drive_and_replay(release: str, **settings: Any) -> tuple[list[Any], list[Any
     topics = ("/Ego_topic", "/Object_topic", "/CollisionData", "/VehicleCollisionData")
     heard = []
     for scenario in ("crowd", "parked"):
-        stand = Stand(scenario, start="sync", release=release, recordings=tape, **settings)
-        client = stand.client()
+        harness = SimHarness(scenario, start="sync", release=release, recordings=tape, **settings)
+        client = harness.client()
         client.start()
         client.listen(*topics)
         if scenario == "crowd":
-            tape.record(stand.bus, "drive", "/Ego_topic", "/Object_topic")
+            tape.record(harness.bus, "drive", "/Ego_topic", "/Object_topic")
             box = find_model("Box")
             assert box is not None
-            stand.node.stage.add(box, x=10.0, y=24.5, z=0.0, yaw=0.3)
+            harness.node.scene.add(box, x=10.0, y=24.5, z=0.0, yaw=0.3)
             for i in range(NUM_FRAMES):
                 client.control(0, longlCmdType=1, accel=0.9, steering=0.5 * math.sin(i / 9))
                 client.tick()
@@ -151,24 +158,24 @@ def test_a_recorded_model_of_the_users_has_its_proportions() -> None:
     )
     tape = Tape()
     settings: dict[str, Any] = {"start": "sync", "recordings": tape, "catalogue": Catalogue([lorry])}
-    recording = Stand("parked", **settings)
+    recording = SimHarness("parked", **settings)
     client = recording.client()
     client.start()
     tape.record(recording.bus, "drive", "/Ego_topic", "/Object_topic")
-    recording.node.stage.add(lorry, x=30.0, y=0.0, z=0.0, yaw=0.0)
+    recording.node.scene.add(lorry, x=30.0, y=0.0, z=0.0, yaw=0.0)
     for _ in range(5):
         client.tick()
-    stand = Stand("parked", **settings)
-    client = stand.client()
+    harness = SimHarness("parked", **settings)
+    client = harness.client()
     client.start()
     client.tick()
     assert replay(client, PLAY, FILE, "drive")
     client.tick()
-    (row,) = stand.world.rows(Kind.VEHICLE).tolist()
-    assert (stand.world.names[row], stand.world.bodies[row].rear_overhang) == ("Lorry", 3.0)
+    (row,) = harness.world.rows(Kind.VEHICLE).tolist()
+    assert (harness.world.names[row], harness.world.bodies[row].rear_overhang) == ("Lorry", 3.0)
 
 
-def test_objects_come_and_go_under_their_numbers(client: Client, stand: Stand, tape: Tape) -> None:
+def test_objects_come_and_go_under_their_numbers(client: Client, harness: SimHarness, tape: Tape) -> None:
     client.listen("/Object_topic")
     assert replay(client, PLAY, FILE, "drive")
     for _ in range(NUM_FRAMES):
@@ -184,7 +191,7 @@ def test_objects_come_and_go_under_their_numbers(client: Client, stand: Stand, t
     ]
     assert box == recorded
     assert box[0] != box[-1]
-    assert stand.world.frame == NUM_FRAMES
+    assert harness.world.frame == NUM_FRAMES
 
 
 # What it shows when
@@ -213,18 +220,18 @@ def test_start_time_and_speed_choose_frames(client: Client, tape: Tape) -> None:
 
 
 def test_real_time_shows_the_same_frames(tape: Tape) -> None:
-    stand = Stand("parked", recordings=tape)
-    client = stand.client()
+    harness = SimHarness("parked", recordings=tape)
+    client = harness.client()
     client.listen("/Ego_topic")
     assert replay(client, PLAY, FILE, "drive")
-    stand.run(5.0)
+    harness.run(5.0)
     recorded = [value.position.x for value in ego_values(tape)]
     assert shown_x(client)[: len(recorded)] == recorded
-    assert stand.node.sync.is_paused, "at the end"
+    assert harness.node.sync.is_paused, "at the end"
     assert set(shown_x(client)[len(recorded) :]) <= {recorded[-1]}, "the last frame is shown again in the pause"
 
 
-def test_end_pauses_until_play_begins_again_or_stop_goes_back(client: Client, stand: Stand) -> None:
+def test_end_pauses_until_play_begins_again_or_stop_goes_back(client: Client, harness: SimHarness) -> None:
     client.listen("/Ego_topic", STATUS)
     before = client.tick()["vehicle_status"]["position"]
     assert replay(client, PLAY, FILE, "drive")
@@ -234,7 +241,7 @@ def test_end_pauses_until_play_begins_again_or_stop_goes_back(client: Client, st
     answer = client.tick()
     assert (answer["tick_status"], answer["pause_status"]) == (False, True)
     client.ask("/Service_MoraiEventCmd", option=8, set_pause=False)
-    assert stand.node.sync.is_paused, "nothing else ends the pause there"
+    assert harness.node.sync.is_paused, "nothing else ends the pause there"
     client.heard.clear()
     assert replay(client, PLAY)
     for _ in range(NUM_FRAMES):
@@ -267,10 +274,10 @@ def test_stop_gives_the_world_back_as_it_was() -> None:
     positions = []
     for is_replaying in (False, True):
         tape = Tape()
-        stand = Stand(start="sync", recordings=tape)
-        client = stand.client()
+        harness = SimHarness(start="sync", recordings=tape)
+        client = harness.client()
         client.start()
-        tape.record(stand.bus, "drive", "/Ego_topic", "/Object_topic")
+        tape.record(harness.bus, "drive", "/Ego_topic", "/Object_topic")
         steer_frames(client, 30)
         if is_replaying:
             assert replay(client, PLAY, FILE | START, "drive", start_time=100)
@@ -280,7 +287,7 @@ def test_stop_gives_the_world_back_as_it_was() -> None:
         client.listen("/Ego_topic", "/Object_topic")
         steer_frames(client, 30)
         positions.append(bodies([message for _, message in client.heard]))
-        assert stand.world.frame == 60 + 7 * is_replaying
+        assert harness.world.frame == 60 + 7 * is_replaying
     assert positions[0] == positions[1]
 
 
@@ -288,8 +295,8 @@ def test_stop_gives_the_world_back_as_it_was() -> None:
 
 
 def test_vehicles_alone_leave_the_ego_to_its_driver(tape: Tape) -> None:
-    stand = Stand(start="sync", recordings=tape)
-    client = stand.client()
+    harness = SimHarness(start="sync", recordings=tape)
+    client = harness.client()
     client.start()
     client.listen("/Object_topic")
     assert replay(client, PLAY, FILE | TARGETS, "drive", replay_target_option=VEHICLES)
@@ -314,8 +321,8 @@ def test_vehicles_alone_leave_the_ego_to_its_driver(tape: Tape) -> None:
 def test_ego_that_its_driver_keeps_drives_on_through_other_options(
     tape: Tape, option: int, fields: dict[str, int]
 ) -> None:
-    stand = Stand(start="sync", recordings=tape)
-    client = stand.client()
+    harness = SimHarness(start="sync", recordings=tape)
+    client = harness.client()
     client.start()
     assert replay(client, PLAY, FILE | TARGETS, "drive", replay_target_option=VEHICLES)
     client.control(0, longlCmdType=1, accel=1.0)
@@ -328,7 +335,7 @@ def test_ego_that_its_driver_keeps_drives_on_through_other_options(
     assert client.tick()["vehicle_status"]["velocity"]["x"] == 0.0, "as it was when the replay began"
 
 
-def test_ego_that_the_world_has_not_is_told_to_whoever_asked(stand: Stand, client: Client, tape: Tape) -> None:
+def test_ego_that_the_world_has_not_is_told_to_whoever_asked(harness: SimHarness, client: Client, tape: Tape) -> None:
     tape.takes["two"] = tape.takes["drive"] + [
         ("/Ego-2/Ego_topic", value, stamp) for topic, value, stamp in tape.takes["drive"] if topic == "/Ego_topic"
     ]
@@ -339,14 +346,14 @@ def test_ego_that_the_world_has_not_is_told_to_whoever_asked(stand: Stand, clien
     client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(2))
     assert replay(client, PLAY, FILE, "two")
     client.tick()
-    world, (first, second) = stand.world, stand.node.egos
+    world, (first, second) = harness.world, harness.node.egos
     assert world.x[first.row] == world.x[second.row]
     assert client.told == []
 
 
 def test_commands_to_the_replayed_are_ignored_with_one_warning(tape: Tape) -> None:
-    stand = Stand("parked", recordings=tape)
-    client = stand.client()
+    harness = SimHarness("parked", recordings=tape)
+    client = harness.client()
     assert replay(client, PLAY, FILE, "drive")
     npc = {"unique_id": 50, "name": "Bus", "position": {"x": 1.0, "y": 1.0, "z": 0.0}}
     lists = ("global_position_x", "global_position_y", "global_position_z", "global_roll", "global_pitch", "global_yaw")
@@ -362,19 +369,19 @@ def test_commands_to_the_replayed_are_ignored_with_one_warning(tape: Tape) -> No
         for topic in ("/NpcGhost_Topic", "/ctrl_cmd", "/ego_setting", "/ghost_ctrl_cmd")
     ]
     assert client.ask("/Service_MoraiEventCmd", option=3, ctrl_mode=1, gear=2)["gear"] != 2
-    stand.run(0.2)
-    assert len(stand.node.egos) == 1
-    assert stand.world.is_ghost[stand.node.egos[0].row]
+    harness.run(0.2)
+    assert len(harness.node.egos) == 1
+    assert harness.world.is_ghost[harness.node.egos[0].row]
 
 
-def test_nobody_comes_or_goes_by_himself_meanwhile(client: Client, stand: Stand) -> None:
+def test_nobody_comes_or_goes_by_himself_meanwhile(client: Client, harness: SimHarness) -> None:
     assert replay(client, PLAY, FILE, "drive")
     client.control(0, longlCmdType=1, accel=1.0)
     client.send("/SyncModeRemoveObj", "morai_msgs/SyncModeRemoveObj", unique_id=7, frame=0)
     client.send("/SyncModeAddObj", "morai_msgs/SyncModeAddObj", name="Box", position={"x": 1.0}, frame=0)
-    num = len(stand.world)
+    num = len(harness.world)
     client.tick()
-    assert len(stand.world) == num
+    assert len(harness.world) == num
     assert ("error", "/SyncModeRemoveObj: refused while a recording is replayed") in client.told
     assert ("error", "/SyncModeAddObj: refused while a recording is replayed") in client.told
     assert ("warning", "/SyncModeCtrlCmd moves nothing while a recording is replayed") in client.told
@@ -382,23 +389,23 @@ def test_nobody_comes_or_goes_by_himself_meanwhile(client: Client, stand: Stand)
 
 @pytest.mark.parametrize("how", ["reset", "load"])
 def test_reset_and_scenario_load_end_a_replay(how: str, tape: Tape) -> None:
-    stand = Stand("parked", recordings=tape)
-    client = stand.client()
+    harness = SimHarness("parked", recordings=tape)
+    client = harness.client()
     client.listen(STATUS)
     assert replay(client, PLAY, FILE, "drive")
-    stand.run(0.5)
+    harness.run(0.5)
     if how == "reset":
         assert client.call("/sim/reset", {"seed": -1}).is_ok
-        assert stand.world.digest() == Stand("parked").world.digest()
+        assert harness.world.digest() == SimHarness("parked").world.digest()
     else:
         assert client.ask("/Service_MoraiSL", file_name="crowd", **ALL)["result"]
-    stand.run(0.1)
+    harness.run(0.1)
     status = client.messages(STATUS)[-1]
     assert status["current_mode"] == 1
     assert status["latest_command_time"] == {"secs": 0, "nsecs": 0}
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
-    stand.run(0.5)
-    assert stand.world.throttle[stand.node.egos[0].row] == 1.0
+    harness.run(0.5)
+    assert harness.world.throttle[harness.node.egos[0].row] == 1.0
     assert not client.told
 
 
@@ -452,13 +459,13 @@ def test_status_follows_each_command(client: Client) -> None:
         ({"option": SPEED, "replay_speed": 11}, "replay_speed: expected 1..10, got 11"),
     ],
 )
-def test_command_that_is_none_is_refused(client: Client, stand: Stand, fields: dict[str, int], why: str) -> None:
+def test_command_that_is_none_is_refused(client: Client, harness: SimHarness, fields: dict[str, int], why: str) -> None:
     client.listen(STATUS)
-    digest = stand.world.digest()
+    digest = harness.world.digest()
     assert not replay(client, **fields)  # type: ignore[arg-type] # numbers alone
     assert client.told == [("error", f"/Morai_SimProc: morai_msgs/MoraiSimProcHandle.{why}")]
     assert process(client) == (16, 1, 1)
-    assert stand.world.digest() == digest
+    assert harness.world.digest() == digest
 
 
 def test_sums_may_be_written_as_in_the_comment(client: Client, tape: Tape) -> None:
@@ -492,30 +499,30 @@ def test_refused_file_leaves_the_replay_that_runs(client: Client, tape: Tape) ->
 
 
 def test_in_simulation_mode_they_are_pause_and_reset() -> None:
-    stand = Stand()
-    client = stand.client()
+    harness = SimHarness()
+    client = harness.client()
     client.listen(STATUS, "/Ego_topic")
-    stand.run(0.1)
+    harness.run(0.1)
     assert replay(client, PAUSE)
     assert process(client) == (1, 1, 16)
-    frame = stand.world.frame
-    stand.run(1.0)
-    assert stand.world.frame == frame
+    frame = harness.world.frame
+    harness.run(1.0)
+    assert harness.world.frame == frame
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
     assert replay(client, PLAY)
-    stand.run(1.0)
+    harness.run(1.0)
     assert process(client) == (1, 1, 1)
-    row = stand.node.egos[0].row
-    assert stand.world.y[row] > 20.5
+    row = harness.node.egos[0].row
+    assert harness.world.y[row] > 20.5
     assert client.ask("/Service_MoraiSL", file_name="elsewhere", **ALL)["result"]
-    stand.run(0.1)
+    harness.run(0.1)
     assert replay(client, STOP)
-    assert stand.world.y[stand.node.egos[0].row] == 50.0, "the scenario that was loaded last"
-    assert stand.world.frame > frame
+    assert harness.world.y[harness.node.egos[0].row] == 50.0, "the scenario that was loaded last"
+    assert harness.world.frame > frame
     assert client.call("/sim/reset", {"seed": -1}).is_ok
-    stand.run(0.5)
+    harness.run(0.5)
     assert replay(client, STOP)
-    assert stand.world.y[stand.node.egos[0].row] == 20.0
+    assert harness.world.y[harness.node.egos[0].row] == 20.0
     assert process(client) == (1, 1, 1)
 
 
@@ -523,29 +530,29 @@ def test_in_simulation_mode_they_are_pause_and_reset() -> None:
 
 
 def test_answer_waits_for_the_recording_and_others_are_refused_meanwhile(tape: Tape) -> None:
-    stand = Stand("parked", start="sync", recordings=tape)
-    client, other = stand.client(), stand.client()
+    harness = SimHarness("parked", start="sync", recordings=tape)
+    client, other = harness.client(), harness.client()
     answers: list[Any] = []
     request: dict[str, object] = {
         "request": {"sim_process_status": PLAY, "replay_option": FILE, "rosbag_file_name": "drive"}
     }
     tape.is_slow = True
     try:
-        stand.bus.call(client, "/Morai_SimProc", request, answers.append, now=100.0)
+        harness.bus.call(client, "/Morai_SimProc", request, answers.append, now=100.0)
         assert not replay(other, PLAY)
         assert other.told == [("error", "/Morai_SimProc: a recording is being read")]
         assert not answers
         tape.deliver()
         assert answers.pop().is_ok
-        assert stand.node.stage.is_replaying
-        stand.bus.call(client, "/Morai_SimProc", request, answers.append, now=100.0)
+        assert harness.node.scene.is_replaying
+        harness.bus.call(client, "/Morai_SimProc", request, answers.append, now=100.0)
         assert client.call("/sim/reset", {"seed": -1}).is_ok
         assert answers.pop().values == "The simulation was reset"
-        stand.bus.call(client, "/Morai_SimProc", request, answers.append, now=100.0)
+        harness.bus.call(client, "/Morai_SimProc", request, answers.append, now=100.0)
         client.leave()
         tape.deliver()
         assert not answers
-        assert not stand.node.stage.is_replaying
+        assert not harness.node.scene.is_replaying
         assert replay(other, PLAY)
     finally:
         tape.is_slow = False
@@ -554,7 +561,7 @@ def test_answer_waits_for_the_recording_and_others_are_refused_meanwhile(tape: T
 # ReplayInfo
 
 
-def test_it_is_told_while_a_bag_is_replayed(stand: Stand, client: Client, tape: Tape) -> None:
+def test_it_is_told_while_a_bag_is_replayed(harness: SimHarness, client: Client, tape: Tape) -> None:
     client.listen(INFO)
     client.tick()
     client.heard.clear()
@@ -574,15 +581,15 @@ def test_it_is_told_while_a_bag_is_replayed(stand: Stand, client: Client, tape: 
     assert len(client.messages(INFO)) == 3
     assert replay(client, STOP)
     client.tick()
-    assert not stand.node.stage.is_replaying, "what we say ourselves is not replayed"
+    assert not harness.node.scene.is_replaying, "what we say ourselves is not replayed"
 
 
 @pytest.mark.parametrize("is_for_all", [False, True])
 def test_a_drive_is_told_to_who_listens_to_it_and_to_all_if_that_is_wanted(tape: Tape, *, is_for_all: bool) -> None:
-    stand = Stand(start="sync", recordings=tape, replay_info=is_for_all)
-    client, recorder = stand.client(), stand.client()
+    harness = SimHarness(start="sync", recordings=tape, replay_info=is_for_all)
+    client, recorder = harness.client(), harness.client()
     seen: list[Any] = []
-    stand.bus.subscribe(recorder, INFO, lambda _topic, message, _sender, _now: seen.append(message), is_general=True)
+    harness.bus.subscribe(recorder, INFO, lambda _topic, message, _sender, _now: seen.append(message), is_general=True)
     client.start()
     client.tick()
     assert len(seen) == is_for_all
@@ -591,38 +598,38 @@ def test_a_drive_is_told_to_who_listens_to_it_and_to_all_if_that_is_wanted(tape:
     client.tick()
     assert len(seen) == 1 + is_for_all
     (info,), (ego,), (objects,) = (client.messages(name) for name in (INFO, "/Ego_topic", "/Object_topic"))
-    assert info["header"]["seq"] == stand.world.frame
+    assert info["header"]["seq"] == harness.world.frame
     assert (info["ego_acc"], info["linear_acceleration"]) == (0.5, ego["acceleration"])
     assert info["ego_steer"] == pytest.approx(math.degrees(ego["wheel_angle"]), abs=1e-5)
     assert [info[name] for name in ("npc_list", "pedestrian_list", "obstacle_list")] == [
         objects[name] for name in ("npc_list", "pedestrian_list", "obstacle_list")
     ]
-    assert not stand.node.stage.is_replaying, "what we say ourselves is not replayed"
+    assert not harness.node.scene.is_replaying, "what we say ourselves is not replayed"
 
 
-def test_nothing_is_told_of_a_drive_that_follows_somebodys_messages(client: Client, stand: Stand) -> None:
+def test_nothing_is_told_of_a_drive_that_follows_somebodys_messages(client: Client, harness: SimHarness) -> None:
     client.listen(INFO)
-    other = stand.client()
+    other = harness.client()
     other.send(INFO, "morai_msgs/ReplayInfo", ego_acc=1.0)
-    assert stand.node.stage.is_replaying
+    assert harness.node.scene.is_replaying
     client.heard.clear()
     client.tick()
     assert not client.heard
 
 
 def test_recording_of_a_drives_replay_info_alone_is_replayed(tape: Tape) -> None:
-    stand = Stand(start="sync", recordings=tape)
-    client = stand.client()
+    harness = SimHarness(start="sync", recordings=tape)
+    client = harness.client()
     client.start()
-    tape.record(stand.bus, "driven", INFO)
+    tape.record(harness.bus, "driven", INFO)
     client.listen("/Object_topic")
     steer_frames(client, 30)
     driven = [
         [(one["unique_id"], one["position"], one["heading"]) for one in message["npc_list"]]
         for message in client.messages("/Object_topic")
     ]
-    stand = Stand("parked", start="sync", recordings=tape)
-    client = stand.client()
+    harness = SimHarness("parked", start="sync", recordings=tape)
+    client = harness.client()
     client.start()
     client.listen("/Object_topic")
     assert replay(client, PLAY, FILE, "driven")
@@ -635,8 +642,10 @@ def test_recording_of_a_drives_replay_info_alone_is_replayed(tape: Tape) -> None
     assert shown == driven
 
 
-def test_messages_of_a_drive_that_a_far_bridge_gives_back_late_are_not_followed(stand: Stand, client: Client) -> None:
-    bridge = stand.client()
+def test_messages_of_a_drive_that_a_far_bridge_gives_back_late_are_not_followed(
+    harness: SimHarness, client: Client
+) -> None:
+    bridge = harness.client()
     bridge.listen(INFO)
     for _ in range(500):
         client.tick()
@@ -644,27 +653,27 @@ def test_messages_of_a_drive_that_a_far_bridge_gives_back_late_are_not_followed(
     assert len(echoes) == 500
     for echo in (echoes[0], echoes[250], echoes[-1]):
         bridge.send(INFO, "morai_msgs/ReplayInfo", **echo)
-    assert not stand.node.stage.is_replaying
+    assert not harness.node.scene.is_replaying
     assert not bridge.told
 
 
 def test_what_was_said_is_not_remembered_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rosbridge_sim.morai.replays.replay.MAX_SAID", 5)
-    stand = Stand("parked", start="sync")
-    client = stand.client()
+    monkeypatch.setattr("rosbridge_sim.morai.replays.replay.MAX_ECHOES", 5)
+    harness = SimHarness("parked", start="sync")
+    client = harness.client()
     client.start()
     client.listen(INFO)
     for _ in range(7):
         client.tick()
     messages = client.messages(INFO)
     client.send(INFO, "morai_msgs/ReplayInfo", **messages[2])
-    assert not stand.node.stage.is_replaying
+    assert not harness.node.scene.is_replaying
     client.send(INFO, "morai_msgs/ReplayInfo", **messages[1])
-    assert stand.node.stage.is_replaying
+    assert harness.node.scene.is_replaying
 
 
-def test_what_a_far_bridge_gives_back_is_not_replayed(stand: Stand, client: Client) -> None:
-    bridge = stand.client()
+def test_what_a_far_bridge_gives_back_is_not_replayed(harness: SimHarness, client: Client) -> None:
+    bridge = harness.client()
     bridge.listen(INFO)
     assert replay(client, PLAY, FILE, "drive")
     for _ in range(3):
@@ -672,23 +681,23 @@ def test_what_a_far_bridge_gives_back_is_not_replayed(stand: Stand, client: Clie
     echoes = bridge.messages(INFO)
     assert replay(client, STOP)
     bridge.send(INFO, "morai_msgs/ReplayInfo", ego_acc=1.0)
-    assert stand.node.stage.is_replaying, "a message without a stamp gets that of now, and is no echo"
+    assert harness.node.scene.is_replaying, "a message without a stamp gets that of now, and is no echo"
     bridge.leave()
     client.tick()
     for echo in echoes:
         bridge.send(INFO, "morai_msgs/ReplayInfo", **echo)
-    assert not stand.node.stage.is_replaying
+    assert not harness.node.scene.is_replaying
     assert not bridge.told
     echo["header"]["stamp"]["secs"] = 77
     bridge.send(INFO, "morai_msgs/ReplayInfo", **echo)
-    assert stand.node.stage.is_replaying
+    assert harness.node.scene.is_replaying
 
 
 def test_car_that_drives_itself_goes_on_after_a_replay(tape: Tape) -> None:
     ways = []
     for is_replaying in (False, True):
-        stand = Stand("elsewhere", start="sync", recordings=tape)
-        client = stand.client()
+        harness = SimHarness("elsewhere", start="sync", recordings=tape)
+        client = harness.client()
         client.start()
         assert client.ask("/Service_MoraiEventCmd", option=1, ctrl_mode=6)["ctrl_mode"] == 6
         for _ in range(25):
@@ -742,8 +751,8 @@ def told_messages(tape: Tape) -> list[dict[str, Any]]:
     return infos
 
 
-def test_world_follows_who_replays_over_the_network(stand: Stand, client: Client, tape: Tape) -> None:
-    player, other = stand.client(), stand.client()
+def test_world_follows_who_replays_over_the_network(harness: SimHarness, client: Client, tape: Tape) -> None:
+    player, other = harness.client(), harness.client()
     client.listen("/Object_topic", STATUS, INFO)
     for info in told_messages(tape)[:5]:
         player.send(INFO, "morai_msgs/ReplayInfo", **info)
@@ -763,8 +772,8 @@ def test_world_follows_who_replays_over_the_network(stand: Stand, client: Client
     assert not client.messages("/Object_topic")[-1]["npc_list"]
 
 
-def test_player_who_was_stopped_begins_anew_to_be_heard(stand: Stand, client: Client, tape: Tape) -> None:
-    player = stand.client()
+def test_player_who_was_stopped_begins_anew_to_be_heard(harness: SimHarness, client: Client, tape: Tape) -> None:
+    player = harness.client()
     infos = told_messages(tape)
     player.send(INFO, "morai_msgs/ReplayInfo", **infos[0])
     assert replay(client, PAUSE)
@@ -772,23 +781,23 @@ def test_player_who_was_stopped_begins_anew_to_be_heard(stand: Stand, client: Cl
     assert replay(client, STOP)
     assert client.tick()["tick_status"], "running, as it was before"
     player.send(INFO, "morai_msgs/ReplayInfo", **infos[1])
-    assert not stand.node.stage.is_replaying
+    assert not harness.node.scene.is_replaying
     assert player.told == [("warning", f"{INFO} is ignored: the replay was stopped")]
     for i in range(60):
         client.tick()
         if i < 10:
             player.send(INFO, "morai_msgs/ReplayInfo", **infos[1])
-    assert not stand.node.stage.is_replaying
+    assert not harness.node.scene.is_replaying
     player.send(INFO, "morai_msgs/ReplayInfo", **infos[1])
-    assert stand.node.stage.is_replaying, "after a second of silence it is another one"
+    assert harness.node.scene.is_replaying, "after a second of silence it is another one"
     assert replay(client, STOP)
-    stand.bus.unadvertise(player, INFO, 100.0)
+    harness.bus.unadvertise(player, INFO, 100.0)
     client.tick()
     player.send(INFO, "morai_msgs/ReplayInfo", **infos[2])
-    assert stand.node.stage.is_replaying
-    stand.bus.unadvertise(player, INFO, 100.0)
+    assert harness.node.scene.is_replaying
+    harness.bus.unadvertise(player, INFO, 100.0)
     client.tick()
-    assert not stand.node.stage.is_replaying
+    assert not harness.node.scene.is_replaying
 
 
 def test_names_of_ones_own_are_kept_to(tape: Tape) -> None:
@@ -797,8 +806,8 @@ def test_names_of_ones_own_are_kept_to(tape: Tape) -> None:
         "subscribers": {INFO: {"name": "/told"}, "/ego_setting": {"name": "/put"}},
         "services": {"/Morai_SimProc": {"name": "/steer"}},
     }
-    stand = Stand("parked", start="sync", recordings=tape, network=network)
-    client, player = stand.client(), stand.client()
+    harness = SimHarness("parked", start="sync", recordings=tape, network=network)
+    client, player = harness.client(), harness.client()
     client.start()
     client.listen("/state")
     player.send("/told", "morai_msgs/ReplayInfo", **told_messages(tape)[0])
@@ -814,19 +823,19 @@ def test_names_of_ones_own_are_kept_to(tape: Tape) -> None:
     assert player.told[1:] == [("warning", "/told is ignored: a bag is replayed already")]
 
 
-def test_bag_goes_before_the_network(stand: Stand, client: Client, tape: Tape) -> None:
-    player = stand.client()
+def test_bag_goes_before_the_network(harness: SimHarness, client: Client, tape: Tape) -> None:
+    player = harness.client()
     infos = told_messages(tape)
     player.send(INFO, "morai_msgs/ReplayInfo", **infos[0])
     assert replay(client, PLAY, FILE, "drive")
     player.send(INFO, "morai_msgs/ReplayInfo", **infos[1])
     assert player.told == [("warning", f"{INFO} is ignored: a bag is replayed already")]
     assert replay(client, STOP)
-    assert not stand.node.stage.is_replaying
+    assert not harness.node.scene.is_replaying
 
 
-def test_figure_that_is_none_is_told_to_its_sender(stand: Stand) -> None:
-    player = stand.client()
+def test_figure_that_is_none_is_told_to_its_sender(harness: SimHarness) -> None:
+    player = harness.client()
     infos: list[dict[str, Any]] = [
         {"ego_acc": math.nan},
         {"angular_velocity": {"z": math.nan}},
@@ -836,16 +845,16 @@ def test_figure_that_is_none_is_told_to_its_sender(stand: Stand) -> None:
     for info in infos:
         with pytest.raises(FieldError, match="hold no numbers"):
             player.send(INFO, "morai_msgs/ReplayInfo", **info)
-    assert not stand.node.stage.is_replaying
+    assert not harness.node.scene.is_replaying
 
 
-@pytest.mark.parametrize("num", [MAX_ENTITIES + 1, MAX_ENTRIES + 1])
+@pytest.mark.parametrize("num", [MAX_ENTITIES + 1, MAX_RECORDED_ENTRIES + 1])
 def test_a_message_of_more_objects_than_the_world_holds_is_refused(num: int) -> None:
-    stand = Stand()
-    topic = stand.bus.advertise(stand.client(), INFO, "morai_msgs/ReplayInfo")
+    harness = SimHarness()
+    topic = harness.bus.advertise(harness.client(), INFO, "morai_msgs/ReplayInfo")
     value: Any = topic.type.check({"npc_list": [{}]}, 0)
     value.npc_list *= num
-    before = stand.world.digest()
+    before = harness.world.digest()
     with pytest.raises(FieldError, match=f"{INFO}: the world holds 20,000 at most, got {num:,} objects"):
-        stand.bus.publish(stand.client(), topic, Message(topic.type, value), 0.0)
-    assert stand.world.digest() == before
+        harness.bus.publish(harness.client(), topic, Message(topic.type, value), 0.0)
+    assert harness.world.digest() == before

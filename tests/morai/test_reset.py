@@ -7,10 +7,11 @@ from typing import Any
 
 import pytest
 
-from rosbridge_sim.graph.bus import Answer, Owner, Topic
-from rosbridge_sim.morai.stage import FIRST_EGO
+from rosbridge_sim.graph.participant import Participant
+from rosbridge_sim.graph.topics_services import Answer, Topic
+from rosbridge_sim.morai.scene import FIRST_EGO
 from rosbridge_sim.schema.store import Message
-from tests.morai.stand import ALL, Client, Stand, rates
+from tests.morai.sim_harness import ALL, Client, SimHarness, rates
 
 HEARD = ("/clock", "/Ego_topic", "/Object_topic", "/CollisionData", "/VehicleCollisionData", "/SyncModeInfo")
 
@@ -38,54 +39,54 @@ def drive(client: Client, listener: Client) -> list[bytes]:
 
 
 def test_a_reset_run_repeats_byte_for_byte() -> None:
-    stand = Stand(start="sync")
-    client, listener = stand.client(), stand.client()
+    harness = SimHarness(start="sync")
+    client, listener = harness.client(), harness.client()
     listener.listen(*HEARD)
     client.start()
     first = drive(client, listener)
-    digest = stand.world.digest()
+    digest = harness.world.digest()
     for _ in range(2):
         assert reset(client) == {"frame": 0, "seed": 0}
         assert drive(client, listener) == first
-        assert stand.world.digest() == digest
+        assert harness.world.digest() == digest
 
 
 def test_it_is_as_after_the_start_whatever_has_happened() -> None:
-    fresh, stand = Stand("crowd"), Stand("crowd")
-    client = stand.client()
+    fresh, harness = SimHarness("crowd"), SimHarness("crowd")
+    client = harness.client()
     client.ask("/Service_MoraiSL", file_name="elsewhere", **ALL)
     client.ask("/Service_MoraiEventCmd", option=7, ctrl_mode=1, gear=2, lamps={"turnSignal": 1, "emergencySignal": 1})
     setting: dict[str, Any] = {"number_of_ego_vehicle": 1, "camera_index": 2, "ego_index": [2], "gear": [4]}
     lists = ("global_position_x", "global_position_y", "global_position_z", "global_roll", "global_pitch", "global_yaw")
     setting |= {name: [0.0] for name in (*lists, "velocity")} | {"ctrl_mode": [16]}
     client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **setting)
-    stand.run(1.0)
+    harness.run(1.0)
     reset(client)
-    assert stand.world.digest() == fresh.world.digest()
-    assert stand.node.stage.road_map.name == "track"
-    assert [ego.index for ego in stand.node.egos] == [FIRST_EGO]
-    assert stand.node.camera_index == FIRST_EGO  # else a second ego that comes later would be looked at
-    assert stand.node.followed is stand.node.egos[0]
+    assert harness.world.digest() == fresh.world.digest()
+    assert harness.node.scene.road_map.name == "track"
+    assert [ego.index for ego in harness.node.egos] == [FIRST_EGO]
+    assert harness.node.camera_index == FIRST_EGO  # else a second ego that comes later would be looked at
+    assert harness.node.followed is harness.node.egos[0]
     assert client.call("/Ego-2/SyncModeCmd", {}).is_ok is False
     state, at_start = (each.ask("/Service_MoraiEventCmd", option=0) for each in (client, fresh.client()))
     assert state == at_start
-    assert stand.bus.stamp_ns == 0
+    assert harness.bus.stamp_ns == 0
 
 
 def test_the_seed_is_set_or_kept() -> None:
-    stand = Stand()
-    client = stand.client()
+    harness = SimHarness()
+    client = harness.client()
     assert reset(client, 7) == {"frame": 0, "seed": 7}
-    drawn = stand.world.rng.random()
+    drawn = harness.world.rng.random()
     assert reset(client) == {"frame": 0, "seed": 7}
-    assert stand.world.rng.random() == drawn
+    assert harness.world.rng.random() == drawn
     assert reset(client, 0) == {"frame": 0, "seed": 0}
-    assert stand.world.rng.random() != drawn
+    assert harness.world.rng.random() != drawn
 
 
 def test_master_and_pause_stay_and_waiting_commands_go() -> None:
-    stand = Stand(start="sync")
-    client = stand.client()
+    harness = SimHarness(start="sync")
+    client = harness.client()
     client.start()
     client.tick()
     client.control(40, longlCmdType=1, accel=1.0)
@@ -105,8 +106,8 @@ def test_master_and_pause_stay_and_waiting_commands_go() -> None:
 
 
 def test_ids_that_are_made_begin_anew_while_nobody_is_master() -> None:
-    stand = Stand(start="sync")
-    client = stand.client()
+    harness = SimHarness(start="sync")
+    client = harness.client()
     assert client.start("")["user_id"] == "sync-1"
     reset(client)
     client.stop("sync-1")
@@ -117,13 +118,13 @@ def test_ids_that_are_made_begin_anew_while_nobody_is_master() -> None:
 
 
 def test_in_real_time_the_frames_go_on_from_0() -> None:
-    stand = Stand(network=rates({"/Ego_topic": 100.0}))
-    client = stand.client()
+    harness = SimHarness(network=rates({"/Ego_topic": 100.0}))
+    client = harness.client()
     client.listen("/Ego_topic", "/clock")
-    stand.run(0.51)
+    harness.run(0.51)
     client.heard.clear()
     reset(client)
-    stand.run(0.1)
+    harness.run(0.1)
     seqs = [message["header"]["seq"] for message in client.messages("/Ego_topic")]
     assert seqs[0] == 1
     assert seqs == sorted(seqs)
@@ -132,18 +133,18 @@ def test_in_real_time_the_frames_go_on_from_0() -> None:
 
 @pytest.mark.parametrize("start", ["run", "sync"])
 def test_who_hears_of_a_frame_cannot_reset_from_within_it(start: str) -> None:
-    stand = Stand(start=start)
-    client = stand.client()
+    harness = SimHarness(start=start)
+    client = harness.client()
     answers: list[Answer] = []
 
-    def ask(_topic: Topic, _message: Message, _sender: Owner, now: float) -> None:
-        stand.bus.call(client, "/sim/reset", {}, answers.append, now=now)
+    def ask(_topic: Topic, _message: Message, _sender: Participant, now: float) -> None:
+        harness.bus.call(client, "/sim/reset", {}, answers.append, now=now)
 
-    stand.bus.subscribe(client, "/clock", ask)
+    harness.bus.subscribe(client, "/clock", ask)
     if start == "sync":
         client.start()
         client.tick()
     else:
-        stand.run(0.021)
+        harness.run(0.021)
     assert [(answer.is_ok, answer.values) for answer in answers] == [(False, "the world is moving")]
-    assert stand.world.frame == 1
+    assert harness.world.frame == 1

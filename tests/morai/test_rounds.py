@@ -8,11 +8,13 @@ from typing import Any
 
 import pytest
 
-from rosbridge_sim.graph.bus import Bus, Owner, Topic
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Participant
+from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.schema.store import Message
-from tests.morai.stand import Client
+from tests.morai.sim_harness import Client
 from tests.morai.town import Crossroads, Driver, Judge, Way
-from tests.world.judges import RedRuns, Waits
+from tests.world.traffic_observers import RedRuns, Waits
 
 pytestmark = pytest.mark.slow
 
@@ -26,7 +28,7 @@ class Ears(Client):
         super().__init__(bus, name)
         self._last: dict[str, Message] = {}
 
-    def _hear(self, topic: Topic, message: Message, _sender: Owner, _now: float) -> None:
+    def _hear(self, topic: Topic, message: Message, _sender: Participant, _now: float) -> None:
         self._last[topic.name] = message
 
     def take(self) -> list[tuple[str, dict[str, Any]]]:
@@ -41,7 +43,7 @@ class Rounds:
 
     def __init__(self, *, heeds_lights: bool) -> None:
         self.town = Crossroads.built_in("town")
-        self._road_map = self.town.node.stage.road_map
+        self._road_map = self.town.node.scene.road_map
         self._way = Way(self._road_map, LEFT_ROUND.split())
         self._heeds_lights = heeds_lights
         self.town.put(-86.0, -1.75)

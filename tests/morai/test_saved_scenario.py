@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from rosbridge_sim.morai.maps.mgeo import RoadMap
-from rosbridge_sim.morai.scenarios.scenario import Scenario, Spawn, place_on_roads, read_scenario
-from rosbridge_sim.morai.scenarios.scenario_check import find_oddities, place_draft, read_draft
-from rosbridge_sim.morai.stage import Stage
+from rosbridge_sim.morai.scenarios.check import find_oddities, place_draft, read_draft
+from rosbridge_sim.morai.scenarios.reader import Scenario, Spawn, place_on_roads, read_scenario
+from rosbridge_sim.morai.scene import Scene
 from rosbridge_sim.world.state import Gear, Kind, World
 from tests.morai.maps import ROADRUNNER, read
 
@@ -121,7 +121,7 @@ class Shelf:
 
 def test_it_takes_the_stage_whole() -> None:
     world = World(seed=0)
-    Stage(world, Shelf(), read_scenario(TEXT, "saved.json"), ego_gear=Gear.DRIVE)
+    Scene(world, Shelf(), read_scenario(TEXT, "saved.json"), ego_gear=Gear.DRIVE)
     counts = {kind: len(world.rows(kind)) for kind in Kind}
     assert counts == {Kind.EGO: 1, Kind.VEHICLE: 2, Kind.PEDESTRIAN: 2, Kind.OBSTACLE: 2}
     assert sorted(int(world.uid[row]) for row in world.placed()) == [0, 101, 102, 201, 202, 301, 302]

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from rosbridge_sim.morai.scenarios.scenario import place_on_roads, read_scenario
-from rosbridge_sim.morai.scenarios.scenario_check import Draft, find_oddities, keys_near, place_draft, read_draft
+from rosbridge_sim.morai.scenarios.check import Draft, find_oddities, keys_near, place_draft, read_draft
+from rosbridge_sim.morai.scenarios.reader import place_on_roads, read_scenario
 from rosbridge_sim.world.roads import Roads
 from tests.morai.maps import ROADRUNNER
 from tests.morai.maps import read as read_tiny

@@ -11,18 +11,18 @@ from pyproj import Proj
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.world import dynamics
 from rosbridge_sim.world.sensors import GRAVITY, Mounting, feel
-from tests.morai.stand import ALL, Client, Stand, rates
+from tests.morai.sim_harness import ALL, Client, SimHarness, rates
 from tests.support import ROOT
 
 FIELDS = ("pose_x", "pose_y", "pose_z", "roll", "pitch", "yaw")
 UTM = Proj(proj="utm", zone=52, ellps="WGS84")
 
 
-def in_sync(**settings: Any) -> tuple[Stand, Client]:  # noqa: ANN401 - NodeSettings' own fields
-    stand = Stand(start="sync", **settings)
-    client = stand.client()
+def in_sync(**settings: Any) -> tuple[SimHarness, Client]:  # noqa: ANN401 - NodeSettings' own fields
+    harness = SimHarness(start="sync", **settings)
+    client = harness.client()
     client.start()
-    return stand, client
+    return harness, client
 
 
 def move(client: Client, *sensors: tuple[float, ...], topic: str = "/SensorPosControl") -> None:
@@ -64,8 +64,8 @@ def test_gps_projected_less_its_offsets_is_the_egos_place_all_along_a_drive() ->
 
 
 def test_a_map_without_a_usable_projection_has_no_fix(caplog: pytest.LogCaptureFixture) -> None:
-    stand, client = in_sync()
-    object.__setattr__(stand.node.stage.road_map.projection, "ellipse", "bogus")
+    harness, client = in_sync()
+    object.__setattr__(harness.node.scene.road_map.projection, "ellipse", "bogus")
     client.listen("/gps")
     for _ in range(3):
         client.tick()
@@ -75,7 +75,7 @@ def test_a_map_without_a_usable_projection_has_no_fix(caplog: pytest.LogCaptureF
 
 
 def test_imu_tells_heading_turn_and_what_holds_the_car() -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
     client.listen("/imu", "/Ego_topic")
     client.control(1, longlCmdType=1, accel=0.8, steering=0.3)
     for _ in range(100):
@@ -83,7 +83,7 @@ def test_imu_tells_heading_turn_and_what_holds_the_car() -> None:
     imu, ego = last(client, "/imu"), last(client, "/Ego_topic")
     half = math.radians(ego["heading"]) / 2
     assert imu["orientation"] == pytest.approx({"x": 0.0, "y": 0.0, "z": math.sin(half), "w": math.cos(half)})
-    assert imu["angular_velocity"] == {"x": 0.0, "y": 0.0, "z": stand.world.yaw_rate.item(stand.world.row(0))}
+    assert imu["angular_velocity"] == {"x": 0.0, "y": 0.0, "z": harness.world.yaw_rate.item(harness.world.row(0))}
     assert imu["angular_velocity"]["z"] > 0.2
     assert imu["linear_acceleration"] == pytest.approx(
         {"x": ego["acceleration"]["x"], "y": ego["acceleration"]["y"], "z": GRAVITY}, abs=1e-12
@@ -93,10 +93,10 @@ def test_imu_tells_heading_turn_and_what_holds_the_car() -> None:
 
 
 def test_in_real_time_both_come_fifty_times_a_second_or_as_is_chosen() -> None:
-    stand = Stand(network=rates({"/gps": 5.0, "/imu": 100.0}))
-    client = stand.client()
+    harness = SimHarness(network=rates({"/gps": 5.0, "/imu": 100.0}))
+    client = harness.client()
     client.listen("/gps", "/imu")
-    stand.run(1.01)
+    harness.run(1.01)
     assert (len(client.messages("/gps")), len(client.messages("/imu"))) == (5, 100)
 
 
@@ -113,7 +113,7 @@ def test_in_synchronous_mode_they_keep_their_rate_in_simulated_time() -> None:
 def test_pyproj_is_imported_by_the_first_position_and_not_before() -> None:
     script = """
 import sys
-from tests.morai.stand import Stand
+from tests.morai.sim_harness import Stand
 stand = Stand(start="sync")
 client = stand.client()
 client.start()
@@ -146,13 +146,13 @@ def test_a_moved_antenna_is_seen_in_its_fixes_and_in_tf_static() -> None:
 
 
 def test_a_moved_unit_feels_what_is_true_of_its_place() -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
     client.listen("/imu", "/tf_static")
     move(client, (1, 2.0, 0.5, 1.0, 0.1, -0.2, 0.75))
     client.control(1, longlCmdType=2, velocity=40.0, steering=0.3)
     for _ in range(50):
         client.tick()
-    reading = feel(stand.world, stand.world.row(0), Mounting(2.0, 0.5, 1.0, 0.1, -0.2, 0.75))
+    reading = feel(harness.world, harness.world.row(0), Mounting(2.0, 0.5, 1.0, 0.1, -0.2, 0.75))
     imu = last(client, "/imu")
     assert tuple(imu["orientation"].values()) == reading.orientation
     assert tuple(imu["angular_velocity"].values()) == reading.angular_velocity
@@ -161,12 +161,12 @@ def test_a_moved_unit_feels_what_is_true_of_its_place() -> None:
 
 
 def test_several_at_once_and_one_without_brackets() -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
     move(client, (1, 0.5), (0, 1.0))
-    assert stand.node.egos[0].mountings == {"gps_link": Mounting(1.0), "imu_link": Mounting(0.5)}
+    assert harness.node.egos[0].mountings == {"gps_link": Mounting(1.0), "imu_link": Mounting(0.5)}
     scalars = dict.fromkeys(FIELDS, 0.25)
     client.send("/SensorPosControl", "morai_msgs/SensorPosControl", sensor_index=1, **scalars)
-    assert stand.node.egos[0].mountings["imu_link"] == Mounting(*[0.25] * 6)
+    assert harness.node.egos[0].mountings["imu_link"] == Mounting(*[0.25] * 6)
     client.send("/SensorPosControl", "morai_msgs/SensorPosControl")  # none at all
     assert client.told == []
 
@@ -183,14 +183,14 @@ def test_several_at_once_and_one_without_brackets() -> None:
     ],
 )
 def test_one_wrong_sensor_and_none_is_moved(sensors: list[tuple[float, ...]], why: str) -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
     with pytest.raises(FieldError, match=why):
         move(client, *sensors)
-    assert set(stand.node.egos[0].mountings.values()) == {Mounting()}
+    assert set(harness.node.egos[0].mountings.values()) == {Mounting()}
 
 
 def test_lists_of_different_lengths_move_nothing() -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
     lists = {name: [0.5] for name in FIELDS}
     with pytest.raises(FieldError, match=r"SensorPosControl.yaw: expected 1 entries as sensor_index has, got 2"):
         client.send(
@@ -198,17 +198,17 @@ def test_lists_of_different_lengths_move_nothing() -> None:
         )
     with pytest.raises(FieldError, match="pose_x: expected 2 entries"):
         client.send("/SensorPosControl", "morai_msgs/SensorPosControl", sensor_index=[0, 1], **lists)
-    assert set(stand.node.egos[0].mountings.values()) == {Mounting()}
+    assert set(harness.node.egos[0].mountings.values()) == {Mounting()}
 
 
 def test_sensors_stay_where_they_are_when_a_scenario_is_loaded_and_go_back_at_a_reset() -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
     move(client, (0, 1.0))
     client.ask("/Service_MoraiSL", file_name="parked", **ALL)
-    assert stand.node.egos[0].mountings["gps_link"] == Mounting(1.0)
+    assert harness.node.egos[0].mountings["gps_link"] == Mounting(1.0)
     client.listen("/tf_static")
     assert client.call("/sim/reset", {"seed": -1}).is_ok
-    assert stand.node.egos[0].mountings["gps_link"] == Mounting()
+    assert harness.node.egos[0].mountings["gps_link"] == Mounting()
     assert last(client, "/tf_static")["transforms"][1]["transform"]["translation"]["x"] == 0.0
 
 
@@ -232,7 +232,7 @@ def bring_ego_2(client: Client) -> None:
 
 
 def test_a_further_ego_has_sensors_of_its_own() -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
     bring_ego_2(client)
     client.listen("/Ego-2/gps", "/Ego-2/imu", "/gps")
     move(client, (0, 2.0), topic="/Ego-2/SensorPosControl")
@@ -244,9 +244,9 @@ def test_a_further_ego_has_sensors_of_its_own() -> None:
     client.send("/Ego-2/SaveSensorData", "morai_msgs/SaveSensorData")
     assert client.ask("/Ego-2/SyncModeCtrlCmd", frame=0, command={}, sensor_capture=True)["result"] is True
     client.tick()
-    for _, _, files in stand.drawer.saved:
+    for _, _, files in harness.drawer.saved:
         assert list(files) == ["Ego-2/GPS_{}.csv", "Ego-2/IMU_{}.csv", "Ego-2/BOXES_{}.txt"]
-    assert [name for _, name, _ in stand.drawer.saved] == ["frame_000001", "frame_000002"]
+    assert [name for _, name, _ in harness.drawer.saved] == ["frame_000001", "frame_000002"]
 
 
 # /SaveSensorData and sensor_capture
@@ -260,7 +260,7 @@ def read_csv(text: str) -> dict[str, float]:
 
 @pytest.mark.parametrize("release", ["22.R2", "26.R1"])
 def test_what_is_saved_is_what_the_topics_say_of_that_frame(release: str) -> None:
-    stand, client = in_sync(release=release)
+    harness, client = in_sync(release=release)
     client.listen("/gps", "/imu")
     assert client.control(1, longlCmdType=1, accel=0.8, steering=0.3)
     for _ in range(7):
@@ -272,7 +272,7 @@ def test_what_is_saved_is_what_the_topics_say_of_that_frame(release: str) -> Non
         custom_file_name="shot",
         file_dir="runs",
     )
-    ((folder, name, files),) = stand.drawer.saved
+    ((folder, name, files),) = harness.drawer.saved
     assert (folder, name) == ("runs", "shot")
     gps, imu = last(client, "/gps"), last(client, "/imu")
     header = {"frame": 7.0, "time": 0.14}
@@ -284,11 +284,11 @@ def test_what_is_saved_is_what_the_topics_say_of_that_frame(release: str) -> Non
 
 
 def test_boxes_are_a_line_each_with_class_place_size_heading_distance_speed_and_id() -> None:
-    stand, client = in_sync()  # the ego stands at (10, 20) and looks north
-    dynamics.teleport(stand.world, stand.world.row(7), x=0.0, y=60.0, z=1.0, yaw=math.radians(135), speed=10.0)
+    harness, client = in_sync()  # the ego stands at (10, 20) and looks north
+    dynamics.teleport(harness.world, harness.world.row(7), x=0.0, y=60.0, z=1.0, yaw=math.radians(135), speed=10.0)
     bring_ego_2(client)
     client.send("/SaveSensorData", "morai_msgs/SaveSensorData")
-    ((_, _, files),) = stand.drawer.saved
+    ((_, _, files),) = harness.drawer.saved
     lines = [line.split(" ") for line in files["BOXES_{}.txt"].splitlines()]
     by_id = {int(line[-1]): [float(figure) for figure in line[:-1]] for line in lines}
     middle = (4.47 / 2 - 0.89) / math.sqrt(2)
@@ -300,62 +300,62 @@ def test_boxes_are_a_line_each_with_class_place_size_heading_distance_speed_and_
     assert {uid: figures[0] for uid, figures in by_id.items() if uid in {2, 9, 3, 4}} == {2: 0, 9: 1, 3: 2, 4: 2}
     distances = [float(line[8]) for line in lines]
     assert distances == sorted(distances)
-    assert len(lines) == len(stand.world) - 1
+    assert len(lines) == len(harness.world) - 1
 
 
 def test_nobody_around_is_an_empty_file() -> None:
-    stand = Stand("parked")
-    stand.client().send("/SaveSensorData", "morai_msgs/SaveSensorData")
-    ((folder, name, files),) = stand.drawer.saved
+    harness = SimHarness("parked")
+    harness.client().send("/SaveSensorData", "morai_msgs/SaveSensorData")
+    ((folder, name, files),) = harness.drawer.saved
     assert (folder, name, files["BOXES_{}.txt"]) == ("", "frame_000000", "")
 
 
 def test_a_capture_is_of_the_frame_that_its_command_was_for() -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
     client.listen("/Ego_topic")
     command = {"longlCmdType": 2, "velocity": 30.0}
     assert client.ask("/SyncModeCtrlCmd", frame=3, command=command, sensor_capture=True)["result"] is True
     for frame in range(1, 6):
-        assert [name for _, name, _ in stand.drawer.saved] == (["frame_000003"] if frame > 3 else [])
+        assert [name for _, name, _ in harness.drawer.saved] == (["frame_000003"] if frame > 3 else [])
         client.tick()
     x = [message["position"]["y"] for message in client.messages("/Ego_topic")]
-    gps = read_csv(stand.drawer.saved[0][2]["GPS_{}.csv"])
+    gps = read_csv(harness.drawer.saved[0][2]["GPS_{}.csv"])
     assert on_map(gps)[1] == pytest.approx(x[2], abs=1e-4)
     assert x[1] == 20.0 < x[2], "the first frame in which the command shows"
 
 
 def test_several_captures_of_one_tick_are_of_their_frames() -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
     client.start(time_step=100)
     for frame in (2, 4):
         client.ask("/SyncModeCtrlCmd", frame=frame, command={}, sensor_capture=True)
     client.tick()
-    assert [name for _, name, _ in stand.drawer.saved] == ["frame_000002", "frame_000004"]
+    assert [name for _, name, _ in harness.drawer.saved] == ["frame_000002", "frame_000004"]
 
 
 def test_a_command_that_is_refused_or_dropped_saves_nothing() -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
     assert client.ask("/SyncModeCtrlCmd", frame=1, command={"longlCmdType": 9}, sensor_capture=True)["result"] is False
     assert client.ask("/SyncModeCtrlCmd", frame=5, command={}, sensor_capture=True)["result"] is True
     client.stop()
     assert client.ask("/SyncModeCtrlCmd", frame=1, command={}, sensor_capture=True)["result"] is False
-    stand.run(0.2)
-    assert stand.drawer.saved == []
+    harness.run(0.2)
+    assert harness.drawer.saved == []
 
 
 def test_a_capture_of_an_ego_that_has_gone_meanwhile_is_none() -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
     bring_ego_2(client)
     assert client.ask("/Ego-2/SyncModeCtrlCmd", frame=3, command={}, sensor_capture=True)["result"] is True
     client.ask("/Service_MoraiSL", file_name="crowd", **ALL)
     for _ in range(4):
         client.tick()
-    assert (stand.drawer.saved, client.told) == ([], [])
+    assert (harness.drawer.saved, client.told) == ([], [])
 
 
 def test_what_cannot_be_saved_is_told_to_whoever_asked() -> None:
-    stand, client = in_sync()
-    stand.drawer.refusal = "the disk is full"
+    harness, client = in_sync()
+    harness.drawer.refusal = "the disk is full"
     with pytest.raises(FieldError, match=r"^morai_msgs/SaveSensorData: the disk is full$"):
         client.send("/SaveSensorData", "morai_msgs/SaveSensorData")
     client.ask("/SyncModeCtrlCmd", frame=0, command={}, sensor_capture=True)
@@ -364,18 +364,18 @@ def test_what_cannot_be_saved_is_told_to_whoever_asked() -> None:
 
 
 def test_a_custom_name_must_be_one() -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
     with pytest.raises(FieldError, match="custom_file_name: expected a name"):
         client.send("/SaveSensorData", "morai_msgs/SaveSensorData", is_custom_file_name=True)
     client.send("/SaveSensorData", "morai_msgs/SaveSensorData", custom_file_name="unwanted")
-    assert [name for _, name, _ in stand.drawer.saved] == ["frame_000000"]
+    assert [name for _, name, _ in harness.drawer.saved] == ["frame_000000"]
 
 
 # What it costs
 
 
 def test_nothing_is_made_while_nobody_listens(monkeypatch: pytest.MonkeyPatch) -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
 
     def fail(*_args: object) -> None:
         raise AssertionError("made for nobody")
@@ -385,4 +385,4 @@ def test_nothing_is_made_while_nobody_listens(monkeypatch: pytest.MonkeyPatch) -
     client.listen("/Ego_topic")
     client.tick()
     assert len(client.messages("/Ego_topic")) == 1
-    assert stand.node.afterwards == []
+    assert harness.node.afterwards == []

@@ -9,58 +9,58 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import FieldError, GraphError
-from rosbridge_sim.morai.stage import FIRST_EGO
-from rosbridge_sim.morai.sync import MAX_AHEAD, MAX_WAITING
-from tests.morai.stand import ALL, Client, Stand
+from rosbridge_sim.morai.scene import FIRST_EGO
+from rosbridge_sim.morai.sync import MAX_AHEAD, MAX_WAITING_COMMANDS
+from tests.morai.sim_harness import ALL, Client, SimHarness
 
 NOT_NUMBERS = [math.nan, math.inf, -math.inf]
 
 
-def ego_row(stand: Stand) -> int:
-    return stand.world.row(FIRST_EGO)
+def ego_row(harness: SimHarness) -> int:
+    return harness.world.row(FIRST_EGO)
 
 
-def in_sync(**settings: Any) -> tuple[Stand, Client]:  # noqa: ANN401 - NodeSettings' own fields
-    stand = Stand(start="sync", **settings)
-    client = stand.client()
+def in_sync(**settings: Any) -> tuple[SimHarness, Client]:  # noqa: ANN401 - NodeSettings' own fields
+    harness = SimHarness(start="sync", **settings)
+    client = harness.client()
     client.start()
-    return stand, client
+    return harness, client
 
 
 # /ctrl_cmd
 
 
 def test_a_mistaken_command_is_told_and_the_old_one_holds() -> None:
-    stand = Stand()
-    client = stand.client()
+    harness = SimHarness()
+    client = harness.client()
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=2, velocity=36.0)
     for wrong in ({"longlCmdType": 4}, {"accel": None}, {"steering": math.inf}):
         with pytest.raises(FieldError, match=r"morai_msgs/CtrlCmd\."):
             client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", **wrong)
-    stand.run(20.0)
-    assert stand.world.speed[ego_row(stand)] == pytest.approx(10.0)
+    harness.run(20.0)
+    assert harness.world.speed[ego_row(harness)] == pytest.approx(10.0)
 
 
 def test_commands_are_clipped_at_what_the_car_can_do() -> None:
-    stand = Stand()
-    client = stand.client()
+    harness = SimHarness()
+    client = harness.client()
     client.listen("/Ego_topic")
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=7.0, brake=-3.0, steering=-2.0)
-    stand.run(2.0)
+    harness.run(2.0)
     status = client.messages("/Ego_topic")[-1]
     assert (status["accel"], status["brake"]) == (1.0, 0.0)
     assert status["wheel_angle"] == pytest.approx(-math.radians(36.25), rel=1e-6)
 
 
 def test_the_topic_is_ignored_in_synchronous_mode_with_one_warning_a_peer() -> None:
-    stand, client = in_sync()
-    other = stand.client()
+    harness, client = in_sync()
+    other = harness.client()
     for _ in range(3):
         client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
         client.tick()
     other.send("/ctrl_cmd_0", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
     client.tick()
-    assert stand.world.speed[ego_row(stand)] == 0.0
+    assert harness.world.speed[ego_row(harness)] == 0.0
     assert [level for level, _ in client.told] == ["warning"]
     assert "ignored in synchronous mode" in client.told[0][1]
     assert [level for level, _ in other.told] == ["warning"]
@@ -68,8 +68,8 @@ def test_the_topic_is_ignored_in_synchronous_mode_with_one_warning_a_peer() -> N
 
 
 def test_the_topic_is_ignored_under_keyboard_control_until_the_mode_is_external() -> None:
-    stand = Stand(start_mode="keyboard")
-    client = stand.client()
+    harness = SimHarness(start_mode="keyboard")
+    client = harness.client()
     state = client.ask("/Service_MoraiEventCmd", option=0)
     assert (state["ctrl_mode"], state["gear"]) == (1, 1)
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
@@ -80,18 +80,18 @@ def test_the_topic_is_ignored_under_keyboard_control_until_the_mode_is_external(
     state = client.ask("/Service_MoraiEventCmd", option=3, ctrl_mode=3, gear=4)
     assert (state["ctrl_mode"], state["gear"]) == (3, 4)
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
-    stand.run(1.0)
-    assert stand.world.speed[ego_row(stand)] > 1.0
+    harness.run(1.0)
+    assert harness.world.speed[ego_row(harness)] > 1.0
 
 
 def test_who_takes_over_from_a_client_has_pressed_nothing() -> None:
-    stand = Stand()
-    client = stand.client()
+    harness = SimHarness()
+    client = harness.client()
     client.listen("/Ego_topic")
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
-    stand.run(1.0)
+    harness.run(1.0)
     client.ask("/Service_MoraiEventCmd", option=1, ctrl_mode=1)
-    stand.run(0.1)
+    harness.run(0.1)
     assert client.messages("/Ego_topic")[-1]["accel"] == 0.0
 
 
@@ -99,19 +99,19 @@ def test_who_takes_over_from_a_client_has_pressed_nothing() -> None:
 
 
 def test_a_command_is_in_force_from_its_frame_on() -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
     client.listen("/Ego_topic")
     assert client.control(3, longlCmdType=1, accel=0.5)
     assert client.control(5, longlCmdType=1, accel=0.25)
     for _ in range(6):
         client.tick()
     assert [m["accel"] for m in client.messages("/Ego_topic")] == [0.0, 0.0, 0.5, 0.5, 0.25, 0.25]
-    assert stand.node.sync.num_waiting == 0
+    assert harness.node.sync.num_waiting == 0
 
 
 def test_commands_within_one_tick_take_their_own_frames() -> None:
-    stand = Stand(start="sync")
-    client = stand.client()
+    harness = SimHarness(start="sync")
+    client = harness.client()
     client.start(time_step=100)
     client.listen("/Ego_topic")
     client.control(4, longlCmdType=1, accel=0.5)
@@ -122,17 +122,17 @@ def test_commands_within_one_tick_take_their_own_frames() -> None:
 
 
 def test_synchronous_control_needs_no_external_mode() -> None:
-    stand, client = in_sync(start_mode="keyboard")
+    harness, client = in_sync(start_mode="keyboard")
     assert client.ask("/SyncModeSetGear", gear=4, frame=0)["result"]
     assert client.control(0, longlCmdType=1, accel=1.0)
     for _ in range(10):
         client.tick()
-    assert stand.world.speed[ego_row(stand)] > 0.0
+    assert harness.world.speed[ego_row(harness)] > 0.0
 
 
 def test_commands_are_refused_while_the_mode_is_off() -> None:
-    stand = Stand()
-    client = stand.client()
+    harness = SimHarness()
+    client = harness.client()
     assert client.control(1, longlCmdType=1, accel=1.0) is False
     assert client.ask("/SyncModeSetGear", gear=1, frame=1) == {"result": False}
     assert client.ask("/SyncModeScenarioLoad", file_name="crowd", frame=1, **ALL) == {"result": False}
@@ -142,7 +142,7 @@ def test_commands_are_refused_while_the_mode_is_off() -> None:
 
 
 def test_wrong_commands_are_refused_with_a_reason() -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
     assert client.control(1, longlCmdType=9) is False
     assert client.control(1, longlCmdType=1, steering=None) is False
     assert client.ask("/SyncModeSetGear", gear=7, frame=1) == {"result": False}
@@ -150,27 +150,27 @@ def test_wrong_commands_are_refused_with_a_reason() -> None:
     assert "longlCmdType: expected" in client.told[0][1]
     assert "CtrlCmd.steering: expected a finite number" in client.told[1][1]
     assert "gear: expected" in client.told[2][1]
-    assert stand.node.sync.num_waiting == 0
+    assert harness.node.sync.num_waiting == 0
 
 
 def test_commands_are_bounded_in_number_and_reach() -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
     assert client.control(MAX_AHEAD, longlCmdType=1)
     assert client.control(MAX_AHEAD + 1, longlCmdType=1) is False
     assert "frames ahead" in client.told[-1][1]
-    for _ in range(MAX_WAITING - 1):
+    for _ in range(MAX_WAITING_COMMANDS - 1):
         client.control(5, longlCmdType=1)
     assert client.control(5, longlCmdType=1) is False
     assert "waiting already" in client.told[-1][1]
-    assert stand.node.sync.num_waiting == MAX_WAITING
+    assert harness.node.sync.num_waiting == MAX_WAITING_COMMANDS
 
 
 def test_stop_drops_what_waits() -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
     client.control(3, longlCmdType=1, accel=1.0)
     client.stop()
-    stand.run(1.0)
-    assert stand.world.speed[ego_row(stand)] == 0.0
+    harness.run(1.0)
+    assert harness.world.speed[ego_row(harness)] == 0.0
 
 
 def test_a_gear_at_speed_is_refused_at_its_frame_and_the_log_says_why(caplog: pytest.LogCaptureFixture) -> None:
@@ -199,7 +199,7 @@ def test_a_gear_of_minus_one_or_zero_leaves_it(gear: int) -> None:
 
 
 def test_objects_come_and_go_at_their_frames() -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
     client.listen("/Object_topic")
     client.send(
         "/SyncModeAddObj",
@@ -227,12 +227,12 @@ def test_objects_come_and_go_at_their_frames() -> None:
     assert (last["num_of_obstacle"], last["num_of_npcs"]) == (2, 3)
     assert last["npc_list"][-1]["unique_id"] == 12
     assert client.told == []
-    assert len(stand.world) == 7
+    assert len(harness.world) == 7
 
 
 def test_objects_are_refused_while_the_mode_is_off() -> None:
-    stand = Stand()
-    client = stand.client()
+    harness = SimHarness()
+    client = harness.client()
     with pytest.raises(GraphError, match="/SyncModeAddObj: synchronous mode is off"):
         client.send("/SyncModeAddObj", "morai_msgs/SyncModeAddObj", name="Bus", frame=1)
     with pytest.raises(GraphError, match="/SyncModeRemoveObj: synchronous mode is off"):
@@ -241,7 +241,7 @@ def test_objects_are_refused_while_the_mode_is_off() -> None:
 
 @pytest.mark.parametrize("number", NOT_NUMBERS)
 def test_objects_that_cannot_be(number: float) -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
     with pytest.raises(FieldError, match="the catalogue has no model 'dragon'"):
         client.send("/SyncModeAddObj", "morai_msgs/SyncModeAddObj", name="dragon")
     with pytest.raises(FieldError, match="expected"):
@@ -260,19 +260,19 @@ def test_objects_that_cannot_be(number: float) -> None:
         ("error", "/SyncModeRemoveObj: unique_id -1: the ego cannot be removed"),
         ("error", "/SyncModeRemoveObj: unique_id 4711: there is no such object"),
     ]
-    assert len(stand.world) == 6
+    assert len(harness.world) == 6
 
 
 # Scenarios
 
 
 def test_a_load_at_once_keeps_the_frame_and_the_mode() -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
     client.control(0, longlCmdType=1, accel=1.0)
     for _ in range(5):
         client.tick()
     assert client.ask("/Service_MoraiSL", file_name="parked", **ALL) == {"result": True}
-    assert len(stand.world) == 1
+    assert len(harness.world) == 1
     answer = client.tick()
     assert answer["frame"] == 6
     assert answer["vehicle_status"]["position"]["x"] == -5.0
@@ -289,53 +289,53 @@ def test_a_load_shows_in_the_answer_even_before_the_next_frame() -> None:
 
 
 def test_a_load_at_a_frame() -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
     assert client.ask("/SyncModeScenarioLoad", file_name="parked", frame=3, **ALL) == {"result": True}
     sizes = []
     for _ in range(4):
         client.tick()
-        sizes.append(len(stand.world))
+        sizes.append(len(harness.world))
     assert sizes == [6, 6, 1, 1]
 
 
 @pytest.mark.parametrize("name", ["nothing", "torn", "lost", "", "../../etc/passwd"])
 def test_a_load_that_cannot_be_is_false_and_says_why(name: str) -> None:
-    stand, client = in_sync()
-    before = stand.world.digest()
+    harness, client = in_sync()
+    before = harness.world.digest()
     assert client.ask("/Service_MoraiSL", file_name=name, **ALL) == {"result": False}
     assert client.ask("/SyncModeScenarioLoad", file_name=name, frame=1, **ALL) == {"result": False}
     assert [level for level, _ in client.told] == ["error", "error"]
     assert client.told[0][1].startswith("/Service_MoraiSL: ")
-    assert stand.world.digest() == before
+    assert harness.world.digest() == before
 
 
 LOAD = ("/ScenarioLoad", "morai_msgs/ScenarioLoad")
 
 
 def test_a_load_over_the_topic_is_that_of_the_service_in_either_mode() -> None:
-    stand = Stand()
-    client = stand.client()
+    harness = SimHarness()
+    client = harness.client()
     client.send(*LOAD, file_name="parked", **ALL)
-    assert len(stand.world) == 1
+    assert len(harness.world) == 1
     client.start()
     client.send(*LOAD, file_name="crowd", set_pause=True, load_object_data=True, load_surrounding_vehicle_data=True)
-    assert len(stand.world) == 5, "two vehicles and, by the manual's name of the option, two obstacles"
+    assert len(harness.world) == 5, "two vehicles and, by the manual's name of the option, two obstacles"
     assert client.tick()["pause_status"] is True
     assert client.told == [("warning", "/SyncModeWaitForTick: the simulation is paused")]
 
 
 @pytest.mark.parametrize("name", ["nothing", "torn", "lost", "", "../../etc/passwd"])
 def test_a_load_over_the_topic_that_cannot_be_is_told_to_its_sender(name: str) -> None:
-    stand = Stand()
-    client = stand.client()
-    before = stand.world.digest()
+    harness = SimHarness()
+    client = harness.client()
+    before = harness.world.digest()
     with pytest.raises(GraphError, match=r"^/ScenarioLoad: "):
         client.send(*LOAD, file_name=name, **ALL)
-    assert stand.world.digest() == before
+    assert harness.world.digest() == before
 
 
 def test_a_load_may_pause() -> None:
-    stand, client = in_sync()
+    harness, client = in_sync()
     assert client.ask("/Service_MoraiSL", file_name="crowd", set_pause=True, **ALL) == {"result": True}
     answer = client.tick()
     assert (answer["tick_status"], answer["pause_status"]) == (False, True)
@@ -344,28 +344,28 @@ def test_a_load_may_pause() -> None:
     answer = client.tick()
     assert (answer["tick_status"], answer["frame"]) == (True, 1), "the tick in which it comes is carried out"
     assert client.tick()["pause_status"] is True
-    assert stand.world.frame == 1
+    assert harness.world.frame == 1
 
 
 def test_documented_option_names_are_understood() -> None:
-    stand = Stand("empty")
-    client = stand.client()
+    harness = SimHarness("empty")
+    client = harness.client()
     options = {"load_object_data": True, "load_network_connection": True}
     assert client.ask("/Service_MoraiSL", file_name="crowd", **options) == {"result": True}
-    assert len(stand.world) == 1 + 2
+    assert len(harness.world) == 1 + 2
 
 
 def test_a_load_of_nothing_says_so() -> None:
-    stand = Stand()
-    client = stand.client()
+    harness = SimHarness()
+    client = harness.client()
     assert client.ask("/Service_MoraiSL", file_name="crowd") == {"result": True}
-    assert len(stand.world) == 6
+    assert len(harness.world) == 6
     assert client.told == [("warning", "nothing to load: delete_all and all load_... are false")]
 
 
 def test_a_new_ego_has_its_lamps_off_and_keeps_who_drives() -> None:
-    stand = Stand()
-    client = stand.client()
+    harness = SimHarness()
+    client = harness.client()
     lamps = {"turnSignal": 1, "emergencySignal": 1}
     client.ask("/Service_MoraiEventCmd", option=5, ctrl_mode=2, lamps=lamps)
     client.ask("/Service_MoraiSL", file_name="crowd", **ALL)
@@ -397,7 +397,7 @@ def state_of(answer: dict[str, Any]) -> tuple[int, int, int, int, bool]:
 def test_each_bit_takes_its_own_fields_and_the_answer_is_the_state_after(
     option: int, state: tuple[int, int, int, int, bool]
 ) -> None:
-    client = Stand().client()
+    client = SimHarness().client()
     lamps = {"turnSignal": 2, "emergencySignal": 1}
     answer = client.ask("/Service_MoraiEventCmd", option=option, ctrl_mode=2, gear=2, lamps=lamps, set_pause=True)
     assert state_of(answer) == state
@@ -406,14 +406,14 @@ def test_each_bit_takes_its_own_fields_and_the_answer_is_the_state_after(
 
 
 def test_a_gear_at_speed_is_refused_and_the_answer_shows_the_old_one() -> None:
-    stand = Stand()
-    client = stand.client()
+    harness = SimHarness()
+    client = harness.client()
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
-    stand.run(1.0)
+    harness.run(1.0)
     assert client.ask("/Service_MoraiEventCmd", option=2, gear=1)["gear"] == 4
     assert "gear PARK refused" in client.told[0][1]
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, brake=1.0)
-    stand.run(5.0)
+    harness.run(5.0)
     assert client.ask("/Service_MoraiEventCmd", option=2, gear=1)["gear"] == 1
 
 
@@ -429,7 +429,7 @@ def test_a_gear_at_speed_is_refused_and_the_answer_shows_the_old_one() -> None:
 def test_an_event_that_makes_no_sense_is_refused_and_changes_nothing(
     option: int, fields: dict[str, object], complaint: str
 ) -> None:
-    client = Stand().client()
+    client = SimHarness().client()
     sound: dict[str, object] = {"ctrl_mode": 1, "gear": 1, "lamps": {"turnSignal": 1}, "set_pause": True}
     assert complaint in client.refused("/Service_MoraiEventCmd", option=15 | option, **{**sound, **fields})
     assert state_of(client.ask("/Service_MoraiEventCmd", option=0)) == (3, 4, 0, 0, False)
@@ -440,14 +440,14 @@ def test_an_event_that_makes_no_sense_is_refused_and_changes_nothing(
 
 @pytest.mark.parametrize("unique_id", [-1, 0])
 def test_the_first_ego_has_two_names(unique_id: int) -> None:
-    spec = Stand().client().ask("/Service_MoraiVehicleSpec", unique_id=unique_id)
+    spec = SimHarness().client().ask("/Service_MoraiVehicleSpec", unique_id=unique_id)
     assert spec["size"] == {"x": 4.47, "y": 1.82, "z": 1.45}
     assert spec["max_steering"] == pytest.approx(36.25)
 
 
 @pytest.mark.parametrize("unique_id", [99, 9, -2])
 def test_nobodys_figures_are_zeros_and_a_status_lists_the_ids(unique_id: int) -> None:
-    client = Stand().client()
+    client = SimHarness().client()
     spec = client.ask("/Service_MoraiVehicleSpec", unique_id=unique_id)
     assert spec["size"] == {"x": 0.0, "y": 0.0, "z": 0.0}
     assert spec["wheel_base"] == 0.0
@@ -463,8 +463,8 @@ def test_nobodys_figures_are_zeros_and_a_status_lists_the_ids(unique_id: int) ->
 
 
 def test_a_long_list_of_ids_is_cut_short() -> None:
-    stand = Stand()
-    client = stand.client()
+    harness = SimHarness()
+    client = harness.client()
     client.start()
     for _ in range(25):
         client.send("/SyncModeAddObj", "morai_msgs/SyncModeAddObj", frame=0, name="Van", position={"x": 9, "y": 90})
@@ -475,7 +475,7 @@ def test_a_long_list_of_ids_is_cut_short() -> None:
 
 
 def test_the_maps_figures_follow_the_scenario() -> None:
-    client = Stand().client()
+    client = SimHarness().client()
     spec = client.ask("/Service_MoraiMapSpec", load_map_data=True)
     assert (spec["plane_coordinate_system"], spec["utm_num"]) == (0, 52)
     assert spec["utm_offset"] == {"x": 300.0, "y": 400.0, "z": 5.0}
@@ -492,21 +492,21 @@ def test_the_maps_figures_follow_the_scenario() -> None:
 
 
 def test_warnings_are_forgotten_with_their_peer() -> None:
-    stand, _ = in_sync()
+    harness, _ = in_sync()
     for _ in range(3):
-        client = stand.client()
+        client = harness.client()
         client.send("/ctrl_cmd", "morai_msgs/CtrlCmd")
         assert len(client.told) == 1
         client.leave()
-    assert not stand.node._told
+    assert not harness.node._told
 
 
 def test_a_command_outlives_the_peer_that_sent_it() -> None:
-    stand, client = in_sync()
-    other = stand.client()
+    harness, client = in_sync()
+    other = harness.client()
     other.control(2, longlCmdType=1, accel=0.5)
     other.send("/SyncModeRemoveObj", "morai_msgs/SyncModeRemoveObj", unique_id=7, frame=2)
     other.leave()
     client.tick()
     assert client.tick()["vehicle_status"]["accel"] == 0.5
-    assert 7 not in stand.world
+    assert 7 not in harness.world

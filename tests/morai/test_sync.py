@@ -12,99 +12,99 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 from rosbridge_sim.morai.sync import (
     FRAME_MS,
     MAX_AHEAD,
-    MAX_ID,
     MAX_STEP_MS,
-    MAX_WAITING,
+    MAX_USER_ID,
+    MAX_WAITING_COMMANDS,
     NO_MASTER,
     OF_A_MASTER,
     OF_WAITING,
-    TABLE,
-    Effect,
-    Event,
-    Outcome,
-    State,
+    SYNC_TABLE,
     Sync,
+    SyncEffect,
+    SyncEvent,
+    SyncOutcome,
+    SyncState,
 )
 
 ME, YOU = "me", "you"  # peers; any hashable will do
 FRAME = 100  # the world's, wherever it does not matter
 
 
-def a_sync(state: State, *, on_loss: str = "run", is_strict: bool = False) -> Sync[str]:
+def a_sync(state: SyncState, *, on_loss: str = "run", is_strict: bool = False) -> Sync[str]:
     """A Sync brought into `state` by what peers can do; its master, if any, is `boss`, held by ME."""
-    is_on = state in (State.OPEN, State.OPEN_PAUSED)
+    is_on = state in (SyncState.OPEN, SyncState.OPEN_PAUSED)
     sync: Sync[str] = Sync(is_on=is_on, on_loss=on_loss, lease=5.0, is_strict=is_strict)  # type: ignore[arg-type]
-    if state in (State.LED, State.LED_PAUSED, State.WAITING):
+    if state in (SyncState.LED, SyncState.LED_PAUSED, SyncState.WAITING):
         sync.start("boss", 40, ME, 0.0)
-    if state in (State.FREE_PAUSED, State.OPEN_PAUSED, State.LED_PAUSED):
+    if state in (SyncState.FREE_PAUSED, SyncState.OPEN_PAUSED, SyncState.LED_PAUSED):
         sync.pause()
-    if state is State.WAITING:
+    if state is SyncState.WAITING:
         sync.submit("scenario", FRAME + 1, FRAME, YOU, 0.0, is_ready=False)
         sync.tick("boss", FRAME + 2, FRAME, ME, 0.0)
     assert sync.state is state
     return sync
 
 
-def is_possible(state: State, event: Event) -> bool:
+def is_possible(state: SyncState, event: SyncEvent) -> bool:
     """Whether an event can happen in a state: some take a master, some a tick that waits."""
     if event in OF_WAITING:
-        return state is State.WAITING
+        return state is SyncState.WAITING
     return event not in OF_A_MASTER or state not in NO_MASTER
 
 
-def tick(sync: Sync[str]) -> Outcome:
+def tick(sync: Sync[str]) -> SyncOutcome:
     """A tick of the master that all commands are ready for."""
     sync.ready("scenario")
     return sync.tick("boss", FRAME + sync.num_frames, FRAME, ME, 1.0)
 
 
-def tick_early(sync: Sync[str]) -> Outcome:
+def tick_early(sync: Sync[str]) -> SyncOutcome:
     """A tick of the master before which a command is still being read."""
     sync.submit("another", FRAME + 1, FRAME, YOU, 1.0, is_ready=False)
     return sync.tick("boss", FRAME + sync.num_frames, FRAME, ME, 1.0)
 
 
 def crowded(sync: Sync[str]) -> Sync[str]:
-    for _ in range(MAX_WAITING):
+    for _ in range(MAX_WAITING_COMMANDS):
         sync.submit("x", FRAME + 1, FRAME, YOU, 0.0)
     return sync
 
 
-ACTS: dict[Event, Callable[[Sync[str]], Outcome | None]] = {
-    Event.START_BY_MASTER: lambda s: s.start("boss", 60, ME, 1.0),
-    Event.START_BY_OTHER: lambda s: s.start("rival", 20, YOU, 1.0),
-    Event.START_MISFIT: lambda s: s.start("boss", 30, ME, 1.0),
-    Event.STOP_BY_MASTER: lambda s: s.stop("boss"),
-    Event.STOP_BY_OTHER: lambda s: s.stop("rival"),
-    Event.TICK_BY_MASTER: tick,
-    Event.TICK_EARLY: tick_early,
-    Event.TICK_BY_OTHER: lambda s: s.tick("rival", FRAME + 1, FRAME, YOU, 1.0),
-    Event.TICK_MISFIT: lambda s: s.tick("boss", FRAME, FRAME, ME, 1.0),
-    Event.COMMAND: lambda s: s.submit("go", FRAME + 1, FRAME, YOU, 1.0),
-    Event.COMMAND_TOO_FAR: lambda s: s.submit("go", FRAME + MAX_AHEAD + 3, FRAME, YOU, 1.0),
-    Event.COMMAND_TOO_MANY: lambda s: crowded(s).submit("go", FRAME + 1, FRAME, YOU, 1.0),
-    Event.PAUSE: lambda s: s.pause(),
-    Event.RESUME: lambda s: s.resume(),
-    Event.LOSS_TO_RUN: lambda s: s.leave(ME),
-    Event.LOSS_TO_PAUSE: lambda s: s.leave(ME),
-    Event.LOSS_TO_WAIT: lambda s: s.leave(ME),
-    Event.RESET: lambda s: s.forget(),
+ACTS: dict[SyncEvent, Callable[[Sync[str]], SyncOutcome | None]] = {
+    SyncEvent.START_BY_MASTER: lambda s: s.start("boss", 60, ME, 1.0),
+    SyncEvent.START_BY_OTHER: lambda s: s.start("rival", 20, YOU, 1.0),
+    SyncEvent.START_MISFIT: lambda s: s.start("boss", 30, ME, 1.0),
+    SyncEvent.STOP_BY_MASTER: lambda s: s.stop("boss"),
+    SyncEvent.STOP_BY_OTHER: lambda s: s.stop("rival"),
+    SyncEvent.TICK_BY_MASTER: tick,
+    SyncEvent.TICK_EARLY: tick_early,
+    SyncEvent.TICK_BY_OTHER: lambda s: s.tick("rival", FRAME + 1, FRAME, YOU, 1.0),
+    SyncEvent.TICK_MISFIT: lambda s: s.tick("boss", FRAME, FRAME, ME, 1.0),
+    SyncEvent.COMMAND: lambda s: s.submit("go", FRAME + 1, FRAME, YOU, 1.0),
+    SyncEvent.COMMAND_TOO_FAR: lambda s: s.submit("go", FRAME + MAX_AHEAD + 3, FRAME, YOU, 1.0),
+    SyncEvent.COMMAND_TOO_MANY: lambda s: crowded(s).submit("go", FRAME + 1, FRAME, YOU, 1.0),
+    SyncEvent.PAUSE: lambda s: s.pause(),
+    SyncEvent.RESUME: lambda s: s.resume(),
+    SyncEvent.LOSS_TO_RUN: lambda s: s.leave(ME),
+    SyncEvent.LOSS_TO_PAUSE: lambda s: s.leave(ME),
+    SyncEvent.LOSS_TO_WAIT: lambda s: s.leave(ME),
+    SyncEvent.RESET: lambda s: s.forget(),
 }
-ON_LOSS = {Event.LOSS_TO_RUN: "run", Event.LOSS_TO_PAUSE: "pause", Event.LOSS_TO_WAIT: "wait"}
+ON_LOSS = {SyncEvent.LOSS_TO_RUN: "run", SyncEvent.LOSS_TO_PAUSE: "pause", SyncEvent.LOSS_TO_WAIT: "wait"}
 
 
-@pytest.mark.parametrize("state", State)
-@pytest.mark.parametrize("event", Event)
-def test_every_state_meets_every_event_as_the_table_says(state: State, event: Event) -> None:
+@pytest.mark.parametrize("state", SyncState)
+@pytest.mark.parametrize("event", SyncEvent)
+def test_every_state_meets_every_event_as_the_table_says(state: SyncState, event: SyncEvent) -> None:
     if event in OF_WAITING:
         return  # see below
     if not is_possible(state, event):
-        assert event not in TABLE[state]
+        assert event not in SYNC_TABLE[state]
         return
-    sync = a_sync(state, on_loss=ON_LOSS.get(event, "run"), is_strict=event is Event.TICK_MISFIT)
+    sync = a_sync(state, on_loss=ON_LOSS.get(event, "run"), is_strict=event is SyncEvent.TICK_MISFIT)
     before = (sync.master_id, sync.step_ms)
     outcome = ACTS[event](sync)
-    assert outcome == TABLE[state][event]
+    assert outcome == SYNC_TABLE[state][event]
     assert sync.state is outcome.state
     assert bool(outcome.why) is not outcome.is_accepted
     if not outcome.is_accepted:
@@ -115,45 +115,45 @@ def test_every_state_meets_every_event_as_the_table_says(state: State, event: Ev
 
 
 def test_ticks_that_wait_take_their_turns_once_their_commands_are_ready() -> None:
-    sync = a_sync(State.WAITING)
+    sync = a_sync(SyncState.WAITING)
     sync.tick("boss", 0, FRAME, ME, 1.0)
     assert (sync.num_ticks, sync.take_turn(FRAME)) == (2, 0)
     sync.ready("scenario")
     assert sync.take_turn(FRAME) == 2
-    assert sync.state is TABLE[State.WAITING][Event.TURN].state
+    assert sync.state is SYNC_TABLE[SyncState.WAITING][SyncEvent.TURN].state
     check_invariants(sync)
     assert sync.due(FRAME + 1) == ["scenario"]
     assert sync.take_turn(FRAME + 2) == 2
-    assert sync.state is TABLE[State.WAITING][Event.LAST_TURN].state
+    assert sync.state is SYNC_TABLE[SyncState.WAITING][SyncEvent.LAST_TURN].state
     check_invariants(sync)
     assert sync.take_turn(FRAME + 4) == 0
 
 
 def test_the_table_has_no_row_that_cannot_happen() -> None:
-    assert {(s, e) for s, rows in TABLE.items() for e in rows} == {
-        (s, e) for s in State for e in Event if is_possible(s, e)
+    assert {(s, e) for s, rows in SYNC_TABLE.items() for e in rows} == {
+        (s, e) for s in SyncState for e in SyncEvent if is_possible(s, e)
     }
 
 
-@pytest.mark.parametrize("state", State)
-def test_only_an_accepted_tick_of_the_master_moves_the_world(state: State) -> None:
-    movers = {event for event, outcome in TABLE[state].items() if Effect.MOVE in outcome.effects}
-    allowed = {State.LED: {Event.TICK_BY_MASTER}, State.WAITING: {Event.TURN, Event.LAST_TURN}}
+@pytest.mark.parametrize("state", SyncState)
+def test_only_an_accepted_tick_of_the_master_moves_the_world(state: SyncState) -> None:
+    movers = {event for event, outcome in SYNC_TABLE[state].items() if SyncEffect.MOVE in outcome.effects}
+    allowed = {SyncState.LED: {SyncEvent.TICK_BY_MASTER}, SyncState.WAITING: {SyncEvent.TURN, SyncEvent.LAST_TURN}}
     assert movers == allowed.get(state, set())
 
 
-@pytest.mark.parametrize("state", State)
-def test_ticks_wait_in_one_state_alone_and_are_refused_whenever_it_ends_without_them(state: State) -> None:
-    for event, outcome in TABLE[state].items():
-        assert (Effect.WAIT not in outcome.effects) or outcome.state is State.WAITING
-        ends = state is State.WAITING is not outcome.state and Effect.MOVE not in outcome.effects
-        assert (Effect.REFUSE in outcome.effects) == ends, event
+@pytest.mark.parametrize("state", SyncState)
+def test_ticks_wait_in_one_state_alone_and_are_refused_whenever_it_ends_without_them(state: SyncState) -> None:
+    for event, outcome in SYNC_TABLE[state].items():
+        assert (SyncEffect.WAIT not in outcome.effects) or outcome.state is SyncState.WAITING
+        ends = state is SyncState.WAITING is not outcome.state and SyncEffect.MOVE not in outcome.effects
+        assert (SyncEffect.REFUSE in outcome.effects) == ends, event
 
 
-@pytest.mark.parametrize("state", State)
-def test_real_time_flows_exactly_when_the_world_becomes_free(state: State) -> None:
-    for outcome in TABLE[state].values():
-        assert (Effect.FLOW in outcome.effects) == (outcome.state is State.FREE is not state)
+@pytest.mark.parametrize("state", SyncState)
+def test_real_time_flows_exactly_when_the_world_becomes_free(state: SyncState) -> None:
+    for outcome in SYNC_TABLE[state].values():
+        assert (SyncEffect.FLOW in outcome.effects) == (outcome.state is SyncState.FREE is not state)
 
 
 def check_invariants(sync: Sync[str]) -> None:
@@ -161,8 +161,8 @@ def check_invariants(sync: Sync[str]) -> None:
     assert bool(sync.master_id) is has_master
     assert (sync.num_holders > 0) is has_master
     assert sync.is_on or sync.num_waiting == 0
-    assert sync.num_waiting <= MAX_WAITING
-    assert (sync.num_ticks > 0) is (sync.state is State.WAITING)
+    assert sync.num_waiting <= MAX_WAITING_COMMANDS
+    assert (sync.num_ticks > 0) is (sync.state is SyncState.WAITING)
     assert sync.step_ms % FRAME_MS == 0
     assert 0 < sync.step_ms <= MAX_STEP_MS
     assert sync.num_frames == sync.step_ms // FRAME_MS
@@ -171,7 +171,7 @@ def check_invariants(sync: Sync[str]) -> None:
     assert sync.is_free is not (sync.is_on or sync.is_paused)
 
 
-IDS = st.sampled_from(["", "a", "b", "sync-1", "sync-2", "x" * (MAX_ID + 1)])
+IDS = st.sampled_from(["", "a", "b", "sync-1", "sync-2", "x" * (MAX_USER_ID + 1)])
 PEERS = st.sampled_from(["p", "q", "r"])
 STEPS = st.sampled_from([0, 20, 30, 40, 1000, 1020, 2**32 - 1])
 OFFSETS = st.sampled_from([-5, 0, 1, 2, 3, 7, MAX_AHEAD, MAX_AHEAD + 1])
@@ -212,7 +212,7 @@ class AnyOrder(RuleBasedStateMachine):
     def start(self, user_id: str, step: int, peer: str) -> None:
         master, before = self.sync.master_id, self.sync.step_ms
         outcome = self.sync.start(user_id, step, peer, self.now)
-        fits = (step or 20) % 20 == 0 and step <= MAX_STEP_MS and len(user_id) <= MAX_ID
+        fits = (step or 20) % 20 == 0 and step <= MAX_STEP_MS and len(user_id) <= MAX_USER_ID
         assert outcome.is_accepted == (fits and (not master or user_id == master))
         assert self.sync.step_ms == ((step or 20) if outcome.is_accepted else before)
         assert self.sync.master_id == ((user_id or self.sync.master_id) if outcome.is_accepted else master)
@@ -235,7 +235,7 @@ class AnyOrder(RuleBasedStateMachine):
             num_frames = self.sync.num_frames
             is_early = any(due <= self.end + num_frames for due in self.unready.values())
             waits = bool(self.ticks) or is_early
-            assert outcome.effects == ((Effect.WAIT,) if waits else (Effect.MOVE,))
+            assert outcome.effects == ((SyncEffect.WAIT,) if waits else (SyncEffect.MOVE,))
             if waits:
                 self.ticks.append(num_frames)
             else:
@@ -300,7 +300,7 @@ class AnyOrder(RuleBasedStateMachine):
         self.now += seconds
         self.after_loss(self.sync.expire(self.now))
 
-    def after_loss(self, outcome: Outcome | None) -> None:
+    def after_loss(self, outcome: SyncOutcome | None) -> None:
         if outcome is not None:
             self.drop()
             assert self.sync.is_on
@@ -325,7 +325,7 @@ def test_command_that_comes_while_ticks_wait_is_for_the_frame_after_them() -> No
     sync.start("me", 40, ME, 0.0)
     sync.submit("scenario", 11, 10, ME, 0.0, is_ready=False)
     for _ in range(2):
-        assert sync.tick("me", 0, 10, ME, 0.0).effects == (Effect.WAIT,)
+        assert sync.tick("me", 0, 10, ME, 0.0).effects == (SyncEffect.WAIT,)
     sync.submit("brake", 0, 10, ME, 0.0)
     sync.ready("scenario")
     assert [sync.due(frame) for frame in range(11, 16)] == [["scenario"], [], [], [], ["brake"]]
@@ -442,7 +442,7 @@ def test_silence_ends_the_lease_and_any_word_of_a_holder_renews_it() -> None:
     sync.submit("go", 2, 1, YOU, 16.0)  # no holder
     assert sync.expire(18.9) is None
     assert sync.expire(19.0) is not None
-    assert sync.state is State.FREE_PAUSED
+    assert sync.state is SyncState.FREE_PAUSED
     assert sync.expire(100.0) is None
 
 
@@ -467,7 +467,7 @@ def test_tick_waits_with_the_time_step_of_its_arrival_and_strict_frames_count_it
     sync: Sync[str] = Sync(is_strict=True)
     sync.start("a", 40, ME, 0.0)
     sync.submit("scenario", 12, 10, ME, 0.0, is_ready=False)
-    assert sync.tick("a", 12, 10, ME, 0.0).effects == (Effect.WAIT,)
+    assert sync.tick("a", 12, 10, ME, 0.0).effects == (SyncEffect.WAIT,)
     sync.start("a", 100, YOU, 0.0)
     assert not sync.tick("a", 15, 10, YOU, 0.0).is_accepted
     assert sync.tick("a", 17, 10, YOU, 0.0).is_accepted
@@ -479,8 +479,8 @@ def test_tick_before_the_frame_of_a_scenario_that_is_being_read_does_not_wait() 
     sync: Sync[str] = Sync()
     sync.start("a", 40, ME, 0.0)
     sync.submit("scenario", 13, 10, ME, 0.0, is_ready=False)
-    assert sync.tick("a", 0, 10, ME, 0.0).effects == (Effect.MOVE,)
-    assert sync.tick("a", 0, 12, ME, 0.0).effects == (Effect.WAIT,)
+    assert sync.tick("a", 0, 10, ME, 0.0).effects == (SyncEffect.MOVE,)
+    assert sync.tick("a", 0, 12, ME, 0.0).effects == (SyncEffect.WAIT,)
     sync.withdraw("scenario")
     assert (sync.take_turn(12), sync.due(13)) == (2, [])
 
@@ -491,7 +491,7 @@ def test_a_pause_outlives_its_master() -> None:
     sync.pause()
     assert not sync.tick("a", 1, 0, ME, 0.0).is_accepted
     sync.leave(ME)
-    assert sync.state is State.FREE_PAUSED
+    assert sync.state is SyncState.FREE_PAUSED
     sync.start("b", 20, YOU, 0.0)
     assert not sync.can_send_tick
     sync.resume()
@@ -501,13 +501,13 @@ def test_a_pause_outlives_its_master() -> None:
 def test_commands_that_are_dropped_are_not_due_and_leave_their_room() -> None:
     sync: Sync[str] = Sync()
     sync.start("me", 20, "peer", 0.0)
-    for i in range(MAX_WAITING):
+    for i in range(MAX_WAITING_COMMANDS):
         assert sync.submit(f"{'even' if i % 2 == 0 else 'odd'} {i}", i % 7, 0, "peer", 0.0).is_accepted
-    assert sync.drop(lambda command: command.startswith("even")) == MAX_WAITING // 2
+    assert sync.drop(lambda command: command.startswith("even")) == MAX_WAITING_COMMANDS // 2
     assert sync.drop(lambda command: command.startswith("even")) == 0
     assert sync.submit("late", 3, 0, "peer", 0.0).is_accepted
     due = sync.due(10)
-    assert len(due) == MAX_WAITING // 2 + 1
+    assert len(due) == MAX_WAITING_COMMANDS // 2 + 1
     assert not any(command.startswith("even") for command in due)
 
 
@@ -515,7 +515,7 @@ def test_a_command_that_is_dropped_holds_up_no_tick() -> None:
     sync: Sync[str] = Sync()
     sync.start("me", 20, "peer", 0.0)
     sync.submit("scenario", 1, 0, "peer", 0.0, is_ready=False)
-    assert Effect.WAIT in sync.tick("me", 1, 0, "peer", 0.0).effects
+    assert SyncEffect.WAIT in sync.tick("me", 1, 0, "peer", 0.0).effects
     assert sync.drop(lambda command: command == "scenario") == 1
     assert sync.take_turn(0) == 1
     assert sync.num_waiting == 0

@@ -10,7 +10,7 @@ import pytest
 
 from rosbridge_sim.morai.catalogue import DEFAULT_EGO
 from rosbridge_sim.morai.releases import FIELD, MANUAL, Profile
-from tests.morai.stand import Client, Stand, put_egos
+from tests.morai.sim_harness import Client, SimHarness, put_egos
 
 DT = 0.02
 LISTS = ("npc_list", "pedestrian_list", "obstacle_list")
@@ -40,13 +40,13 @@ def drive(client: Client, frames: int, **command: float) -> list[dict[int, dict[
 
 @pytest.mark.parametrize("profile", [MANUAL, FIELD])
 def test_position_is_the_rear_axle_of_vehicles_and_the_centre_of_others(profile: Profile) -> None:
-    stand = Stand(start="sync", profile=profile)  # the ego stands at (10, 20) and looks north
-    client = stand.client()
+    harness = SimHarness(start="sync", profile=profile)  # the ego stands at (10, 20) and looks north
+    client = harness.client()
     client.start()
     client.listen("/Object_topic", "/Ego_topic")
     client.tick()
     client.send("/SaveSensorData", "morai_msgs/SaveSensorData")
-    ((_, _, files),) = stand.drawer.saved
+    ((_, _, files),) = harness.drawer.saved
     listed, (ego,) = objects(client.messages("/Object_topic")[0]), client.messages("/Ego_topic")
     assert (ego["position"]["x"], ego["position"]["y"]) == (10.0, 20.0)
     lines = [[float(figure) for figure in line.split()] for line in files["BOXES_{}.txt"].splitlines()]
@@ -64,8 +64,8 @@ def test_position_is_the_rear_axle_of_vehicles_and_the_centre_of_others(profile:
 @pytest.mark.slow
 @pytest.mark.parametrize(("profile", "unit"), [(MANUAL, 1.0 / 3.6), (Profile(object_velocity_unit="m/s"), 1.0)])
 def test_accelerations_in_object_topic_are_the_change_of_its_velocities(profile: Profile, unit: float) -> None:
-    stand = Stand("crossing", start="sync", profile=profile)
-    client = stand.client()
+    harness = SimHarness("crossing", start="sync", profile=profile)
+    client = harness.client()
     client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(0, 2) | {"camera_index": 0})
     frames = drive(client, 900, longlCmdType=2, velocity=20.0, steering=0.2)
     assert max(one["type"] for one in frames[0].values()) == 1
@@ -84,8 +84,8 @@ def test_accelerations_in_object_topic_are_the_change_of_its_velocities(profile:
 
 
 def test_another_ego_is_told_as_it_tells_itself() -> None:
-    stand = Stand("parked", start="sync")
-    client = stand.client()
+    harness = SimHarness("parked", start="sync")
+    client = harness.client()
     client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(0, 2) | {"camera_index": 0})
     client.listen("/Ego-2/Ego_topic")
     seen = drive(client, 200, longlCmdType=2, velocity=20.0, steering=0.2)[-1][2]
@@ -98,12 +98,12 @@ def test_another_ego_is_told_as_it_tells_itself() -> None:
 
 @pytest.mark.parametrize("name", ["", "shot"])
 def test_without_a_custom_name_files_are_called_after_their_frame(name: str) -> None:
-    stand = Stand(start="sync")
-    client = stand.client()
+    harness = SimHarness(start="sync")
+    client = harness.client()
     client.start()
     for _ in range(7):
         client.tick()
     client.send(
         "/SaveSensorData", "morai_msgs/SaveSensorData", is_custom_file_name=False, custom_file_name=name, file_dir=""
     )
-    assert [saved[1] for saved in stand.drawer.saved] == ["frame_000007"]
+    assert [saved[1] for saved in harness.drawer.saved] == ["frame_000007"]

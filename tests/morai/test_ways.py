@@ -9,10 +9,10 @@ import pytest
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.policy import Policy, Rule, Use
-from rosbridge_sim.morai.items import ListedItem
-from rosbridge_sim.morai.network_settings import ItemKind
+from rosbridge_sim.morai.interfaces.network_settings import InterfaceKind
+from rosbridge_sim.morai.interfaces.registry import ListedInterface
 from rosbridge_sim.morai.ways import _EFFECTS, _SAME, SimulatorWays
-from tests.morai.stand import ALL, Stand, put_egos
+from tests.morai.sim_harness import ALL, SimHarness, put_egos
 
 COMMAND, LOAD = "morai_msgs/CtrlCmd", "morai_msgs/ScenarioLoad"
 RENAMED = {
@@ -22,19 +22,19 @@ RENAMED = {
 }
 
 
-def completed(policy: Policy, stand: Stand | None) -> Policy:
-    ways = SimulatorWays(None if stand is None else stand.node.items)
+def completed(policy: Policy, harness: SimHarness | None) -> Policy:
+    ways = SimulatorWays(None if harness is None else harness.node.items)
     policy.ways.add(ways.effects, ways.others)
-    if stand is not None:
-        stand.node.items.on_change = policy.ways.change
+    if harness is not None:
+        harness.node.items.on_change = policy.ways.change
     return policy
 
 
-def denying(stand: Stand | None, **patterns: str) -> Policy:
+def denying(harness: SimHarness | None, **patterns: str) -> Policy:
     rules = {use: Rule(deny=(pattern,)) for use, pattern in patterns.items()}
     none = Rule()
     policy = Policy(rules.get("publish", none), rules.get("subscribe", none), rules.get("service", none))
-    return completed(policy, stand)
+    return completed(policy, harness)
 
 
 def may(policy: Policy, use: Use, name: str) -> bool:
@@ -49,20 +49,20 @@ def may(policy: Policy, use: Use, name: str) -> bool:
 
 
 @pytest.fixture(scope="module")
-def stand() -> Stand:
-    return Stand()
+def harness() -> SimHarness:
+    return SimHarness()
 
 
 @pytest.fixture(scope="module")
-def renamed() -> Stand:
-    return Stand(network=RENAMED)
+def renamed() -> SimHarness:
+    return SimHarness(network=RENAMED)
 
 
 @pytest.mark.parametrize("row", _SAME, ids=lambda row: row[0].name)
-def test_denying_any_name_of_a_thing_denies_all(stand: Stand, row: tuple[tuple[Use, str], ...]) -> None:
+def test_denying_any_name_of_a_thing_denies_all(harness: SimHarness, row: tuple[tuple[Use, str], ...]) -> None:
     flags = {Use.PUBLISH: "publish", Use.SUBSCRIBE: "subscribe", Use.SERVICE: "service"}
     for use, name in row:
-        policy = denying(stand, **{flags[use]: name})
+        policy = denying(harness, **{flags[use]: name})
         for other_use, other in row:
             assert not may(policy, other_use, other), f"{name} denied, {other} open"
             assert not may(policy, other_use, f"/Ego-7{other}")
@@ -72,39 +72,39 @@ def test_denying_any_name_of_a_thing_denies_all(stand: Stand, row: tuple[tuple[U
 @pytest.mark.parametrize("release", ["22.R2", "26.R1"])
 def test_names_in_the_table_are_the_simulators(release: str) -> None:
     """Of one release or the other."""
-    items = {(item.kind, item.default) for item in Stand(release=release).node.items.listing()}
-    items |= {(ItemKind.SUBSCRIBER, f"/SyncMode{what}Obj") for what in ("Add", "Remove")}
-    items |= {(ItemKind.SERVICE, f"/SyncMode{what}Object") for what in ("Add", "Remove")}
+    items = {(item.kind, item.default) for item in SimHarness(release=release).node.items.listing()}
+    items |= {(InterfaceKind.SUBSCRIBER, f"/SyncMode{what}Obj") for what in ("Add", "Remove")}
+    items |= {(InterfaceKind.SERVICE, f"/SyncMode{what}Object") for what in ("Add", "Remove")}
     kinds = {
-        Use.PUBLISH: {ItemKind.SUBSCRIBER},
-        Use.SUBSCRIBE: {ItemKind.PUBLISHER, ItemKind.SUBSCRIBER},
-        Use.SERVICE: {ItemKind.SERVICE},
+        Use.PUBLISH: {InterfaceKind.SUBSCRIBER},
+        Use.SUBSCRIBE: {InterfaceKind.PUBLISHER, InterfaceKind.SUBSCRIBER},
+        Use.SERVICE: {InterfaceKind.SERVICE},
     }
     ways = {way for effect in _EFFECTS for way in (*effect.ways, *effect.also)} | {way for row in _SAME for way in row}
     for use, name in ways:
         assert any((kind, name) in items for kind in kinds[use]) or name == "/rosapi/get_time", name
 
 
-def test_every_input_and_service_that_changes_something_is_in_the_log_table(stand: Stand) -> None:
+def test_every_input_and_service_that_changes_something_is_in_the_log_table(harness: SimHarness) -> None:
     """Whoever adds one has to say what it does, so that the log can name it."""
     known = {way for effect in _EFFECTS for way in (*effect.ways, *effect.also)}
     alone = {"/SensorPosControl", "/Service_MoraiVehicleSpec", "/Service_MoraiMapSpec"}
 
-    def is_known(item: ListedItem) -> bool:
-        use = Use.SERVICE if item.kind is ItemKind.SERVICE else Use.PUBLISH
+    def is_known(item: ListedInterface) -> bool:
+        use = Use.SERVICE if item.kind is InterfaceKind.SERVICE else Use.PUBLISH
         return (use, item.default) in known or item.default in alone
 
-    items = [item for item in stand.node.items.listing() if item.kind is not ItemKind.PUBLISHER]
+    items = [item for item in harness.node.items.listing() if item.kind is not InterfaceKind.PUBLISHER]
     assert [item.default for item in items if not is_known(item)] == []
 
 
-def test_pattern_without_a_prefix_holds_for_further_egos_and_not_the_reverse(stand: Stand) -> None:
-    policy = denying(stand, publish="/ctrl_cmd", service="/SyncModeCtrlCmd", subscribe="/Ego_topic")
+def test_pattern_without_a_prefix_holds_for_further_egos_and_not_the_reverse(harness: SimHarness) -> None:
+    policy = denying(harness, publish="/ctrl_cmd", service="/SyncModeCtrlCmd", subscribe="/Ego_topic")
     for prefix in ("/", "/Ego-2/", "/Ego-31/"):
         assert not may(policy, Use.PUBLISH, f"{prefix}ctrl_cmd")
         assert not may(policy, Use.SERVICE, f"{prefix}SyncModeCtrlCmd")
         assert not may(policy, Use.SUBSCRIBE, f"{prefix}Ego_topic")
-    policy = denying(stand, publish="/Ego-2/*")
+    policy = denying(harness, publish="/Ego-2/*")
     assert [may(policy, Use.PUBLISH, f"{prefix}ctrl_cmd") for prefix in ("/", "/Ego-2/", "/Ego-3/")] == [
         True,
         False,
@@ -112,8 +112,8 @@ def test_pattern_without_a_prefix_holds_for_further_egos_and_not_the_reverse(sta
     ]
 
 
-def test_allowing_one_name_of_a_thing_allows_all(stand: Stand) -> None:
-    policy = completed(Policy(publish=Rule(allow=("/ctrl_cmd",)), service=Rule(allow=("/Service_MoraiSL",))), stand)
+def test_allowing_one_name_of_a_thing_allows_all(harness: SimHarness) -> None:
+    policy = completed(Policy(publish=Rule(allow=("/ctrl_cmd",)), service=Rule(allow=("/Service_MoraiSL",))), harness)
     assert may(policy, Use.PUBLISH, "/ctrl_cmd_0")
     assert may(policy, Use.PUBLISH, "/Ego-2/ctrl_cmd")
     assert may(policy, Use.PUBLISH, "/ScenarioLoad")
@@ -121,22 +121,24 @@ def test_allowing_one_name_of_a_thing_allows_all(stand: Stand) -> None:
     assert not may(policy, Use.PUBLISH, "/lamps")
     assert not may(policy, Use.SERVICE, "/SyncModeCmd")
     objects = Rule(allow=("/SyncModeAddObj", "/SyncModeRemoveObj"))
-    policy = completed(Policy(publish=objects, service=Rule(allow=("/nothing",))), stand)
+    policy = completed(Policy(publish=objects, service=Rule(allow=("/nothing",))), harness)
     assert may(policy, Use.SERVICE, "/SyncModeAddObject")
     assert may(policy, Use.SERVICE, "/SyncModeRemoveObject")
-    policy = completed(Policy(publish=Rule(allow=("/Ego-2/*",))), stand)
+    policy = completed(Policy(publish=Rule(allow=("/Ego-2/*",))), harness)
     assert not may(policy, Use.PUBLISH, "/ctrl_cmd")
 
 
 @pytest.mark.parametrize("pattern", ["/ctrl_cmd", "/ctrl_cmd_0", "/car/drive"])
-def test_pattern_holds_for_the_name_that_settings_give_and_for_the_default_one(renamed: Stand, pattern: str) -> None:
+def test_pattern_holds_for_the_name_that_settings_give_and_for_the_default_one(
+    renamed: SimHarness, pattern: str
+) -> None:
     policy = denying(renamed, publish=pattern)
     for name in ("/car/drive", "/ctrl_cmd", "/ctrl_cmd_0", "/Ego-2/car/drive", "/Ego-2/ctrl_cmd", "/third"):
         assert not may(policy, Use.PUBLISH, name), name
     assert may(policy, Use.PUBLISH, "/car")
 
 
-def test_renamed_outputs_and_services_keep_their_other_names(renamed: Stand) -> None:
+def test_renamed_outputs_and_services_keep_their_other_names(renamed: SimHarness) -> None:
     policy = denying(renamed, subscribe="/Ego_topic", service="/load", publish="/tf")
     assert not may(policy, Use.SUBSCRIBE, "/car/state")
     assert not may(policy, Use.SUBSCRIBE, "/Ego-2/car/state")
@@ -147,22 +149,22 @@ def test_renamed_outputs_and_services_keep_their_other_names(renamed: Stand) -> 
 
 
 def test_scenario_that_renames_something_does_not_open_it() -> None:
-    stand = Stand()
-    stand.networks.tables["parked"] = RENAMED
-    policy = denying(stand, publish="/ctrl_cmd")
+    harness = SimHarness()
+    harness.networks.tables["parked"] = RENAMED
+    policy = denying(harness, publish="/ctrl_cmd")
     assert may(policy, Use.PUBLISH, "/car/drive")
-    client = stand.client()
+    client = harness.client()
     assert client.ask("/Service_MoraiSL", file_name="parked", **ALL, load_network_connection_data=True)["result"]
     assert not may(policy, Use.PUBLISH, "/car/drive")
     assert not may(policy, Use.PUBLISH, "/ctrl_cmd")
 
 
 def test_client_that_had_the_new_name_before_loses_it() -> None:
-    from tests.graph.room import Wire  # noqa: PLC0415 - the one client with a policy here
+    from tests.graph.bus_fixture import Wire  # noqa: PLC0415 - the one client with a policy here
 
-    stand = Stand()
-    stand.networks.tables["parked"] = RENAMED
-    thief, user = Wire(stand.bus, denying(stand, publish="/ctrl_cmd")), stand.client()
+    harness = SimHarness()
+    harness.networks.tables["parked"] = RENAMED
+    thief, user = Wire(harness.bus, denying(harness, publish="/ctrl_cmd")), harness.client()
     assert thief.says(op="advertise", topic="/car/drive", type=COMMAND) == []
     user.ask("/Service_MoraiSL", file_name="parked", **ALL, load_network_connection_data=True)
     (status,) = thief.hears()
@@ -173,11 +175,11 @@ def test_client_that_had_the_new_name_before_loses_it() -> None:
 
 def test_client_that_listens_under_the_new_name_hears_nothing_there() -> None:
     """What is latched is said again under a new name, at once."""
-    from tests.graph.room import Wire  # noqa: PLC0415 - as above
+    from tests.graph.bus_fixture import Wire  # noqa: PLC0415 - as above
 
-    stand = Stand()
-    stand.networks.tables["parked"] = {"publishers": {"/SyncModeInfo": {"name": "/mode"}, "/clock": {"name": "/now"}}}
-    spy, user = Wire(stand.bus, denying(stand, subscribe="/SyncModeInfo")), stand.client()
+    harness = SimHarness()
+    harness.networks.tables["parked"] = {"publishers": {"/SyncModeInfo": {"name": "/mode"}, "/clock": {"name": "/now"}}}
+    spy, user = Wire(harness.bus, denying(harness, subscribe="/SyncModeInfo")), harness.client()
     assert spy.says(op="subscribe", topic="/mode", type="morai_msgs/SyncModeInfo") == []
     user.ask("/Service_MoraiSL", file_name="parked", **ALL, load_network_connection_data=True)
     (status,) = spy.hears()
@@ -185,13 +187,13 @@ def test_client_that_listens_under_the_new_name_hears_nothing_there() -> None:
 
 
 def test_further_ego_that_comes_later_is_closed_from_the_start() -> None:
-    from tests.graph.room import Wire  # noqa: PLC0415 - as above
+    from tests.graph.bus_fixture import Wire  # noqa: PLC0415 - as above
 
-    stand = Stand()
-    client = Wire(stand.bus, denying(stand, publish="/ctrl_cmd"))
+    harness = SimHarness()
+    client = Wire(harness.bus, denying(harness, publish="/ctrl_cmd"))
     (status,) = client.says(op="advertise", topic="/Ego-2/ctrl_cmd", type=COMMAND)
     assert status["msg"] == "Not allowed to publish to /Ego-2/ctrl_cmd, another way of publishing /ctrl_cmd"
-    stand.client().send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(2))
+    harness.client().send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(2))
     (status,) = client.says(op="advertise", topic="/Ego-2/ctrl_cmd", type=COMMAND)
     assert status["level"] == "error"
 
@@ -232,8 +234,8 @@ LINES: tuple[tuple[Mapping[str, Any], dict[str, str], str], ...] = (
 )
 
 
-def test_log_names_the_loads_among_what_can_pause(stand: Stand) -> None:
-    (line,) = denying(stand, service="/SyncModeCmd").left_open()
+def test_log_names_the_loads_among_what_can_pause(harness: SimHarness) -> None:
+    (line,) = denying(harness, service="/SyncModeCmd").left_open()
     assert "to stop time or let it go on: calling /Service_MoraiEventCmd, /SyncModeWaitForTick, publishing" in line
     assert "publishing /ScenarioLoad" in line
 
@@ -242,10 +244,10 @@ def test_log_names_the_loads_among_what_can_pause(stand: Stand) -> None:
 def test_log_names_what_else_has_the_same_effect(
     network: Mapping[str, Any], patterns: dict[str, str], line: str
 ) -> None:
-    assert denying(Stand(network=network), **patterns).left_open() == [line]
+    assert denying(SimHarness(network=network), **patterns).left_open() == [line]
 
 
-def test_denying_one_way_among_many_to_do_much_says_nothing_of_the_rest(stand: Stand) -> None:
-    (line,) = denying(stand, service="/Service_MoraiSL").left_open()
+def test_denying_one_way_among_many_to_do_much_says_nothing_of_the_rest(harness: SimHarness) -> None:
+    (line,) = denying(harness, service="/Service_MoraiSL").left_open()
     assert "to put another scene in place: calling /sim/reset" in line
     assert "/ctrl_cmd" not in line

@@ -11,15 +11,15 @@ import numpy as np
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.morai.maps.mgeo import RoadMap
-from rosbridge_sim.morai.node import NodeSettings
-from rosbridge_sim.morai.scenarios.scenario import Scenario, read_scenario
-from rosbridge_sim.morai.simulator import make_node
-from rosbridge_sim.shell.storage import DiskLibrary
+from rosbridge_sim.morai.node_factory import make_node
+from rosbridge_sim.morai.scenarios.reader import Scenario, read_scenario
+from rosbridge_sim.morai.simulator_node import NodeSettings
+from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.geometry import arc_lengths, nearest_on_polyline, point_at
-from rosbridge_sim.world.plan import Lamp
+from rosbridge_sim.world.signal_plan import Lamp
 from rosbridge_sim.world.state import World
 from tests.morai.maps import ROADRUNNER, read
-from tests.morai.stand import Client, make_store
+from tests.morai.sim_harness import Client, make_store
 
 __all__ = ["Crossroads", "Driver", "Judge", "Town", "Way"]
 

@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from rosbridge_sim.loose_types import JsonValue
-from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.protocol.ops import Fragment, Op, Png, Publish
+from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from tests.mutations import Edit, Flip, damage, edits, examples, flips, spoil
 

@@ -12,10 +12,10 @@ import pytest
 from rosbridge_sim.errors import EncodingError, FieldError, FrameError
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.codec import HEAVY
-from rosbridge_sim.protocol.feed import Terms
-from rosbridge_sim.protocol.flow import Outbox, OutboxLimits
 from rosbridge_sim.protocol.ops import Advertise, Op, Subscribe
+from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Feed, Session
+from rosbridge_sim.protocol.subscription import SubscriptionOptions
 
 T = TypeVar("T")
 
@@ -25,7 +25,7 @@ def make_session(*, is_talkative: bool = True, account: Account | None = None) -
     return Session(outbox, lambda _due: None, is_talkative=is_talkative, account=account)
 
 
-def make_feed(session: Session, terms: Terms, topic: str = "/t") -> Feed:
+def make_feed(session: Session, terms: SubscriptionOptions, topic: str = "/t") -> Feed:
     feed = Feed(session, topic)
     feed.set_terms(None, terms)
     return feed
@@ -129,7 +129,7 @@ def test_a_silent_session_makes_no_remarks_and_still_answers() -> None:
 def test_messages_answers_and_calls() -> None:
     session = make_session()
     feed = Feed(session, "/t")
-    feed.set_terms(None, Terms())
+    feed.set_terms(None, SubscriptionOptions())
     feed.deliver(Body(), 0.0, 0)
     session.answer("/s", None, Body(), is_ok=True)
     session.say("call_service", {"args": Body()}, service="/s", id="service_request:/s:1")
@@ -187,7 +187,7 @@ def test_alarm_is_set_for_the_first_of_those_that_wait_and_not_once_nothing_wait
     """Without it the last value of a burst stays in the queue until the next one comes."""
     alarms: list[float] = []
     session = Session(Outbox(OutboxLimits(), lambda: None, lambda: None), alarms.append)
-    feeds = [make_feed(session, Terms(each, 1), f"/{each}") for each in (0.3, 0.1)]
+    feeds = [make_feed(session, SubscriptionOptions(each, 1), f"/{each}") for each in (0.3, 0.1)]
     for feed in feeds:
         feed.deliver(Body(), 0.0, 0)
     assert (len(said(session)), alarms) == (2, [])
@@ -208,7 +208,7 @@ def test_alarm_is_for_the_earliest_of_those_that_still_wait() -> None:
     alarms: list[float] = []
     session = Session(Outbox(OutboxLimits(), lambda: None, lambda: None), alarms.append)
     for interval in (0.2, 0.5, 0.3):
-        feed = make_feed(session, Terms(interval, 1), f"/{interval}")
+        feed = make_feed(session, SubscriptionOptions(interval, 1), f"/{interval}")
         feed.deliver(Body(), 0.0, 0)
         feed.deliver(Body(), 0.0, 0)
     assert alarms == [0.2, 0.5, 0.3]
@@ -219,15 +219,15 @@ def test_alarm_is_for_the_earliest_of_those_that_still_wait() -> None:
 def test_queue_of_a_feed_without_throttle_is_what_the_outbox_keeps_of_it() -> None:
     """With a throttle, `queue_length` is about what waits in the feed, and the outbox keeps its usual burst."""
     session = make_session()
-    feed = make_feed(session, Terms(queue_length=3))
+    feed = make_feed(session, SubscriptionOptions(queue_length=3))
     assert session.outbox.bursts == {"/t": 3}
-    feed.set_terms(None, Terms(interval=0.1, queue_length=3))
+    feed.set_terms(None, SubscriptionOptions(interval=0.1, queue_length=3))
     assert session.outbox.bursts == {}
-    feed.set_terms(None, Terms(queue_length=4))
+    feed.set_terms(None, SubscriptionOptions(queue_length=4))
     assert session.outbox.bursts == {"/t": 4}
-    feed.set_terms(None, Terms())
+    feed.set_terms(None, SubscriptionOptions())
     assert session.outbox.bursts == {}
-    feed.set_terms(None, Terms(queue_length=4))
+    feed.set_terms(None, SubscriptionOptions(queue_length=4))
     session.drop_feed(feed)
     assert session.outbox.bursts == {}
 
@@ -236,7 +236,7 @@ def test_feed_that_has_ended_neither_waits_nor_sends_nor_sets_an_alarm() -> None
     """A client that unsubscribes must not get what had waited, and its feed must not be kept."""
     alarms: list[float] = []
     session = Session(Outbox(OutboxLimits(), lambda: None, lambda: None), alarms.append)
-    feed = make_feed(session, Terms(0.1, 1))
+    feed = make_feed(session, SubscriptionOptions(0.1, 1))
     feed.deliver(Body(), 0.0, 0)
     feed.deliver(Body(), 0.0, 0)
     assert len(list(session.waiting())) == 1
@@ -253,7 +253,7 @@ def test_feed_that_has_ended_neither_waits_nor_sends_nor_sets_an_alarm() -> None
 @pytest.mark.parametrize("compression", ["none", "cbor", "cbor-raw"])
 def test_each_message_that_goes_out_is_counted_once(body: Body, compression: str) -> None:
     session = make_session()
-    feed = make_feed(session, Terms(compression=compression))
+    feed = make_feed(session, SubscriptionOptions(compression=compression))
     for num in (1, 2, 3):
         feed.deliver(body, 0.0, 0)
         assert (session.num_sent, len(session.outbox)) == (num, num)
@@ -262,7 +262,7 @@ def test_each_message_that_goes_out_is_counted_once(body: Body, compression: str
 @pytest.mark.parametrize("body", [Body(), Heavy()])
 def test_cbor_raw_is_stamped_with_the_time_at_which_the_message_was_sent(body: Body) -> None:
     session = make_session()
-    feed = make_feed(session, Terms(compression="cbor-raw"))
+    feed = make_feed(session, SubscriptionOptions(compression="cbor-raw"))
     feed.deliver(body, 0.0, 7_000_000_005)
     frames: list[bytes] = []
     while len(session.outbox):
@@ -274,7 +274,7 @@ def test_cbor_raw_is_stamped_with_the_time_at_which_the_message_was_sent(body: B
 @pytest.mark.parametrize("compression", ["cbor", "none"])
 def test_heavy_message_is_encoded_when_it_is_taken_and_not_before(compression: str) -> None:
     session = make_session()
-    feed = make_feed(session, Terms(compression=compression))
+    feed = make_feed(session, SubscriptionOptions(compression=compression))
     feed.deliver(Unwritable(ZeroDivisionError()), 0.0, 0)  # nothing is raised: nobody reads yet
     assert len(session.outbox) == 1
 
@@ -285,7 +285,7 @@ def test_heavy_message_that_cannot_be_written_is_told_with_its_topic(error: Exce
     session = make_session()
     unsent: list[tuple[str, EncodingError]] = []
     session.on_unsent = lambda spelling, why: unsent.append((spelling, why))
-    feed = make_feed(session, Terms())
+    feed = make_feed(session, SubscriptionOptions())
     feed.deliver(Unwritable(error), 0.0, 0)
     session.remark("error", "after")
     assert [status["msg"] for status in said(session)] == ["after"]
@@ -311,7 +311,7 @@ def test_message_that_cannot_be_written_after_it_has_waited_is_told_with_its_top
     session = make_session()
     unsent: list[str] = []
     session.on_unsent = lambda spelling, _why: unsent.append(spelling)
-    feed = make_feed(session, Terms(interval=0.1, queue_length=1))
+    feed = make_feed(session, SubscriptionOptions(interval=0.1, queue_length=1))
     feed.deliver(Body(), 0.0, 0)
     feed.deliver(Broken(EncodingError("not this one")), 0.0, 0)
     session.flush(0.1, 0)
@@ -324,7 +324,7 @@ def test_listener_is_told_once_that_messages_have_no_such_encoding(text_length: 
     body = Unfit()
     body.text_length = text_length
     session = make_session()
-    feed = make_feed(session, Terms(compression="cbor"))
+    feed = make_feed(session, SubscriptionOptions(compression="cbor"))
     told: list[int] = []
     for _ in range(2):
         for _ in range(3):
@@ -332,13 +332,13 @@ def test_listener_is_told_once_that_messages_have_no_such_encoding(text_length: 
             told.append(0)
             while len(session.outbox):
                 told[-1] += len(session.outbox.take(2**30))
-        feed.set_terms(None, Terms(compression="cbor"))
+        feed.set_terms(None, SubscriptionOptions(compression="cbor"))
     assert told == [1, 0, 0, 1, 0, 0]
 
 
 def test_frame_that_fits_goes_out_whole() -> None:
     session = make_session()
-    feed = make_feed(session, Terms(fragment_size=1_000))
+    feed = make_feed(session, SubscriptionOptions(fragment_size=1_000))
     feed.deliver(Body(), 0.0, 0)
     session.answer("/s", None, Body(), is_ok=True, fragment_size=1_000)
     session.answer("/s", None, Body(), is_ok=True, fragment_size=0)
@@ -349,13 +349,13 @@ def test_frame_that_fits_goes_out_whole() -> None:
 def test_frame_of_exactly_the_fragment_size_goes_out_whole(spare: int, num_frames: int) -> None:
     frame = b'{"op":"publish","topic":"/t","msg":{"data":"hi"}}'
     session = make_session()
-    make_feed(session, Terms(fragment_size=len(frame) + spare)).deliver(Body(), 0.0, 0)
+    make_feed(session, SubscriptionOptions(fragment_size=len(frame) + spare)).deliver(Body(), 0.0, 0)
     assert len(session.outbox.take(2**30)) == num_frames
 
 
 def test_heavy_message_comes_in_pieces_that_make_it_whole() -> None:
     session = make_session()
-    make_feed(session, Terms(fragment_size=20)).deliver(Heavy(), 0.0, 0)
+    make_feed(session, SubscriptionOptions(fragment_size=20)).deliver(Heavy(), 0.0, 0)
     frames: list[Any] = []
     while len(session.outbox):
         frames += said(session)

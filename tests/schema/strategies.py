@@ -15,11 +15,11 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from rosbridge_sim.schema.check import Dialect, Shape, Slot
 from rosbridge_sim.schema.compile import MessageType
 from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.parse import INT_RANGES
 from rosbridge_sim.schema.store import Store
+from rosbridge_sim.schema.validate import Dialect, FieldSpec, MessageSpec
 
 __all__ = [
     "SCHEMAS",
@@ -195,12 +195,12 @@ _PLAIN, _ODD, _WILD = range(3)
 """As the wire wants it; as it is tolerated; as the wire wants it, with floats that are no numbers."""
 
 
-def _body(shape: Shape, how: int) -> st.SearchStrategy[Body]:
+def _body(shape: MessageSpec, how: int) -> st.SearchStrategy[Body]:
     fields = {name: _field(slot, shape.dialect, how) for name, slot in shape.slots.items()}
     return st.fixed_dictionaries({}, optional=fields)
 
 
-def _field(slot: Slot, dialect: Dialect, how: int) -> st.SearchStrategy[Any]:
+def _field(slot: FieldSpec, dialect: Dialect, how: int) -> st.SearchStrategy[Any]:
     element = _element(slot, dialect, how)
     field = slot.field
     if field.array is None:
@@ -217,7 +217,7 @@ def _field(slot: Slot, dialect: Dialect, how: int) -> st.SearchStrategy[Any]:
     return listed | st.none() if how == _ODD else listed
 
 
-def _element(slot: Slot, dialect: Dialect, how: int) -> st.SearchStrategy[Any]:
+def _element(slot: FieldSpec, dialect: Dialect, how: int) -> st.SearchStrategy[Any]:
     kind = slot.field.type
     if slot.shape is not None:
         return _body(slot.shape, how)

@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 
 from rosbridge_sim.errors import EncodingError, FieldError
 from rosbridge_sim.schema.cbor import encode_plain, head
+from rosbridge_sim.schema.codegen import MAX_INLINE
 from rosbridge_sim.schema.compile import OpaqueType
 from rosbridge_sim.schema.names import Generation
-from rosbridge_sim.schema.source import MAX_INLINE
 from rosbridge_sim.schema.store import Message, Store
-from tests.schema.judges import ARRAY_TAGS, read_cbor
-from tests.schema.making import make
+from tests.schema.reference_readers import ARRAY_TAGS, read_cbor
 from tests.schema.strategies import shared_store
+from tests.schema.type_factory import make
 
 
 def written(text: str, ros: Generation = 1, **fields: Any) -> bytes:  # noqa: ANN401 - any field

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.compile import _REFUSALS, MessageType, OpaqueType, _parse_json
-from tests.schema.making import make
 from tests.schema.strategies import STAMP_NS, bodies, broken_texts, every_type, odd_bodies, values
+from tests.schema.type_factory import make
 from tests.support import ROOT
 
 # Encoding
@@ -186,7 +186,7 @@ STARVED = """
 import resource
 from pathlib import Path
 from rosbridge_sim.errors import FieldError
-from rosbridge_sim.shell.storage import read_definitions
+from rosbridge_sim.shell.files.library import read_definitions
 from rosbridge_sim.schema.store import Store
 
 string = Store(read_definitions("22.R2")).message("std_msgs/String")

@@ -11,7 +11,7 @@ import orjson
 import pytest
 
 from rosbridge_sim.schema.sizes import size_of
-from tests.graph.room import make_store
+from tests.graph.bus_fixture import make_store
 
 STORE = make_store()
 LAST = "x" * 1_000_000

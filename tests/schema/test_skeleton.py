@@ -10,7 +10,7 @@ import pytest
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.skeleton import MAX_COST, Skeleton
-from tests.graph.room import make_store
+from tests.graph.bus_fixture import make_store
 
 STORE = make_store()
 

@@ -8,9 +8,9 @@ import sys
 import pytest
 
 from rosbridge_sim.errors import DefinitionError, EncodingError, FieldError, TypeNameError, UnknownPackageError
-from rosbridge_sim.schema.check import Time, Time2
 from rosbridge_sim.schema.compile import OpaqueType
 from rosbridge_sim.schema.store import Leniency, Message, Store
+from rosbridge_sim.schema.validate import Time, Time2
 from tests.schema.strategies import SCHEMAS, shared_store
 
 HEADER = "uint32 seq\ntime stamp\nstring frame_id\n"

@@ -10,8 +10,8 @@ from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.parse import parse_message
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.schema.typedefs import TypeDef, full_text, typedefs
-from tests.schema.making import make
 from tests.schema.strategies import every_type, shared_store
+from tests.schema.type_factory import make
 
 TEXTS = {
     ("a_msgs", "msg", "Root"): (

@@ -19,11 +19,11 @@ from websockets.exceptions import ConnectionClosed
 import rosbridge_sim
 from rosbridge_sim import DocumentError, Simulator
 from rosbridge_sim.shell.app import AddressError, list_items
-from rosbridge_sim.shell.clockwork import WorldFailedError
-from rosbridge_sim.shell.settings import Settings
-from rosbridge_sim.shell.sources import check_options, format_config
+from rosbridge_sim.shell.config.loading import check_options, format_config
+from rosbridge_sim.shell.config.settings import Settings
+from rosbridge_sim.shell.scheduler import WorldFailedError
 from tests.conftest import Connect
-from tests.graph.room import Wire
+from tests.graph.bus_fixture import Wire
 from tests.support import PATIENCE, ROOT
 
 
@@ -288,7 +288,7 @@ class Stranger:
 
     name = "/stranger"
 
-    def tell(self, level: str, text: str) -> None:
+    def notify(self, level: str, text: str) -> None:
         """It does not listen."""
 
 
@@ -301,7 +301,7 @@ async def test_failures_of_listeners_within_frames_do_not_end_the_world(
             await client.subscribe("/Ego_topic")
         assert sim.bus is not None
         assert sim._server is not None
-        assert sim._clockwork is not None
+        assert sim._scheduler is not None
         served = next(iter(sim._server.clients))
         served.peer._listenings["/Ego_topic"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
         async with asyncio.timeout(PATIENCE):
@@ -312,7 +312,7 @@ async def test_failures_of_listeners_within_frames_do_not_end_the_world(
         for _ in range(10):
             await good.message("/Ego_topic")
         assert sim.num_bugs > 1
-        assert not sim._clockwork.is_failed
+        assert not sim._scheduler.is_failed
     lines = [record.getMessage() for record in caplog.records if record.exc_info]
     assert [line for line in lines if line.endswith(": closed, because of a failure of ours")] == lines[:1]
     assert {line[:35] for line in lines[1:]} == {"a listener of /Ego_topic has failed"}

@@ -15,7 +15,7 @@ import pytest
 from websockets.asyncio.server import ServerConnection, serve
 
 from rosbridge_sim import DocumentError, Simulator
-from rosbridge_sim.graph import mirror, rosapi_watch
+from rosbridge_sim.graph.attach import mirror, rosapi_watch
 from rosbridge_sim.morai.loads import Loads
 from rosbridge_sim.shell import attach
 from rosbridge_sim.shell.app import AddressError
@@ -23,7 +23,7 @@ from rosbridge_sim.shell.attach import is_own_address
 from tests.conftest import Connect
 from tests.far_side import graph as far_graph
 from tests.far_side.server import FarSide
-from tests.morai.stand import ByHand, put_egos
+from tests.morai.sim_harness import ByHand, put_egos
 from tests.support import PATIENCE, Client
 
 TOKEN = "sesame"  # noqa: S105 - opens nothing
@@ -134,8 +134,8 @@ async def test_bridge_that_fails_is_dialled_anew_and_the_other_one_misses_nothin
         await clients[0].message("/Ego_topic")
         assert sim.bus is not None
         assert sim.num_bugs == sim.bus.guard.num_faults >= 1
-        assert sim._clockwork is not None
-        assert not sim._clockwork.is_failed
+        assert sim._scheduler is not None
+        assert not sim._scheduler.is_failed
     assert any("a failure of ours; its connections are made anew" in line for line in caplog.messages)
 
 
@@ -759,4 +759,4 @@ async def test_drive_is_told_behind_a_bridge_where_that_is_wanted_and_not_follow
         else:
             assert not [f for f in client.inbox if f.get("topic") == "/ReplayInfo_topic"]
         assert sim.node is not None
-        assert not sim.node.stage.is_replaying
+        assert not sim.node.scene.is_replaying

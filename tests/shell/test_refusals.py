@@ -12,7 +12,15 @@ import pytest_asyncio
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.shell.app import Simulator
-from rosbridge_sim.shell.refusals import MAX_CLIENTS, MAX_KEPT, MAX_KINDS, MAX_TEXT, PERIOD, RefusalLog, escape
+from rosbridge_sim.shell.refusals import (
+    MAX_CLIENTS,
+    MAX_KEPT,
+    MAX_KINDS,
+    MAX_REFUSAL_TEXT,
+    REFUSALS_PERIOD,
+    RefusalLog,
+    escape,
+)
 from tests.support import Client
 
 WRONG = RefusedRequest("1.2.3.4:5", Reason.WRONG_TYPE, "publish", "/ctrl_cmd", "no number")
@@ -47,7 +55,7 @@ async def test_first_refusal_has_a_line_and_the_rest_of_a_period_share_one(
     for _ in range(1_000):
         account.note(WRONG)
     assert lines(caplog) == ["1.2.3.4:5: refused: publish /ctrl_cmd: no number (wrong_type)"]
-    clock.now = PERIOD
+    clock.now = REFUSALS_PERIOD
     account.flush(clock.now)
     account.flush(clock.now)
     assert lines(caplog)[1:] == ["1.2.3.4:5: 999 more refused (wrong_type), the last one: publish /ctrl_cmd: no number"]
@@ -58,7 +66,7 @@ async def test_refusal_after_a_quiet_period_has_a_line_again(
     account: RefusalLog, clock: Clock, caplog: pytest.LogCaptureFixture
 ) -> None:
     account.note(WRONG)
-    clock.now = PERIOD
+    clock.now = REFUSALS_PERIOD
     account.note(WRONG)
     assert len(lines(caplog)) == 2
 
@@ -89,7 +97,7 @@ async def test_text_of_a_client_is_cut_and_cannot_begin_a_line(
     (line,) = lines(caplog)
     assert line.isprintable()
     assert "a\\nERROR: b\\x1b[31m\\ud800" in line
-    assert len(line) < MAX_TEXT + 400
+    assert len(line) < MAX_REFUSAL_TEXT + 400
     assert escape("plain") == "plain"
 
 
@@ -105,9 +113,9 @@ async def test_quiet_account_writes_nothing_and_keeps_all(clock: Clock, caplog: 
 
 async def test_same_refusal_with_a_long_text_is_kept_once(account: RefusalLog) -> None:
     for _ in range(MAX_KEPT + 1):
-        account.note(WRONG._replace(text="x" * 2 * MAX_TEXT, subject="/t" * 2 * MAX_TEXT))
+        account.note(WRONG._replace(text="x" * 2 * MAX_REFUSAL_TEXT, subject="/t" * 2 * MAX_REFUSAL_TEXT))
     (noted,) = account.kept()
-    assert (noted.count, len(noted.request.text)) == (MAX_KEPT + 1, MAX_TEXT)
+    assert (noted.count, len(noted.request.text)) == (MAX_KEPT + 1, MAX_REFUSAL_TEXT)
 
 
 async def test_what_is_kept_is_bounded_and_no_client_pushes_out_another(account: RefusalLog) -> None:

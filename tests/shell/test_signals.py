@@ -18,7 +18,7 @@ from urllib.request import urlopen
 import pytest
 
 from tests.conftest import Serve
-from tests.shell.bag_reading import read_bag
+from tests.shell.bags.bag_reading import read_bag
 from tests.support import PATIENCE, ROOT, ServerProcess, read_line
 
 pytestmark = pytest.mark.slow

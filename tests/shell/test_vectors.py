@@ -10,8 +10,8 @@ import pytest
 import pytest_asyncio
 
 from rosbridge_sim.graph.rosapi import Rosapi
-from rosbridge_sim.shell.server import Server, ServerLimits
-from tests.graph.room import make_bus
+from rosbridge_sim.shell.websocket.server import Server, ServerLimits
+from tests.graph.bus_fixture import make_bus
 from tests.support import PATIENCE, Client
 from tests.vector_player import load_vectors, play
 

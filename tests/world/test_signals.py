@@ -7,19 +7,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rosbridge_sim.world.plan import UNSET, Controller, Lamp, Light, Phase, Plan
 from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.signal_plan import UNSET, Controller, Lamp, Light, Phase, SignalPlan
 from rosbridge_sim.world.signals import Signals
 
 R, Y, G, L = Lamp.RED, Lamp.YELLOW, Lamp.GREEN, Lamp.LEFT
 
 
-def make() -> Plan:
+def make() -> SignalPlan:
     """Two intersections of two groups, a pair of lights that nothing runs, and a warning."""
     lights = [Light(f"T{i}") for i in range(7)] + [Light("warn", lamps=Y)]
     first = Controller("I0", 0, ((0, 1), (2,)), (Phase(100, (G, R)), Phase(50, (R, G))), (10, 10))
     second = Controller("I1", 1, ((3,), (4, 7)), (Phase(30, (G, R)), Phase(30, (R, G))), (5, 5))
-    return Plan(Roads(), lights, [first, second], together=[(5, 6)])
+    return SignalPlan(Roads(), lights, [first, second], together=[(5, 6)])
 
 
 def at(signals: Signals, frame: int) -> list[int]:
@@ -108,7 +108,7 @@ def test_lanes_may_be_entered_by_the_light_that_serves_them() -> None:
     roads = Roads(list("abcde"), lines, [[]] * 5, [3.5] * 5, [0.0] * 5)
     lights = [Light("x", lanes=(0, 1)), Light("unset", lanes=(2,)), Light("warn", lamps=Y, lanes=(3,))]
     phases = (Phase(10, (G,)), Phase(10, (G | L,)), Phase(10, (R | L,)), Phase(10, (R,)), Phase(10, (0,)))
-    plan = Plan(roads, lights, [Controller("I", 0, ((0,),), phases, (5,))], passes=[G, L, G, G, G])
+    plan = SignalPlan(roads, lights, [Controller("I", 0, ((0,),), phases, (5,))], passes=[G, L, G, G, G])
     signals = Signals(plan)
     may = []
     for frame in (0, 10, 20, 25, 35, 40, 50):

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.columns import BOOLS, FLOATS, INTS, Columns
 from rosbridge_sim.world.dynamics import command, teleport
+from rosbridge_sim.world.entity_arrays import BOOLS, FLOATS, INTS, EntityArrays
 from rosbridge_sim.world.state import MAX_UID, Body, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
 
@@ -58,7 +58,7 @@ def test_every_column_is_declared_and_as_long_as_the_world() -> None:
             column = getattr(world, name)
             assert column.dtype == kind
             assert column.shape == (world.n,)
-            assert name in Columns.__annotations__
+            assert name in EntityArrays.__annotations__
 
 
 def test_ids_count_up_and_leave_zero_to_the_ego() -> None:

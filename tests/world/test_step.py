@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from rosbridge_sim.world.dynamics import command, place_ghost, shift, teleport
 from rosbridge_sim.world.state import Body, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
-from tests.world.roadworks import signalled
+from tests.world.road_factory import signalled
 
 CAR = Body()
 PATH = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 20.0], [0.0, 20.0]])

@@ -10,23 +10,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rosbridge_sim.world.driver_perception import FIRM, GAP, HEADWAY, STOP_GAP, View, look
 from rosbridge_sim.world.dynamics import teleport
 from rosbridge_sim.world.geometry import BoolArray, FloatArray
-from rosbridge_sim.world.lookout import FIRM, GAP, HEADWAY, STOP_GAP, View, look
-from rosbridge_sim.world.network import COMFORT, MAX_LATERAL, Network
-from rosbridge_sim.world.plan import Lamp, Light, Plan
+from rosbridge_sim.world.lane_conflicts import COMFORT, MAX_LATERAL, LaneConflicts
 from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.signal_plan import Lamp, Light, SignalPlan
 from rosbridge_sim.world.state import DT, Body, Kind, World
 from rosbridge_sim.world.step import step
 from rosbridge_sim.world.traffic import DECISION, _accelerate, keep_lane
-from tests.world.judges import RedRuns
-from tests.world.roadworks import CAR, arc, built_in, car, crossing, ego, line, make, road, signalled
+from tests.world.road_factory import CAR, arc, built_in, car, crossing, ego, line, make, road, signalled
+from tests.world.traffic_observers import RedRuns
 
 BUS = Body(10.955, 2.49, 3.22, wheelbase=5.4, front_overhang=2.565, rear_overhang=2.99)
 NOSE = CAR.length - CAR.rear_overhang
 
 
-def world_of(roads: Roads, plan: Plan | None = None, seed: int = 0) -> World:
+def world_of(roads: Roads, plan: SignalPlan | None = None, seed: int = 0) -> World:
     world = World(seed)
     world.lay_roads(roads, plan)
     return world
@@ -244,7 +244,7 @@ def test_an_arrow_is_waited_for() -> None:
         b=(line((100, 0), (130, 0)), ""),
         c=(arc(100, 20, 20, -90, 90), ""),
     )
-    plan = Plan(roads, [Light("x", lamps=Lamp.GREEN | Lamp.LEFT, lanes=(1, 2))], passes=[16, 16, 32])
+    plan = SignalPlan(roads, [Light("x", lamps=Lamp.GREEN | Lamp.LEFT, lanes=(1, 2))], passes=[16, 16, 32])
     world = world_of(roads, plan)
     world.signals.force(0, Lamp.GREEN)
     row = car(world, "a", 50.0, speed=10.0, route="a c")
@@ -257,7 +257,7 @@ def test_an_arrow_is_waited_for() -> None:
 
 def test_an_unlit_light_stops_nobody() -> None:
     roads, _ = signalled()
-    world = world_of(roads, Plan(roads, [Light("x", lanes=(1,)), Light("warn", lamps=Lamp.YELLOW, lanes=(4,))]))
+    world = world_of(roads, SignalPlan(roads, [Light("x", lanes=(1,)), Light("warn", lamps=Lamp.YELLOW, lanes=(4,))]))
     rows = [car(world, "w", 100.0, speed=10.0), car(world, "s", 20.0, speed=10.0)]
     run(world, 30.0)
     assert [lane_of(world, row) for row in rows] == ["e", "n"]
@@ -543,7 +543,7 @@ def test_on_other_roads_whoever_kept_to_the_old_ones_stands() -> None:
     run(world, 1.0)
     assert (float(world.x[row]), float(world.speed[row]), bool(world.has_lane[row])) == (x, 0.0, False)
     with pytest.raises(ValueError, match="the plan is for"):
-        world.lay_roads(ring(), Plan(road()))
+        world.lay_roads(ring(), SignalPlan(road()))
 
 
 def test_a_row_may_be_used_again() -> None:
@@ -572,7 +572,7 @@ def crowd(seed: int = 0, num: int = 30, *, is_alone: bool = False) -> World:
     """The town with cars in it and, unless these are alone, an ego that rolls and one who walks."""
     town = built_in("town")
     world = world_of(town.roads, town.plan, seed)
-    network = town.roads.derived(Network)
+    network = town.roads.derived(LaneConflicts)
     free = [lane for lane in range(len(town.roads)) if math.isinf(network.hold[lane])]
     for i in range(num):
         lane = free[i * 7 % len(free)]
@@ -674,7 +674,7 @@ def red_runs(world: World, seconds: float) -> int:
 
 
 def test_the_count_of_red_runs_finds_those_who_do_not_look(monkeypatch: pytest.MonkeyPatch) -> None:
-    def blind(network: Network, may_enter: BoolArray, *rest: Any) -> View:  # noqa: ANN401 - as `look` has them
+    def blind(network: LaneConflicts, may_enter: BoolArray, *rest: Any) -> View:  # noqa: ANN401 - as `look` has them
         return look(network, np.ones_like(may_enter), *rest)
 
     monkeypatch.setattr("rosbridge_sim.world.traffic.look", blind)

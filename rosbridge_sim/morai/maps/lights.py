@@ -28,9 +28,9 @@ from rosbridge_sim.morai.documents import (
     find_mistakes,
     read_document,
 )
-from rosbridge_sim.morai.maps.links import MAX_BYTES, MAX_ENTRIES, Identifier, Lanes, read_line
+from rosbridge_sim.morai.maps.links import MAX_LINKS, MAX_MAP_BYTES, Identifier, Lanes, read_line
 from rosbridge_sim.world.geometry import FloatArray
-from rosbridge_sim.world.plan import Controller, Lamp, Light, Phase, Plan, Walk
+from rosbridge_sim.world.signal_plan import Controller, Lamp, Light, Phase, SignalPlan, Walk
 from rosbridge_sim.world.state import DT
 
 __all__ = [
@@ -64,7 +64,7 @@ LEFT_TURN: Final = math.radians(40.0)
 """A lane that turns by more than this and names no movement is a turn."""
 
 Seconds = Annotated[Number, Field(ge=0.0, le=100_000.0)]
-Names = Annotated[list[Identifier], Field(max_length=MAX_ENTRIES)]
+Names = Annotated[list[Identifier], Field(max_length=MAX_LINKS)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
 
 
@@ -123,12 +123,12 @@ class _Stripe(Document):
     ref_crosswalk_id: Identifier | None = None
 
 
-_LIGHTS: Final = TypeAdapter(Annotated[list[_Light], Field(max_length=MAX_ENTRIES)])
-_SYNCED: Final = TypeAdapter(Annotated[list[_Synced], Field(max_length=MAX_ENTRIES)])
-_CONTROLLERS: Final = TypeAdapter(Annotated[list[_Controller], Field(max_length=MAX_ENTRIES)])
-_SCHEDULES: Final = TypeAdapter(Annotated[list[_Schedule], Field(max_length=MAX_ENTRIES)])
-_CROSSWALKS: Final = TypeAdapter(Annotated[list[_Crosswalk], Field(max_length=MAX_ENTRIES)])
-_STRIPES: Final = TypeAdapter(Annotated[list[_Stripe], Field(max_length=MAX_ENTRIES)])
+_LIGHTS: Final = TypeAdapter(Annotated[list[_Light], Field(max_length=MAX_LINKS)])
+_SYNCED: Final = TypeAdapter(Annotated[list[_Synced], Field(max_length=MAX_LINKS)])
+_CONTROLLERS: Final = TypeAdapter(Annotated[list[_Controller], Field(max_length=MAX_LINKS)])
+_SCHEDULES: Final = TypeAdapter(Annotated[list[_Schedule], Field(max_length=MAX_LINKS)])
+_CROSSWALKS: Final = TypeAdapter(Annotated[list[_Crosswalk], Field(max_length=MAX_LINKS)])
+_STRIPES: Final = TypeAdapter(Annotated[list[_Stripe], Field(max_length=MAX_LINKS)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -225,7 +225,7 @@ def _lamps(light: _Light) -> int:
 # Files
 
 
-def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: list[str]) -> Plan:
+def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: list[str]) -> SignalPlan:
     """Read the lights of a map.
 
     Args:
@@ -237,7 +237,7 @@ def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: lis
         DocumentError: one line: which file, where in it, what was expected, what came.
     """
     sorted_files = sort_files(files)
-    entries = read_document(_LIGHTS, *sorted_files["lights"], MAX_BYTES) if "lights" in sorted_files else []
+    entries = read_document(_LIGHTS, *sorted_files["lights"], MAX_MAP_BYTES) if "lights" in sorted_files else []
     rows: dict[str, int] = {}
     lights: list[Light] = []
     for entry in entries:
@@ -246,15 +246,19 @@ def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: lis
             continue
         rows[entry.idx] = len(lights)
         lights.append(_light(entry, lanes))
-    synced = read_document(_SYNCED, *sorted_files["synced"], MAX_BYTES) if "synced" in sorted_files else []
+    synced = read_document(_SYNCED, *sorted_files["synced"], MAX_MAP_BYTES) if "synced" in sorted_files else []
     groups = [_known(entry.signal_id_list, rows) for entry in synced]
     plans = (
-        read_document(_CONTROLLERS, *sorted_files["controllers"], MAX_BYTES) if "controllers" in sorted_files else []
+        read_document(_CONTROLLERS, *sorted_files["controllers"], MAX_MAP_BYTES)
+        if "controllers" in sorted_files
+        else []
     )
     first_note = len(notes)
     named = [(plan.idx, [_known(names, rows) for names in plan.TL]) for plan in plans]
     controllers = named or list(_controllers_of(synced, groups))
-    schedules = read_document(_SCHEDULES, *sorted_files["schedules"], MAX_BYTES) if "schedules" in sorted_files else []
+    schedules = (
+        read_document(_SCHEDULES, *sorted_files["schedules"], MAX_MAP_BYTES) if "schedules" in sorted_files else []
+    )
     by_name = {schedule.idx: schedule for schedule in schedules}
     synced_rows = {entry.idx: group for entry, group in zip(synced, groups, strict=True)}
     laid = [_controller(name, members, by_name.pop(name, None), synced_rows, notes) for name, members in controllers]
@@ -272,7 +276,7 @@ def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: lis
         if any(controller.phases for controller in laid):
             what = "lights are run by their groups and schedules"
         notes.insert(first_note, f"the set of intersection controllers is empty; {what}")
-    return Plan(lanes.roads, lights, laid, together=groups, passes=list(_passes(lanes)))
+    return SignalPlan(lanes.roads, lights, laid, together=groups, passes=list(_passes(lanes)))
 
 
 def sort_files(files: Mapping[str, tuple[bytes, str]]) -> dict[str, tuple[bytes, str]]:
@@ -315,7 +319,7 @@ def find_light_mistakes(files: Mapping[str, tuple[bytes, str]]) -> list[Mistake]
     judged += [
         (kind, files[name]) for kind, name in ((_STRIPES, stripe_file), (_CROSSWALKS, group_file)) if name in files
     ]
-    return [mistake for kind, (text, name) in judged for mistake in find_mistakes(kind, text, name, MAX_BYTES)]
+    return [mistake for kind, (text, name) in judged for mistake in find_mistakes(kind, text, name, MAX_MAP_BYTES)]
 
 
 def _light(entry: _Light, lanes: Lanes) -> Light:
@@ -441,19 +445,19 @@ def _passes(lanes: Lanes) -> Iterator[int]:
 # Crosswalks
 
 
-def read_crosswalks(files: Mapping[str, tuple[bytes, str]], plan: Plan) -> tuple[Crosswalk, ...]:
+def read_crosswalks(files: Mapping[str, tuple[bytes, str]], plan: SignalPlan) -> tuple[Crosswalk, ...]:
     """Read where people cross; each file is given as above, both may be missing.
 
     Raises:
         DocumentError: as above.
     """
     stripe_file, group_file = CROSSWALK_FILES
-    stripes = read_document(_STRIPES, *files[stripe_file], MAX_BYTES) if stripe_file in files else []
+    stripes = read_document(_STRIPES, *files[stripe_file], MAX_MAP_BYTES) if stripe_file in files else []
     outlines: dict[str, FloatArray] = {}
     for i, stripe in enumerate(stripes):
         if len(stripe.points) > 2:  # noqa: PLR2004  # an area has three corners
             outlines[stripe.idx] = read_line(stripe.points, f"{files[stripe_file][1]}: [{i}].points")
-    entries = read_document(_CROSSWALKS, *files[group_file], MAX_BYTES) if group_file in files else []
+    entries = read_document(_CROSSWALKS, *files[group_file], MAX_MAP_BYTES) if group_file in files else []
     rows = {light.name: row for row, light in enumerate(plan.lights)}
     crosswalks = []
     taken: set[str] = set()

@@ -15,19 +15,19 @@ import numpy as np
 from pydantic import Field, TypeAdapter
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.documents import Document, Flag, Mistake, Number, find_mistakes, read_document
+from rosbridge_sim.morai.documents import Document, LenientBool, Mistake, Number, find_mistakes, read_document
 from rosbridge_sim.world.geometry import FloatArray, nearest_on_polyline
 from rosbridge_sim.world.roads import Roads
 
-__all__ = ["MAX_BYTES", "MAX_ENTRIES", "Identifier", "Lanes", "find_lane_mistakes", "read_lanes", "read_line"]
+__all__ = ["MAX_LINKS", "MAX_MAP_BYTES", "Identifier", "Lanes", "find_lane_mistakes", "read_lanes", "read_line"]
 
-MAX_BYTES: Final = 1 << 28
+MAX_MAP_BYTES: Final = 1 << 28
 """256 MiB for each file: ten times the link_set of a large city."""
 
-MAX_ENTRIES: Final = 100_000
+MAX_LINKS: Final = 100_000
 MAX_POINTS: Final = 5_000_000
 
-MAX_COORDINATE: Final = 1e7
+MAX_MAP_COORDINATE: Final = 1e7
 """Metres from the map's own origin: no map is that large, and arc lengths stay exact to the nanometre."""
 
 LANE_WIDTH: Final = 3.5
@@ -36,16 +36,16 @@ LANE_WIDTH: Final = 3.5
 MAX_BORDER: Final = 20.0
 """An edge farther from a lane's line than this is some other lane's [m]."""
 
-KMH: Final = 1.0 / 3.6
+KMH_TO_MPS: Final = 1.0 / 3.6
 """One km/h [m/s]."""
 
 Identifier = Annotated[str, Field(max_length=1_000)]
-Identifiers = Annotated[list[Identifier], Field(max_length=MAX_ENTRIES)]
+Identifiers = Annotated[list[Identifier], Field(max_length=MAX_LINKS)]
 
 
 class _Node(Document):
     idx: Identifier
-    on_stop_line: Flag | None = None
+    on_stop_line: LenientBool | None = None
 
 
 class _Link(Document):
@@ -54,15 +54,15 @@ class _Link(Document):
     to_node_idx: Identifier | None = None
     points: list[tuple[float, float, float]]
     max_speed: Number | None = None
-    lazy_init: Flag | None = None
+    lazy_init: LenientBool | None = None
     lane_ch_link_path: Identifiers | None = None
-    can_move_left_lane: Flag | None = None
-    can_move_right_lane: Flag | None = None
+    can_move_left_lane: LenientBool | None = None
+    can_move_right_lane: LenientBool | None = None
     left_lane_change_dst_link_idx: Identifier | None = None
     right_lane_change_dst_link_idx: Identifier | None = None
     related_signal: Identifier | None = None
     width_start: Number | None = None
-    force_width_start: Flag | None = None
+    force_width_start: LenientBool | None = None
     lane_mark_left: Identifiers | None = None
     lane_mark_right: Identifiers | None = None
 
@@ -72,9 +72,9 @@ class _Border(Document):
     points: list[tuple[float, float, float]]
 
 
-_NODES: Final = TypeAdapter(Annotated[list[_Node], Field(max_length=MAX_ENTRIES)])
-_LINKS: Final = TypeAdapter(Annotated[list[_Link], Field(max_length=MAX_ENTRIES)])
-_BORDERS: Final = TypeAdapter(Annotated[list[_Border], Field(max_length=MAX_ENTRIES)])
+_NODES: Final = TypeAdapter(Annotated[list[_Node], Field(max_length=MAX_LINKS)])
+_LINKS: Final = TypeAdapter(Annotated[list[_Link], Field(max_length=MAX_LINKS)])
+_BORDERS: Final = TypeAdapter(Annotated[list[_Border], Field(max_length=MAX_LINKS)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,8 +104,8 @@ def read_lanes(
     Raises:
         DocumentError: one line: which file, where in it, what was expected, what came.
     """
-    nodes = read_document(_NODES, *node_file, MAX_BYTES)
-    links = read_document(_LINKS, *link_file, MAX_BYTES)
+    nodes = read_document(_NODES, *node_file, MAX_MAP_BYTES)
+    links = read_document(_LINKS, *link_file, MAX_MAP_BYTES)
     borders = _read_borders(border_file)
     source = link_file[1]
     stops = {node.idx: bool(node.on_stop_line) for node in nodes}
@@ -132,7 +132,7 @@ def read_lanes(
         lines,
         [starts.get(link.to_node_idx, []) if link.to_node_idx is not None else [] for link in only],
         [_width(link) for link in only],
-        [max(link.max_speed or 0.0, 0.0) * KMH for link in only],
+        [max(link.max_speed or 0.0, 0.0) * KMH_TO_MPS for link in only],
         left=left,
         right=right,
         is_stop=[link.to_node_idx is not None and stops[link.to_node_idx] for link in only],
@@ -145,8 +145,8 @@ def find_lane_mistakes(
     node_file: tuple[bytes, str], link_file: tuple[bytes, str], border_file: tuple[bytes, str] | None
 ) -> list[Mistake]:
     """Every value in these files that does not fit its place; they are given as above."""
-    found = [*find_mistakes(_NODES, *node_file, MAX_BYTES), *find_mistakes(_LINKS, *link_file, MAX_BYTES)]
-    return found if border_file is None else [*found, *find_mistakes(_BORDERS, *border_file, MAX_BYTES)]
+    found = [*find_mistakes(_NODES, *node_file, MAX_MAP_BYTES), *find_mistakes(_LINKS, *link_file, MAX_MAP_BYTES)]
+    return found if border_file is None else [*found, *find_mistakes(_BORDERS, *border_file, MAX_MAP_BYTES)]
 
 
 def read_line(points: Sequence[tuple[float, float, float]], where: str) -> FloatArray:
@@ -157,9 +157,9 @@ def read_line(points: Sequence[tuple[float, float, float]], where: str) -> Float
     """
     line = np.array(points, dtype=np.float64).reshape(-1, 3)
     # Checked here for all points at once: a city has a million of them.
-    wild = np.flatnonzero(~(np.abs(line) <= MAX_COORDINATE).all(axis=1))
+    wild = np.flatnonzero(~(np.abs(line) <= MAX_MAP_COORDINATE).all(axis=1))
     if len(wild):
-        raise DocumentError(f"{where}[{wild[0]}]: expected coordinates within {MAX_COORDINATE:,.0f} m")
+        raise DocumentError(f"{where}[{wild[0]}]: expected coordinates within {MAX_MAP_COORDINATE:,.0f} m")
     if not (line[1:, :2] != line[:1, :2]).any():
         raise DocumentError(f"{where}: expected two different points at least, got {len(line)} in one place")
     is_new = (line[1:, :2] != line[:-1, :2]).any(axis=1)
@@ -205,7 +205,7 @@ def _read_borders(border_file: tuple[bytes, str] | None) -> dict[str, FloatArray
     """The edges of lanes by name; what has no length is none."""
     if border_file is None:
         return {}
-    entries = read_document(_BORDERS, *border_file, MAX_BYTES)
+    entries = read_document(_BORDERS, *border_file, MAX_MAP_BYTES)
     if sum(len(entry.points) for entry in entries) > MAX_POINTS:
         raise DocumentError(f"{border_file[1]}: expected at most {MAX_POINTS:,} points")
     borders = {}

@@ -24,9 +24,9 @@ from rosbridge_sim.morai.maps.lights import (
     read_crosswalks,
     read_lights,
 )
-from rosbridge_sim.morai.maps.links import MAX_BYTES, find_lane_mistakes, read_lanes
-from rosbridge_sim.world.plan import Plan
+from rosbridge_sim.morai.maps.links import MAX_MAP_BYTES, find_lane_mistakes, read_lanes
 from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.signal_plan import SignalPlan
 
 __all__ = [
     "BORDER_FILES",
@@ -48,12 +48,12 @@ BORDER_FILES: Final = ("lane_marking_set.json", "lane_boundary_set.json")
 MAP_FILES: Final = (*FILES, *BORDER_FILES, *LIGHT_FILES, *CROSSWALK_FILES)
 """All that `read_map` looks at."""
 
-Text = Annotated[str, Field(max_length=1_000)]
+MapText = Annotated[str, Field(max_length=1_000)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
 
 
 class _GlobalInfo(Document):
-    global_coordinate_system: Text
+    global_coordinate_system: MapText
     local_origin_in_global: Point = (0.0, 0.0, 0.0)
 
 
@@ -105,7 +105,7 @@ class RoadMap:
     projection: Projection
     origin: tuple[float, float, float]
     roads: Roads
-    plan: Plan | None = None
+    plan: SignalPlan | None = None
     crosswalks: tuple[Crosswalk, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -122,7 +122,7 @@ def read_map(files: Mapping[str, bytes], source: str) -> RoadMap:
     """
     name, known = _name_files(files, source)
     info_file, node_file, link_file = (known[file] for file in FILES)
-    info = read_document(_GLOBAL_INFO, *info_file, MAX_BYTES)
+    info = read_document(_GLOBAL_INFO, *info_file, MAX_MAP_BYTES)
     projection = read_projection(info.global_coordinate_system, info_file[1])
     lanes = read_lanes(node_file, link_file, _border_file(known))
     if not len(lanes.roads):
@@ -143,7 +143,7 @@ def find_map_mistakes(files: Mapping[str, bytes], source: str) -> list[str]:
     try:
         _, known = _name_files(files, source)
         info_file, node_file, link_file = (known[file] for file in FILES)
-        found = find_mistakes(_GLOBAL_INFO, *info_file, MAX_BYTES)
+        found = find_mistakes(_GLOBAL_INFO, *info_file, MAX_MAP_BYTES)
         found += find_lane_mistakes(node_file, link_file, _border_file(known))
         found += find_light_mistakes(known)
         if not found:
@@ -172,12 +172,12 @@ def _border_file(known: Mapping[str, tuple[bytes, str]]) -> tuple[bytes, str] | 
 
 def _short(notes: list[str]) -> list[str]:
     """The first few of many: a map that lacks one thing often lacks it everywhere."""
-    if len(notes) <= MAX_NOTES:
+    if len(notes) <= MAX_MAP_NOTES:
         return notes
-    return [*notes[:MAX_NOTES], f"... and {len(notes) - MAX_NOTES} more of that kind"]
+    return [*notes[:MAX_MAP_NOTES], f"... and {len(notes) - MAX_MAP_NOTES} more of that kind"]
 
 
-MAX_NOTES: Final = 20
+MAX_MAP_NOTES: Final = 20
 
 _SHORT_UTM = re.compile(r"UTM[ _-]?(?P<zone>\d{1,2})(?P<half>[NS]?)", re.IGNORECASE)
 

@@ -16,7 +16,7 @@ import numpy as np
 from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.state import BoolArray, Kind
 
-__all__ = ["EGO_COLUMNS", "OBJECT_COLUMNS", "Actor", "EgoTrack", "ObjectTrack", "Recording", "Scene"]
+__all__ = ["EGO_COLUMNS", "OBJECT_COLUMNS", "Actor", "EgoTrack", "ObjectTrack", "RecordedMoment", "Recording"]
 
 EGO_COLUMNS: Final = (
     *("x", "y", "z", "roll", "pitch", "yaw", "speed", "accel", "lateral_accel", "yaw_rate"),
@@ -30,10 +30,10 @@ OBJECT_COLUMNS: Final = (
 )
 """What a track tells of anybody else."""
 
-MAX_GAP: Final = 1_000_000_000
+MAX_FRAME_GAP_NS: Final = 1_000_000_000
 """Between stamps that are farther apart nothing is known [ns]."""
 
-MAX_SPEED: Final = 100.0
+MAX_RECORDED_SPEED: Final = 100.0
 """Who was faster than this from one stamp to the next has been put elsewhere and has not driven there [m/s]."""
 
 _ANGLES: Final = frozenset({"roll", "pitch", "yaw"})
@@ -120,7 +120,7 @@ class ObjectTrack:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scene:
+class RecordedMoment:
     """How the world is to look at a moment.
 
     Attributes:
@@ -165,15 +165,15 @@ class Recording:
         """From its first stamp to its last [ns]; not of an empty one."""
         return int(max(stamps[-1] for stamps in self._stamps())) - self.start_ns
 
-    def scene(self, since_ns: int) -> Scene:
+    def scene(self, since_ns: int) -> RecordedMoment:
         """What it shows so long after its first stamp [ns]; a track that has not begun shows its first entry."""
         stamp_ns = self.start_ns + since_ns
         egos = {index: track.at(stamp_ns) for index, track in self.egos.items()}
         if self.objects is None:
-            return Scene(egos, (), np.empty((len(OBJECT_COLUMNS), 0)))
+            return RecordedMoment(egos, (), np.empty((len(OBJECT_COLUMNS), 0)))
         who, values = self.objects.at(stamp_ns)
         cast = self.objects.cast
-        return Scene(egos, tuple([cast[i] for i in who.tolist()]), values)
+        return RecordedMoment(egos, tuple([cast[i] for i in who.tolist()]), values)
 
     def _stamps(self) -> list[IntArray]:
         stamps = [track.stamps for track in self.egos.values()]
@@ -187,12 +187,12 @@ def _find(stamps: IntArray, stamp_ns: int) -> tuple[int, float]:
     if since <= 0 or i + 1 == len(stamps):
         return i, 0.0
     gap = int(stamps[i + 1]) - int(stamps[i])
-    return i, since / gap if gap <= MAX_GAP else 0.0
+    return i, since / gap if gap <= MAX_FRAME_GAP_NS else 0.0
 
 
 def _reach(stamps: IntArray, i: int) -> float:
     """How far anybody drives from a stamp to the next one [m]."""
-    return MAX_SPEED * (int(stamps[i + 1]) - int(stamps[i])) / 1e9
+    return MAX_RECORDED_SPEED * (int(stamps[i + 1]) - int(stamps[i])) / 1e9
 
 
 def _between(before: FloatArray, after: FloatArray, part: float, reach: float, is_angle: BoolArray) -> FloatArray:

@@ -1,0 +1,142 @@
+"""The commands that look at files and ask no server: `rosbridge-sim schema|bag|scenario|map ...`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rosbridge_sim.cli.command_line import Options, add_definitions, add_json, choice_of, group_of, run_command
+from rosbridge_sim.shell.config.loading import Parser
+
+__all__ = ["run_bag", "run_map", "run_scenario", "run_schema"]
+
+
+# schema
+
+
+def run_schema(argv: Sequence[str]) -> int:
+    """`rosbridge-sim schema ...`."""
+    group, add = group_of("schema", "The definitions of types that are known here; no server is asked.")
+
+    parser = add("list", _list_types, "the types that are known")
+    parser.add_argument("package", metavar="PACKAGE", nargs="?", help="those of one package")
+    _add_folders(parser)
+
+    parser = add("show", _show_type, "the definition of a type")
+    parser.add_argument("type", metavar="TYPE", help="pkg/Type, or Type of any package")
+    parser.add_argument("--full", action="store_true", help="with the definitions of all types in it")
+    _add_folders(parser)
+    return run_command(group, argv)
+
+
+def _add_folders(parser: Parser) -> None:
+    add_json(parser)
+    add_definitions(parser)
+    parser.add_argument("--ros", metavar="1|2", help="ROS generation whose standard messages are meant")
+
+
+def _list_types(options: Options) -> int:
+    from rosbridge_sim.cli.tools import schema  # noqa: PLC0415
+
+    return schema.list_types(options.package, choice_of(options), is_json=options.json)
+
+
+def _show_type(options: Options) -> int:
+    from rosbridge_sim.cli.tools import schema  # noqa: PLC0415
+
+    return schema.show_type(options.type, choice_of(options), is_full=options.full, is_json=options.json)
+
+
+# bag
+
+
+def run_bag(argv: Sequence[str]) -> int:
+    """`rosbridge-sim bag ...`."""
+    group, add = group_of("bag", "Bags, as files; no server is asked.")
+
+    parser = add("repair", _repair_bag, "copy what is whole of a bag whose recorder was killed into a new one")
+    parser.add_argument("file", metavar="FILE", help="NAME.bag, NAME.mcap, or a folder of rosbag2")
+    parser.add_argument("-o", "--output", metavar="FILE", help="the new bag [NAME.repaired.bag, as the old one ends]")
+    add_json(parser)
+    return run_command(group, argv)
+
+
+def _repair_bag(options: Options) -> int:
+    from rosbridge_sim.cli.tools import bag  # noqa: PLC0415
+
+    return bag.repair_bag(options.file, options.output, is_json=options.json)
+
+
+# scenario
+
+
+def run_scenario(argv: Sequence[str]) -> int:
+    """`rosbridge-sim scenario ...`."""
+    group, add = group_of("scenario", "Scenario files; no server is asked.")
+
+    parser = add(
+        "check",
+        _check_scenario,
+        "explain a scenario file: what is wrong, what is odd, what it holds, what of it is read; or judge several",
+    )
+    parser.add_argument(
+        "files",
+        metavar="FILE",
+        nargs="+",
+        help="FILE.json, the name of a scenario that a server would find, or a folder of scenarios",
+    )
+    parser.add_argument("--map", metavar="NAME|DIR", help="the map to check it on [the one that it names]")
+    parser.add_argument(
+        "--scenario-path", action="append", default=[], metavar="DIR", help="folder with scenarios; may be repeated"
+    )
+    parser.add_argument(
+        "--catalogue", metavar="FILE", help="your own table of models, *.toml or *.csv, as for serve; lengths in metres"
+    )
+    _add_picture(parser)
+    _add_strict(parser)
+    add_json(parser)
+    return run_command(group, argv)
+
+
+def _add_picture(parser: Parser) -> None:
+    parser.add_argument("--picture", metavar="FILE.png", help="also draw it; FILE.jpg does, too")
+
+
+def _add_strict(parser: Parser) -> None:
+    parser.add_argument(
+        "--strict", action="store_true", help="end with code 1 for remarks, too, and not for mistakes alone"
+    )
+
+
+def _check_scenario(options: Options) -> int:
+    from rosbridge_sim.cli.tools import scenario  # noqa: PLC0415
+
+    library, own_map = scenario.open_library(options.map, tuple(options.scenario_path), options.catalogue)
+    return scenario.check_scenarios(
+        options.files, library, own_map, options.picture, is_json=options.json, is_strict=options.strict
+    )
+
+
+# map
+
+
+def run_map(argv: Sequence[str]) -> int:
+    """`rosbridge-sim map ...`."""
+    group, add = group_of("map", "Map folders; no server is asked.")
+
+    parser = add("info", _show_map, "explain a map: what is wrong, what it lacks, and what is in it; or judge several")
+    parser.add_argument(
+        "maps",
+        metavar="DIR|NAME",
+        nargs="+",
+        help="a folder of MGeo files, a folder of such, or a built-in map",
+    )
+    _add_picture(parser)
+    _add_strict(parser)
+    add_json(parser)
+    return run_command(group, argv)
+
+
+def _show_map(options: Options) -> int:
+    from rosbridge_sim.cli.tools import map as map_tool  # noqa: PLC0415
+
+    return map_tool.show_maps(options.maps, options.picture, is_json=options.json, is_strict=options.strict)

@@ -1,0 +1,46 @@
+"""`bag repair`: a bag without an end, made readable."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rosbridge_sim.cli.tools.text import put, put_json
+from rosbridge_sim.shell.bags.repair import Recovered, repair, repaired_name
+from rosbridge_sim.shell.terminal_text import safe
+
+__all__ = ["repair_bag"]
+
+
+def repair_bag(path: str, output: str | None, *, is_json: bool) -> int:
+    """Write what is whole of a bag into a new one, and say what it was."""
+    target = repaired_name(Path(path)) if output is None else Path(output)
+    found = repair(Path(path), target)
+    if is_json:
+        put_json(
+            {
+                "file": str(target),
+                "messages": found.num_messages,
+                "start": found.start_ns / 1e9,
+                "end": found.end_ns / 1e9,
+                "damaged_chunks": found.num_damaged,
+                "lost_bytes": found.num_lost_bytes,
+                "lost_topics": list(found.lost_topics),
+                "was_complete": found.is_complete,
+            }
+        )
+    else:
+        put(f"{safe(str(target))}: {_account(found)}")
+    return 0
+
+
+def _account(found: Recovered) -> str:
+    parts = [f"{found.num_messages:,} messages from {found.start_ns / 1e9:.2f} s to {found.end_ns / 1e9:.2f} s"]
+    if found.num_damaged:
+        parts.append(f"{found.num_damaged:,} damaged chunks passed over")
+    if found.lost_topics:
+        parts.append(f"without a readable definition: {', '.join(map(safe, found.lost_topics))}")
+    if found.num_lost_bytes:
+        parts.append(f"{found.num_lost_bytes:,} bytes at the end were no whole chunk")
+    if found.is_complete and len(parts) == 1:
+        parts.append("nothing was missing")
+    return "; ".join(parts)

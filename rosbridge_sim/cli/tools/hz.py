@@ -1,0 +1,151 @@
+"""`topic hz`: how often a topic's messages come here, and how evenly."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import sys
+from collections import deque
+from dataclasses import dataclass
+from typing import Self
+
+from rosbridge_sim.cli.tools.client import Bridge, absolute
+from rosbridge_sim.cli.tools.subscription import Listener
+from rosbridge_sim.cli.tools.sync import why_silent
+from rosbridge_sim.cli.tools.text import put, put_json
+
+__all__ = ["Rate", "Rates", "show_rate"]
+
+REPORT_INTERVAL = 1.0
+"""Between two reports [s]."""
+
+MAX_WINDOW = 50_000
+"""Messages that are looked back on where nothing is said: a quarter of an hour at 50 Hz."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """What the last intervals between messages were like.
+
+    Attributes:
+        rate: their mean, as a frequency [Hz].
+        shortest, longest: of them [s].
+        deviation: their standard deviation [s].
+        num_messages: messages that they lie between.
+    """
+
+    rate: float
+    shortest: float
+    longest: float
+    deviation: float
+    num_messages: int
+
+    def __str__(self) -> str:
+        return (
+            f"average rate: {self.rate:.3f} Hz  min: {self.shortest:.4f} s  max: {self.longest:.4f} s"
+            f"  std dev: {self.deviation:.5f} s  window: {self.num_messages}"
+        )
+
+
+class Rates:
+    """The times of the last messages."""
+
+    def __init__(self, window: int = MAX_WINDOW) -> None:
+        """No message yet.
+
+        Args:
+            window: how many messages are looked back on; at least 2.
+        """
+        self._times: deque[float] = deque(maxlen=window)
+
+    def add(self, now: float) -> None:
+        """A message has come."""
+        self._times.append(now)
+
+    def read(self) -> Rate | None:
+        """What they were like; None before the second message."""
+        times = list(self._times)
+        if len(times) < 2:  # noqa: PLR2004 - an interval has two ends
+            return None
+        intervals = [after - before for before, after in itertools.pairwise(times)]
+        mean = (times[-1] - times[0]) / len(intervals)
+        variance = sum((one - mean) ** 2 for one in intervals) / len(intervals)
+        rate = 1 / mean if mean > 0 else math.inf
+        return Rate(rate, min(intervals), max(intervals), math.sqrt(variance), len(times))
+
+
+async def show_rate(
+    bridge: Bridge,
+    name: str,
+    type_name: str | None,
+    window: int | None,
+    count: int | None,
+    *,
+    patience: float | None,
+    is_json: bool,
+) -> int:
+    """Report each second, and a last time when `count` messages have come.
+
+    Args:
+        bridge: where.
+        name: of the topic.
+        type_name: its type; None for that of a topic that is there.
+        window: messages that are looked back on; None for many.
+        count: of messages; None for no end.
+        patience: longest wait for a message [s]; None is for ever.
+        is_json: one line of JSON for each report.
+
+    Raises:
+        RefusedError: the topic cannot be had, or no message came in time.
+    """
+    topic = absolute(name)
+    listener = await Listener.open(bridge, topic, type_name)
+    rates = Rates(window or MAX_WINDOW)
+    num_messages = num_reported = 0
+    report_at = bridge.now() + REPORT_INTERVAL
+    give_up_at = math.inf if patience is None else bridge.now() + patience
+    with _Line(is_json=is_json) as line:
+        while num_messages != count:
+            if await listener.next(min(report_at, give_up_at)) is not None:
+                rates.add(bridge.now())
+                num_messages += 1
+                give_up_at = math.inf if patience is None else bridge.now() + patience
+            elif patience is not None and bridge.now() >= give_up_at:
+                raise await why_silent(bridge, topic, patience)
+            if bridge.now() >= report_at:
+                line.write(rates.read(), is_new=num_messages > num_reported)
+                num_reported = num_messages
+                report_at = max(report_at + REPORT_INTERVAL, bridge.now())
+        line.write(rates.read(), is_new=True)
+    return 0
+
+
+class _Line:
+    """Where reports go: one below the other, or one over the other on a terminal."""
+
+    def __init__(self, *, is_json: bool) -> None:
+        self._is_json = is_json
+        self._is_terminal = not is_json and sys.stdout.isatty()
+        self._is_open = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._is_open:
+            put("")
+
+    def write(self, rate: Rate | None, *, is_new: bool) -> None:
+        """Report; `is_new` is whether a message has come since the last one."""
+        if self._is_json:
+            fields = ("rate", "min", "max", "std_dev", "window")
+            values = (rate.rate, rate.shortest, rate.longest, rate.deviation, rate.num_messages) if rate else ()
+            put_json({**dict.fromkeys(fields), **dict(zip(fields, values, strict=False)), "is_new": is_new})
+            return
+        text = "no new messages" if rate is None or not is_new else str(rate)
+        if self._is_terminal:
+            sys.stdout.write(f"\r{text}\x1b[K")  # over the last one, and away with what is left of it
+            sys.stdout.flush()
+            self._is_open = True
+        else:
+            put(text)

@@ -1,0 +1,391 @@
+"""A map as a picture: lanes by their kind, edges, stop lines, lights and crosswalks, with a scale and the north.
+
+Whoever is in a scenario is drawn on it as the box that he is, with a nose, and with the path that he follows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.morai.maps.mgeo import RoadMap
+from rosbridge_sim.morai.scenarios.reader import Spawn
+from rosbridge_sim.world.geometry import FloatArray
+from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.state import Kind
+
+__all__ = ["draw_map"]
+
+SIZE: Final = 2000
+"""Pixels of the longer side."""
+
+FINE: Final = 2
+"""Drawn so many times as large, then made smaller: edges become smooth."""
+
+PICTURE_MARGIN: Final = 90
+"""Around the map: the scale and the legend stand in it [pixels]."""
+
+MIN_WIDTH: Final = 900
+"""Of a map that is long from south to north: there is room for its name beside the arrow to the north [pixels]."""
+
+LEGEND_LINE: Final = 26
+"""From one line of the legend to the next [pixels]."""
+
+FORMATS: Final = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG"}
+"""What a file's name asks for. Others, such as .gif, could not show all the colours."""
+
+QUALITY: Final = 92
+"""Of a JPEG [of 100]: thin lines have no visible shadows."""
+
+NARROW: Final = 3.0
+"""Lanes thinner than this have no edges [pixels]."""
+
+NEAR: Final = 500.0
+"""Whoever is farther from all roads is left out: a slip in a scenario must not make the map a dot [m]."""
+
+PAPER: Final = "#f4f2ec"
+INK: Final = "#222222"
+LANE: Final = "#b9bec4"
+INSIDE: Final = "#d8c7a3"  # lanes within an intersection
+DEAD_END: Final = "#d9a3a3"
+EDGE_COLOUR: Final = "#ffffff"
+ARROW: Final = "#5d6670"
+STOP: Final = "#c4161c"
+STRIPES: Final = "#ffffff"
+CAR_LIGHT: Final = "#0a7d32"
+WALK_LIGHT: Final = "#1f5fbf"
+WARNING_LIGHT: Final = "#d98a00"
+AGENTS: Final = {
+    Kind.EGO: ("#e0007a", "ego"),
+    Kind.VEHICLE: ("#6a3fb5", "vehicle"),
+    Kind.PEDESTRIAN: ("#e06c00", "pedestrian"),
+    Kind.OBSTACLE: ("#7a4a1e", "obstacle"),
+}
+
+Points = list[tuple[float, float]]
+"""Places on the picture [pixels]."""
+
+
+_Kinds = np.ndarray[tuple[int], np.dtype[np.str_]]
+"""(l,) the colour of each lane."""
+
+
+@dataclass(frozen=True, slots=True)
+class _View:
+    """From the map to the picture: north is up."""
+
+    west: float
+    north: float
+    scale: float  # [pixels/m]
+
+    def place(self, points: FloatArray) -> Points:
+        """Where (k, 2) or (k, 3) points of the map are."""
+        x = PICTURE_MARGIN * FINE + (points[:, 0] - self.west) * self.scale
+        y = PICTURE_MARGIN * FINE + (self.north - points[:, 1]) * self.scale
+        return list(zip(x.tolist(), y.tolist(), strict=True))
+
+
+def draw_map(road_map: RoadMap, path: Path, agents: Sequence[Spawn] = ()) -> None:
+    """Write a picture of a map; the file's name says in which format: `.png`, `.jpg` or `.jpeg`.
+
+    Args:
+        road_map: what is drawn.
+        path: the file.
+        agents: who is drawn on it; nobody who has no place yet.
+
+    Raises:
+        DocumentError: it cannot be written.
+    """
+    form = FORMATS.get(path.suffix.lower())
+    if form is None:
+        raise DocumentError(f"--picture: expected a file such as MAP.png or MAP.jpg; got {str(path)!r}")
+    image = _draw(road_map, [agent for agent in agents if agent.is_placed])
+    try:
+        image.save(path, form, quality=QUALITY)  # which PNG does not know
+    except OSError as error:
+        raise DocumentError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def _draw(road_map: RoadMap, agents: Sequence[Spawn]) -> Image.Image:
+    low, high = _extent(road_map.roads, agents)
+    scale = FINE * (SIZE - 2 * PICTURE_MARGIN) / float((high - low).max())
+    view = _View(float(low[0]), float(high[1]), scale)
+    width, height = (round(length) + 2 * PICTURE_MARGIN * FINE for length in ((high - low) * scale).tolist())
+    width = max(width, MIN_WIDTH * FINE)
+    kinds = _kinds(road_map)
+    legend = [*_legend(road_map, set(kinds.tolist())), *_legend_of_agents(agents)]
+    places = _lay_legend(legend, width, _legend_start(view))
+    # The margin below has room for two lines; more need paper of their own.
+    num_lines = 1 + max((line for _, line in places), default=0)
+    image = Image.new("RGB", (width, height + max(0, num_lines - 2) * LEGEND_LINE * FINE), PAPER)
+    pen = ImageDraw.Draw(image)
+    _draw_ground(pen, view, road_map, kinds)
+    for agent in agents:
+        _draw_path(pen, view, agent)
+    for agent in agents:
+        _draw_agent(pen, view, agent)
+    _draw_frame(pen, image.size, road_map)
+    top = height - 60 * FINE if num_lines > 1 else height - 34 * FINE
+    _draw_scale(pen, view, top)
+    _draw_legend(pen, legend, places, top)
+    return image.resize((image.width // FINE, image.height // FINE), Image.Resampling.LANCZOS)
+
+
+def _draw_ground(pen: ImageDraw.ImageDraw, view: _View, road_map: RoadMap, kinds: _Kinds) -> None:
+    roads = road_map.roads
+    for kind in (LANE, INSIDE, DEAD_END):
+        for lane in np.flatnonzero(kinds == kind).tolist():
+            _draw_lane(pen, view, roads, lane, kind)
+    for lane in range(len(roads)):
+        if kinds[lane] != INSIDE:  # there they would cross everything
+            _draw_edges(pen, view, roads, lane)
+    for crosswalk in road_map.crosswalks:
+        for outline in crosswalk.outlines:
+            _draw_stripes(pen, view, outline)
+    for lane in range(len(roads)):
+        _draw_arrows(pen, view, roads, lane, is_inside=bool(kinds[lane] == INSIDE))
+    for lane in np.flatnonzero(roads.is_stop).tolist():
+        _draw_stop_line(pen, view, roads, lane)
+    _draw_lights(pen, view, road_map)
+
+
+def _extent(roads: Roads, agents: Sequence[Spawn]) -> tuple[FloatArray, FloatArray]:
+    """The south-west and the north-east corner of what is shown: the roads, and who is not far from them [m]."""
+    places = np.array([(agent.x, agent.y) for agent in agents]).reshape(-1, 2)
+    if len(roads):
+        points = roads.points[:, :2]
+        is_near = ((places >= points.min(axis=0) - NEAR) & (places <= points.max(axis=0) + NEAR)).all(axis=1)
+        places = np.concatenate([points, places[is_near]])
+    elif not agents:
+        places = np.zeros((1, 2))
+    return places.min(axis=0) - 10.0, places.max(axis=0) + 10.0
+
+
+def _kinds(road_map: RoadMap) -> _Kinds:
+    """What each lane is: a plain one, one within an intersection, a dead end."""
+    roads = road_map.roads
+    led_to_from_stop = np.zeros(len(roads), dtype=bool)
+    for lane in np.flatnonzero(roads.is_stop).tolist():
+        led_to_from_stop[roads.successors(lane)] = True
+    if road_map.plan is not None:
+        led_to_from_stop |= road_map.plan.controller_of_lane >= 0
+    kinds = np.where(led_to_from_stop, INSIDE, LANE).astype("<U7")
+    kinds[np.diff(roads.first_successor) == 0] = DEAD_END
+    return kinds
+
+
+# What lies on the ground
+
+
+def _line_of(roads: Roads, lane: int) -> FloatArray:
+    return roads.points[roads.first[lane] : roads.first[lane + 1]]
+
+
+def _sides(roads: Roads, lane: int) -> tuple[FloatArray, FloatArray]:
+    """(k, 2) the left and the right edge of a lane [m]."""
+    line = _line_of(roads, lane)[:, :2]
+    border = roads.border[roads.first[lane] : roads.first[lane + 1]]
+    step = np.gradient(line, axis=0)
+    step /= np.maximum(np.hypot(step[:, 0], step[:, 1]), 1e-9)[:, None]
+    normal = np.stack((-step[:, 1], step[:, 0]), axis=-1)
+    return line + border[:, :1] * normal, line - border[:, 1:] * normal
+
+
+def _draw_lane(pen: ImageDraw.ImageDraw, view: _View, roads: Roads, lane: int, colour: str) -> None:
+    left, right = _sides(roads, lane)
+    pen.polygon(view.place(np.concatenate([left, right[::-1]])), fill=colour)
+    # On a large map a lane is thinner than a pixel.
+    pen.line(view.place(_line_of(roads, lane)), fill=colour, width=FINE)
+
+
+def _draw_edges(pen: ImageDraw.ImageDraw, view: _View, roads: Roads, lane: int) -> None:
+    is_wide = float(roads.width[lane]) * view.scale >= NARROW * FINE
+    for side in _sides(roads, lane) if is_wide else ():
+        pen.line(view.place(side), fill=EDGE_COLOUR, width=max(1, round(0.15 * view.scale)))
+
+
+def _draw_stripes(pen: ImageDraw.ImageDraw, view: _View, outline: FloatArray) -> None:
+    """A crosswalk: its outline, and stripes along the way of the cars if it has four corners."""
+    corners = outline[:, :2]
+    pen.polygon(view.place(corners), outline=STRIPES, width=FINE)
+    if len(corners) > 1 and (corners[0] == corners[-1]).all():
+        corners = corners[:-1]
+    if len(corners) != 4:  # noqa: PLR2004 - a rectangle's
+        return
+    sides = np.hypot(*(np.roll(corners, -1, axis=0) - corners).T)
+    if sides[0] + sides[2] < sides[1] + sides[3]:
+        corners = np.roll(corners, -1, axis=0)
+    a, b, c, d = corners  # people walk from a to b, beside from d to c
+    num = max(1, round(float(np.hypot(*(b - a)))))
+    for i in range(num):
+        first, last = (i + 0.15) / num, (i + 0.65) / num
+        stripe = np.array([a + first * (b - a), a + last * (b - a), d + last * (c - d), d + first * (c - d)])
+        pen.polygon(view.place(stripe), fill=STRIPES)
+
+
+def _draw_arrows(pen: ImageDraw.ImageDraw, view: _View, roads: Roads, lane: int, *, is_inside: bool) -> None:
+    """The way of a lane: an arrow in its middle, and along a long one more of them.
+
+    Where lanes are thin, one arrow stands for all that lie side by side; within an intersection they would hide it.
+    """
+    length, width = float(roads.length[lane]), float(roads.width[lane])
+    is_thin = width * view.scale < 3.0 * NARROW * FINE
+    if is_thin and (is_inside or roads.right[lane] >= 0):
+        return
+    size = min(9.0 * FINE / view.scale if is_thin else 0.5 * width, 12.0, 0.4 * length)
+    apart = max(60.0, 90.0 * FINE / view.scale)
+    num = max(1, int(length / apart))
+    # Before the middle, so that those of two opposite lanes do not meet.
+    points, yaws = roads.at([lane] * num, [(i + 0.42) * length / num for i in range(num)])
+    for point, yaw in zip(points, yaws.tolist(), strict=True):
+        pen.polygon(view.place(_shape(point, yaw, size, _ARROW)), fill=ARROW)
+
+
+_ARROW: Final = ((-0.5, 0.3), (0.5, 0.0), (-0.5, -0.3))
+_LIGHT: Final = ((-0.3, 0.5), (0.7, 0.0), (-0.3, -0.5))
+
+
+def _shape(point: FloatArray, yaw: float, size: float, outline: Sequence[tuple[float, float]]) -> FloatArray:
+    """(k, 2) an outline that is turned and put somewhere on the map [m]."""
+    turn = complex(math.cos(yaw), math.sin(yaw)) * size
+    corners = [complex(point[0], point[1]) + turn * complex(x, y) for x, y in outline]
+    return np.array([(corner.real, corner.imag) for corner in corners])
+
+
+def _draw_stop_line(pen: ImageDraw.ImageDraw, view: _View, roads: Roads, lane: int) -> None:
+    left, right = _sides(roads, lane)
+    ends = np.array([left[-1], right[-1]])
+    pen.line(view.place(ends), fill=STOP, width=max(FINE * 2, round(0.6 * view.scale)))
+
+
+def _draw_lights(pen: ImageDraw.ImageDraw, view: _View, road_map: RoadMap) -> None:
+    """Each light points to where it looks, a line ties it to the lanes that it serves."""
+    size = min(max(1.6, 8.0 * FINE / view.scale), 6.0)  # to be seen, but not to hide the crossing
+    roads = road_map.roads
+    for light in road_map.plan.lights if road_map.plan else ():
+        colour = WALK_LIGHT if light.is_pedestrian else WARNING_LIGHT if light.is_warning else CAR_LIGHT
+        at = np.array([light.x, light.y])
+        starts = {tuple(_line_of(roads, lane)[0, :2].tolist()) for lane in light.lanes}
+        for start in sorted(starts):
+            pen.line(view.place(np.array([at, start])), fill=colour, width=max(1, FINE // 2))
+        pen.polygon(view.place(_shape(at, light.yaw, size, _LIGHT)), fill=colour, outline=INK)
+
+
+# Who is there
+
+
+def _draw_path(pen: ImageDraw.ImageDraw, view: _View, agent: Spawn) -> None:
+    if agent.path is not None:
+        line = agent.path[:, :2]
+        line = np.concatenate([line, line[:1]]) if agent.is_loop else line
+        pen.line(view.place(line), fill=AGENTS[agent.kind][0], width=FINE)
+
+
+def _draw_agent(pen: ImageDraw.ImageDraw, view: _View, agent: Spawn) -> None:
+    body = agent.model.body
+    # Larger than life where he would be too small to see.
+    size = max(1.0, 5.0 * FINE / (view.scale * max(body.length, body.width)))
+    tail, nose, side = -body.rear_overhang, body.length - body.rear_overhang, 0.5 * body.width
+    tip = max(tail, nose - side)
+    outline = ((tail, -side), (tail, side), (tip, side), (nose, 0.0), (tip, -side))
+    shape = _shape(np.array([agent.x, agent.y]), agent.yaw, size, outline)
+    pen.polygon(view.place(shape), fill=AGENTS[agent.kind][0], outline=INK)
+
+
+def _legend_of_agents(agents: Sequence[Spawn]) -> Iterator[tuple[str, str]]:
+    kinds = {agent.kind for agent in agents}
+    yield from (look for kind, look in AGENTS.items() if kind in kinds)
+
+
+# Around it
+
+
+def _draw_frame(pen: ImageDraw.ImageDraw, size: tuple[int, int], road_map: RoadMap) -> None:
+    """The map's name above, the north at the top right."""
+    font, large = ImageFont.load_default(17 * FINE), ImageFont.load_default(26 * FINE)
+    roads = road_map.roads
+    pen.text((PICTURE_MARGIN * FINE // 2, 20 * FINE), road_map.name, fill=INK, font=large)
+    name_width = pen.textlength(road_map.name, font=large)
+    figures = f"{len(roads):,} lanes, {roads.length.sum() / 1000.0:.1f} km"
+    pen.text((PICTURE_MARGIN * FINE // 2 + name_width + 20 * FINE, 28 * FINE), figures, fill=INK, font=font)
+    x, y = float(size[0] - PICTURE_MARGIN * FINE // 2), 16.0 * FINE
+    pen.polygon([(x, y), (x - 11 * FINE, y + 34 * FINE), (x, y + 26 * FINE), (x + 11 * FINE, y + 34 * FINE)], fill=INK)
+    pen.text((x, y + 38 * FINE), "N", fill=INK, font=font, anchor="ma")
+
+
+def _scale_text(view: _View) -> tuple[float, str]:
+    """The length of the scale [pixels], and what stands beside it."""
+    metres = _round_length(180.0 * FINE / view.scale)
+    text = f"{metres / 1000:g} km" if metres >= 1000 else f"{metres:g} m"  # noqa: PLR2004 - a kilometre
+    return metres * view.scale, text
+
+
+def _draw_scale(pen: ImageDraw.ImageDraw, view: _View, y: float) -> None:
+    x = PICTURE_MARGIN * FINE / 2
+    length, text = _scale_text(view)
+    pen.rectangle((x, y, x + length, y + 7 * FINE), fill=PAPER, outline=INK, width=FINE)
+    pen.rectangle((x, y, x + length / 2, y + 7 * FINE), fill=INK)
+    pen.text((x + length + 8 * FINE, y + 4 * FINE), text, fill=INK, font=_legend_font(), anchor="lm")
+
+
+def _legend_font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    return ImageFont.load_default(17 * FINE)
+
+
+def _legend_start(view: _View) -> float:
+    """Where the legend begins beside the scale [pixels]."""
+    length, text = _scale_text(view)
+    return PICTURE_MARGIN * FINE / 2 + length + 30 * FINE + _legend_font().getlength(text)
+
+
+def _lay_legend(legend: Sequence[tuple[str, str]], width: int, start: float) -> list[tuple[float, int]]:
+    """Return for each entry where it begins [pixels], and on which line; an entry that is too long goes to the next."""
+    font = _legend_font()
+    places = []
+    x, line = start, 0
+    for _, what in legend:
+        size = 40 * FINE + font.getlength(what)
+        if x + size > width - PICTURE_MARGIN * FINE / 2 and x > PICTURE_MARGIN * FINE / 2:
+            x, line = PICTURE_MARGIN * FINE / 2, line + 1
+        places.append((x, line))
+        x += size
+    return places
+
+
+def _draw_legend(
+    pen: ImageDraw.ImageDraw, legend: Sequence[tuple[str, str]], places: Sequence[tuple[float, int]], top: float
+) -> None:
+    """What the colours mean."""
+    for (colour, what), (x, line) in zip(legend, places, strict=True):
+        y = top + line * LEGEND_LINE * FINE
+        pen.rectangle((x, y - 4 * FINE, x + 16 * FINE, y + 12 * FINE), fill=colour, outline=INK)
+        pen.text((x + 22 * FINE, y + 4 * FINE), what, fill=INK, font=_legend_font(), anchor="lm")
+
+
+def _round_length(about: float) -> float:
+    """A length of one figure, 1, 2 or 5, that is not longer [m]."""
+    power = 10.0 ** math.floor(math.log10(about))
+    return next(digit * power for digit in (5.0, 2.0, 1.0) if digit * power <= about * (1.0 + 1e-9))
+
+
+def _legend(road_map: RoadMap, kinds: set[str]) -> Iterator[tuple[str, str]]:
+    names = {LANE: "lane", INSIDE: "within an intersection", DEAD_END: "leads nowhere"}
+    yield from ((colour, name) for colour, name in names.items() if colour in kinds)
+    if road_map.roads.is_stop.any():
+        yield STOP, "stop line"
+    if road_map.crosswalks:
+        yield STRIPES, "crosswalk"
+    lights = road_map.plan.lights if road_map.plan else ()
+    if any(not light.is_pedestrian and not light.is_warning for light in lights):
+        yield CAR_LIGHT, "light"
+    if any(light.is_pedestrian for light in lights):
+        yield WALK_LIGHT, "light for people"
+    if any(light.is_warning for light in lights):
+        yield WARNING_LIGHT, "yellow light"

@@ -1,0 +1,221 @@
+"""`record`: what is published on any rosbridge, into a bag, until Ctrl-C.
+
+Stamps are the time of `/clock`, or of a clock by another name, where the server has one, as with `use_sim_time`; else
+the time of day. What that clock shows is the server's choice (`--stamps`). What comes before the first clock waits for
+it. New topics are looked for once a second, and the bag is flushed as often.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import signal
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+import orjson
+
+from rosbridge_sim.cli.tools.client import Bridge, Frame, absolute, words
+from rosbridge_sim.cli.tools.schema import DefinitionSources, open_store
+from rosbridge_sim.cli.tools.sync import why_standing
+from rosbridge_sim.cli.tools.text import note, put_json
+from rosbridge_sim.errors import PeerError
+from rosbridge_sim.graph.policy import Rule
+from rosbridge_sim.shell.bags.bag import BagGoneError, generation_of, open_bag
+from rosbridge_sim.shell.bags.recording import FLUSH_PERIOD, BagMessageWriter
+from rosbridge_sim.shell.signals import on_stop_signals
+from rosbridge_sim.shell.terminal_text import safe
+from rosbridge_sim.shell.websocket.bridge_errors import RefusedError
+
+__all__ = ["record"]
+
+CLOCK = "/clock"
+
+CLOCK_TYPES = {"rosgraph_msgs/Clock", "rosgraph_msgs/msg/Clock"}
+"""Of a clock that is called something else."""
+
+MAX_WAITING_MESSAGES = 10_000
+"""Messages that wait for a first clock; then they are stamped with the time 0."""
+
+
+async def record(
+    bridge: Bridge,
+    path: str,
+    patterns: tuple[str, ...],
+    choice: DefinitionSources,
+    count: int | None,
+    *,
+    patience: float | None,
+    is_json: bool,
+) -> int:
+    """Record until Ctrl-C, another signal to stop, the server's end, or so many messages.
+
+    Args:
+        bridge: whose topics.
+        path: of the new bag.
+        patterns: of topics; empty for all.
+        choice: what decides which definitions are known; the generation is the bag's.
+        count: None for no end.
+        patience: longest wait for a message [s]; None is for ever.
+        is_json: tell a program on stdout how it ended, and not a person.
+
+    Raises:
+        DocumentError: the bag cannot be written, or is not there any more.
+        RefusedError: the server is gone, or no message came in time; the bag is finished all the same.
+    """
+    ros = generation_of(Path(path))
+    store = open_store(DefinitionSources(choice.release, str(ros), choice.folders))
+    writer = BagMessageWriter(open_bag(Path(path)), store)
+    tape = _RecordingSession(bridge, writer, Rule(patterns))
+    task = asyncio.current_task()
+    assert task is not None
+
+    def stop(_number: signal.Signals) -> None:
+        task.cancel()
+
+    with on_stop_signals(stop, tape.finish):
+        try:
+            note(f"recording into {path}; Ctrl-C ends it")
+            await tape.run(count, patience)
+        except asyncio.CancelledError:
+            pass  # a signal: that is how it ends
+        finally:
+            tape.finish()
+    if is_json:
+        put_json({"file": path, "messages": writer.num_messages, "topics": tape.num_topics})
+    else:
+        note(f"{path}: {writer.num_messages:,} messages on {tape.num_topics:,} topics")
+    return 0
+
+
+class _RecordingSession:
+    """What has come so far, and what is asked for."""
+
+    def __init__(self, bridge: Bridge, writer: BagMessageWriter, rule: Rule) -> None:
+        self.num_topics = 0
+        self._bridge = bridge
+        self._scribe = writer
+        self._rule = rule
+        self._wanted: dict[str, bool] = {}  # name -> whether it is recorded; False for a type that is not known
+        self._clock: str | None = None  # the topic
+        self._clock_ns: int | None = None
+        self._waiting: list[tuple[str, bytes]] = []
+
+    async def run(self, count: int | None, patience: float | None) -> None:
+        """Record so many messages, or for ever; see `record`."""
+        look_at = self._bridge.now()
+        give_up_at = math.inf if patience is None else look_at + patience
+        num_before = 0
+        while count is None or self._scribe.num_messages + len(self._waiting) < count:
+            if self._bridge.now() >= look_at:
+                await self._look()
+                self._flush()
+                self._show()
+                look_at = self._bridge.now() + FLUSH_PERIOD
+            frame = await self._bridge.receive(min(look_at, give_up_at))
+            if frame is not None:
+                self._hear(frame)
+            num_now = self._scribe.num_messages + len(self._waiting)
+            if patience is not None and num_now > num_before:
+                num_before, give_up_at = num_now, self._bridge.now() + patience
+            elif patience is not None and self._bridge.now() >= give_up_at:
+                text = f"no message to record within {patience:g} s"
+                if not self.num_topics:
+                    raise RefusedError(f"{text}: none of the wanted topics is there")
+                raise RefusedError(f"{text}{await why_standing(self._bridge)}")
+
+    def _flush(self) -> None:
+        try:
+            self._scribe.flush()
+        except BagGoneError:
+            self._waiting.clear()  # there is nowhere to write it to
+            raise
+
+    def finish(self) -> None:
+        """Write what waits, and the bag's end."""
+        self._release(0)
+        self._scribe.close()
+        if sys.stderr.isatty():
+            sys.stderr.write("\n")
+
+    async def _look(self) -> None:
+        """Subscribe to what is new."""
+        values = await self._bridge.ask("topics")
+        types = dict(zip(map(absolute, words(values, "topics")), words(values, "types"), strict=False))
+        if self._clock is None:
+            self._clock = _clock_of(types)
+            if self._clock is not None and not self._rule.admits(self._clock):
+                await self._bridge.send("subscribe", topic=self._clock, type=types[self._clock])
+        for topic, type_name in sorted(types.items(), key=lambda one: one[0] != self._clock):  # the time comes first
+            if topic in self._wanted or not self._rule.admits(topic):
+                continue
+            self._wanted[topic] = self._can(topic, type_name)
+            if self._wanted[topic]:
+                self.num_topics += 1
+                await self._bridge.send("subscribe", topic=topic, type=type_name)
+
+    def _can(self, topic: str, type_name: str) -> bool:
+        """Whether a topic can be written; if not, say so."""
+        try:
+            self._scribe.add(topic, type_name)
+        except PeerError as error:
+            note(f"{topic} is not recorded: {error}; --schema-path names folders with definitions")
+            return False
+        return True
+
+    def _hear(self, frame: Frame) -> None:
+        if frame.get("op") == "status" and frame.get("level") == "error":
+            note(f"the server says: {safe(str(frame.get('msg')))}")
+        if frame.get("op") != "publish":
+            return
+        topic, msg = absolute(str(frame.get("topic"))), frame.get("msg")
+        if topic == self._clock:
+            self._clock_ns = _stamp_of(msg)
+            self._release(self._clock_ns)
+        if self._wanted.get(topic):
+            body = orjson.dumps(msg)
+            if self._clock is not None and self._clock_ns is None:
+                self._waiting.append((topic, body))
+                if len(self._waiting) >= MAX_WAITING_MESSAGES:
+                    self._release(0)
+            else:
+                self._write(topic, body, time.time_ns() if self._clock_ns is None else self._clock_ns)
+
+    def _release(self, stamp_ns: int) -> None:
+        """Write what has waited for the time."""
+        waiting, self._waiting = self._waiting, []
+        for topic, body in waiting:
+            self._write(topic, body, stamp_ns)
+
+    def _write(self, topic: str, body: bytes, stamp_ns: int) -> None:
+        try:
+            self._scribe.write_json(topic, body, stamp_ns)
+        except PeerError as error:
+            self._wanted[topic] = False
+            note(f"{topic} is recorded no longer: {error}")
+
+    def _show(self) -> None:
+        """How far it is, for a person who looks on."""
+        if sys.stderr.isatty():
+            at = "" if self._clock_ns is None else f"{self._clock_ns / 1e9:.1f} s, "
+            size = self._scribe.num_bytes / 1e6
+            sys.stderr.write(f"\r{at}{self._scribe.num_messages:,} messages, {size:,.1f} MB  (Ctrl-C ends it) ")
+            sys.stderr.flush()
+
+
+def _clock_of(types: Mapping[str, str]) -> str | None:
+    """The topic that tells the time, of those that there are; None where there is none."""
+    clocks = [topic for topic, type_name in types.items() if type_name in CLOCK_TYPES]
+    return CLOCK if CLOCK in types else min(clocks, default=None)
+
+
+def _stamp_of(msg: object) -> int:
+    """The time of a rosgraph_msgs/Clock in either generation's spelling [ns]; 0 where there is none."""
+    clock = msg.get("clock") if isinstance(msg, dict) else None
+    if not isinstance(clock, dict):
+        return 0
+    parts = [clock.get(one, clock.get(other, 0)) for one, other in (("secs", "sec"), ("nsecs", "nanosec"))]
+    secs, nsecs = (part if isinstance(part, int) and part >= 0 else 0 for part in parts)
+    return secs * 10**9 + nsecs

@@ -1,0 +1,158 @@
+"""`schema list` and `show`: the definitions that we know of our own and from the user's folders; no server is asked."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from rosbridge_sim.cli.tools.text import put, put_json, put_table
+from rosbridge_sim.errors import TypeNameError
+from rosbridge_sim.morai.releases import LENIENCY
+from rosbridge_sim.schema.parse import Definition
+from rosbridge_sim.schema.store import Store
+from rosbridge_sim.shell.config.loading import PREFIX, hint, read_settings
+from rosbridge_sim.shell.files.library import read_definitions
+from rosbridge_sim.shell.terminal_text import safe
+from rosbridge_sim.shell.websocket.bridge_errors import RefusedError
+
+__all__ = ["DefinitionSources", "list_types", "open_store", "show_type"]
+
+Kind = Literal["msg", "srv", "action"]
+
+KINDS: tuple[Kind, ...] = ("msg", "srv", "action")
+
+_VARIABLES = frozenset(PREFIX + name for name in ("CONFIG", "RELEASE", "ROS", "SCHEMA_PATH"))
+"""What of the environment has to do with definitions; a mistake in the rest is none of ours."""
+
+
+@dataclass(frozen=True, slots=True)
+class DefinitionSources:
+    """What decides which definitions there are; None and nothing are what the environment says, or the default.
+
+    Attributes:
+        release: of `morai_msgs`.
+        ros: the generation whose standard messages are meant.
+        folders: the user's.
+    """
+
+    release: str | None = None
+    ros: str | None = None
+    folders: tuple[str, ...] = ()
+
+
+def open_store(choice: DefinitionSources) -> Store:
+    """Everything that a server started with these settings would know.
+
+    Raises:
+        DocumentError: a setting, a folder or a file that cannot be used.
+    """
+    flags = [f"--{name}={value}" for name, value in (("release", choice.release), ("ros", choice.ros)) if value]
+    flags += [f"--schema-path={folder}" for folder in choice.folders]
+    settings = read_settings(flags, {name: value for name, value in os.environ.items() if name in _VARIABLES})
+    return Store(read_definitions(settings.release, settings.schema_path), leniency=LENIENCY, ros=settings.ros)
+
+
+# list
+
+
+def list_types(package: str | None, choice: DefinitionSources, *, is_json: bool) -> int:
+    """Every type, or those of one package, by name."""
+    store = open_store(choice)
+    if package is not None and package not in store.packages():
+        raise RefusedError(f"no package {safe(package)} is known{hint(package, store.packages())}")
+    types = sorted(
+        (name, kind)
+        for kind in KINDS
+        for name in store.names(kind)
+        if package is None or name.partition("/")[0] == package
+    )
+    if is_json:
+        put_json([{"type": name, "kind": kind} for name, kind in types])
+    else:
+        put_table(("TYPE", "KIND"), types)
+    return 0
+
+
+# show
+
+
+def show_type(name: str, choice: DefinitionSources, *, is_full: bool, is_json: bool) -> int:
+    """The text of a definition; of all that have the name, where it names no package or no kind."""
+    store = open_store(choice)
+    found = list(_find(store, name))
+    if not found:
+        raise RefusedError(_why_not(store, name))
+    accounts = [
+        {"type": type_name, "kind": kind, "text": _text(store, type_name, kind, is_full=is_full)}
+        for type_name, kind in found
+    ]
+    if is_json:
+        put_json(accounts[0] if len(accounts) == 1 else accounts)
+        return 0
+    for i, account in enumerate(accounts):
+        if len(accounts) > 1:
+            package, _, short = account["type"].partition("/")
+            put(f"{chr(10) if i else ''}[{package}/{account['kind']}/{short}]")
+        put(account["text"])
+    return 0
+
+
+_NAME = re.compile(r"(?:(?P<package>\w+)/)?(?:(?P<kind>msg|srv|action)/)?(?P<short>\w+)")
+
+
+def _find(store: Store, name: str) -> Iterator[tuple[str, Kind]]:
+    """Type and kind of each definition that a name can mean: `Type`, `pkg/Type`, `pkg/msg/Type`."""
+    match = _NAME.fullmatch(name)
+    if match is None:
+        return
+    wanted = store.canonical(name) if match["package"] else ""  # that knows the other names of a type
+    for kind in KINDS:
+        if match["kind"] in {None, kind}:
+            for one in store.names(kind):
+                if one == wanted or (not wanted and one.partition("/")[2] == match["short"]):
+                    yield one, kind
+
+
+def _why_not(store: Store, name: str) -> str:
+    known = [one for kind in KINDS for one in store.names(kind)]
+    if "/" not in name:
+        return f"no type {safe(name)} is known{hint(name, [one.partition('/')[2] for one in known])}"
+    try:
+        canonical = store.canonical(name)
+    except TypeNameError as error:
+        return safe(str(error))
+    return f"no type {safe(name)} is known{hint(canonical, known)}"
+
+
+def _text(store: Store, name: str, kind: Kind, *, is_full: bool) -> str:
+    """The definition as it is written, its parts divided by `---`; `is_full` adds those of all types in it."""
+    parts = _parts(store, name, kind)
+    text = "\n---\n".join(part.text.strip("\n") for part in parts)
+    if not is_full:
+        return text
+    nested: dict[str, Definition] = {}
+    for part in parts:
+        _collect(store, part, nested)
+    border = "=" * 80
+    return "\n".join([text, *(f"{border}\nMSG: {one.name}\n{one.text.strip()}" for one in nested.values())])
+
+
+def _parts(store: Store, name: str, kind: Kind) -> list[Definition]:
+    if kind == "msg":
+        return [store.message(name).definition]
+    if kind == "srv":
+        service = store.service(name)
+        return [service.request.definition, service.response.definition]
+    action = store.action(name)
+    return [action.goal.definition, action.result.definition, action.feedback.definition]
+
+
+def _collect(store: Store, definition: Definition, nested: dict[str, Definition]) -> None:
+    """Add each message within, once, depth first."""
+    for field in definition.fields:
+        if "/" in field.type and field.type not in nested:
+            inner = nested[field.type] = store.message(field.type).definition
+            _collect(store, inner, nested)

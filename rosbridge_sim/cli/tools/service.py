@@ -1,0 +1,177 @@
+"""`service list`, `info` and `call`: what can be asked for, in which form, and the asking itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+from rosbridge_sim.cli.tools.client import Bridge, ToolAnswer, absolute, words
+from rosbridge_sim.cli.tools.text import note, put, put_json, put_table, render
+from rosbridge_sim.errors import RosbridgeSimError
+from rosbridge_sim.shell.config.loading import hint
+from rosbridge_sim.shell.terminal_text import safe
+from rosbridge_sim.shell.websocket.bridge_errors import BridgeError, RefusedError
+
+__all__ = ["call", "list_services", "show_service"]
+
+
+# list
+
+
+async def list_services(bridge: Bridge, *, is_verbose: bool, is_json: bool) -> int:
+    """Every service by name; with its type and the node that provides it."""
+    names = sorted(words(await bridge.ask("services"), "services"))
+    if not is_verbose:
+        if is_json:
+            put_json(names)
+        else:
+            for name in names:
+                put(safe(name))
+        return 0
+    questions = [(question, {"service": name}) for name in names for question in ("service_type", "service_node")]
+    answers = await bridge.ask_all(questions)
+    kinds = [_word(answer, "type") for answer in answers[::2]]
+    nodes = [_word(answer, "node") for answer in answers[1::2]]
+    rows = list(zip(names, kinds, nodes, strict=True))
+    if is_json:
+        put_json([{"service": name, "type": kind, "provider": node} for name, kind, node in rows])
+    else:
+        put_table(("SERVICE", "TYPE", "PROVIDER"), [(name, kind or "?", node or "?") for name, kind, node in rows])
+    return 0
+
+
+def _word(answer: ToolAnswer, key: str) -> str:
+    return str(answer.values.get(key) or "") if answer.is_ok and isinstance(answer.values, dict) else ""
+
+
+# info
+
+
+Fields = Sequence[tuple[str, str]]
+"""Type and name of each field of a message."""
+
+
+async def show_service(bridge: Bridge, name: str, *, is_json: bool) -> int:
+    """A service's type, who provides it, and what goes in and comes out as far as the server or we know."""
+    service = absolute(name)
+    kind = str((await bridge.ask("service_type", service=service)).get("type", ""))
+    if not kind:
+        raise RefusedError(await _no_service(bridge, service))
+    (node,) = await bridge.ask_all([("service_node", {"service": service})])
+    provider = _word(node, "node")
+    halves = await _ask_details(bridge, kind) or _look_up(kind)
+    if is_json:
+        account: dict[str, object] = {"service": service, "type": kind, "provider": provider or None}
+        for title, lines in zip(("request", "response"), halves or (None, None), strict=True):
+            account[title] = None if lines is None else "\n".join(lines)
+        put_json(account)
+        return 0
+    put(f"Type: {safe(kind)}\nProvider: {safe(provider) or 'unknown'}")
+    if not halves:
+        put("\nIts definition is known neither there nor here.")
+        return 0
+    for title, lines in zip(("Request", "Response"), halves, strict=True):
+        put(f"\n{title}:{'' if lines else ' (empty)'}")
+        for line in lines:
+            put(f"  {safe(line)}")
+    return 0
+
+
+Halves = tuple[list[str], list[str]]
+"""The outlines of a request and of a response."""
+
+
+async def _ask_details(bridge: Bridge, kind: str) -> Halves | None:
+    """Both halves as the server has them; None where it does not say."""
+    questions = ("service_request_details", "service_response_details")
+    answers = await bridge.ask_all([(question, {"type": kind}) for question in questions])
+    halves = [_read_typedefs(answer) for answer in answers]
+    if None in halves:
+        return None
+    request, response = (list(outline) for outline in halves if outline is not None)
+    return request, response
+
+
+def _read_typedefs(answer: ToolAnswer) -> Iterator[str] | None:
+    """The outline of a message from rosapi's typedefs, the first of which is the message itself."""
+    typedefs = answer.values.get("typedefs") if answer.is_ok and isinstance(answer.values, dict) else None
+    if not isinstance(typedefs, list) or not typedefs or not all(isinstance(one, dict) for one in typedefs):
+        return None
+    fields = {str(one.get("type")): _read_fields(one) for one in reversed(typedefs)}
+    return _outline(str(typedefs[0].get("type")), lambda name: fields.get(name, ()), ())
+
+
+def _read_fields(typedef: Mapping[str, object]) -> Fields:
+    names, types, lengths = (typedef.get(key) for key in ("fieldnames", "fieldtypes", "fieldarraylen"))
+    if not (isinstance(names, list) and isinstance(types, list) and isinstance(lengths, list)):
+        return ()
+    # The reference server for ROS 2 writes Python's names of fields, with an underscore that no field begins with.
+    return [
+        (f"{kind}{'' if length == -1 else f'[{length or str()}]'}", str(name).lstrip("_"))
+        for kind, name, length in zip(types, names, lengths, strict=False)
+    ]
+
+
+def _look_up(kind: str) -> Halves | None:
+    """Both halves as our own definitions have them; None for a type that we do not know."""
+    from rosbridge_sim.cli.tools.schema import DefinitionSources, open_store  # noqa: PLC0415 - reads a hundred files
+
+    try:
+        store = open_store(DefinitionSources())
+        service = store.service(kind)
+    except RosbridgeSimError:
+        return None
+    known = {one.name: one.definition for one in (service.request, service.response)}
+
+    def fields_of(name: str) -> Fields:
+        if "/" not in name:
+            return ()
+        definition = known.get(name) or store.message(name).definition
+        return [(f.full_type, f.name) for f in definition.fields]
+
+    request, response = (list(_outline(name, fields_of, ())) for name in known)
+    return request, response
+
+
+def _outline(name: str, fields_of: Callable[[str], Fields], above: tuple[str, ...]) -> Iterator[str]:
+    """`type name` of each field, and indented below it the fields of a message within."""
+    if name in above:
+        return  # no message contains itself, but who knows what a server says
+    for kind, field in fields_of(name):
+        yield f"{'  ' * len(above)}{kind} {field}"
+        yield from _outline(kind.partition("[")[0], fields_of, (*above, name))
+
+
+# call
+
+
+async def call(bridge: Bridge, name: str, args: object, patience: float | None, *, is_json: bool) -> int:
+    """Call a service and show what it answers, and beside it what the server remarks on it."""
+    service = absolute(name)
+    wish = await bridge.send("set_level", level="warning")  # why a simulator says no is one
+    answer = await bridge.call(service, args, patience)
+    for frame in bridge.take_inbox():
+        is_remark = frame.get("op") == "status" and frame.get("id") != wish
+        if is_remark and frame.get("level") in {"warning", "error"}:
+            note(f"the server says: {safe(str(frame.get('msg')))}")
+    if answer is None:
+        raise RefusedError(f"{safe(service)}: no answer within {patience:g} s; --timeout waits longer")
+    if not answer.is_ok:
+        text = answer.values if isinstance(answer.values, str) else render(answer.values)
+        near = await _near(bridge, service) if text.endswith("does not exist") else ""  # ours names one itself
+        raise RefusedError(f"{safe(text) or f'{safe(service)} refuses, and does not say why'}{near}")
+    if is_json:
+        put_json(answer.values)
+    else:
+        put(render(answer.values))
+    return 0
+
+
+async def _near(bridge: Bridge, service: str) -> str:
+    try:
+        return hint(service, words(await bridge.ask("services"), "services"))
+    except (BridgeError, RefusedError):
+        return ""
+
+
+async def _no_service(bridge: Bridge, service: str) -> str:
+    return f"no service {safe(service)} here{await _near(bridge, service)}"

@@ -1,0 +1,231 @@
+"""`tick`: drive synchronous mode from a shell; and the reason why a topic is silent, which is often that mode."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rosbridge_sim.cli.tools.client import Bridge, Frame, absolute, words
+from rosbridge_sim.cli.tools.text import put, put_json
+from rosbridge_sim.shell.terminal_text import safe
+from rosbridge_sim.shell.websocket.bridge_errors import BridgeError, RefusedError
+
+__all__ = ["SyncInfo", "read_sync_info", "tick", "why_silent", "why_standing"]
+
+SYNC_INFO = "/SyncModeInfo"
+
+PROCESS = "/sim/process/state/msg/MoraiSimProcStatus"
+"""Latched state of the simulation: running or paused, which `/SyncModeInfo` does not tell."""
+
+_REPLAY, _PAUSED, _ENDED = 16, 16, 32
+"""Values of its `current_mode` and `current_status`."""
+
+RESUME = "rosbridge-sim service call /Service_MoraiEventCmd '{request: {option: 8}}' resumes it"
+"""What to do about a pause; bit 8 is that of `set_pause`, which is false where it is left out."""
+
+INFO_PATIENCE = 1.0
+"""How long the latched state of synchronous mode may take [s]; a server that keeps it sends it at once."""
+
+FRAME_MS = 20
+"""One frame of MORAI SIM [ms]; ticks move by multiples of it."""
+
+
+# The state of synchronous mode
+
+
+@dataclass(frozen=True, slots=True)
+class SyncInfo:
+    """What a simulator says on `/SyncModeInfo`.
+
+    Attributes:
+        master_id: who may tick; empty while nobody may.
+        is_on: whether synchronous mode is on.
+        frame: of the simulation.
+        can_send_tick: whether a tick of the master would be carried out.
+    """
+
+    master_id: str
+    is_on: bool
+    frame: int
+    can_send_tick: bool
+
+
+async def read_sync_info(bridge: Bridge) -> SyncInfo | None:
+    """Return the state of synchronous mode; None where no simulator tells it.
+
+    Frames that come meanwhile are passed over.
+    """
+    msg = await _read_latched(bridge, SYNC_INFO)
+    if msg is None:
+        return None
+    return SyncInfo(
+        str(msg.get("master_id", "")),
+        msg.get("status") is True,
+        _whole(msg.get("frame")),
+        msg.get("can_send_tick") is True,
+    )
+
+
+async def _read_latched(bridge: Bridge, topic: str) -> Frame | None:
+    """Return the latched message of a topic; None where there is none. Other frames that come are passed over."""
+    try:
+        kind = str((await bridge.ask("topic_type", topic=topic)).get("type", ""))
+    except (BridgeError, RefusedError):
+        return None
+    if not kind:
+        return None
+    await bridge.send("subscribe", topic=topic, type=kind)
+    until = bridge.now() + min(INFO_PATIENCE, bridge.patience)
+    try:
+        while (frame := await bridge.receive(until)) is not None:
+            msg = frame.get("msg")
+            if frame.get("op") == "publish" and absolute(str(frame.get("topic"))) == topic and isinstance(msg, dict):
+                return msg
+    finally:
+        await bridge.send("unsubscribe", topic=topic)
+    return None
+
+
+def _whole(value: object) -> int:
+    return value if isinstance(value, int) else 0
+
+
+async def why_silent(bridge: Bridge, topic: str, patience: float) -> RefusedError:
+    """Return the error that no message came in time, with the cause where the server tells it.
+
+    Args:
+        bridge: where the topic is.
+        topic: its absolute name.
+        patience: how long was waited [s].
+    """
+    text = f"no message on {safe(topic)} within {patience:g} s"
+    try:
+        publishers = words(await bridge.ask("publishers", topic=topic), "publishers")
+    except (BridgeError, RefusedError):
+        return RefusedError(f"{text}; --timeout waits longer")
+    if not publishers:
+        return RefusedError(f"{text}: nobody publishes it")
+    return RefusedError(f"{text}{await why_standing(bridge) or '; --timeout waits longer'}")
+
+
+async def why_standing(bridge: Bridge) -> str:
+    """Return why the world does not move, for the end of an error; nothing where that is not known."""
+    info = await read_sync_info(bridge)
+    if info is None:
+        return ""
+    process = await _read_latched(bridge, PROCESS) or {}
+    status = process.get("current_status")
+    if status == _ENDED:
+        return ": the world is paused at the end of a replay; stop or play it again by /Morai_SimProc"
+    if not info.is_on:
+        what = "a replay" if process.get("current_mode") == _REPLAY else "the world"
+        return f": {what} is paused; {RESUME}" if status == _PAUSED else ""
+    leader = f"the master {safe(info.master_id)!r}" if info.master_id else ""
+    if status == _PAUSED or (leader and not info.can_send_tick):
+        return f": the world is paused, in synchronous mode with {leader or 'no master'}; {RESUME}"
+    if not leader:
+        return ": the world stands until a master ticks, and nobody is master; rosbridge-sim tick N --start moves it"
+    return f": the world stands until a master ticks; the master is {safe(info.master_id)!r}"
+
+
+# tick
+
+
+async def tick(bridge: Bridge, count: int, user_id: str, step_ms: int, *, is_starting: bool, is_json: bool) -> int:
+    """Move the world by so many ticks, and show the frame and the ego after each.
+
+    With `is_starting`, synchronous mode is started first, and ended again if it was off before. Where it was on
+    without a master, the connection alone is closed, and `--sync-on-loss` of the server says what follows.
+
+    Args:
+        bridge: to the simulator.
+        count: of ticks.
+        user_id: whom the ticks are in the name of.
+        step_ms: length of a tick, where it is started [ms].
+        is_starting: start the mode.
+        is_json: show answers as they are, one a line.
+
+    Raises:
+        RefusedError: the simulator says no, or there is none.
+        BridgeError: there is no answer.
+    """
+    before = await read_sync_info(bridge)
+    await bridge.send("set_level", level="warning")  # why a simulator says no is one
+    frame, has_started = (0, False) if before is None else (before.frame, False)
+    try:
+        if is_starting:
+            response = await _command(bridge, user_id, step_ms, is_on=True)
+            if response.get("result") is not True:
+                raise await _refusal(bridge, "synchronous mode cannot be started", user_id)
+            has_started = before is None or not before.is_on
+            frame = _whole(response.get("frame"))
+        for _ in range(count):
+            request = {"user_id": user_id, "frame": frame + step_ms // FRAME_MS}
+            response = await _ask(bridge, "/SyncModeWaitForTick", request)
+            if response.get("tick_status") is not True:
+                raise await _refusal(bridge, "the tick is refused", user_id)
+            frame = _whole(response.get("frame"))
+            if is_json:
+                put_json(response)
+            else:
+                put(_describe(response))
+    finally:
+        if has_started:
+            await _command(bridge, user_id, step_ms, is_on=False)
+    return 0
+
+
+async def _command(bridge: Bridge, user_id: str, step_ms: int, *, is_on: bool) -> Frame:
+    request = {"user_id": user_id, "start_sync_mode": is_on, "time_step": step_ms}
+    return await _ask(bridge, "/SyncModeCmd", request)
+
+
+async def _ask(bridge: Bridge, service: str, request: Frame) -> Frame:
+    """Return the response of a MORAI service.
+
+    Raises:
+        RefusedError: it refuses, or is not there.
+        BridgeError: there is no answer.
+    """
+    answer = await bridge.call(service, {"request": request}, bridge.patience)
+    if answer is None:
+        raise BridgeError(f"{service}: no answer within {bridge.patience:g} s; --timeout waits longer")
+    if not answer.is_ok or not isinstance(answer.values, dict):
+        text = safe(str(answer.values))
+        hint = "; is a simulator there?" if "not exist" in text else ""
+        raise RefusedError(f"{text}{hint}")
+    response = answer.values.get("response")
+    return response if isinstance(response, dict) else {}
+
+
+async def _refusal(bridge: Bridge, what: str, user_id: str) -> RefusedError:
+    """Return the error of a refused start or tick: the server's reason, who is master, and what to do."""
+    statuses = [frame for frame in bridge.take_inbox() if frame.get("op") == "status"]
+    reasons = [str(frame.get("msg")) for frame in statuses if frame.get("level") in {"warning", "error"}]
+    text = what + (f": {safe(reasons[-1])}" if reasons else "")
+    info = await read_sync_info(bridge)
+    if info is None:
+        return RefusedError(text)
+    if not info.is_on or not info.master_id:
+        return RefusedError(f"{text}; --start starts it")
+    if info.master_id == user_id:
+        return RefusedError(text if info.can_send_tick else f"{text}; {RESUME}")
+    master = safe(info.master_id)
+    named = "" if repr(info.master_id) in text else f"; the master is {master!r}"
+    return RefusedError(f"{text}{named}; --id {master} ticks in its name")
+
+
+def _describe(response: Frame) -> str:
+    """Return a line about the frame and the ego."""
+    status = response.get("vehicle_status")
+    ego: Frame = status if isinstance(status, dict) else {}
+    x, y, z = (_number(ego.get("position"), axis) for axis in "xyz")
+    heading, speed = _number(ego, "heading"), _number(ego.get("velocity"), "x")
+    return (
+        f"frame {_whole(response.get('frame'))}  time {safe(str(response.get('time', '?')))} s"
+        f"  x {x:.3f}  y {y:.3f}  z {z:.3f} m  heading {heading:.2f} deg  speed {speed:.3f} m/s"
+    )
+
+
+def _number(value: object, key: str) -> float:
+    number = value.get(key) if isinstance(value, dict) else None
+    return float(number) if isinstance(number, (int, float)) else float("nan")

@@ -1,0 +1,1 @@
+"""Transforms: what is known of frames, and who wants to hear of it."""

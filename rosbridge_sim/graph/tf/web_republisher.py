@@ -1,0 +1,408 @@
+"""`/tf2_web_republisher`: transforms for those who cannot keep a tree of frames themselves, as a node of the bus.
+
+It hears `/tf` and `/tf_static`, whoever publishes there, and tells each who asks where some frames stand in a frame of
+his choice, in one of three ways that client libraries have:
+
+    /republish_tfs            a service that answers with the name of a topic of one's own     (roslibpy, roslib)
+    /tf2_web_republisher/...  the five topics of a ROS 1 action, see `actionlib`               (roslib's TFClient)
+    /tf2_web_republisher      a ROS 2 action                                                   (roslib's ROS2TFClient)
+
+Rates count in simulated time, whatever messages are stamped with: at R Hz second s is cut into R slots, and in each
+slot changes are looked for once, when the first transform of that slot is heard. So in synchronous mode what is told
+depends on the frames alone, and stands in the listener's hands before the answer to the tick. Whatever came too late
+for its slot is looked at in the next one, even if nothing more is heard: that takes the timer, and so does finding
+topics that nobody listens to any more.
+
+While nobody asks it only overhears: then nothing is published for its sake, as it would be for any other listener. What
+a publisher of that kind told before is old by the time when somebody asks again, and is forgotten.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import msgspec
+
+from rosbridge_sim.errors import GraphError
+from rosbridge_sim.graph.actionlib import BEAT, Actionlib
+from rosbridge_sim.graph.actions import Goal, GoalStatus
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Participant
+from rosbridge_sim.graph.tf.buffer import MAX_TF_FRAMES, Placed, Transform, TransformBuffer, frame_name, turn
+from rosbridge_sim.graph.topics_services import Call, Subscription, Topic
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.schema.store import Message
+
+__all__ = [
+    "DEFAULT_TIMEOUT",
+    "MAX_FRAME_PAIRS",
+    "MAX_STREAMS",
+    "OWN_PAIRS",
+    "OWN_STREAMS",
+    "REPUBLISHER_NAME",
+    "SERVICE_NAME",
+    "WebRepublisher",
+]
+
+REPUBLISHER_NAME = "/tf2_web_republisher"
+
+SERVICE_NAME = "/republish_tfs"
+
+DEFAULT_TIMEOUT = 10.0
+"""How long a topic waits for listeners where the request does not say [s]."""
+
+MAX_STREAMS = 1_000
+MAX_FRAME_PAIRS = 5_000
+"""Requests at work, and frames in all of them; a frame costs some 5 us each time that it is looked up."""
+
+OWN_STREAMS = 100
+OWN_PAIRS = 500
+"""The same for one who asks."""
+
+_LONGEST_WAIT = 3_600.0
+"""A timer for longer is none [s]."""
+
+_log = logging.getLogger("rosbridge_sim.graph")
+
+_Transforms: TypeAlias = list[Any]
+"""Structs of geometry_msgs/TransformStamped."""
+
+
+@dataclass(eq=False, slots=True)
+class _Stream:
+    """One request at work.
+
+    Attributes:
+        owner: who asked.
+        sources, target: frames, without a slash before them.
+        angle, distance: what a source must turn or move by to be told again [rad, m].
+        rate: how often it is looked at most [Hz]; 0 for each time that something is heard.
+        send: takes what is told.
+        told: what each source was told to be last.
+        slot: in which it was looked at last.
+        version: of the frames, at that time.
+        is_due_whole: the next time that it is looked at, all sources are told, moved or not.
+        is_whole: what was told last told all sources.
+    """
+
+    owner: Participant
+    sources: tuple[str, ...]
+    target: str
+    angle: float
+    distance: float
+    rate: float
+    send: Callable[[_Transforms, float], None]
+    told: dict[str, Transform] = field(default_factory=dict)
+    slot: int | None = None
+    version: int = -1
+    is_due_whole: bool = False
+    is_whole: bool = False
+
+
+@dataclass(eq=False, slots=True)
+class _Offer:
+    """A topic that was made for a request.
+
+    Attributes:
+        timeout: how long it may be without a listener [s].
+        unheard_since: when the last one went [s]; None while there is one.
+        listeners: when it was looked at last.
+    """
+
+    stream: _Stream
+    topic: Topic
+    timeout: float
+    unheard_since: float | None
+    listeners: tuple[Subscription, ...] = ()
+
+    def greet(self) -> None:
+        """Have everything told again if somebody has come who did not hear it.
+
+        What is told while nobody listens is told whole, for it waits, latched, for the first who comes. Who came first
+        has heard that, and is told what has changed since: not the same once more.
+        """
+        before, self.listeners = self.listeners, self.topic.subscriptions
+        if not self.listeners:
+            self.stream.is_due_whole = True
+        elif any(one not in before for one in self.listeners):
+            self.stream.is_due_whole = bool(before) or not self.stream.is_whole
+
+
+class WebRepublisher:
+    """The owner of the three ways."""
+
+    name = REPUBLISHER_NAME
+
+    def __init__(self, bus: Bus) -> None:
+        """Listen and offer, for good."""
+        self._bus = bus
+        self._frames = TransformBuffer()
+        self._streams: dict[Goal | Topic, _Stream] = {}
+        self._offers: dict[Topic, _Offer] = {}
+        self._num_offers = 0
+        self._alarm: float | None = None
+        self._alarm_set_ns = 0
+        self._sweep_due = 0.0
+        self._is_off = False
+        store = bus.store
+        self._array_struct = store.message("tf2_web_republisher/TFArray").struct
+        self._answer_struct = store.service("tf2_web_republisher/RepublishTFs").response.struct
+        self._make_transform = _transform_maker(bus)
+        self._listening = self._listen("/tf", is_static=False)
+        self._listen("/tf_static", is_static=True)
+        bus.provide(self, SERVICE_NAME, "tf2_web_republisher/RepublishTFs", self._serve, is_exclusive=True)
+        action = bus.actions.provide(
+            *(self, REPUBLISHER_NAME, "tf2_web_republisher/TFSubscription", self._take, self._end), is_exclusive=True
+        )
+        self._feedback_struct = action.type.feedback.struct
+        self._actionlib = Actionlib(bus, action)
+        bus.watchers.append(self._see_off)
+
+    def notify(self, level: str, text: str) -> None:
+        """What the bus has to say to the republisher goes into the log."""
+        _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)
+
+    def end(self, error: Exception) -> None:
+        """End for good, since it cannot go on with its own timers; whoever waits for it is told.
+
+        A request or a message on which it fails is no reason: it serves all clients, and the sender alone is told then.
+        """
+        if self._is_off:
+            return
+        _log.error("the republisher of transforms has failed; it is off until a restart", exc_info=error)
+        self._is_off = True
+        self._bus.leave(self, 0.0)
+
+    # Time
+
+    def next_due(self, _now: float) -> float | None:
+        """When `advance` has something to do next [s]; None while nobody asks for anything."""
+        if self._is_off:
+            return None
+        dues = (self._alarm, self._actionlib.next_due(), self._sweep_due if self._offers else None)
+        return min((due for due in dues if due is not None), default=None)
+
+    def advance(self, now: float) -> None:
+        """Look at what came too late for its slot, tell the goals' status, take away topics that nobody hears.
+
+        Args:
+            now: monotonic time [s].
+
+        Call it again at `next_due`.
+        """
+        if self._is_off:
+            return
+        if self._alarm is not None and now >= self._alarm:
+            self._alarm = None
+            if self._bus.time_ns != self._alarm_set_ns:  # a clock that stands brings no new slot
+                self._look_at_all(now)
+        self._actionlib.advance(now)
+        if now >= self._sweep_due:
+            self._sweep_due = now + BEAT
+            for offer in list(self._offers.values()):
+                if offer.topic.has_listener:
+                    offer.unheard_since = None
+                elif offer.unheard_since is None:
+                    offer.unheard_since = now
+                elif now - offer.unheard_since >= offer.timeout:
+                    self._withdraw(offer, now)
+
+    # What is heard
+
+    def _listen(self, name: str, *, is_static: bool) -> Subscription:
+        def hear(_topic: Topic, message: Message, sender: Participant, now: float) -> None:
+            problem = self._put(message, sender, is_static=is_static)
+            if self._streams:
+                self._look_at_all(now)
+            if problem is not None:
+                raise problem
+
+        subscription = self._bus.subscribe(self, name, hear, type_name="tf2_msgs/TFMessage", is_idle=True)
+        for sender, messages in subscription.topic.kept.items():
+            for message in messages.messages():
+                self._put(message, sender, is_static=is_static)
+        return subscription
+
+    def _put(self, message: Message, sender: Participant, *, is_static: bool) -> GraphError | None:
+        """Take in what is right in a message; what was wrong first."""
+        problem = None
+        if len(message.value.transforms) > MAX_TF_FRAMES:
+            return GraphError(f"{message.type.name}: expected at most {MAX_TF_FRAMES} transforms, as many as are kept")
+        for stamped in message.value.transforms:
+            try:
+                self._frames.put(stamped, sender, is_static=is_static)
+            except GraphError as error:
+                problem = problem or error
+        return problem
+
+    # Who asks
+
+    def _serve(self, call: Call, now: float) -> None:
+        """`/republish_tfs`: a topic of one's own."""
+        timeout = _seconds(call.request)
+        self._num_offers += 1
+        name = f"{REPUBLISHER_NAME}/tf_repub_{self._num_offers}"
+
+        def send(transforms: _Transforms, now: float) -> None:
+            message = Message(topic.type, self._array_struct(transforms=transforms))
+            self._bus.announce(self, topic, message, now)
+
+        stream = self._open(call.caller, call.request, send)
+        topic = self._bus.advertise(self, name, "tf2_web_republisher/TFArray", depth=1, is_exclusive=True)
+        self._offers[topic] = _Offer(stream, topic, timeout or DEFAULT_TIMEOUT, unheard_since=now)
+        self._start(topic, stream, now)
+        call.answer(self._answer_struct(topic_name=name))
+
+    def _take(self, goal: Goal) -> None:
+        """A goal: by the ROS 2 action, or by the topics of ROS 1."""
+
+        def send(transforms: _Transforms, _now: float) -> None:
+            goal.report(self._feedback_struct(transforms=transforms))
+
+        self._start(goal, self._open(goal.caller, goal.request, send), 0.0)
+
+    def _end(self, goal: Goal) -> None:
+        """A goal that is not wanted any more."""
+        self._stop(goal)
+        goal.end(GoalStatus.CANCELED, goal.action.type.result.default())
+
+    def _see_off(self, owner: Participant, now: float) -> None:
+        """Somebody has left: what was made for it alone goes too."""
+        for offer in list(self._offers.values()):
+            if offer.stream.owner is owner and not offer.topic.has_listener:
+                self._withdraw(offer, now)
+
+    def _open(self, owner: Participant, request: Struct, send: Callable[[_Transforms, float], None]) -> _Stream:
+        """A stream for a request, which is a struct of the service or of the action.
+
+        Raises:
+            GraphError: the request makes no sense, or it is one too many.
+        """
+        if len(request.source_frames) > MAX_FRAME_PAIRS:
+            raise GraphError(f"source_frames: expected at most {MAX_FRAME_PAIRS}, got {len(request.source_frames)}")
+        sources = tuple(dict.fromkeys(map(frame_name, request.source_frames)))
+        own = [stream for stream in self._streams.values() if stream.owner is owner]
+        _check_room(own, len(sources), OWN_STREAMS, OWN_PAIRS, "of yours")
+        _check_room(self._streams.values(), len(sources), MAX_STREAMS, MAX_FRAME_PAIRS, "in all")
+        return _Stream(
+            owner=owner,
+            sources=sources,
+            target=frame_name(request.target_frame),
+            angle=_amount(request.angular_thres, "angular_thres"),
+            distance=_amount(request.trans_thres, "trans_thres"),
+            rate=_amount(request.rate, "rate"),
+            send=send,
+        )
+
+    def _start(self, key: Goal | Topic, stream: _Stream, now: float) -> None:
+        self._streams[key] = stream
+        if self._listening.is_idle:
+            self._frames.forget(self._listening.topic.on_demand.__contains__)
+            self._listening.is_idle = False
+        self._look(stream, now)
+
+    def _stop(self, key: Goal | Topic) -> None:
+        self._streams.pop(key, None)
+        if not self._streams:
+            self._listening.is_idle = True
+            self._alarm = None
+
+    def _withdraw(self, offer: _Offer, now: float) -> None:
+        del self._offers[offer.topic]
+        self._stop(offer.topic)
+        self._bus.unadvertise(self, offer.topic.name, now)
+
+    # What is told
+
+    def _look_at_all(self, now: float) -> None:
+        """Tell everybody what is new; set the alarm for those whose slot it is not."""
+        version = self._frames.version
+        for offer in self._offers.values():
+            offer.greet()
+        waits = [self._look(stream, now) for stream in list(self._streams.values()) if stream.version != version]
+        wait = min((wait for wait in waits if wait is not None), default=None)
+        self._alarm = None if wait is None else now + min(wait, _LONGEST_WAIT)
+        self._alarm_set_ns = self._bus.time_ns
+
+    def _look(self, stream: _Stream, now: float) -> float | None:
+        """Tell one who asked what has changed enough; before its next slot, how long it is until then [s]."""
+        slot = None
+        if stream.rate:
+            place = self._bus.time_ns * stream.rate / 1e9
+            slot = math.floor(place)
+            if slot == stream.slot:
+                return (slot + 1 - place) / stream.rate
+        stream.version = self._frames.version
+        if stream.is_due_whole:
+            stream.told.clear()
+            stream.is_due_whole = False
+        changed, num_placed = [], 0
+        for source in stream.sources:
+            placed = self._frames.look_up(stream.target, source)
+            if placed is None:
+                continue
+            stream.slot = slot
+            num_placed += 1
+            if _has_moved(stream, stream.told.get(source), placed.pose):
+                stream.told[source] = placed.pose
+                changed.append(self._make_transform(stream.target, source, placed))
+        if changed:
+            stream.is_whole = len(changed) == num_placed
+            stream.send(changed, now)
+        return None
+
+
+def _has_moved(stream: _Stream, told: Transform | None, pose: Transform) -> bool:
+    """Whether a pose differs from what was told by more than who asked wants to be spared."""
+    if told is None:
+        return True
+    if told == pose:
+        return False
+    return math.dist(told[:3], pose[:3]) > stream.distance or turn(told, pose) > stream.angle
+
+
+def _check_room(streams: Iterable[_Stream], num_more: int, max_streams: int, max_pairs: int, whose: str) -> None:
+    """Raise GraphError if there is no room for one more request, of so many frames."""
+    sizes = [len(stream.sources) for stream in streams]
+    if len(sizes) >= max_streams or sum(sizes) + num_more > max_pairs:
+        raise GraphError(f"At most {max_streams} requests for transforms, of {max_pairs} frames, {whose} are served")
+
+
+def _amount(value: float, name: str) -> float:
+    """A number of a request; 0 for none at all.
+
+    Raises:
+        GraphError: it is negative or none.
+    """
+    if not 0.0 <= value < math.inf:
+        raise GraphError(f"{name}: expected 0 or more, got {value!r}")
+    return value
+
+
+def _seconds(request: Struct) -> float:
+    """The timeout of a request [s]; 0 or less is none."""
+    whole, nanoseconds = msgspec.structs.astuple(request.timeout)
+    return max(0.0, float(whole + nanoseconds / 1e9))
+
+
+def _transform_maker(bus: Bus) -> Callable[[str, str, Placed], msgspec.Struct]:
+    """A function that makes a TransformStamped: where a source stands in a target."""
+    store = bus.store
+    names = ("std_msgs/Header", "geometry_msgs/TransformStamped", "geometry_msgs/Transform")
+    header, stamped, transform = (store.message(name).struct for name in names)
+    vector, quaternion = (store.message(f"geometry_msgs/{name}").struct for name in ("Vector3", "Quaternion"))
+
+    def make(target: str, source: str, placed: Placed) -> msgspec.Struct:
+        x, y, z, qx, qy, qz, qw = placed.pose
+        stamp = placed.stamp or store.time_value(bus.stamp_ns)
+        return stamped(
+            header=header(stamp=stamp, frame_id=target),
+            child_frame_id=source,
+            transform=transform(translation=vector(x=x, y=y, z=z), rotation=quaternion(x=qx, y=qy, z=qz, w=qw)),
+        )
+
+    return make

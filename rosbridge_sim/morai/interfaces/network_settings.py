@@ -1,0 +1,284 @@
+"""Network settings, as MORAI's panel has them: names, switches and rates of the simulator's topics and services.
+
+An *item* is one publisher, subscriber or service, seen from the simulator: `/Ego_topic` is published, `/ctrl_cmd`
+subscribed to. It is known by its default name, whatever it is called in the end. A `InterfaceChoice` may say a part of
+this; the rest is as usual. In a TOML file:
+
+    [publishers]
+    "/Ego_topic" = { name = "/car/state", rate = 25, on = true }
+
+The items of a further ego follow the first one's under its prefix, `/Ego-2/car/state`, unless something else is chosen
+about its own, `/Ego-2/Ego_topic`.
+
+Here is what can be said at all; whether there is such an item, and whether its name can be had, knows `items`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from typing import Final, NoReturn, Protocol
+
+from rosbridge_sim.errors import DocumentError, GraphError
+from rosbridge_sim.graph.participant import resolve
+from rosbridge_sim.suggestions import hint
+
+__all__ = [
+    "MAX_RATE",
+    "USUAL_RATE",
+    "InterfaceChoice",
+    "InterfaceKind",
+    "NetworkSettings",
+    "Networks",
+    "Place",
+    "path_text",
+    "read_choices",
+    "split_prefix",
+]
+
+MAX_RATE: Final = 120.0
+"""What MORAI allows for a publisher [Hz]."""
+
+USUAL_RATE: Final = 50.0
+"""A publisher's, if nobody says anything else: once a frame [Hz]."""
+
+MAX_SETTINGS_NAME: Final = 200
+"""Characters of a name: a further ego's prefix goes before it, and the bus takes 256."""
+
+_FURTHER_EGO = re.compile(r"/Ego-\d+/")
+
+Place = Callable[[tuple[str, ...]], str]
+"""A path of keys, such as ("publishers", "/clock", "rate") -> how an error calls that place."""
+
+
+class InterfaceKind(Enum):
+    """What an item is; the values are the tables of the settings."""
+
+    PUBLISHER = "publishers"
+    SUBSCRIBER = "subscribers"
+    SERVICE = "services"
+
+    @property
+    def noun(self) -> str:
+        """One of them."""
+        return self.value.removesuffix("s")
+
+
+@dataclass(frozen=True, slots=True)
+class InterfaceChoice:
+    """What is chosen about one item; None leaves that as it is.
+
+    Attributes:
+        name: its own, absolute.
+        is_on: whether it is there.
+        rate: publications a second [Hz]; publishers that go out with the frames have one.
+        where: who says so, for errors.
+    """
+
+    name: str | None = None
+    is_on: bool | None = None
+    rate: float | None = None
+    where: str = field(default="", compare=False)
+
+    def over(self, base: InterfaceChoice) -> InterfaceChoice:
+        """This choice, and another one's where it leaves something open."""
+        return InterfaceChoice(
+            base.name if self.name is None else self.name,
+            base.is_on if self.is_on is None else self.is_on,
+            base.rate if self.rate is None else self.rate,
+            base.where if self.name is None and base.name is not None else self.where or base.where,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkSettings:
+    """What is chosen about all items; none of these need be there.
+
+    Attributes:
+        publishers, subscribers, services: default name -> choice.
+    """
+
+    publishers: Mapping[str, InterfaceChoice] = field(default_factory=dict)
+    subscribers: Mapping[str, InterfaceChoice] = field(default_factory=dict)
+    services: Mapping[str, InterfaceChoice] = field(default_factory=dict)
+
+    def choices(self, kind: InterfaceKind) -> Mapping[str, InterfaceChoice]:
+        """Default name -> choice, of one kind of items."""
+        choices: Mapping[str, InterfaceChoice] = getattr(self, kind.value)
+        return choices
+
+    def choice(self, kind: InterfaceKind, default: str, prefix: str = "/") -> InterfaceChoice:
+        """What holds for an item: what is chosen, else what is usual; all but the rate is said.
+
+        Args:
+            kind: which it is.
+            default: its default name, without a prefix.
+            prefix: `/` for the world and the first ego, or a further ego's.
+        """
+        choices = self.choices(kind)
+        choice = choices.get(default, _NOTHING).over(InterfaceChoice(default, is_on=True))
+        if prefix == "/" or choice.name is None:
+            return choice
+        return choices.get(prefix + default[1:], _NOTHING).over(replace(choice, name=prefix + choice.name[1:]))
+
+    def prefixes(self) -> list[str]:
+        """The prefixes of those that something is chosen about: `/`, then further egos'."""
+        return list(
+            dict.fromkeys(["/", *(split_prefix(name)[0] for kind in InterfaceKind for name in self.choices(kind))])
+        )
+
+    def over(self, base: NetworkSettings) -> NetworkSettings:
+        """These settings, and others where they leave something open."""
+        return NetworkSettings(**{kind.value: _over(self.choices(kind), base.choices(kind)) for kind in InterfaceKind})
+
+
+DEFAULTS: Final = NetworkSettings()
+"""Those of whoever chooses nothing."""
+
+_NOTHING: Final = InterfaceChoice()
+
+
+def _over(choices: Mapping[str, InterfaceChoice], base: Mapping[str, InterfaceChoice]) -> dict[str, InterfaceChoice]:
+    merged = dict(base)
+    for name, choice in choices.items():
+        merged[name] = choice.over(merged.get(name, _NOTHING))
+    return merged
+
+
+class Networks(Protocol):
+    """Where network settings that belong to a scenario come from; the shell reads them from the disk."""
+
+    def network(self, scenario: str) -> NetworkSettings | None:
+        """Those of the scenario that a client calls by this name; None where it has none.
+
+        Raises:
+            DocumentError: the name is none, or what is there cannot be used.
+        """
+
+
+def split_prefix(name: str) -> tuple[str, str]:
+    """The prefix of whoever has an item, and its default name without it, from both as one name."""
+    match = _FURTHER_EGO.match(name)
+    prefix = match[0] if match else "/"
+    return prefix, "/" + name[len(prefix) :]
+
+
+# Reading
+
+
+def path_text(path: tuple[str, ...]) -> str:
+    """Return a path of keys as TOML writes it; of a long key, the beginning."""
+    return ".".join(map(_key_text, path))
+
+
+def _key_text(key: str) -> str:
+    short = key if len(key) <= MAX_SETTINGS_NAME else key[:MAX_SETTINGS_NAME] + "..."
+    if re.fullmatch(r"[\w-]+", key, re.ASCII):
+        return short
+    return '"' + "".join(char if char.isprintable() else f"\\u{ord(char):04x}" for char in short) + '"'
+
+
+OnMistake = Callable[[DocumentError], None]
+"""Hears of a mistake; where it does not raise it, reading goes on with the next part."""
+
+
+def _raise(error: DocumentError) -> NoReturn:
+    raise error
+
+
+def read_choices(
+    kind: InterfaceKind, table: object, place: Place = path_text, on_mistake: OnMistake = _raise
+) -> dict[str, InterfaceChoice]:
+    """The choices of one table of the settings, by the absolute default names.
+
+    Args:
+        kind: which table it is.
+        table: of a TOML file or of Python.
+        place: what errors call a place in it.
+        on_mistake: hears of each mistake, at its place; raises the first one if nothing else is said.
+
+    Raises:
+        DocumentError: what `on_mistake` raises.
+    """
+    top = (kind.value,)
+    if not isinstance(table, Mapping):
+        text = f'{place(top)}: expected a table such as "/NAME" = {{ on = true }}; got {_shown(table)}'
+        on_mistake(DocumentError(text))
+        return {}
+    choices: dict[str, InterfaceChoice] = {}
+    for name, entry in table.items():
+        path = (*top, str(name))
+        try:
+            default = _read_name(name, kind, path, place)
+            if default in choices:
+                raise DocumentError(f"{place(path)}: expected each {kind.noun} once")  # noqa: TRY301 - as the others
+        except DocumentError as error:
+            on_mistake(error)
+            continue
+        is_read = isinstance(entry, InterfaceChoice)
+        choices[default] = entry if is_read else _read_choice(kind, default, entry, path, place, on_mistake=on_mistake)
+    return choices
+
+
+def _read_choice(
+    kind: InterfaceKind, default: str, entry: object, path: tuple[str, ...], place: Place, *, on_mistake: OnMistake
+) -> InterfaceChoice:
+    keys = ["name", "rate", "on"] if kind is InterfaceKind.PUBLISHER else ["name", "on"]
+    if not isinstance(entry, Mapping):
+        on_mistake(DocumentError(f"{place(path)}: expected a table of {', '.join(keys)}; got {_shown(entry)}"))
+        return InterfaceChoice()
+    for key in entry:
+        if key not in keys:
+            text = f"{place((*path, str(key)))}: expected {', '.join(keys[:-1])} or {keys[-1]}{hint(str(key), keys)}"
+            on_mistake(DocumentError(text))
+    name, rate, is_on = entry.get("name"), entry.get("rate"), entry.get("on")
+    try:
+        if name is not None:
+            name = _read_own_name(name, kind, default, (*path, "name"), place)
+    except DocumentError as error:
+        on_mistake(error)
+        name = None
+    if not (is_on is None or isinstance(is_on, bool)):
+        on_mistake(DocumentError(f"{place((*path, 'on'))}: expected true or false; got {_shown(is_on)}"))
+        is_on = None
+    try:
+        if rate is not None:
+            rate = _read_rate(rate, (*path, "rate"), place)
+    except DocumentError as error:
+        on_mistake(error)
+        rate = None
+    return InterfaceChoice(name, is_on, rate, place(path))
+
+
+def _read_own_name(name: object, kind: InterfaceKind, default: str, path: tuple[str, ...], place: Place) -> str:
+    """The name that an item is given; it may not look like another ego's."""
+    absolute = _read_name(name, kind, path, place)
+    owner = split_prefix(absolute)[0]
+    if owner not in ("/", split_prefix(default)[0]):
+        raise DocumentError(f"{place(path)}: expected no name that begins with {owner}, which is an ego's")
+    return absolute
+
+
+def _read_name(name: object, kind: InterfaceKind, path: tuple[str, ...], place: Place) -> str:
+    what = "service" if kind is InterfaceKind.SERVICE else "topic"
+    try:
+        absolute = resolve(name) if isinstance(name, str) else ""
+    except GraphError:
+        absolute = ""
+    if not 1 < len(absolute) <= MAX_SETTINGS_NAME:
+        raise DocumentError(f"{place(path)}: expected the name of a {what}, without blanks; got {_shown(name)}")
+    return absolute
+
+
+def _read_rate(rate: object, path: tuple[str, ...], place: Place) -> float:
+    is_number = isinstance(rate, (int, float)) and not isinstance(rate, bool)
+    if not (is_number and isinstance(rate, (int, float)) and 0.0 < rate <= MAX_RATE):
+        raise DocumentError(f"{place(path)}: expected more than 0 and at most {MAX_RATE:g} Hz; got {_shown(rate)}")
+    return float(rate)
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."  # noqa: PLR2004 - a line of a terminal

@@ -1,0 +1,373 @@
+"""The simulator's own topics: what goes out with a frame, how often, and in which order.
+
+With each frame go, in this order, `/clock` and the state topics; the node publishes `/SyncModeInfo` behind them, so
+that whoever reads that one has seen the others of its frame. A message is made only if somebody listens.
+
+Rates count in simulated frames, so what a topic carries depends on the frame alone and not on when somebody began to
+listen: at R Hz frame i brings floor(i R / 50) - floor((i - 1) R / 50) publications. Below 50 Hz that is one or none.
+Above, the first goes with the frame and the others are the same message again, with its own stamp, spread evenly over
+the 20 ms that the frame lasts. In synchronous mode the state of every frame goes out once, at any rate: that is what a
+tick is for. What is *sampled*, as a sensor is, keeps its rate there too, and comes once a frame at most.
+
+While a pause stops real time nothing moves, and a client that joins would see nothing. So some topics are *shown in a
+pause*: once a second, and at once to a new subscriber, as the world stands and with the number of its last frame.
+Where the world waits for ticks they are not: there each message belongs to a tick. Recordings do not get them.
+
+Parts speak of topics by their default names; what they are called, whether they are there and at which rate they go
+out, the network settings say.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable
+from fractions import Fraction
+from itertools import count
+from typing import Any, Final
+
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Participant, gives_way
+from rosbridge_sim.graph.topics_services import Subscription, Topic
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.morai.interfaces.network_settings import USUAL_RATE, InterfaceKind, split_prefix
+from rosbridge_sim.morai.interfaces.registry import Interface, InterfaceRegistry, why_no_topic
+from rosbridge_sim.schema.store import Message
+from rosbridge_sim.world.state import DT
+
+__all__ = ["LatchedPublisher", "PeriodicPublisher", "Publishers"]
+
+_FRAME_RATE: Final = 50
+
+PAUSE_PERIOD: Final = 1.0
+"""Between two showings in a pause [s]: soon enough for a person who looks on, and no load."""
+
+
+class _Publisher(Interface):
+    """A topic of the simulator's.
+
+    Attributes:
+        topic: on the bus; None while it is not there.
+    """
+
+    kind = InterfaceKind.PUBLISHER
+
+    def __init__(self, name: str, type_name: str, *, is_exclusive: bool, rate: float | None, depth: int) -> None:
+        prefix, default = split_prefix(name)
+        super().__init__(default, prefix, type_name, rate)
+        self.topic: Topic | None = None
+        self._is_exclusive = is_exclusive
+        self._depth = depth
+
+    def bind(self, owner: Participant, bus: Bus, name: str, now: float) -> None:  # noqa: ARG002 - it does not matter when
+        self.topic = bus.advertise(
+            owner,
+            name,
+            self.type_name,
+            depth=self._depth,
+            is_exclusive=self._is_exclusive,
+            is_on_demand=not self._depth,
+        )
+
+    def release(self, owner: Participant, bus: Bus, now: float, *, is_gone: bool) -> None:
+        assert self.topic is not None
+        bus.unadvertise(owner, self.topic.name, now)
+        if not is_gone:  # who comes late is not to find the last message of a topic that has another name
+            bus.forget_topic(self.topic.name)
+        self.topic = None
+
+    def why_not(self, owner: Participant, bus: Bus, name: str) -> str | None:
+        topic = bus.find_topic(name)
+        if topic is None:
+            return None
+        others = [other for other in topic.publishers if other is not owner and not gives_way(other, owner)]
+        if others and (self._is_exclusive or topic.owner in others):
+            return f"topic {name} is published by {others[0].name}"
+        return why_no_topic(owner, bus, name, self.type_name)
+
+
+class PeriodicPublisher(_Publisher):
+    """One topic that goes out with the frames."""
+
+    def __init__(
+        self,
+        name: str,
+        type_name: str,
+        make: Callable[[], Any],
+        *,
+        is_exclusive: bool = True,
+        rate: float = USUAL_RATE,
+        is_sampled: bool = False,
+        is_shown_in_pause: bool = False,
+        depth: int = 0,
+    ) -> None:
+        """A topic; the arguments are those of `Publishers.add`."""
+        super().__init__(name, type_name, is_exclusive=is_exclusive, rate=rate, depth=depth)
+        self.make = make
+        self.is_sampled = is_sampled
+        self.is_shown_in_pause = is_shown_in_pause
+        self._up, self._down = 1, 1
+
+    def bind(self, owner: Participant, bus: Bus, name: str, now: float) -> None:
+        """Be on the bus under this name; what is kept there for others is there from the start."""
+        super().bind(owner, bus, name, now)
+        if self._depth:
+            assert self.topic is not None
+            bus.announce(owner, self.topic, Message(self.topic.type, self.make()), now)
+
+    @property
+    def is_latched(self) -> bool:
+        """Return whether its last message is kept for those who come late."""
+        return bool(self._depth)
+
+    def tune(self, rate: float) -> None:
+        """Go out so often [Hz]."""
+        per_frame = Fraction(rate).limit_denominator(10_000) / _FRAME_RATE
+        self._up, self._down = per_frame.numerator, per_frame.denominator
+
+    def num_due(self, frame: int) -> int:
+        """How many publications this frame brings at its rate."""
+        return frame * self._up // self._down - (frame - 1) * self._up // self._down
+
+
+class LatchedPublisher(_Publisher):
+    """One topic that goes out whenever there is news, and whose last message waits for those who come late.
+
+    Attributes:
+        value: what it says, a generated struct; None before it has said anything.
+    """
+
+    def __init__(self, name: str, type_name: str, *, is_exclusive: bool = True) -> None:
+        """A topic; the arguments are those of `Publishers.keep`."""
+        super().__init__(name, type_name, is_exclusive=is_exclusive, rate=None, depth=1)
+        self.value: Any = None
+
+    def bind(self, owner: Participant, bus: Bus, name: str, now: float) -> None:
+        """Be on the bus under this name, and say there what was said last."""
+        super().bind(owner, bus, name, now)
+        if self.topic is not None and self.value is not None:
+            bus.announce(owner, self.topic, Message(self.topic.type, self.value), now)
+
+
+class Publishers:
+    """The topics that `owner` publishes, most of them alone."""
+
+    def __init__(self, owner: Participant, bus: Bus, items: InterfaceRegistry) -> None:
+        """No topics yet.
+
+        Args:
+            owner: the simulator's node.
+            bus: where they are published.
+            items: all that the owner has on the bus.
+        """
+        self._owner = owner
+        self._bus = bus
+        self._items = items
+        self._feeds: list[PeriodicPublisher] = []
+        self._repeats: list[tuple[float, int, PeriodicPublisher, Message]] = []
+        self._ticket = count()
+        # In a pause: when to show the world next, who has been shown it, and whether somebody has come since.
+        self._pause_at: float | None = None
+        self._shown_to: set[Subscription] = set()
+        self._has_newcomer = False
+        bus.on_topic.append(self._note_newcomer)
+
+    def add(
+        self,
+        name: str,
+        type_name: str,
+        make: Callable[[], Any],
+        *,
+        is_exclusive: bool = True,
+        rate: float = USUAL_RATE,
+        is_sampled: bool = False,
+        is_shown_in_pause: bool = False,
+        is_everywhere: bool = True,
+        depth: int = 0,
+    ) -> PeriodicPublisher:
+        """Publish a topic with every frame, or at its rate; a further ego's at that of the first.
+
+        Args:
+            name: of the topic, by default.
+            type_name: its type.
+            make: the struct of the world as it stands, or None while there is nothing to say; called at most once a
+                frame.
+            is_exclusive: nobody else may publish there.
+            rate: publications a second of simulated time, unless somebody has chosen another one [Hz].
+            is_sampled: in synchronous mode, too, it goes out at its rate in simulated time and not with every frame.
+            is_shown_in_pause: it goes out while a pause stops real time, see above.
+            is_everywhere: every release has the type. Where one does not, nothing is published.
+            depth: how many messages are kept for those who come late.
+
+        Returns:
+            What goes out, for `show_now`.
+
+        Raises:
+            GraphError: somebody has given the topic another type.
+        """
+        feed = PeriodicPublisher(
+            name,
+            type_name,
+            make,
+            is_exclusive=is_exclusive,
+            rate=rate,
+            is_sampled=is_sampled,
+            is_shown_in_pause=is_shown_in_pause,
+            depth=depth,
+        )
+        self._items.add(feed, is_everywhere=is_everywhere)
+        self._feeds.append(feed)
+        return feed
+
+    def keep(self, name: str, type_name: str, *, is_exclusive: bool = True) -> LatchedPublisher:
+        """Have a topic that goes out whenever there is news, and is kept for those who come late; see `update`.
+
+        Args:
+            name: of the topic, by default.
+            type_name: its type.
+            is_exclusive: nobody else may publish there.
+
+        Raises:
+            GraphError: somebody has given the topic another type.
+        """
+        kept = LatchedPublisher(name, type_name, is_exclusive=is_exclusive)
+        self._items.add(kept)
+        return kept
+
+    def update(self, kept: LatchedPublisher, value: Struct, now: float) -> None:
+        """There is news for a topic that `keep` has made."""
+        kept.value = value
+        if kept.topic is not None:
+            self._bus.announce(self._owner, kept.topic, Message(kept.topic.type, value), now)
+
+    def remove(self, prefix: str, now: float) -> None:
+        """Publish the topics under a further ego's prefix no longer."""
+        gone = [feed for feed in self._feeds if feed.prefix == prefix]
+        self._feeds = [feed for feed in self._feeds if feed.prefix != prefix]
+        self._repeats = [repeat for repeat in self._repeats if repeat[2].prefix != prefix]
+        heapq.heapify(self._repeats)
+        self._items.remove(gone, now)
+
+    def show_every(self, frame: int, now: float) -> None:
+        """Publish the world as it stands on every topic that somebody listens to; what is sampled when its turn comes.
+
+        Args:
+            frame: the world's.
+            now: monotonic time [s].
+        """
+        for feed in self._feeds:
+            topic = feed.topic
+            if topic is None or not topic.subscriptions:  # most topics at each frame: no call for those
+                continue
+            if not topic.has_listener or (feed.is_sampled and not feed.num_due(frame)):
+                continue
+            value = feed.make()
+            if value is not None:
+                self._bus.announce(self._owner, topic, Message(topic.type, value), now)
+
+    def show_due(self, frame: int, shown_at: float, now: float) -> None:
+        """Publish the world as it stands on the topics whose turn it is, and put what is to be repeated on the list.
+
+        Args:
+            frame: the world's.
+            shown_at: when it was due [s].
+            now: monotonic time [s].
+        """
+        for feed in self._feeds:
+            topic = feed.topic
+            if topic is None or not topic.subscriptions:  # as above
+                continue
+            num = feed.num_due(frame)
+            if not num or not topic.has_listener:
+                continue
+            value = feed.make()
+            if value is None:
+                continue
+            message = Message(topic.type, value)
+            self._bus.announce(self._owner, topic, message, now)
+            for i in range(1, num):
+                heapq.heappush(self._repeats, (shown_at + i * DT / num, next(self._ticket), feed, message))
+
+    def show_now(self, feed: PeriodicPublisher, now: float) -> None:
+        """Publish one topic between frames, since there is news; it must have something to say."""
+        if feed.topic is not None:
+            self._bus.announce(self._owner, feed.topic, Message(feed.topic.type, feed.make()), now)
+
+    def show_latched(self, now: float) -> None:
+        """Publish anew what is kept for those who come late: it is stamped otherwise from now on."""
+        for feed in self._feeds:
+            if feed.is_latched:
+                self.show_now(feed, now)
+
+    def set_paused(self, *, is_paused: bool, now: float) -> None:
+        """Begin or end to show the world in a pause; twice is no error.
+
+        Args:
+            is_paused: a pause stops real time; not where the world waits for ticks.
+            now: monotonic time [s].
+        """
+        if not is_paused:
+            self._pause_at = None
+            self._shown_to.clear()
+        elif self._pause_at is None:
+            self._pause_at = now + PAUSE_PERIOD
+            self._shown_to = self._listeners_in_pause()
+            self._has_newcomer = False
+
+    def pause_due(self, now: float) -> float | None:
+        """Return when `show_in_pause` has something to do next [s]."""
+        if self._pause_at is None:
+            return None
+        if self._has_newcomer:
+            return now
+        return self._pause_at if self._listeners_in_pause() else None
+
+    def show_in_pause(self, now: float) -> None:
+        """Show the world as it stands: to all if it is time to, else to those who have come since; or do nothing."""
+        if self._pause_at is None:
+            return
+        is_time = now >= self._pause_at
+        if not is_time and not self._has_newcomer:
+            return
+        if is_time:
+            self._pause_at = now + PAUSE_PERIOD
+        shown_to = set() if is_time else self._shown_to
+        self._has_newcomer = False
+        self._shown_to = self._listeners_in_pause()
+        for feed in self._feeds:
+            listeners = [one for one in _listeners_in_pause(feed) if one not in shown_to]
+            value = feed.make() if listeners else None
+            if value is not None:
+                assert feed.topic is not None
+                self._bus.show(self._owner, feed.topic, Message(feed.topic.type, value), listeners, now)
+
+    def _listeners_in_pause(self) -> set[Subscription]:
+        return {one for feed in self._feeds for one in _listeners_in_pause(feed)}
+
+    def _note_newcomer(self, _topic: Topic) -> None:
+        """Note that somebody has begun to listen, perhaps to a topic of these."""
+        if self._pause_at is not None:
+            self._has_newcomer = True
+
+    @property
+    def repeat_due(self) -> float | None:
+        """When `repeat` has something to do next [s]."""
+        return self._repeats[0][0] if self._repeats else None
+
+    def repeat(self, now: float) -> None:
+        """Publish again what is due by now."""
+        while self._repeats and self._repeats[0][0] <= now:
+            _, _, feed, message = heapq.heappop(self._repeats)
+            topic = feed.topic
+            if topic is not None and topic.has_listener:
+                self._bus.announce(self._owner, topic, message, now)
+
+    def forget_repeats(self) -> None:
+        """Real time has stopped: nothing is repeated."""
+        self._repeats.clear()
+
+
+def _listeners_in_pause(feed: PeriodicPublisher) -> list[Subscription]:
+    """The listeners that a topic is shown to in a pause."""
+    if not feed.is_shown_in_pause or feed.topic is None:
+        return []
+    return [one for one in feed.topic.subscriptions if not one.is_idle and not one.is_recording]

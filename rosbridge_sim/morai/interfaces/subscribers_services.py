@@ -1,0 +1,154 @@
+"""What a part of the simulator offers and listens to on the bus, so that it can be taken away again as a whole.
+
+The world's own services and input topics stay as long as the simulator; those of a further ego come and go with it.
+Parts speak of them by their default names; what they are called in the end, and whether they are there, the network
+settings say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Participant, gives_way
+from rosbridge_sim.graph.topics_services import Call, Handle, Subscription, Topic
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.morai.interfaces.network_settings import InterfaceKind
+from rosbridge_sim.morai.interfaces.registry import Interface, InterfaceRegistry, why_no_topic
+from rosbridge_sim.schema.store import Message
+
+__all__ = ["SubscribersServices", "Take"]
+
+Take = Callable[[Any, Participant, float], None]
+"""`(message's struct, sender, now)`; a PeerError that it raises is told to the sender."""
+
+
+class SubscribersServices:
+    """Services and input topics of `morai_msgs` types under one prefix.
+
+    Attributes:
+        prefix: `/` for the world and the first ego.
+    """
+
+    def __init__(self, items: InterfaceRegistry, prefix: str = "/") -> None:
+        self.prefix = prefix
+        self._items = items
+        self._own: list[Interface] = []
+
+    def provide(self, name: str, type_name: str, handle: Handle, *, is_everywhere: bool = True) -> None:
+        """Offer a service, here alone.
+
+        Args:
+            name: by default, without the prefix.
+            type_name: of `morai_msgs` if it names no package.
+            handle: what answers.
+            is_everywhere: every release has the type. Where one does not, nothing is offered.
+
+        Raises:
+            TypeNameError: there is no such type.
+        """
+        items = self._items
+
+        def handle_while_open(call: Call, now: float) -> None:
+            if items.why_closed is not None:
+                items.check_open()
+            handle(call, now)
+
+        self._add(_Service(name, self.prefix, type_name, handle_while_open), is_everywhere=is_everywhere)
+
+    def listen(self, name: str, type_name: str, take: Take, *, is_everywhere: bool = True) -> None:
+        """Take what is published on a topic.
+
+        Args:
+            name: by default, without the prefix.
+            type_name: of `morai_msgs` if it names no package.
+            take: gets each message.
+            is_everywhere: every release has the type. Where one does not, nothing is listened to.
+
+        Raises:
+            GraphError: somebody has given the topic another type.
+            TypeNameError: there is no such type.
+        """
+        check_open = self._items.check_open
+
+        def take_while_open(message: Struct, sender: Participant, now: float) -> None:
+            check_open()
+            take(message, sender, now)
+
+        self._add(_Subscriber(name, self.prefix, type_name, take_while_open), is_everywhere=is_everywhere)
+
+    def service(self, name: str) -> str:
+        """What the service of that default name is called."""
+        return self._items.name_of(InterfaceKind.SERVICE, "/" + name, self.prefix)
+
+    def topic(self, name: str) -> str:
+        """What the input topic of that default name is called."""
+        return self._items.name_of(InterfaceKind.SUBSCRIBER, "/" + name, self.prefix)
+
+    @property
+    def services(self) -> list[str]:
+        """What the services that are there are called."""
+        return [item.name for item in self._own if item.kind is InterfaceKind.SERVICE and item.name is not None]
+
+    def release(self, now: float) -> None:
+        """Take it all away; whoever waits for an answer is told."""
+        self._items.remove(self._own, now)
+        self._own = []
+
+    def _add(self, item: Interface, *, is_everywhere: bool) -> None:
+        self._items.add(item, is_everywhere=is_everywhere)
+        self._own.append(item)
+
+
+class _Service(Interface):
+    """A service that is here alone."""
+
+    kind = InterfaceKind.SERVICE
+
+    def __init__(self, name: str, prefix: str, type_name: str, handle: Handle) -> None:
+        super().__init__("/" + name, prefix, _full(type_name))
+        self._handle = handle
+
+    def bind(self, owner: Participant, bus: Bus, name: str, now: float) -> None:  # noqa: ARG002 - it does not matter when
+        bus.provide(owner, name, self.type_name, self._handle, is_exclusive=True)
+
+    def release(self, owner: Participant, bus: Bus, now: float, *, is_gone: bool) -> None:  # noqa: ARG002 - as above
+        assert self.name is not None
+        bus.withdraw(owner, self.name, answers_calls=not is_gone)
+
+    def why_not(self, owner: Participant, bus: Bus, name: str) -> str | None:
+        service = bus.services.get(name)
+        if service is None or service.owner is owner or gives_way(service.owner, owner):
+            return None
+        return f"service {name} is provided by {service.owner.name}"
+
+
+class _Subscriber(Interface):
+    """A topic that is listened to."""
+
+    kind = InterfaceKind.SUBSCRIBER
+
+    def __init__(self, name: str, prefix: str, type_name: str, take: Take) -> None:
+        super().__init__("/" + name, prefix, _full(type_name))
+        self._take = take
+        self._subscription: Subscription | None = None
+
+    def bind(self, owner: Participant, bus: Bus, name: str, now: float) -> None:  # noqa: ARG002 - it does not matter when
+        def deliver(_topic: Topic, message: Message, sender: Participant, now: float) -> None:
+            self._take(message.value, sender, now)
+
+        self._subscription = bus.subscribe(owner, name, deliver, type_name=self.type_name)
+
+    def release(self, owner: Participant, bus: Bus, now: float, *, is_gone: bool) -> None:  # noqa: ARG002 - it owns nothing
+        assert self._subscription is not None
+        bus.unsubscribe(self._subscription, now)
+        if not is_gone:
+            bus.forget_topic(self._subscription.topic.name)
+
+    def why_not(self, owner: Participant, bus: Bus, name: str) -> str | None:
+        return why_no_topic(owner, bus, name, self.type_name)
+
+
+def _full(type_name: str) -> str:
+    return type_name if "/" in type_name else "morai_msgs/" + type_name

@@ -1,0 +1,96 @@
+"""What a client asks of a replay: a MoraiSimProcHandle, read and checked as a whole, and how it went."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+from rosbridge_sim.errors import FieldError
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.morai.replays.playback_actors import EVERYBODY
+from rosbridge_sim.morai.replays.state_machine import ReplayEvent
+
+__all__ = ["ReplayCommand", "ReplayResult", "read_command"]
+
+MAX_PLAYBACK_SPEED: Final = 10
+"""What MORAI's dialog offers."""
+
+
+class ReplayResult(IntEnum):
+    """`command_result`."""
+
+    NONE = 0
+    DONE = 1
+    REFUSED = 16
+    NOT_LOADED = 32
+    UNUSABLE = 48
+
+
+_COMMANDS: Final = {1: ReplayEvent.PLAY, 2: ReplayEvent.PAUSE, 32: ReplayEvent.STOP}
+_FILE, _TARGETS, _START, _SPEED = 1, 2, 4, 8
+_OPTIONS: Final = _FILE | _TARGETS | _START | _SPEED
+
+_LITERAL: Final = {0x10: 2, 0x100: 4, 0x1000: 8}
+"""MORAI's own comment writes the bits of both sums as 0x1, 0x10, 0x100, 0x1000, which are binary digits; taken at
+its word, these numbers mean nothing else, so they are understood as well."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayCommand:
+    """A MoraiSimProcHandle, read; None is what was not chosen."""
+
+    event: ReplayEvent
+    name: str | None
+    targets: int | None
+    start_ns: int | None
+    speed: int | None
+
+    @property
+    def events(self) -> list[ReplayEvent]:
+        """What happens, in this order; of a file it is LOAD, then these."""
+        if self.event is ReplayEvent.STOP:
+            return [ReplayEvent.STOP]
+        if self.name is not None:
+            return [ReplayEvent.LOAD, self.event]
+        tuned = [ReplayEvent.TUNE] if self.targets is not None or self.speed is not None else []
+        return [*tuned, *([ReplayEvent.SEEK] if self.start_ns is not None else []), self.event]
+
+
+def read_command(request: Struct) -> ReplayCommand:
+    """Read a MoraiSimProcHandle; of a stop, the options do not count.
+
+    Raises:
+        FieldError: a command, option or figure that there is not.
+    """
+    where, option = "morai_msgs/MoraiSimProcHandle", _plain(request.replay_option)
+    event = _COMMANDS.get(request.sim_process_status)
+    if event is None:
+        got = request.sim_process_status
+        raise FieldError(f"{where}.sim_process_status: expected 1 (play), 2 (pause) or 32 (stop), got {got}")
+    if event is ReplayEvent.STOP:
+        option = 0
+    if option & ~_OPTIONS:
+        raise FieldError(f"{where}.replay_option: expected a sum of 1, 2, 4 and 8, got {option}")
+    targets, start_ms, speed = _plain(request.replay_target_option), request.start_time, request.replay_speed
+    if option & _TARGETS and (not targets or targets & ~EVERYBODY):
+        raise FieldError(f"{where}.replay_target_option: expected a sum of 1, 2 and 4, got {targets}")
+    if option & _START and start_ms < 0:
+        raise FieldError(f"{where}.start_time: expected 0 or more, got {start_ms}")
+    if option & _SPEED and not 1 <= speed <= MAX_PLAYBACK_SPEED:
+        raise FieldError(f"{where}.replay_speed: expected 1..{MAX_PLAYBACK_SPEED}, got {speed}")
+    return ReplayCommand(
+        event,
+        request.rosbag_file_name if option & _FILE else None,
+        targets if option & _TARGETS else None,
+        start_ms * 1_000_000 if option & _START else None,
+        speed if option & _SPEED else None,
+    )
+
+
+def _plain(bits: int) -> int:
+    """A sum of bits, however it is written; what is neither stays as it is."""
+    for literal, bit in _LITERAL.items():
+        if bits > 0 and bits & literal:
+            bits = bits & ~literal | bit
+    return bits

@@ -1,0 +1,219 @@
+"""What is wrong with a scenario, and what looks odd, for a person who has written one: `rosbridge-sim scenario check`.
+
+Reading for use stops at the first mistake; here all are wanted. So whatever does not fit its place is told and then
+replaced by something harmless, and the reading goes on with what is left, through the same readers. Odd is what can be
+loaded and is hardly meant: vehicles off the road or against their lane, paths that lie somewhere else, and things
+within each other.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.morai.catalogue import BUILT_IN, Catalogue
+from rosbridge_sim.morai.documents import Mistake, SortedKeys, keys_beside, sort_keys
+from rosbridge_sim.morai.maps.mgeo import RoadMap
+from rosbridge_sim.morai.scenarios.model import ScenarioDocument, find_scenario_mistakes
+from rosbridge_sim.morai.scenarios.reader import Scenario, Spawn, place_on_roads, read_scenario, sort_phases
+from rosbridge_sim.world.geometry import do_boxes_meet, nearest_on_polyline
+from rosbridge_sim.world.roads import Roads, ranges
+
+__all__ = ["Draft", "find_oddities", "keys_near", "place_draft", "read_draft"]
+
+AGAINST: Final = math.radians(90.0)
+"""Whoever looks farther aside than this from the way of the nearest lane stands against it."""
+
+FAR: Final = 10.0
+"""Who is farther than this from the path that he follows was hardly put there on purpose [m]."""
+
+MAX_ODDITIES: Final = 50
+"""Lines of one kind."""
+
+_AT_ORIGIN: Final = {"x": 0, "y": 0}
+_STAND_INS: Final[Mapping[str, Any]] = {
+    "vehicleList": {"initPosition": {"pos": _AT_ORIGIN}},
+    "pedestrianList": {"pos": _AT_ORIGIN},
+    "objectList": {"pos": _AT_ORIGIN},
+    "tlList": {"index": ""},
+}
+"""What takes the place of an item that cannot be read, so that those after it keep their numbers."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Draft:
+    """A scenario as far as it can be read.
+
+    Attributes:
+        scenario: without the items that have a mistake; None if nothing can be read.
+        mistakes: a line each.
+        keys: how often each key stands in the document, by what becomes of it.
+        document: as it was parsed; None if it is no JSON.
+    """
+
+    scenario: Scenario | None
+    mistakes: tuple[str, ...]
+    keys: SortedKeys
+    document: Any = None  # a JSON value
+
+
+def read_draft(text: bytes, source: str, catalogue: Catalogue = BUILT_IN) -> Draft:
+    """Read as much of a scenario as can be read.
+
+    Args:
+        text: the file's bytes.
+        source: its name, for the lines about mistakes.
+        catalogue: the models.
+    """
+    found = find_scenario_mistakes(text, source)
+    lines = [mistake.text for mistake in found]
+    try:
+        document = json.loads(text.removeprefix(b"\xef\xbb\xbf"))
+    except (ValueError, RecursionError):
+        return Draft(None, tuple(lines), sort_keys(ScenarioDocument, None))
+    scenario = None
+    if isinstance(document, dict):
+        rest, gone = _without(document, found)
+        try:
+            text = json.dumps(rest).encode()
+            scenario = read_scenario(text, source, lambda error: lines.append(str(error)), catalogue)
+        except DocumentError as error:
+            if not found:
+                lines.append(str(error))
+        else:
+            scenario = _leave_out(scenario, gone)
+    return Draft(scenario, tuple(dict.fromkeys(lines)), sort_keys(ScenarioDocument, document), document)
+
+
+def keys_near(path: str) -> list[str]:
+    """The keys that could have been meant by one that is passed over."""
+    return keys_beside(ScenarioDocument, path)
+
+
+def _without(document: dict[str, Any], mistakes: Sequence[Mistake]) -> tuple[dict[str, Any], set[str]]:
+    """The document without what cannot be read, and what was an item of its own (`vehicleList[2]`)."""
+    rest = dict(document)
+    gone = set()
+    for mistake in mistakes:
+        key, number = (*mistake.place, None, None)[:2]
+        if isinstance(number, int) and isinstance(rest.get(str(key)), list):
+            # A path keeps its name: who follows it makes no mistake.
+            item = rest[str(key)][number]
+            name = item.get("pathName") if isinstance(item, dict) else None
+            path = {"pathName": str(name), "waypointData": [{"pos": {"x": 0, "z": 0}}]}
+            items = list(rest[str(key)])
+            items[number] = _STAND_INS.get(str(key), path)
+            rest[str(key)] = items
+            gone.add(f"{key}[{number}]")
+        elif key is not None:
+            rest[str(key)] = None
+    return rest, gone
+
+
+def _leave_out(scenario: Scenario, gone: set[str]) -> Scenario:
+    def kept(spawns: Sequence[Spawn]) -> tuple[Spawn, ...]:
+        return tuple(spawn for spawn in spawns if spawn.where not in gone)
+
+    return replace(
+        scenario,
+        vehicles=kept(scenario.vehicles),
+        pedestrians=kept(scenario.pedestrians),
+        obstacles=kept(scenario.obstacles),
+        phases=tuple(start for i, start in enumerate(scenario.phases) if f"tlList[{i}]" not in gone),
+    )
+
+
+def place_draft(scenario: Scenario, road_map: RoadMap) -> tuple[Scenario, list[str]]:
+    """The scenario on a map, with what the map makes odd among its notes; and the mistakes that only the map shows."""
+    mistakes: list[str] = []
+    placed = place_on_roads(scenario, road_map.roads, lambda error: mistakes.append(str(error)))
+    _, strange = sort_phases(placed, road_map.plan)
+    return replace(placed, notes=(*placed.notes, *(f"tlList: {line}" for line in strange))), mistakes
+
+
+# What looks odd
+
+
+def find_oddities(scenario: Scenario, roads: Roads | None) -> list[str]:
+    """A line for each vehicle off the road or against its lane, each path far away, any two within each other.
+
+    Args:
+        scenario: placed, as far as a map is known.
+        roads: of the map; None: nobody is asked about roads.
+    """
+    drivers = [spawn for spawn in (*scenario.egos, *scenario.vehicles) if spawn.is_placed]
+    others = [spawn for spawn in (*scenario.pedestrians, *scenario.obstacles) if spawn.is_placed]
+    lines = list(_beside_roads(drivers, roads)) if drivers and roads is not None and len(roads) else []
+    strays = [line for line in map(_far_from_path, (*drivers, *others)) if line is not None]
+    meeting = [
+        f"{a.where} ({a.name}) and {b.where} ({b.name}) stand within each other"
+        for a, b in _meeting([*drivers, *others])
+    ]
+    return [*_short(lines), *_short(strays), *_short(meeting)]
+
+
+def _beside_roads(spawns: Sequence[Spawn], roads: Roads) -> Iterator[str]:
+    places = roads.nearest(
+        [spawn.x for spawn in spawns], [spawn.y for spawn in spawns], [spawn.yaw for spawn in spawns]
+    )
+    to_left, to_right = roads.beside(places)
+    beyond_end = np.sqrt(np.maximum(places.distance**2 - places.lateral**2, 0.0))
+    outside = np.maximum(beyond_end, -np.minimum(to_left, to_right))
+    for i, spawn in enumerate(spawns):
+        lane = roads.ids[places.lane[i]]
+        if outside[i] > 0.01:  # noqa: PLR2004  # on the line itself
+            yield f"{spawn.where} ({spawn.name}) stands {outside[i]:.1f} m off the nearest lane, {lane!r}"
+        elif abs(math.remainder(float(places.yaw[i]) - spawn.yaw, math.tau)) > AGAINST:
+            yield f"{spawn.where} ({spawn.name}) stands against the way of its lane, {lane!r}"
+
+
+def _far_from_path(spawn: Spawn) -> str | None:
+    if spawn.path is None:
+        return None
+    away = abs(float(nearest_on_polyline(spawn.path, spawn.x, spawn.y).lateral[0]))
+    if away <= FAR:
+        return None
+    return (
+        f"{spawn.where} ({spawn.name}) stands {away:.1f} m off its path; waypoints are (-east, up, -north), "
+        "as the engine has them"
+    )
+
+
+def _meeting(spawns: Sequence[Spawn]) -> Iterator[tuple[Spawn, Spawn]]:
+    """Any two whose boxes overlap."""
+    if not spawns:
+        return
+    bodies = [spawn.model.body for spawn in spawns]
+    heading = np.exp(1j * np.array([spawn.yaw for spawn in spawns]))
+    half = 0.5 * np.array([[body.length, body.width] for body in bodies])
+    to_middle = half[:, 0] - np.array([body.rear_overhang for body in bodies])
+    middle = np.array([complex(spawn.x, spawn.y) for spawn in spawns]) + to_middle * heading
+    low = np.array([spawn.z for spawn in spawns])
+    high = low + np.array([body.height for body in bodies])
+    # Only those can meet who are near to each other from east to west.
+    order = np.argsort(middle.real, kind="stable")
+    east = middle.real[order]
+    near = np.searchsorted(east, east + 2.0 * float(np.hypot(*half.T).max()), side="right")
+    first = np.arange(1, len(spawns) + 1)
+    count = np.maximum(near - first, 0)
+    one, other = order[np.repeat(first - 1, count)], order[ranges(first, count)]
+    apart = middle[other] - middle[one]
+    does_meet = do_boxes_meet(
+        apart, apart, np.stack([heading[one], heading[other]]), np.stack([half[one], half[other]])
+    )
+    does_meet &= (low[one] < high[other]) & (low[other] < high[one])
+    for pair in sorted(sorted(pair) for pair in zip(one[does_meet].tolist(), other[does_meet].tolist(), strict=True)):
+        yield spawns[pair[0]], spawns[pair[1]]
+
+
+def _short(lines: Sequence[str]) -> list[str]:
+    return [
+        *lines[:MAX_ODDITIES],
+        *([f"... and {len(lines) - MAX_ODDITIES:,} more of that kind"] if len(lines) > MAX_ODDITIES else []),
+    ]

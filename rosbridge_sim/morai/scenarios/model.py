@@ -1,0 +1,306 @@
+"""The shape of scenario documents: the part of MORAI's scenario JSON that is read, key by key.
+
+Every key that these models name is read, and whatever else MORAI writes (physics of the moment, editor state) is passed
+over. Of those that are read, the `idle_keys` have no effect yet: they are kept as they are written. Three keys are
+ours, since a person who writes a scenario by hand knows neither MORAI's numbers nor its ids: `modelName`, a name of the
+catalogue instead of `DataID`; `pathName`, a path by its name instead of by the item's `UNIQUEID`; `route`, the links
+that a vehicle follows. `schemas/scenario.schema.json` is made from here.
+"""
+
+# ruff: noqa: N815  # the document's own spelling
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Final, TypeVar
+
+from pydantic import Field, TypeAdapter, model_validator
+
+from rosbridge_sim.loose_types import JsonValue
+from rosbridge_sim.morai.documents import (
+    Coordinate,
+    Document,
+    KeptAsWritten,
+    LenientBool,
+    Mistake,
+    Number,
+    Ratio,
+    Whole,
+    find_mistakes,
+    read_document,
+)
+
+__all__ = [
+    "EgoVehicle",
+    "EnuPosition",
+    "Follower",
+    "InitPosition",
+    "NpcVehicle",
+    "Obstacle",
+    "Pedestrian",
+    "PlacedItem",
+    "Rotation",
+    "Scale",
+    "ScenarioDocument",
+    "WaypointPath",
+    "find_scenario_mistakes",
+    "read_scenario_document",
+    "scenario_schema",
+]
+
+MAX_SCENARIO_BYTES: Final = 1 << 25
+"""32 MiB: a hundred times what MORAI saves for a full scene."""
+
+MAX_ITEMS: Final = 1_000
+"""Vehicles, pedestrians, obstacles: of each, fifty times what one step is made for."""
+
+MAX_PATHS: Final = 3 * MAX_ITEMS
+MAX_WAYPOINTS: Final = 100_000
+MAX_SCENARIO_TEXT: Final = 200
+
+T = TypeVar("T")
+
+ShortText = Annotated[str, Field(max_length=MAX_SCENARIO_TEXT)]
+Speed = Annotated[Number, Field(ge=-1_000.0, le=1_000.0)]
+BoundedList = Annotated[list[T], Field(max_length=MAX_ITEMS)]
+
+
+ActiveDistance = Annotated[
+    Coordinate | None, Field(description="stands until an ego is this near [m]; 0 or less: goes at once")
+]
+
+
+class EnuPosition(Document):
+    """A place on the map: metres east, north and up of its origin."""
+
+    other_keys: ClassVar[frozenset[str]] = frozenset({"_x", "_y", "_z"})
+
+    x: Coordinate
+    y: Coordinate
+    z: Coordinate = 0.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_texts(cls, value: JsonValue) -> JsonValue:
+        """MORAI writes each number twice, `x` and the text `_x`: the text serves where the number is missing."""
+        if not isinstance(value, dict):
+            return value
+        texts = {key: value["_" + key] for key in "xyz" if value.get(key) is None and value.get("_" + key) is not None}
+        return {**value, **texts}
+
+
+class Rotation(Document):
+    """A heading and a tilt; MORAI's angles go beyond a turn."""
+
+    yaw: Annotated[Number, Field(description="degrees counter-clockwise from east")] = 0.0
+    roll: Annotated[Number, Field(description="degrees")] = 0.0
+    pitch: Annotated[Number, Field(description="degrees")] = 0.0
+
+
+class Scale(Document):
+    """By how much a thing is larger than its model, in the engine's axes of the thing itself."""
+
+    x: Annotated[Number, Field(description="of its width")] = 1.0
+    y: Annotated[Number, Field(description="of its height")] = 1.0
+    z: Annotated[Number, Field(description="of its length")] = 1.0
+
+
+class InitPosition(Document):
+    """Where a vehicle starts: at a place, or somewhere along a link of the map."""
+
+    initPositionMode: Annotated[ShortText, Field(description='"Absolute": pos and rot; "Link": initLink')] = "Absolute"
+    pos: EnuPosition | None = None
+    rot: Rotation | None = None
+    initLink: Annotated[ShortText | None, Field(description="id of a link of the map")] = None
+    initLinkRatio: Annotated[Ratio | None, Field(description="0 at the link's start, 1 at its end")] = None
+    gear: Annotated[Whole | None, Field(description="of an ego; 1 P, 2 R, 3 N, 4 D")] = None
+
+
+class PlacedItem(Document):
+    """What every agent has."""
+
+    UNIQUEID: Annotated[Whole | None, Field(description="its id; without one the next free is taken")] = None
+    DataID: Annotated[Whole | None, Field(description="MORAI's number of the model")] = None
+    modelName: Annotated[ShortText | None, Field(description="name of the model, beats DataID (ours)")] = None
+
+
+class EgoVehicle(PlacedItem):
+    """The car that clients drive. UNIQUEID -1, as MORAI has it, is the first ego: 0 on the wire."""
+
+    initPosition: InitPosition
+    gear: Annotated[Whole | None, Field(description="where initPosition has none; neither: D")] = None
+    currentVelocity: Annotated[Speed | None, Field(description="speed at the start [km/h]")] = None
+
+
+class Follower(PlacedItem):
+    """What may follow a path of waypointDataList."""
+
+    isWaypointMode: Annotated[
+        LenientBool | None, Field(description="false: the path is not followed; true without waypoints: it stands")
+    ] = None
+    pathName: Annotated[
+        ShortText | None, Field(description="which path; else the one that ends in ' - UNIQUEID' (ours)")
+    ] = None
+
+
+class NpcVehicle(Follower):
+    """A vehicle: along its path at a constant speed; else along the lanes as a driver would; else straight ahead.
+
+    It keeps to the lanes if it starts on a link, or if it stands on a lane and `isWaypointMode` is false, or absent
+    beside a link in `currentLinkInfo` or `startPointLinkInfo`.
+    """
+
+    idle_keys: ClassVar[frozenset[str]] = frozenset(
+        {
+            *("isLaneChange", "latBiasMode", "latBias", "spawnPointUniqueID", "destinationUniqueID"),
+            *("destinationMode", "endPointLinkInfo"),
+        }
+    )
+
+    initPosition: InitPosition
+    velocityType: Annotated[
+        Whole | None,
+        Field(description="1: linkVelocity, on lanes as fast as is allowed; 2: desiredVelocity, on lanes at most"),
+    ] = None
+    desiredVelocity: Annotated[Speed | None, Field(description="its own cruise speed [km/h]")] = None
+    constantVelocity: Annotated[
+        Speed | None, Field(description="the same, where desiredVelocity is absent or 0 [km/h]")
+    ] = None
+    linkVelocity: Annotated[Speed | None, Field(description="[km/h]")] = None
+    currentVelocity: Annotated[Speed | None, Field(description="speed at the start, on lanes [km/h]")] = None
+    isCloseLoop: Annotated[LenientBool | None, Field(description="the path or route begins again at its end")] = None
+    route: Annotated[
+        list[ShortText] | None,
+        Field(max_length=MAX_WAYPOINTS, description="ids of links, from the one it starts on (ours); then by chance"),
+    ] = None
+    startPointLinkInfo: KeptAsWritten = None
+    currentLinkInfo: KeptAsWritten = None
+    isLaneChange: KeptAsWritten = None
+    latBiasMode: KeptAsWritten = None
+    latBias: KeptAsWritten = None
+    spawnPointUniqueID: KeptAsWritten = None
+    destinationUniqueID: KeptAsWritten = None
+    destinationMode: KeptAsWritten = None
+    endPointLinkInfo: KeptAsWritten = None
+
+
+class Pedestrian(Follower):
+    """Somebody who walks: along the path, else movingDistance straight ahead, else straight ahead for ever."""
+
+    idle_keys: ClassVar[frozenset[str]] = frozenset({"active"})
+
+    pos: EnuPosition
+    rot: Rotation | None = None
+    speed: Annotated[Speed | None, Field(description="[km/h]")] = None
+    loop: Annotated[LenientBool | None, Field(description="begins again at the end of the way, or walks back")] = None
+    movingDistance: Annotated[Coordinate | None, Field(description="[m]")] = None
+    activeDistance: ActiveDistance = None
+    active: KeptAsWritten = None
+
+
+class Obstacle(Follower):
+    """A thing that stands, or moves along its path."""
+
+    pos: EnuPosition
+    rot: Rotation | None = None
+    moveSpeed: Annotated[Speed | None, Field(description="[km/h]")] = None
+    activeDistance: ActiveDistance = None
+    scale: Annotated[Scale | None, Field(description="of the model's size")] = None
+
+
+class EnginePosition(Document):
+    """A waypoint's place in the engine's axes: x west, y up, z south [m]."""
+
+    x: Coordinate
+    y: Coordinate = 0.0
+    z: Coordinate
+
+
+class Waypoint(Document):
+    """A point of a path."""
+
+    pos: EnginePosition
+
+
+class WaypointPath(Document):
+    """A path."""
+
+    pathName: Annotated[ShortText, Field(description='any name; "... - 7" is the path of the item with UNIQUEID 7')]
+    waypointData: Annotated[list[Waypoint], Field(max_length=MAX_WAYPOINTS)]
+
+
+class IntersectionState(Document):
+    """The phase that an intersection is in at the start."""
+
+    index: Annotated[
+        ShortText, Field(description="position of its controller among the map's, from 0; any other text: its id")
+    ]
+    state: Annotated[Whole, Field(description="number of the phase, from 0")] = 0
+    deltaTime: Annotated[Number | None, Field(ge=0.0, description="how long it has lasted [s]")] = None
+
+
+class MapInfo(Document):
+    """The map that the scenario is made for."""
+
+    mapName: ShortText | None = None
+
+
+class ScenarioDocument(Document):
+    """A scenario: the part of MORAI's scenario files that rosbridge_sim reads. Other keys are passed over."""
+
+    idle_keys: ClassVar[frozenset[str]] = frozenset(
+        {"spawnPointList", "pedspawnPointList", "frictionChangeMaterialList", "shadedAreaList"}
+    )
+
+    mapInfo: MapInfo | None = None
+    egoVehicle: EgoVehicle | None = None
+    vehicleList: BoundedList[NpcVehicle] | None = None
+    pedestrianList: BoundedList[Pedestrian] | None = None
+    objectList: BoundedList[Obstacle] | None = None
+    waypointDataList: Annotated[list[WaypointPath], Field(max_length=MAX_PATHS)] | None = None
+    tlList: Annotated[list[IntersectionState], Field(max_length=MAX_PATHS)] | None = None
+    spawnPointList: KeptAsWritten = None
+    pedspawnPointList: KeptAsWritten = None
+    frictionChangeMaterialList: KeptAsWritten = None
+    shadedAreaList: KeptAsWritten = None
+
+
+_DOCUMENT: Final = TypeAdapter(ScenarioDocument)
+
+
+def read_scenario_document(text: bytes, source: str) -> ScenarioDocument:
+    """The document, checked.
+
+    Raises:
+        DocumentError: one line: where, what was expected, what came.
+    """
+    return read_document(_DOCUMENT, text, source, MAX_SCENARIO_BYTES)
+
+
+def find_scenario_mistakes(text: bytes, source: str) -> list[Mistake]:
+    """Every value of a document that does not fit its place."""
+    return find_mistakes(_DOCUMENT, text, source, MAX_SCENARIO_BYTES)
+
+
+def scenario_schema() -> dict[str, Any]:
+    """The documented subset as a JSON Schema (draft 2020-12)."""
+    schema = _without_noise(_DOCUMENT.json_schema())
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Scenario", **schema}
+
+
+def _without_noise(schema: JsonValue) -> JsonValue:
+    """A schema without pydantic's made-up titles and with one `type` where it writes "this or null" at length."""
+    if isinstance(schema, list):
+        return [_without_noise(item) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    plain = {
+        key: _without_noise(value)
+        for key, value in schema.items()
+        if not (key == "title" and isinstance(value, str)) and not (key == "default" and value is None)
+    }
+    match plain.get("anyOf"):
+        case [{"type": str() | list() as kind, **rest}, {"type": "null"}]:
+            del plain["anyOf"]
+            kinds = [kind] if isinstance(kind, str) else kind
+            return {"type": [*kinds, "null"], **rest, **plain}
+    return plain

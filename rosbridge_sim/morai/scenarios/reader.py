@@ -1,0 +1,585 @@
+"""Scenario documents: MORAI's JSON -> what to spawn.
+
+What is read of a document is in `scenario_document`; what it means, here. Two frames meet in one file. Positions are
+ENU metres of the map, headings degrees counter-clockwise from east; waypoints are in the axes of MORAI's engine,
+(x, y, z) = (-east, up, -north). Speeds are km/h throughout.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any, Final, Literal, TypeVar
+
+import numpy as np
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.morai.catalogue import (
+    BUILT_IN,
+    Catalogue,
+    Model,
+    class_of_data_id,
+    default_model,
+    model_by_class,
+)
+from rosbridge_sim.morai.documents import Document
+from rosbridge_sim.morai.scenarios.model import (
+    EgoVehicle,
+    EnuPosition,
+    Follower,
+    InitPosition,
+    NpcVehicle,
+    Obstacle,
+    Pedestrian,
+    PlacedItem,
+    Rotation,
+    Scale,
+    ScenarioDocument,
+    WaypointPath,
+    read_scenario_document,
+)
+from rosbridge_sim.world.geometry import FloatArray, arc_lengths
+from rosbridge_sim.world.paths import MAX_PATH_LENGTH
+from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.signal_plan import SignalPlan
+from rosbridge_sim.world.state import Body, Gear, Kind
+
+__all__ = ["Driver", "PhaseStart", "Scenario", "Spawn", "place_on_roads", "read_scenario", "sort_phases"]
+
+T = TypeVar("T")
+
+MAX_SCENARIO_NOTES: Final = 20
+
+KMH_TO_MPS: Final = 1.0 / 3.6
+"""One km/h [m/s]."""
+
+MAX_SPAWN_TO_LANE: Final = 2.5
+"""Whoever stands farther than this from a lane's line is not on the lane [m]."""
+
+MAX_TURN: Final = math.radians(45.0)
+"""Whoever looks farther aside does not drive along it."""
+
+MIN_SCALE: Final = 0.001
+MAX_SCALE: Final = 1_000.0
+"""A thing whose `scale` is beyond these is a slip: a box of 60 cm would be 0.6 mm or 600 m long."""
+
+
+@dataclass(frozen=True, slots=True)
+class Driver:
+    """How a vehicle keeps to the lanes.
+
+    Attributes:
+        wish: how fast at most, inf for as fast as is allowed [m/s].
+        links: ids of the links of its route; none: chance chooses.
+        lane, s, route: where on which lane it starts [m], and the route's lanes, once `place_on_roads` has found them.
+    """
+
+    wish: float
+    links: tuple[str, ...] = ()
+    lane: int = -1
+    s: float = 0.0
+    route: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseStart:
+    """The phase that an intersection is to be in: its controller, the number, and how long it has lasted [s].
+
+    The controller is as the document has it, a position or an id; what `sort_phases` gives has its id.
+    """
+
+    controller: str
+    phase: int
+    elapsed: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spawn:
+    """One agent to be put into the world.
+
+    Attributes:
+        kind, model, name: what it is; the name is the model's.
+        uid: the id that the file gives, 0 for the first ego; None: the next free one.
+        x, y, z: reference point, map frame [m]. 0 as long as only the link is known (`is_placed` False).
+        yaw: (-pi, pi] [rad].
+        roll, pitch: the same, kept by the world until it is put elsewhere [rad].
+        speed: along the heading or the path; never negative on a path [m/s].
+        path: (m, 3) waypoints, map frame, two different ones at least [m]; None: straight ahead.
+        is_loop: the path is closed, or the driver's route.
+        gear: of an ego.
+        driver: of a vehicle that keeps to the lanes.
+        link: id of the link that it starts on, until `place_on_roads`; then None.
+        link_ratio: how far along that link, 0..1.
+        is_placed: x, y and z are good.
+        start_within: it stands until an ego is this near [m]; 0: it goes at once.
+        kept: what the document says of it that has no effect yet, by key, as it is written.
+        where: its place in the document, for messages.
+    """
+
+    kind: Kind
+    model: Model
+    name: str
+    uid: int | None
+    x: float
+    y: float
+    z: float
+    yaw: float
+    speed: float = 0.0
+    path: FloatArray | None = None
+    is_loop: bool = False
+    gear: Gear = Gear.DRIVE
+    driver: Driver | None = None
+    link: str | None = None
+    link_ratio: float = 0.0
+    is_placed: bool = True
+    roll: float = 0.0
+    pitch: float = 0.0
+    start_within: float = 0.0
+    kept: Mapping[str, Any] = field(default_factory=dict)  # JSON values
+    where: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scenario:
+    """A whole scenario, in the order of its document.
+
+    Attributes:
+        name: of the file, without `.json`.
+        map_name: the map it is made for, if it says so.
+        egos, vehicles, pedestrians, obstacles: what to spawn. No two have one `uid`.
+        phases: what intersections are to be in.
+        kept: what the document says that has no effect yet, by key, as it is written.
+        notes: what was read otherwise than written: a line each, for the log.
+    """
+
+    name: str
+    map_name: str | None = None
+    egos: tuple[Spawn, ...] = ()
+    vehicles: tuple[Spawn, ...] = ()
+    pedestrians: tuple[Spawn, ...] = ()
+    obstacles: tuple[Spawn, ...] = ()
+    phases: tuple[PhaseStart, ...] = ()
+    notes: tuple[str, ...] = ()
+    kept: Mapping[str, Any] = field(default_factory=dict)  # JSON values
+
+
+OnMistake = Callable[[DocumentError], None]
+"""What is done about a mistake: raise it, or take note and go on without the item that it is in."""
+
+
+def _refuse(error: DocumentError) -> None:
+    raise error
+
+
+def read_scenario(text: bytes, source: str, notify: OnMistake = _refuse, catalogue: Catalogue = BUILT_IN) -> Scenario:
+    """Read a scenario document.
+
+    Agents that start on a link have no place yet: give the result to `place_on_roads`.
+
+    Args:
+        text: the file's bytes.
+        source: its name, for errors and for the scenario's own name.
+        notify: what is done about a single item that cannot be used; it is raised if nothing else is said.
+        catalogue: the models.
+
+    Raises:
+        DocumentError: one line: where, what was expected, what came.
+    """
+    document = read_scenario_document(text, source)
+    if not document.model_fields_set:
+        expected = ", ".join(ScenarioDocument.model_fields)
+        raise DocumentError(f"{source}: expected a scenario, with some of {expected}")
+    return _Reader(document, source, notify, catalogue).scenario()
+
+
+def place_on_roads(scenario: Scenario, roads: Roads, notify: OnMistake = _refuse) -> Scenario:
+    """The same scenario with everything that starts on a link put there, heading along it.
+
+    A link that the map lacks does no harm where the document gives a place as well (MORAI writes both).
+
+    Args:
+        scenario: as it was read.
+        roads: of its map.
+        notify: as for `read_scenario`.
+
+    Raises:
+        DocumentError: the map has no such link and the document no place.
+    """
+    notes = list(scenario.notes)
+
+    def place(spawn: Spawn) -> Spawn:
+        if spawn.link is None:
+            return spawn
+        try:
+            lane = roads.row(spawn.link)
+        except KeyError:
+            if not spawn.is_placed:
+                raise DocumentError(
+                    f"{scenario.name}: {spawn.where}.initPosition.initLink: the map has no link {spawn.link!r}"
+                ) from None
+            _note(notes, f"{spawn.where}: the map has no link {spawn.link!r}; placed by its position instead")
+            return replace(spawn, link=None)
+        s = spawn.link_ratio * float(roads.length[lane])
+        points, yaw = roads.at(lane, s)
+        x, y, z = points[0].tolist()
+        driver = spawn.driver and replace(spawn.driver, lane=lane, s=s)
+        return replace(spawn, x=x, y=y, z=z, yaw=float(yaw[0]), driver=driver, link=None, is_placed=True)
+
+    def take_lane(spawn: Spawn) -> Spawn:
+        driver = spawn.driver
+        if driver is None:
+            return spawn
+        if driver.lane < 0:
+            driver = _find_lane(spawn, driver, roads)
+        if driver is None:
+            _note(notes, f"{spawn.where}: no lane leads there; it goes straight ahead")
+            return replace(spawn, driver=None)
+        where = f"{scenario.name}: {spawn.where}.route"
+        route = _route(driver, roads, where, is_loop=spawn.is_loop)
+        return replace(spawn, speed=max(spawn.speed, 0.0), driver=replace(driver, route=route))
+
+    return replace(
+        scenario,
+        egos=tuple(_each(scenario.egos, place, notify)),
+        vehicles=tuple(_each(scenario.vehicles, lambda spawn: take_lane(place(spawn)), notify)),
+        notes=tuple(notes),
+    )
+
+
+def _each(items: Iterable[T], work: Callable[[T], Spawn], notify: OnMistake) -> Iterator[Spawn]:
+    """What is made of each item, without those that have a mistake which is only told."""
+    for item in items:
+        try:
+            yield work(item)
+        except DocumentError as error:
+            notify(error)
+
+
+def sort_phases(scenario: Scenario, plan: SignalPlan | None) -> tuple[tuple[PhaseStart, ...], list[str]]:
+    """Return those of a scenario's phases that the lights of a map have, and a line for the log about the others.
+
+    An `index` that is a whole number below the number of the map's controllers is a position, as MORAI writes it; any
+    other text is a controller's id. Where it could be both, the position counts, and a line says so.
+    """
+    controllers = plan.controllers if plan else ()
+    num_phases = {controller.name: len(controller.phases) for controller in controllers}
+    known = []
+    lines = []
+    for start in scenario.phases:
+        index = start.controller.strip()
+        name = start.controller
+        if _POSITION.fullmatch(index) and int(index) < len(controllers):
+            name = controllers[int(index)].name
+            if index in num_phases and index != name:
+                lines.append(f"index {index!r} is a position and an id; it is taken for the position, {name!r}")
+        if 0 <= start.phase < num_phases.get(name, 0):
+            known.append(replace(start, controller=name))
+        else:
+            called = name if name == start.controller else f"{name} (index {index})"
+            lines.append(f"no intersection {called!r} has a phase {start.phase}; it begins as its schedule does")
+    return tuple(known), lines
+
+
+_POSITION: Final = re.compile(r"[0-9]{1,9}")
+
+
+def _find_lane(spawn: Spawn, driver: Driver, roads: Roads) -> Driver | None:
+    """The driver on the lane that the vehicle stands on; None where it stands on none."""
+    place = roads.nearest(spawn.x, spawn.y, spawn.yaw)
+    turn = abs(math.remainder(float(place.yaw[0]) - spawn.yaw, math.tau))
+    if not (place.lane[0] >= 0 and place.distance[0] <= MAX_SPAWN_TO_LANE and turn <= MAX_TURN):
+        return None
+    return replace(driver, lane=int(place.lane[0]), s=float(place.s[0]))
+
+
+def _route(driver: Driver, roads: Roads, where: str, *, is_loop: bool) -> tuple[int, ...]:
+    """The lanes of a driver's route.
+
+    Raises:
+        DocumentError: a link that the map lacks, or that does not follow the one before it.
+    """
+    rows = []
+    for i, link in enumerate(driver.links):
+        try:
+            rows.append(roads.row(link))
+        except KeyError:
+            raise DocumentError(f"{where}[{i}]: the map has no link {link!r}") from None
+    if rows and rows[0] != driver.lane:
+        raise DocumentError(
+            f"{where}[0]: expected {roads.ids[driver.lane]!r}, where it starts, got {driver.links[0]!r}"
+        )
+    for i, (here, there) in enumerate(pairwise([*rows, *rows[:1]] if is_loop else rows)):
+        if there not in roads.successors(here):
+            raise DocumentError(f"{where}[{i}]: {roads.ids[there]!r} does not follow {roads.ids[here]!r}")
+    return tuple(rows)
+
+
+class _Reader:
+    """The passage from one document to one `Scenario`."""
+
+    def __init__(self, document: ScenarioDocument, source: str, notify: OnMistake, catalogue: Catalogue) -> None:
+        self._document = document
+        self._source = source
+        self._tell = notify
+        self._catalogue = catalogue
+        self._notes: list[str] = []
+        self._taken: dict[int, str] = {}
+        self._paths, self._paths_of = self._read_paths(document.waypointDataList or ())
+
+    def scenario(self) -> Scenario:
+        document = self._document
+        # In the order of the document: of two items with one id the first keeps it.
+        ego = () if document.egoVehicle is None else (document.egoVehicle,)
+        egos = tuple(_each(ego, self._ego, self._tell))
+        vehicles = self._items("vehicleList", document.vehicleList, self._vehicle)
+        people = self._items("pedestrianList", document.pedestrianList, self._pedestrian)
+        obstacles = self._items("objectList", document.objectList, self._obstacle)
+        name = re.split(r"[\\/]", self._source)[-1].removesuffix(".json")
+        map_name = (document.mapInfo.mapName or None) if document.mapInfo else None
+        phases = tuple(PhaseStart(entry.index, entry.state, entry.deltaTime or 0.0) for entry in document.tlList or ())
+        notes, kept = tuple(self._notes), _kept(document)
+        return Scenario(name, map_name, egos, vehicles, people, obstacles, phases, notes, kept)
+
+    def _items(self, key: str, items: Sequence[T] | None, read: Callable[[str, T], Spawn]) -> tuple[Spawn, ...]:
+        numbered = enumerate(items or ())
+        return tuple(_each(numbered, lambda entry: read(f"{key}[{entry[0]}]", entry[1]), self._tell))
+
+    def _ego(self, item: EgoVehicle) -> Spawn:
+        where = "egoVehicle"
+        uid = 0 if item.UNIQUEID is None or item.UNIQUEID < 0 else item.UNIQUEID
+        self._taken[uid] = where
+        # MORAI writes it into either place, by its version.
+        gears = [gear for gear in (item.initPosition.gear, item.gear) if gear in set(Gear)]
+        gear = Gear(gears[0]) if gears else Gear.DRIVE
+        spawn = self._on_wheels(where, Kind.EGO, item, item.initPosition, uid)
+        return replace(spawn, speed=(item.currentVelocity or 0.0) * KMH_TO_MPS, gear=gear)
+
+    def _vehicle(self, where: str, item: NpcVehicle) -> Spawn:
+        spawn = self._on_wheels(where, Kind.VEHICLE, item, item.initPosition, self._uid(where, item))
+        first, second = item.desiredVelocity or item.constantVelocity, item.linkVelocity
+        if first is None:
+            first = item.desiredVelocity
+        if item.velocityType == 1:
+            first, second = second, first
+        speed_kmh = first if first is not None else second
+        spawn = self._follow(where, item, spawn, speed_kmh, is_loop=item.isCloseLoop)
+        is_on_lanes = item.isWaypointMode is False or (item.isWaypointMode is None and _names_link(item))
+        if spawn.path is not None or (spawn.link is None and not is_on_lanes):
+            return spawn
+        # Its speed by link, or no word of one: as fast as is allowed.
+        is_free = item.velocityType == 1 or speed_kmh is None
+        now_kmh = speed_kmh if item.currentVelocity is None else item.currentVelocity
+        driver = Driver(math.inf if is_free else max(spawn.speed, 0.0), tuple(item.route or ()))
+        return replace(spawn, speed=(now_kmh or 0.0) * KMH_TO_MPS, is_loop=bool(item.isCloseLoop), driver=driver)
+
+    def _pedestrian(self, where: str, item: Pedestrian) -> Spawn:
+        spawn = self._on_foot(where, Kind.PEDESTRIAN, item, item.pos, item.rot)
+        spawn = self._follow(where, item, spawn, item.speed, is_loop=item.loop, ahead=item.movingDistance or 0.0)
+        return replace(spawn, start_within=max(item.activeDistance or 0.0, 0.0))
+
+    def _obstacle(self, where: str, item: Obstacle) -> Spawn:
+        spawn = self._on_foot(where, Kind.OBSTACLE, item, item.pos, item.rot)
+        if item.scale is not None:
+            spawn = replace(spawn, model=self._scaled(where, spawn.model, item.scale))
+        spawn = self._follow(where, item, spawn, item.moveSpeed)
+        return replace(spawn, start_within=max(item.activeDistance or 0.0, 0.0))
+
+    def _on_wheels(self, where: str, kind: Kind, item: PlacedItem, start: InitPosition, uid: int | None) -> Spawn:
+        is_absolute = start.initPositionMode.strip().casefold() == "absolute"
+        if is_absolute and start.pos is None:
+            raise DocumentError(f"{self._source}: {where}.initPosition.pos: missing")
+        if not is_absolute and not start.initLink:
+            raise DocumentError(f"{self._source}: {where}.initPosition.initLink: missing")
+        pos = start.pos or EnuPosition(x=0.0, y=0.0)
+        model = self._model(where, kind, item)
+        return Spawn(
+            *(kind, model, model.name, uid, pos.x, pos.y, pos.z, _yaw(start.rot)),
+            roll=_tilt(start.rot, "roll"),
+            pitch=_tilt(start.rot, "pitch"),
+            kept=_kept(item),
+            link=None if is_absolute else start.initLink,
+            link_ratio=start.initLinkRatio or 0.0,
+            is_placed=start.pos is not None,
+            where=where,
+        )
+
+    def _on_foot(self, where: str, kind: Kind, item: PlacedItem, pos: EnuPosition, rot: Rotation | None) -> Spawn:
+        model = self._model(where, kind, item)
+        return Spawn(
+            *(kind, model, model.name, self._uid(where, item), pos.x, pos.y, pos.z, _yaw(rot)),
+            roll=_tilt(rot, "roll"),
+            pitch=_tilt(rot, "pitch"),
+            kept=_kept(item),
+            where=where,
+        )
+
+    def _scaled(self, where: str, model: Model, scale: Scale) -> Model:
+        """Return the model in another size; in its own where the document's figures make none."""
+        factors = scale.z, scale.x, scale.y
+        if not all(MIN_SCALE <= factor <= MAX_SCALE for factor in factors):
+            _note(
+                self._notes,
+                f"{where}.scale: expected numbers from {MIN_SCALE:g} to {MAX_SCALE:,g}, got x {scale.x:g},"
+                f" y {scale.y:g}, z {scale.z:g}; it has its model's size",
+            )
+            return model
+        size = model.body.length, model.body.width, model.body.height
+        length, width, height = (figure * factor for figure, factor in zip(size, factors, strict=True))
+        return replace(model, body=Body.box(length, width, height)) if factors != (1.0, 1.0, 1.0) else model
+
+    def _follow(
+        self,
+        where: str,
+        item: Follower,
+        spawn: Spawn,
+        speed_kmh: float | None,
+        *,
+        is_loop: bool | None = None,
+        ahead: float = 0.0,
+    ) -> Spawn:
+        """Give an agent its speed and its way: its path, or `ahead` metres on from where it is."""
+        speed = (speed_kmh or 0.0) * KMH_TO_MPS
+        path = self._path(where, item, spawn.kind, is_moving=speed != 0.0)
+        here = np.array([[spawn.x, spawn.y, spawn.z]])
+        if path is None and ahead > 0.0:
+            step = np.array([math.cos(spawn.yaw), math.sin(spawn.yaw), 0.0])
+            path = np.concatenate([here, here + ahead * step])
+        if path is None or not len(path):
+            # In waypoint mode without a waypoint it stands: MORAI saves most things that never move so.
+            is_standing = path is not None or bool(item.isWaypointMode)
+            return replace(spawn, speed=0.0 if is_standing else speed)
+        if not _has_length(path):
+            # One waypoint: the way leads from here to there.
+            path = np.concatenate([here, path])
+            if not spawn.is_placed or not _has_length(path):
+                _note(self._notes, f"{where}: its path has no length; it stands still")
+                return replace(spawn, speed=0.0)
+        return replace(spawn, speed=max(speed, 0.0), path=path, is_loop=bool(is_loop))
+
+    def _path(self, where: str, item: Follower, kind: Kind, *, is_moving: bool) -> FloatArray | None:
+        """Return the waypoints that an item follows, (m, 3); none of them if it stands; None if it follows no path."""
+        if item.pathName:
+            if item.pathName not in self._paths:
+                raise DocumentError(f"{self._source}: {where}.pathName: waypointDataList has no path {item.pathName!r}")
+            return self._paths[item.pathName]
+        if item.isWaypointMode is False or item.UNIQUEID is None:
+            return None
+        path = self._paths_of.get((kind is Kind.PEDESTRIAN, item.UNIQUEID))
+        if path is None and item.isWaypointMode and is_moving:
+            _note(self._notes, f"{where}: isWaypointMode, but waypointDataList has no path ' - {item.UNIQUEID}'")
+        if path is not None and not len(path) and not item.isWaypointMode:
+            return None
+        return path
+
+    def _model(self, where: str, kind: Kind, item: PlacedItem) -> Model:
+        wanted = Kind.VEHICLE if kind is Kind.EGO else kind
+        if item.modelName:
+            model = self._catalogue.find(item.modelName)
+            if model is None or model.kind is not wanted:
+                raise DocumentError(
+                    f"{self._source}: {where}.modelName: expected one of the catalogue's {wanted.name.lower()}s, "
+                    f"got {item.modelName!r}"
+                )
+            return model
+        if item.DataID is None:
+            return default_model(kind)
+        model = self._catalogue.of_data_id(item.DataID, kind)
+        if model is None:
+            model = model_by_class(item.DataID, kind)
+            body = model.body
+            other = class_of_data_id(item.DataID)
+            aside = f", and its number is that of {_A[other]}" if other is not None and other is not wanted else ""
+            _note(
+                self._notes,
+                f"DataID {item.DataID} ({kind.name.lower()}) is not in the catalogue{aside}; it has the ordinary size"
+                f" of its class, {body.length:g} x {body.width:g} x {body.height:g} m; --catalogue FILE can say more",
+            )
+        return model
+
+    def _uid(self, where: str, item: PlacedItem) -> int | None:
+        """The item's id if it can have it. 0 is the first ego's, and what is negative is no id."""
+        uid = item.UNIQUEID
+        if uid is None:
+            return None
+        if uid <= 0 or uid in self._taken:
+            reason = f"is that of {self._taken[uid]}" if uid in self._taken else "is no id"
+            _note(self._notes, f"{where}: UNIQUEID {uid} {reason}; it gets the next free one")
+            return None
+        self._taken[uid] = where
+        return uid
+
+    def _read_paths(
+        self, paths: Sequence[WaypointPath]
+    ) -> tuple[Mapping[str, FloatArray], Mapping[tuple[bool, int], FloatArray]]:
+        """The paths by name, and by whose they are: (a pedestrian's, UNIQUEID)."""
+        by_name: dict[str, FloatArray] = {}
+        by_owner: dict[tuple[bool, int], FloatArray] = {}
+        for i, path in enumerate(paths):
+            try:
+                points = _waypoints(path, f"{self._source}: waypointDataList[{i}]")
+            except DocumentError as error:
+                self._tell(error)
+                points = np.zeros((1, 3))  # who follows it makes no mistake
+            by_name.setdefault(path.pathName, points)
+            what, _, uid = path.pathName.rpartition(" - ")  # "PedPath - 12", "ObstaclePath - 12"
+            if uid.isdecimal():
+                by_owner.setdefault((what.strip().casefold() == "pedpath", int(uid)), points)
+        return by_name, by_owner
+
+
+def _waypoints(path: WaypointPath, where: str) -> FloatArray:
+    """(m, 3) the points of a path on the map [m].
+
+    Raises:
+        DocumentError: it leads too far.
+    """
+    if not path.waypointData:
+        return np.zeros((0, 3))
+    points = np.array([(-p.pos.x, -p.pos.z, p.pos.y) for p in path.waypointData])
+    if arc_lengths(np.concatenate([points, points[:1]]))[-1] > MAX_PATH_LENGTH:
+        raise DocumentError(f"{where}: expected a path of at most {MAX_PATH_LENGTH / 1000:,g} km")
+    return points
+
+
+def _has_length(path: FloatArray) -> bool:
+    return float(arc_lengths(path)[-1]) > 1e-3  # noqa: PLR2004  # a millimetre: nobody draws a shorter path
+
+
+def _yaw(rotation: Rotation | None) -> float:
+    """The heading within (-pi, pi] [rad]."""
+    if rotation is None:
+        return 0.0
+    turned = math.remainder(rotation.yaw, 360.0)
+    return math.radians(180.0 if turned == -180.0 else turned)  # noqa: PLR2004  # half a turn
+
+
+def _tilt(rotation: Rotation | None, axis: Literal["roll", "pitch"]) -> float:
+    """Return a roll or pitch within half a turn [rad]."""
+    return 0.0 if rotation is None else math.radians(math.remainder(getattr(rotation, axis), 360.0))
+
+
+def _kept(item: Document) -> dict[str, Any]:
+    """Return what a part of a document says that has no effect yet, in the order of its model."""
+    found = {key: getattr(item, key) for key in type(item).model_fields if key in type(item).idle_keys}
+    return {key: value for key, value in found.items() if value is not None}
+
+
+def _names_link(item: NpcVehicle) -> bool:
+    """Whether the file says which link the vehicle was on."""
+    infos = (item.currentLinkInfo, item.startPointLinkInfo)
+    return any(isinstance(info, dict) and bool(info.get("linkIdx")) for info in infos)
+
+
+_A: Final = {Kind.VEHICLE: "a vehicle", Kind.PEDESTRIAN: "a pedestrian", Kind.OBSTACLE: "an obstacle"}
+
+
+def _note(notes: list[str], text: str) -> None:
+    if text in notes:
+        return
+    if len(notes) < MAX_SCENARIO_NOTES:
+        notes.append(text)
+    elif len(notes) == MAX_SCENARIO_NOTES:
+        notes.append("... and more of that kind")

@@ -1,0 +1,111 @@
+"""`/tf` and `/tf_static`: where the egos stand, and what stands on them.
+
+    map                  the map's own frame: ENU metres
+      base_link          the first ego: the middle of its rear axle on the ground, x forward, y left, z up
+        vehicle_center   the middle of the box around it; static, and another one for another model
+        gps_link         its GPS antenna, where it was put; static until it is put elsewhere
+        imu_link         its inertial unit, the same
+      Ego-2/base_link    a further ego, and so on
+        Ego-2/vehicle_center, ...
+
+MORAI writes `/map` and `/base_link`, as ROS did long ago; tf2 refuses names with a slash before them, and most programs
+are written for tf2. So no slash goes out.
+
+A static message holds all frames of its kind and is latched: whoever comes late has them all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.morai.convert import Converter, maker
+from rosbridge_sim.morai.ego import Ego
+from rosbridge_sim.morai.scene import FIRST_EGO
+from rosbridge_sim.schema.store import Store
+from rosbridge_sim.world.geometry import Quaternion, Vector, quaternion
+from rosbridge_sim.world.sensors import Mounting
+from rosbridge_sim.world.state import World
+
+__all__ = ["BASE", "CENTER", "MAP", "TF", "Mount", "TfPublisher", "frame_prefix"]
+
+TF: Final = "tf2_msgs/TFMessage"
+
+MAP: Final = "map"
+BASE: Final = "base_link"
+CENTER: Final = "vehicle_center"
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """Something that stands still on a vehicle.
+
+    Attributes:
+        parent, name: frames.
+        mounting: where.
+    """
+
+    parent: str
+    name: str
+    mounting: Mounting
+
+
+class TfPublisher:
+    """Makes the messages of both topics; structs of tf2_msgs/TFMessage."""
+
+    def __init__(self, store: Store, world: World, convert: Converter) -> None:
+        """For one world; nothing is read before it is asked for."""
+        self._world = world
+        self._convert = convert
+        self._message = maker(store, TF, "transforms")
+        self._stamped = maker(store, "geometry_msgs/TransformStamped", "header", "child_frame_id", "transform")
+        self._transform = maker(store, "geometry_msgs/Transform", "translation", "rotation")
+        self._vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
+        self._quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
+
+    def moving(self, egos: Sequence[Ego]) -> Struct:
+        """Where the egos stand in the map, in their order."""
+        world = self._world
+        header = self._convert.header(world.frame, MAP)
+        transforms = []
+        for ego in egos:
+            row = ego.row
+            pose = self._pose(
+                (world.x.item(row), world.y.item(row), world.z.item(row)),
+                quaternion(world.roll.item(row), world.pitch.item(row), world.yaw.item(row)),
+            )
+            transforms.append(self._stamped(header, frame_prefix(ego) + BASE, pose))
+        return self._message(transforms)
+
+    def mounts(self, egos: Sequence[Ego]) -> tuple[Mount, ...]:
+        """What stands on the egos."""
+        found = []
+        for ego in egos:
+            body, prefix = self._world.bodies[ego.row], frame_prefix(ego)
+            mountings = {CENTER: Mounting(x=body.centre, z=0.5 * body.height)} | ego.mountings
+            found += [Mount(prefix + BASE, prefix + name, mounting) for name, mounting in mountings.items()]
+        return tuple(found)
+
+    def static(self, mounts: Sequence[Mount]) -> Struct:
+        """What `mounts` said, as a message; an empty one is fine."""
+        frame = self._world.frame
+        return self._message(
+            [
+                self._stamped(
+                    self._convert.header(frame, mount.parent),
+                    mount.name,
+                    self._pose(mount.mounting.place, mount.mounting.orientation),
+                )
+                for mount in mounts
+            ]
+        )
+
+    def _pose(self, place: Vector, axes: Quaternion) -> Struct:
+        return self._transform(self._vector(*place), self._quaternion(*axes))
+
+
+def frame_prefix(ego: Ego) -> str:
+    """What comes before the names of an ego's frames, as before those of its topics."""
+    return "" if ego.index == FIRST_EGO else f"Ego-{ego.index}/"

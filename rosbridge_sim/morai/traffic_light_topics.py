@@ -1,0 +1,198 @@
+"""What clients see of traffic lights and intersections, and how they set them.
+
+A light is known by its name on the map, an intersection by its controller's name or by the number at its end. What is
+lit goes out as the world has it: its numbers are MORAI's.
+
+*The light ahead* is that of the next stop line on the lanes that lead on from the ego's, within 100 m; where lanes fork
+there, that of the one that goes straightest on. While there is none, the topic is silent, and so is that of the
+intersection while the ego is in none.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
+
+from rosbridge_sim.errors import FieldError
+from rosbridge_sim.graph.participant import Participant
+from rosbridge_sim.graph.topics_services import Call
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.morai.component import Component
+from rosbridge_sim.morai.convert import maker
+from rosbridge_sim.morai.ego import Ego
+from rosbridge_sim.morai.interfaces.publishers import Publishers
+from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
+from rosbridge_sim.morai.maps.lights import light_type
+from rosbridge_sim.schema.validate import round32
+from rosbridge_sim.world.signal_plan import UNSET, Lamp
+from rosbridge_sim.world.signals import Signals, light_ahead
+from rosbridge_sim.world.state import DT
+
+if TYPE_CHECKING:
+    from rosbridge_sim.morai.simulator_node import SimulatorNode
+
+__all__ = ["TrafficLightTopics"]
+
+STOP_LINE_REACH: Final = 100.0
+"""How far ahead a stop line is seen, from the rear axle [m]."""
+
+MAX_LIGHT_TO_LANE: Final = 5.0
+"""Whoever is farther than this from every lane is not on the road [m]."""
+
+NO_LIGHT: Final = -2
+"""The status of a light that there is not."""
+
+_LAMPS: Final = sum(int(lamp) for lamp in Lamp)
+
+_log = logging.getLogger("rosbridge_sim.morai")
+
+
+class TrafficLightTopics(Component):
+    """The part of a node that has to do with lights. It holds no state: that is the world's."""
+
+    def __init__(self, node: SimulatorNode) -> None:
+        self._node = node
+        store = node.bus.store
+        self._make_light = maker(
+            store,
+            "morai_msgs/GetTrafficLightStatus",
+            *("header", "trafficLightIndex", "trafficLightType", "trafficLightStatus"),
+        )
+        self._make_status = maker(
+            store,
+            "morai_msgs/IntersectionStatus",
+            *("header", "intersection_index", "intersection_status", "intersection_status_time"),
+        )
+        self._make_all = maker(store, "morai_msgs/IntscnTL", "header", "idx", "state", "delta_time")
+        self._make_info = maker(store, "morai_msgs/MoraiTLInfo", "header", "idx", "status")
+
+    def bind(self, bindings: SubscribersServices) -> None:
+        """What the world has once."""
+        bindings.listen("SetTrafficLight", "SetTrafficLight", self._set_light)
+        bindings.listen("InsnControl", "IntersectionControl", self._set_phase)
+        bindings.provide("Morai_TLSrv", "MoraiTLInfoSrv", self._tell_light)
+
+    def show(self, outputs: Publishers) -> None:
+        """Publish what the world has once."""
+        outputs.add("/IntscnTL_topic", "morai_msgs/IntscnTL", self._intersections, is_shown_in_pause=True)
+
+    def show_ego(self, ego: Ego, prefix: str, outputs: Publishers) -> None:
+        """Publish what each ego has of its own."""
+        outputs.add(
+            prefix + "GetTrafficLightStatus",
+            "morai_msgs/GetTrafficLightStatus",
+            partial(self._light_ahead, ego),
+            is_shown_in_pause=True,
+        )
+        outputs.add(
+            prefix + "InsnStatus",
+            "morai_msgs/IntersectionStatus",
+            partial(self._intersection_around, ego),
+            is_shown_in_pause=True,
+        )
+
+    # Out
+
+    @property
+    def _signals(self) -> Signals:
+        return self._node.world.signals
+
+    def _header(self, frame_id: str) -> Struct:
+        return self._node.convert.header(self._node.world.frame, frame_id)
+
+    def _place(self, ego: Ego) -> tuple[int, float] | None:
+        """Lane and arc length of the ego [m]; None off the road, or on its wrong side."""
+        world, row = self._node.world, ego.row
+        places = world.roads.nearest(world.x[row], world.y[row], world.yaw[row])
+        is_along = math.cos(places.yaw[0] - world.yaw[row]) > 0.0
+        if not (places.distance[0] <= MAX_LIGHT_TO_LANE and is_along):
+            return None
+        return int(places.lane[0]), float(places.s[0])
+
+    def _light_ahead(self, ego: Ego) -> Struct:
+        signals = self._signals
+        place = self._place(ego) if signals.plan.lights else None
+        light = None if place is None else light_ahead(self._node.world.roads, signals.plan, *place, STOP_LINE_REACH)
+        if light is None:
+            return None
+        known = signals.plan.lights[light]
+        return self._make_light(
+            self._header("TrafficLightStatus"), known.name, light_type(known), int(signals.shown[light])
+        )
+
+    def _intersection_around(self, ego: Ego) -> Struct:
+        signals = self._signals
+        place = self._place(ego) if signals.plan.controllers else None
+        controller = -1 if place is None else int(signals.plan.controller_of_lane[place[0]])
+        if controller < 0:
+            return None
+        return self._make_status(
+            self._header("IntersectionStatus"),
+            signals.plan.controllers[controller].number,
+            int(signals.phase[controller]),
+            round32(signals.elapsed(controller) * DT),
+        )
+
+    def _intersections(self) -> Struct:
+        signals = self._signals
+        controllers = signals.plan.controllers
+        return self._make_all(
+            self._header("IntscnTL"),
+            [controller.name for controller in controllers],
+            signals.phase.tolist(),
+            [round32(signals.remaining(i) * DT) for i in range(len(controllers))],
+        )
+
+    # In
+
+    def _set_light(self, message: Struct, sender: Participant, _now: float) -> None:
+        where, index, status = "morai_msgs/SetTrafficLight", message.trafficLightIndex, message.trafficLightStatus
+        signals = self._signals
+        try:
+            light = signals.plan.light(index)
+        except KeyError:
+            raise FieldError(f"{where}.trafficLightIndex: the map has no traffic light {index[:80]!r}") from None
+        if status == UNSET:
+            signals.release(light)
+        elif status & ~_LAMPS:
+            raise FieldError(f"{where}.trafficLightStatus: expected a sum of lamps, or -1 to hand back, got {status}")
+        else:
+            signals.force(light, status)
+        _log.debug("traffic light %s: %d by %s", index, status, sender.name)
+
+    def _set_phase(self, message: Struct, sender: Participant, _now: float) -> None:
+        where = "morai_msgs/IntersectionControl"
+        number, phase, seconds = (
+            message.intersection_index,
+            message.intersection_status,
+            message.intersection_status_time,
+        )
+        signals = self._signals
+        numbers = [controller.number for controller in signals.plan.controllers]
+        if number not in numbers:
+            raise FieldError(f"{where}.intersection_index: the map has no intersection {number}")
+        controller = numbers.index(number)
+        num_phases = int(signals.plan.num_phases[controller])
+        if not 0 <= phase < num_phases:
+            raise FieldError(f"{where}.intersection_status: intersection {number} has {num_phases} phases, got {phase}")
+        length = signals.phase_length(controller, phase)
+        if not (math.isfinite(seconds) and 0 <= round(seconds / DT) < length):
+            raise FieldError(
+                f"{where}.intersection_status_time: phase {phase} lasts {length * DT:.2f} s, got {seconds}"
+            )
+        signals.set_phase(controller, phase, round(seconds / DT))
+        _log.debug("intersection %d: phase %d, %.2f s, by %s", number, phase, seconds, sender.name)
+
+    def _tell_light(self, call: Call, _now: float) -> None:
+        request: Any = call.request
+        index = request.request.idx
+        signals = self._signals
+        try:
+            status = int(signals.shown[signals.plan.light(index)])
+        except KeyError:
+            index, status = "", NO_LIGHT
+        call.answer(
+            call.service.type.response.struct(self._make_info(self._header("TrafficLightStatus"), index, status))
+        )

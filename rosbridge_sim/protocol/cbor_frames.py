@@ -1,0 +1,168 @@
+"""CBOR frames: a binary frame whose first byte opens a map (0xA0 to 0xBF; JSON text never starts so).
+
+Frames go out in CBOR only to listeners that asked for it; `schema/` encodes their bodies. What comes in is decoded
+into Python objects: numbers in typed arrays (RFC 8746) of either byte order as numpy arrays, bytes as base64 text, as
+JSON has them. Every other tag is refused: a client's tags would be decoded into patterns, dates, bignums and objects
+that contain themselves.
+
+The decoder is one call of a C library that lets nothing else run: 4 MB of empty lists take it a second. So the items
+of a frame are counted before, in slices, and a frame with too many of them is refused.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Generator
+from typing import Any, NoReturn
+
+import cbor2
+import numpy as np
+import pybase64
+
+from rosbridge_sim.errors import FrameError
+from rosbridge_sim.weight import LIGHT
+
+__all__ = ["cbor_head", "cbor_raw_frame", "decode_cbor", "is_cbor"]
+
+MAX_CBOR_DEPTH = 100
+"""Nesting of a CBOR frame; the deepest ROS message of the standard packages has seven levels."""
+
+MAX_CONTAINERS, MAX_TEXTS = LIGHT.containers, LIGHT.texts
+"""Maps and lists of a frame, and texts, byte strings and tags: its values are checked field by field in Python."""
+
+MAX_SCALAR_BYTES = 2**19
+"""Bytes of plain numbers and truth values in a frame, one to nine each: 60 ms of work where there are nothing but small
+numbers. Larger arrays come as typed arrays or as bytes, which cost nothing."""
+
+_ARRAY_TYPES = {
+    64: "u1", 65: ">u2", 66: ">u4", 67: ">u8", 68: "u1", 69: "<u2", 70: "<u4", 71: "<u8",
+    72: "i1", 73: ">i2", 74: ">i4", 75: ">i8", 77: "<i2", 78: "<i4", 79: "<i8",
+    80: ">f2", 81: ">f4", 82: ">f8", 84: "<f2", 85: "<f4", 86: "<f8",
+}  # fmt: skip
+"""Tags of RFC 8746 that numpy knows; floats of 128 bit it does not."""
+
+_BUILT_IN_TAGS = (0, 1, 2, 3, 4, 5, 25, 28, 29, 30, 35, 36, 37, 52, 54, 100, 256, 258, 260, 261, 1004, 43000, 55799)
+"""Tags that the library would decode by itself."""
+
+
+def is_cbor(frame: bytes) -> bool:
+    """Whether a frame starts as a CBOR map does."""
+    return 0xA0 <= frame[0] <= 0xBF if frame else False  # noqa: PLR2004 - RFC 8949: major type 5
+
+
+def decode_cbor(frame: bytes) -> Generator[None, None, object]:
+    """Read a frame of CBOR; yields after each slice of work and returns its value.
+
+    Returns:
+        Dicts, lists, texts, numbers, truth values and None; numpy arrays for typed arrays, base64 text for bytes.
+
+    Raises:
+        FrameError: it is no CBOR, too heavy, or holds what JSON has no word for.
+    """
+    try:
+        yield from _check_weight(frame)
+        value = cbor2.loads(
+            frame,
+            tag_hook=_read_tag,
+            semantic_decoders=_REFUSING,
+            max_depth=MAX_CBOR_DEPTH,
+            allow_duplicate_keys=False,
+            strict_hashable_types=True,
+        )
+        yield
+        return _plain(value)
+    except (cbor2.CBORError, ValueError, OverflowError, RecursionError) as error:
+        raise FrameError(f"Received a binary frame that is neither JSON nor plain CBOR: {error}") from None
+
+
+def _check_weight(frame: bytes) -> Generator[None, None, None]:
+    """Count the items of a frame, whatever their nesting: an item's head tells how many bytes follow that are no items.
+
+    Raises:
+        ValueError: there are too many of them.
+    """
+    position = num_containers = num_texts = scalar_bytes = 0
+    while position < len(frame):
+        run = _SCALARS.match(frame, position)
+        if run is not None:
+            scalar_bytes += run.end() - position
+            position = run.end()
+            if scalar_bytes > MAX_SCALAR_BYTES:
+                raise ValueError(f"at most {MAX_SCALAR_BYTES:,} bytes of plain numbers are taken; use typed arrays")
+            continue
+        major, info = frame[position] >> 5, frame[position] & 31
+        head = 1 + _HEAD_SIZES.get(info, 0)
+        if major in {2, 3} and info != _INDEFINITE:  # bytes, text
+            number = info if head == 1 else int.from_bytes(frame[position + 1 : position + head], "big")
+            position += number
+        position += head
+        is_container = major in {4, 5}
+        num_containers += is_container
+        num_texts += not is_container
+        if num_containers > MAX_CONTAINERS or num_texts > MAX_TEXTS:
+            raise ValueError(f"at most {MAX_CONTAINERS:,} maps and lists and {MAX_TEXTS:,} texts are taken")
+        if (num_containers + num_texts) % _NUM_LOOKED_AT == 0:
+            yield
+
+
+_SCALARS = re.compile(
+    rb"(?:[\x00-\x17\x20-\x37\xe0-\xf7]|[\x18\x38\xf8].|[\x19\x39\xf9]..|[\x1a\x3a\xfa].{4}|[\x1b\x3b\xfb].{8})"
+    rb"{1,20000}+",
+    re.DOTALL,
+)
+"""A run of integers, floats and truth values (RFC 8949 section 3), at most some 2 ms of looking at."""
+
+_HEAD_SIZES = {24: 1, 25: 2, 26: 4, 27: 8}
+_INDEFINITE = 31
+
+_NUM_LOOKED_AT = 2_000
+"""Items that are counted in one go: 1 ms."""
+
+
+def _read_tag(*args: Any) -> object:  # noqa: ANN401 - the library passes the decoder too, of no known type
+    tag = args[-1] if isinstance(args[-1], cbor2.CBORTag) else args[0]
+    kind = _ARRAY_TYPES.get(tag.tag)
+    if kind is None or not isinstance(tag.value, bytes):
+        raise ValueError(f"tag {tag.tag} is not accepted")
+    if tag.tag in {64, 68}:
+        return tag.value
+    array = np.frombuffer(tag.value, kind)
+    return array.astype(array.dtype.newbyteorder("="), copy=False)
+
+
+def _refuse_tag(*_: object) -> NoReturn:
+    raise ValueError("dates, bignums, shared values and other tags are not accepted")
+
+
+_REFUSING = dict.fromkeys(_BUILT_IN_TAGS, _refuse_tag)
+
+
+_PLAIN = frozenset({bool, int, float, str, type(None)})
+
+
+def _plain(value: object) -> object:
+    """The value with bytes as base64 text; anything that JSON has no word for raises ValueError."""
+    if isinstance(value, bytes):
+        return pybase64.b64encode_as_string(value)
+    if isinstance(value, dict):
+        if not all(isinstance(key, str) for key in value):
+            raise ValueError("the keys of a map must be texts")
+        return {key: _plain(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        if _PLAIN.issuperset(map(type, value)):
+            return value
+        return [_plain(inner) for inner in value]
+    if value is None or isinstance(value, (bool, int, float, str, np.ndarray)):
+        return value
+    raise ValueError(f"{type(value).__name__} is not accepted")
+
+
+def cbor_head(topic: str) -> bytes:
+    """Everything of a CBOR data message that stands before its body; `topic` in the listener's own spelling."""
+    return b"\xa3\x62op\x67publish\x65topic" + cbor2.dumps(topic) + b"\x63msg"
+
+
+def cbor_raw_frame(head: bytes, stamp_ns: int, raw: bytes) -> bytes:
+    """A data message with the bytes of ROS's own wire; the keys are secs and nsecs in both generations."""
+    secs, nsecs = divmod(stamp_ns, 10**9)
+    return head + cbor2.dumps({"secs": secs, "nsecs": nsecs, "bytes": raw})

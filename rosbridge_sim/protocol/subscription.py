@@ -1,0 +1,231 @@
+"""When a subscriber gets what: several subscriptions to one topic merged, throttled and queued.
+
+One client and one spelling of a topic make one feed, whatever the number of subscription ids; each message
+of the topic leaves at most once. The terms of the ids are merged (facts of rosbridge_suite, where it and the
+protocol's text differ we say which side we took):
+
+    throttle_rate   the lowest (both)
+    queue_length    the highest (the text; rosbridge_suite takes the lowest, which drops what somebody asked for)
+    fragment_size   the lowest that was given (the text)
+    compression     cbor-raw before cbor before png before none (rosbridge_suite)
+
+A throttled feed sends the first message of a burst at once. Without a queue the rest is dropped until the
+interval is over; with one, the newest `queue_length` wait and leave one each interval, so the last value of a
+burst arrives. Time is an argument; whoever calls `deliver` asks `due` when to call `flush`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from rosbridge_sim.errors import FrameError
+from rosbridge_sim.protocol.account import Account, HeldMessages
+from rosbridge_sim.protocol.ops import Id, Subscribe
+from rosbridge_sim.protocol.smallest import Smallest
+
+__all__ = ["COMPRESSIONS", "MergedOptions", "Qos", "SubscriptionOptions", "Throttle", "read_options", "read_qos"]
+
+COMPRESSIONS = ("none", "png", "cbor", "cbor-raw")
+"""From the weakest claim to the strongest."""
+
+MAX_QUEUE = 10_000
+"""A longer queue_length is taken for this one: what waits is memory."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class SubscriptionOptions:
+    """What one subscription asks for.
+
+    Attributes:
+        interval: least time between two messages [s]; 0 is no limit.
+        queue_length: messages that may wait for their turn; 0 is none.
+        fragment_size: longest frame in characters, or None.
+        compression: one of COMPRESSIONS.
+    """
+
+    interval: float = 0.0
+    queue_length: int = 0
+    fragment_size: int | None = None
+    compression: str = "none"
+
+
+def read_options(op: Subscribe) -> SubscriptionOptions:
+    """The terms that a subscribe asks for; an encoding that nobody knows means JSON, as in rosbridge_suite."""
+    size = op.fragment_size
+    return SubscriptionOptions(
+        interval=max(0.0, op.throttle_rate or 0.0) / 1e3,
+        queue_length=int(min(MAX_QUEUE, max(0.0, op.queue_length or 0.0))),
+        fragment_size=int(min(size, 2**31)) if size is not None and size > 0 else None,
+        compression=op.compression if op.compression in COMPRESSIONS else "none",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Qos:
+    """What of a quality-of-service object has a meaning in one process.
+
+    Attributes:
+        depth: messages kept for those who come late.
+        is_latching: durability: transient_local is True, volatile is False, None leaves it open.
+    """
+
+    depth: int = 1
+    is_latching: bool | None = None
+
+
+QOS_VALUES: dict[str, tuple[str, ...]] = {
+    "history": ("keep_last", "keep_all"),
+    "reliability": ("reliable", "best_effort", "best_available"),
+    "durability": ("transient_local", "volatile", "best_available"),
+}
+"""The policies that are words. `depth` is a number; `deadline` and `lifespan` are durations, which we pass over."""
+
+MAX_QOS_DEPTH = 1_000
+"""Latched messages kept for one topic at most."""
+
+
+def read_qos(qos: dict[str, object] | None) -> Qos:
+    """The part of a `qos` object that is honoured: durability and depth (rosbridge_suite of 2026, PR 1150).
+
+    Raises:
+        FrameError: a policy or one of its values that nobody knows.
+    """
+    if qos is None:
+        return Qos()
+    for policy, value in qos.items():
+        values = QOS_VALUES.get(policy)
+        if values is None and policy not in {"depth", "deadline", "lifespan"}:
+            known = [*QOS_VALUES, "depth", "deadline", "lifespan"]
+            raise FrameError(f"{policy!r} is not a valid policy name. Valid options are: {known}")
+        if values is not None and (not isinstance(value, str) or value not in values):
+            raise FrameError(f"{value!r} is not a valid {policy}. Valid options are: {list(values)}")
+    depth = qos.get("depth", 1)
+    if not isinstance(depth, int) or isinstance(depth, bool) or depth < 0:
+        raise FrameError(f"depth must be a whole number from 0 on, not {depth!r}")
+    keeps_all = qos.get("history") == "keep_all"
+    return Qos(
+        depth=MAX_QOS_DEPTH if keeps_all else max(1, min(depth, MAX_QOS_DEPTH)),
+        is_latching={"transient_local": True, "volatile": False}.get(str(qos.get("durability"))),
+    )
+
+
+class MergedOptions:
+    """The terms of a feed from those of its subscriptions, which come and go; each change costs a logarithm.
+
+    Attributes:
+        by_id: the terms of each subscription.
+    """
+
+    __slots__ = ("_compressions", "_intervals", "_lengths", "_sizes", "by_id")
+
+    def __init__(self) -> None:
+        self.by_id: dict[Id, SubscriptionOptions] = {}
+        self._intervals = Smallest()
+        self._lengths = Smallest()
+        self._sizes = Smallest()
+        self._compressions = Smallest()
+
+    def put(self, sub_id: Id, terms: SubscriptionOptions | None) -> None:
+        """Put one subscription on other terms, or end it with None."""
+        old = self.by_id.pop(sub_id, None) if terms is None else self.by_id.get(sub_id)
+        if old is not None:
+            for bag, number in self._numbers(old):
+                bag.remove(number)
+        if terms is not None:
+            self.by_id[sub_id] = terms
+            for bag, number in self._numbers(terms):
+                bag.add(number)
+
+    def merged(self) -> SubscriptionOptions:
+        """The terms of the feed; there is at least one subscription."""
+        interval, length, compression = self._intervals.get(), self._lengths.get(), self._compressions.get()
+        assert interval is not None
+        assert length is not None
+        assert compression is not None
+        size = self._sizes.get()
+        return SubscriptionOptions(
+            interval=interval,
+            queue_length=min(MAX_QUEUE, -int(length)),
+            fragment_size=None if size is None else int(size),
+            compression=COMPRESSIONS[-int(compression)],
+        )
+
+    def _numbers(self, terms: SubscriptionOptions) -> list[tuple[Smallest, float]]:
+        """What the terms add to each bag; negative where the largest counts."""
+        numbers = [
+            (self._intervals, terms.interval),
+            (self._lengths, -terms.queue_length),
+            (self._compressions, -COMPRESSIONS.index(terms.compression)),
+        ]
+        if terms.fragment_size is not None:
+            numbers.append((self._sizes, terms.fragment_size))
+        return numbers
+
+
+def _nothing(_message: object) -> int:
+    """The cost of a message where nothing is counted."""
+    return 0
+
+
+class Throttle(Generic[T]):
+    """Throttle and queue of one feed; it holds messages and knows nothing of what they are.
+
+    Attributes:
+        num_dropped: messages that never left.
+    """
+
+    __slots__ = ("_free_at", "_interval", "_max_length", "_waiting", "num_dropped")
+
+    def __init__(self, account: Account | None = None, size_of: Callable[[T], int] = _nothing) -> None:
+        """Nothing waits, and nothing is throttled.
+
+        Args:
+            account: pays for the messages that wait.
+            size_of: what a message costs [bytes].
+        """
+        self._interval = 0.0
+        self._free_at = float("-inf")
+        self._max_length = 0
+        self._waiting = HeldMessages(account or Account(), size_of)
+        self.num_dropped = 0
+
+    def set_terms(self, terms: SubscriptionOptions) -> None:
+        """Go on under new terms; what waits stays as far as the new queue holds it."""
+        self._free_at += terms.interval - self._interval
+        self._interval = terms.interval
+        self._max_length = terms.queue_length
+        self.num_dropped += self._waiting.shorten(terms.queue_length)
+
+    def admit(self, message: T, now: float) -> bool:
+        """Whether this message leaves now; else it waits or is dropped."""
+        if self._interval == 0.0 and not self._waiting:
+            return True
+        if now >= self._free_at and not self._waiting:
+            self._free_at = now + self._interval
+            return True
+        self.num_dropped += self._waiting.put(message, self._max_length) if self._max_length else 1
+        return False
+
+    def due(self) -> float | None:
+        """When `release` has something to give [s]; None if nothing waits."""
+        return self._free_at if self._waiting else None
+
+    def release(self, now: float) -> T | None:
+        """The next message that waited, if its time has come. After it, ask again."""
+        if not self._waiting or now < self._free_at:
+            return None
+        # counted from when it was due, so that a late timer does not slow the feed; after a stall, from now
+        self._free_at = max(self._free_at + self._interval, now)
+        return self._waiting.pop()
+
+    def forget(self) -> None:
+        """Drop what waits: nobody will ask for it."""
+        self._waiting.shorten(0)
+
+    def waiting(self) -> list[T]:
+        """The messages that wait, oldest first."""
+        return self._waiting.messages()

@@ -1,0 +1,289 @@
+"""Bags, written: a ROS 1 `.bag`, or MCAP as ROS 2 has it, alone or in the folder that rosbag2 makes.
+
+The bytes are rosbags' work; this file knows what that library leaves open. It holds a chunk back until it has a
+megabyte, which is minutes of a small topic: `flush` ends the chunk, so that what was written before a crash can be
+recovered whole (`repair.py`). It keeps an index entry of each message until the end, which fills the memory on a long
+drive: here only their number stays. And its errors of the disk are raised as `DocumentError`, one line each. `flush`
+and `close` notice a bag that was deleted or moved: the system itself would go on writing into nothing.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import BinaryIO, Protocol
+
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import WriterError as Writer1Error
+from rosbags.rosbag2 import WriterError as Writer2Error
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.schema.names import Generation
+from rosbridge_sim.shell.bags.rosbags_internals import (
+    connections_of,
+    end_chunk1,
+    end_chunk2,
+    file_of1,
+    file_of2,
+    new_writer1,
+    new_writer2,
+    num_chunks1,
+    open_file2,
+    redirect_metadata2,
+    shorten_index1,
+    zero_times2,
+)
+
+__all__ = ["Bag", "BagGoneError", "Channel", "generation_of", "open_bag"]
+
+Channel = Connection
+"""One topic in a bag."""
+
+_DIGEST_SIZE = 32
+"""Characters of an MD5 sum."""
+
+
+class BagGoneError(DocumentError):
+    """The file of a bag is not there any more; the bag is closed."""
+
+
+class Bag(Protocol):
+    """A bag that is being written. Each method raises DocumentError where the disk does not take it."""
+
+    @property
+    def ros(self) -> Generation:
+        """Whose bytes go in: ROS 1 bytes, or CDR."""
+
+    def add(self, topic: str, type_name: str, text: str, *, digest: str = "", latching: bool = False) -> Channel:
+        """A new topic.
+
+        Args:
+            topic: its absolute name; one name may come more than once with different types.
+            type_name: `pkg/Type`.
+            text: the definition with those of all types in it, as `Store.full_text` has it.
+            digest: what the generation knows the definition by, if it is known; else it is computed.
+            latching: whether who comes late gets the last message too.
+        """
+
+    def write(self, channel: Channel, stamp_ns: int, raw: bytes) -> None:
+        """Add a message."""
+
+    def flush(self) -> None:
+        """Hand what was written to the system, so that a crash of ours does not lose it.
+
+        Raises:
+            BagGoneError: the file was deleted, moved or replaced. One that was moved has got its index.
+        """
+
+    def close(self) -> None:
+        """Write the index; twice is no error.
+
+        Raises:
+            BagGoneError: as for `flush`.
+        """
+
+    def abort(self) -> None:
+        """Leave the file as it is, without an index."""
+
+
+def generation_of(path: Path) -> Generation:
+    """Whose bag a file of that name is.
+
+    Raises:
+        DocumentError: it is neither's that we could write.
+    """
+    if path.suffix == ".db3":
+        raise DocumentError(
+            f"{path}: expected NAME.bag (ROS 1), NAME.mcap (ROS 2) or a folder's name; .db3 is not written"
+        )
+    return 1 if path.suffix == ".bag" else 2
+
+
+def open_bag(path: Path) -> Bag:
+    """A new bag: `.bag` is ROS 1, `.mcap` one file of ROS 2, any other name a folder of ROS 2.
+
+    Raises:
+        DocumentError: there is such a file already, or it cannot be made; or the library is one that does not fit.
+    """
+    if generation_of(path) == 1:
+        return _Bag1(path)
+    return _Bag2(path)
+
+
+def _no_digest(type_name: str, text: str, ros: Generation) -> str:
+    """The MD5 sum of ROS 1, or the hash of ROS 2."""
+    full_name = type_name.replace("/", "/msg/")
+    types = get_typestore(Stores.EMPTY)
+    types.register(get_types_from_msg(text, full_name))
+    return types.generate_msgdef(full_name, ros_version=1)[1] if ros == 1 else types.hash_rihs01(full_name)
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Errors of the disk as lines for a person."""
+    try:
+        yield
+    except (Writer1Error, Writer2Error, FileExistsError):
+        raise DocumentError(f"{path}: exists already; no recording is written over") from None
+    except OSError as error:
+        text = "the disk is full" if error.errno in {errno.ENOSPC, errno.EDQUOT} else os.strerror(error.errno or 0)
+        raise DocumentError(f"{path}: cannot be written: {text[0].lower()}{text[1:]}") from None
+
+
+def _why_gone(path: Path, file: BinaryIO) -> str | None:
+    """Why the file that is written is not the one at `path`; None where it is."""
+    try:
+        there = path.stat()
+    except FileNotFoundError:
+        there = None
+    except OSError:  # a folder that may not be searched any more tells nothing about the file
+        return None
+    held = os.fstat(file.fileno())  # after the look at the path: a file that goes in between has no name left here
+    if there is not None and os.path.samestat(held, there):
+        return None
+    if held.st_nlink == 0:
+        return "was deleted while it was recorded: what was recorded is lost"
+    return "was moved or replaced while it was recorded: what was recorded until then is in the moved file"
+
+
+class _Bag1:
+    """A ROS 1 bag, format 2.0, not compressed."""
+
+    ros: Generation = 1
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        with _readable(path):
+            self._writer = new_writer1(path)
+            self._writer.open()
+            self.flush()
+
+    def add(self, topic: str, type_name: str, text: str, *, digest: str = "", latching: bool = False) -> Channel:
+        """See `Bag`."""
+        if len(digest) != _DIGEST_SIZE:
+            digest = _no_digest(type_name, text, 1)
+        latched = 1 if latching else None
+        for known in connections_of(self._writer):
+            if (known.topic, known.digest, known.ext.latching) == (topic, digest, latched):  # type: ignore[union-attr]
+                return known
+        full_name = type_name.replace("/", "/msg/")
+        return self._writer.add_connection(topic, full_name, msgdef=text, md5sum=digest, latching=latched)
+
+    def write(self, channel: Channel, stamp_ns: int, raw: bytes) -> None:
+        """See `Bag`."""
+        num_chunks = num_chunks1(self._writer)
+        with _readable(self._path):
+            self._writer.write(channel, stamp_ns, raw)
+        if num_chunks1(self._writer) > num_chunks:
+            shorten_index1(self._writer)
+
+    def flush(self) -> None:
+        """See `Bag`."""
+        self._check_there()
+        with _readable(self._path):
+            end_chunk1(self._writer)
+            shorten_index1(self._writer)
+            file = file_of1(self._writer)
+            if file is not None:
+                file.flush()
+
+    def close(self) -> None:
+        """See `Bag`."""
+        self._check_there()
+        self._finish()
+
+    def _check_there(self) -> None:
+        file = file_of1(self._writer)
+        why = None if file is None else _why_gone(self._path, file)
+        if why is not None:
+            with suppress(DocumentError):
+                self._finish()
+            self.abort()
+            raise BagGoneError(f"{self._path}: {why}")
+
+    def _finish(self) -> None:
+        if file_of1(self._writer) is not None:
+            with _readable(self._path):
+                self._writer.close()
+
+    def abort(self) -> None:
+        """See `Bag`."""
+        with suppress(OSError):
+            self._writer.abort()
+
+
+class _Bag2:
+    """An MCAP file, not compressed, with or without rosbag2's folder around it."""
+
+    ros: Generation = 2
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        with _readable(path):
+            self._writer = new_writer2(path)
+            if path.suffix == ".mcap":
+                open_file2(self._writer, path)
+            else:
+                self._writer.open()
+            self.flush()
+
+    def add(self, topic: str, type_name: str, text: str, *, digest: str = "", latching: bool = False) -> Channel:
+        """See `Bag`."""
+        del latching  # a matter of QoS there, which nobody here offers
+        digest = digest or _no_digest(type_name, text, 2)
+        full_name = type_name.replace("/", "/msg/")
+        for known in connections_of(self._writer):
+            if (known.topic, known.msgtype) == (topic, full_name):
+                return known
+        return self._writer.add_connection(topic, full_name, msgdef=text, rihs01=digest)
+
+    def write(self, channel: Channel, stamp_ns: int, raw: bytes) -> None:
+        """See `Bag`."""
+        with _readable(self._path):
+            self._writer.write(channel, stamp_ns, raw)
+
+    def flush(self) -> None:
+        """See `Bag`."""
+        self._check_there()
+        open_file = file_of2(self._writer)
+        if open_file is None:
+            return
+        with _readable(self._path):
+            end_chunk2(self._writer)
+            open_file[1].flush()
+
+    def close(self) -> None:
+        """See `Bag`."""
+        self._check_there()
+        self._finish()
+
+    def _check_there(self) -> None:
+        open_file = file_of2(self._writer)
+        why = None if open_file is None else _why_gone(*open_file)
+        if why is not None:
+            with suppress(DocumentError):
+                self._finish()
+            self.abort()
+            raise BagGoneError(f"{self._path}: {why}")
+
+    def _finish(self) -> None:
+        if file_of2(self._writer) is None:
+            return
+        zero_times2(self._writer)
+        with _readable(self._path):
+            if self._path.suffix == ".mcap":
+                with TemporaryDirectory() as folder:  # what stands in the folder's own file is in the MCAP too
+                    redirect_metadata2(self._writer, Path(folder) / "metadata.yaml")
+                    self._writer.close()
+            else:
+                self._writer.close()
+
+    def abort(self) -> None:
+        """See `Bag`."""
+        with suppress(OSError):
+            self._writer.abort()

@@ -1,0 +1,350 @@
+"""Bags without an end, made readable: what a killed recorder had written, up to its last whole chunk.
+
+Both formats are a row of records, each of which says how long it is, and messages lie together in chunks. The index
+stands at the end, so that a file that was cut off cannot be opened; its chunks are whole all the same. They are read
+here one after the other, without believing any index, and written into a new bag. A chunk that is damaged within is
+passed over. The old file stays as it is.
+
+    ROS 1   a line of text, then records of a header (fields `name=value`, each with its length) and data
+    MCAP    eight bytes, then records of a number that says what it is, a length, and the rest
+"""
+
+from __future__ import annotations
+
+import bz2
+import os
+import struct
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO, Final
+
+from lz4.frame import decompress as unpack_lz4  # type: ignore[import-untyped] # it has no type hints
+from rosbags.rosbag2 import ReaderError
+from rosbags.typesys import TypesysError
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.shell.bags.bag import Bag, Channel, open_bag
+from rosbridge_sim.shell.bags.rosbags_internals import unpack_mcap
+
+__all__ = ["Recovered", "repair", "repaired_name"]
+
+_MAGIC1: Final = b"#ROSBAG V2.0\n"
+_MAGIC2: Final = b"\x89MCAP0\r\n"
+
+_MAX_RECORD: Final = 2**31
+"""A longer record is no record but rubbish [bytes]; both libraries end a chunk at a few megabytes."""
+
+
+@dataclass(slots=True)
+class Recovered:
+    """What there was in a bag.
+
+    Attributes:
+        num_messages: in all whole chunks.
+        start_ns, end_ns: the least and the greatest of their stamps.
+        num_damaged: chunks that were passed over.
+        num_lost_bytes: behind the last whole record.
+        lost_topics: those whose definition is damaged, or is not in ROS 2's message grammar; a dict for its order.
+        is_complete: the bag had its end; there was nothing to repair.
+    """
+
+    num_messages: int = 0
+    start_ns: int = 2**63
+    end_ns: int = 0
+    num_damaged: int = 0
+    num_lost_bytes: int = 0
+    lost_topics: dict[str, None] = field(default_factory=dict)
+    is_complete: bool = False
+
+
+def repaired_name(path: Path) -> Path:
+    """Where the repaired bag goes if nobody says: `drive.repaired.bag` beside `drive.bag`."""
+    return path.with_name(f"{path.stem}.repaired{path.suffix}")
+
+
+def repair(path: Path, target: Path) -> Recovered:
+    """Copy what is whole of a bag into a new one of the same format.
+
+    Args:
+        path: `.bag`, `.mcap`, or a folder of rosbag2.
+        target: what must not be there yet.
+
+    Raises:
+        DocumentError: it is no bag, or there is nothing whole in it; then no new file is left behind.
+    """
+    files = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
+    if not files:
+        raise DocumentError(f"{path}: expected a bag; there is no .mcap in this folder")
+    found = Recovered()
+    bag: Bag | None = None
+    for file in files:
+        try:
+            with file.open("rb") as stream:
+                copy = _format_of(stream, file)
+                if bag is None:
+                    bag = open_bag(target)
+                    _check_format(bag, copy, target)
+                copy(stream, bag, found)
+        except OSError as error:
+            raise DocumentError(f"{file}: cannot be read: {os.strerror(error.errno or 0).lower()}") from None
+        except DocumentError:
+            if bag is not None:
+                bag.abort()
+                _remove(target)
+            raise
+    assert bag is not None
+    bag.close()
+    if not found.num_messages:
+        _remove(target)
+        raise DocumentError(f"{path}: there is no whole chunk with messages in it")
+    return found
+
+
+_Copy = Callable[[BinaryIO, Bag, Recovered], None]
+
+
+def _format_of(stream: BinaryIO, path: Path) -> _Copy:
+    """How a file is to be read, by its first bytes; the stream then stands behind them."""
+    start = stream.read(len(_MAGIC1))
+    if start == _MAGIC1:
+        return _copy1
+    if start.startswith(_MAGIC2):
+        stream.seek(len(_MAGIC2))
+        return _copy2
+    raise DocumentError(f"{path}: expected a ROS 1 bag (version 2.0) or MCAP; it begins as neither does")
+
+
+def _check_format(bag: Bag, copy: _Copy, target: Path) -> None:
+    if (bag.ros == 1) != (copy is _copy1):
+        raise DocumentError(f"{target}: expected a name of the same format as the broken bag's")
+
+
+def _remove(target: Path) -> None:
+    """Take back a bag that we have just made."""
+    with suppress(OSError):
+        if target.is_dir():
+            for file in target.iterdir():
+                file.unlink()
+            target.rmdir()
+        else:
+            target.unlink()
+
+
+class _CutOffError(Exception):
+    """Fewer bytes than there should be."""
+
+
+def _take(stream: BinaryIO, size: int) -> bytes:
+    if size > _MAX_RECORD:
+        raise _CutOffError
+    data = stream.read(size)
+    if len(data) < size:
+        raise _CutOffError
+    return data
+
+
+def _rest(stream: BinaryIO, at: int) -> int:
+    """Bytes from `at` to the end."""
+    return stream.seek(0, os.SEEK_END) - at
+
+
+class _Copier:
+    """Counts what it hands on to the new bag."""
+
+    def __init__(self, bag: Bag, found: Recovered) -> None:
+        self.bag = bag
+        self.found = found
+        self.channels: dict[int, Channel] = {}
+
+    def message(self, number: int, stamp_ns: int, raw: bytes) -> None:
+        channel = self.channels.get(number)
+        if channel is None:  # its topic stood in a chunk that is lost
+            return
+        self.bag.write(channel, stamp_ns, raw)
+        self.found.num_messages += 1
+        self.found.start_ns = min(self.found.start_ns, stamp_ns)
+        self.found.end_ns = max(self.found.end_ns, stamp_ns)
+
+
+# ROS 1
+
+_BAG_HEADER, _MESSAGE, _CHUNK, _CONNECTION = 3, 2, 5, 7
+"""`op` of the records that matter."""
+
+_Fields = dict[bytes, bytes]
+
+
+def _copy1(stream: BinaryIO, bag: Bag, found: Recovered) -> None:
+    copier = _Copier(bag, found)
+    at = stream.tell()
+    try:
+        while True:
+            at = stream.tell()
+            fields, data = _record1(stream)
+            op = fields.get(b"op", b"\0")[0]
+            if op == _BAG_HEADER:
+                found.is_complete = _number(fields[b"index_pos"]) > 0
+            elif op == _CHUNK:
+                _chunk1(fields, data, copier)
+            elif op in {_MESSAGE, _CONNECTION}:
+                _one1(fields, data, copier)
+    except (_CutOffError, KeyError, IndexError, ValueError, struct.error):
+        found.num_lost_bytes += _rest(stream, at)
+
+
+def _record1(stream: BinaryIO) -> tuple[_Fields, bytes]:
+    (header_size,) = struct.unpack("<I", _take(stream, 4))
+    header = _take(stream, header_size)
+    (data_size,) = struct.unpack("<I", _take(stream, 4))
+    return _fields(header), _take(stream, data_size)
+
+
+def _fields(header: bytes) -> _Fields:
+    fields: _Fields = {}
+    at = 0
+    while at < len(header):
+        (size,) = struct.unpack_from("<I", header, at)
+        name, sign, value = header[at + 4 : at + 4 + size].partition(b"=")
+        if not sign:
+            raise _CutOffError
+        fields[name] = value
+        at += 4 + size
+    return fields
+
+
+def _number(value: bytes) -> int:
+    return int.from_bytes(value, "little")
+
+
+def _chunk1(fields: _Fields, data: bytes, copier: _Copier) -> None:
+    """Hand on a chunk's records: all of them or none."""
+    try:
+        records = list(_records1(_unpack1(fields[b"compression"], data)))
+    except (_CutOffError, OSError, ValueError, EOFError, RuntimeError, KeyError, struct.error):
+        copier.found.num_damaged += 1
+        return
+    for inner, content in records:
+        _one1(inner, content, copier)
+
+
+def _unpack1(compression: bytes, data: bytes) -> bytes:
+    if compression == b"none":
+        return data
+    if compression == b"bz2":
+        return bz2.decompress(data)
+    if compression == b"lz4":
+        unpacked: bytes = unpack_lz4(data)
+        return unpacked
+    raise ValueError(compression)
+
+
+def _records1(data: bytes) -> Iterator[tuple[_Fields, bytes]]:
+    at = 0
+    while at < len(data):
+        (header_size,) = struct.unpack_from("<I", data, at)
+        header = data[at + 4 : at + 4 + header_size]
+        at += 4 + header_size
+        (size,) = struct.unpack_from("<I", data, at)
+        if at + 4 + size > len(data):
+            raise _CutOffError
+        yield _fields(header), data[at + 4 : at + 4 + size]
+        at += 4 + size
+
+
+def _one1(fields: _Fields, data: bytes, copier: _Copier) -> None:
+    op = fields.get(b"op", b"\0")[0]
+    if op == _CONNECTION:
+        inner = _fields(data)
+        copier.channels[_number(fields[b"conn"])] = copier.bag.add(
+            fields[b"topic"].decode(),
+            inner[b"type"].decode(),
+            inner[b"message_definition"].decode(),
+            digest=inner[b"md5sum"].decode(),
+            latching=inner.get(b"latching") == b"1",
+        )
+    elif op == _MESSAGE:
+        secs, nsecs = struct.unpack("<II", fields[b"time"])
+        copier.message(_number(fields[b"conn"]), secs * 10**9 + nsecs, data)
+
+
+# MCAP
+
+_FOOTER2, _SCHEMA2, _CHANNEL2, _MESSAGE2, _CHUNK2 = 2, 3, 4, 5, 6
+"""The numbers of the records that matter."""
+
+_Schemas = dict[int, tuple[str, str | None]]
+"""Number -> type and definition; None where it is written in a grammar that is not read."""
+
+
+def _copy2(stream: BinaryIO, bag: Bag, found: Recovered) -> None:
+    copier = _Copier(bag, found)
+    schemas: _Schemas = {}
+    at = stream.tell()
+    try:
+        while True:
+            at = stream.tell()
+            op, size = struct.unpack("<BQ", _take(stream, 9))
+            data = _take(stream, size)
+            if op == _FOOTER2:
+                found.is_complete = True
+                return
+            if op == _CHUNK2:
+                _chunk2(data, schemas, copier)
+            else:
+                _one2(op, data, schemas, copier)
+    except (_CutOffError, ValueError, struct.error):
+        found.num_lost_bytes += _rest(stream, at)
+
+
+def _chunk2(data: bytes, schemas: _Schemas, copier: _Copier) -> None:
+    """Hand on a chunk's records: all of them or none."""
+    try:
+        size, crc = struct.unpack_from("<QI", data, 16)
+        compression, at = _text(data, 28)
+        records = list(_records2(unpack_mcap(data[at + 8 :], compression, size, crc)))
+    except (_CutOffError, ReaderError, OSError, ValueError, RuntimeError, struct.error):
+        copier.found.num_damaged += 1
+        return
+    for op, content in records:
+        _one2(op, content, schemas, copier)
+
+
+def _records2(data: bytes) -> Iterator[tuple[int, bytes]]:
+    at = 0
+    while at < len(data):
+        op, size = struct.unpack_from("<BQ", data, at)
+        if at + 9 + size > len(data):
+            raise _CutOffError
+        yield op, data[at + 9 : at + 9 + size]
+        at += 9 + size
+
+
+def _one2(op: int, data: bytes, schemas: _Schemas, copier: _Copier) -> None:
+    if op == _SCHEMA2:
+        (number,) = struct.unpack_from("<H", data)
+        name, at = _text(data, 2)
+        encoding, at = _text(data, at)
+        schemas[number] = name.replace("/msg/", "/"), _text(data, at)[0] if encoding == "ros2msg" else None
+    elif op == _CHANNEL2:
+        number, schema = struct.unpack_from("<HH", data)
+        topic, _ = _text(data, 4)
+        if number not in copier.channels and schema in schemas:
+            name, text = schemas[schema]
+            try:
+                if text is not None:
+                    copier.channels[number] = copier.bag.add(topic, name, text)
+            except (TypesysError, KeyError, ValueError):
+                text = None
+            if text is None:
+                copier.found.lost_topics[topic] = None
+    elif op == _MESSAGE2:
+        number, _, stamp_ns = struct.unpack_from("<HIQ", data)
+        copier.message(number, stamp_ns, data[22:])
+
+
+def _text(data: bytes, at: int) -> tuple[str, int]:
+    """Text with its length before it, and where it ends."""
+    (size,) = struct.unpack_from("<I", data, at)
+    return data[at + 4 : at + 4 + size].decode(), at + 4 + size

@@ -1,0 +1,104 @@
+"""A TOML file, and the line in it where a key stands: tomllib tells that of its own errors alone."""
+
+from __future__ import annotations
+
+import re
+import sys
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from rosbridge_sim.shell.config.value_types import SettingError, show_size
+
+__all__ = ["Lines", "lines_of", "place_of", "read_toml"]
+
+MAX_CONFIG_SIZE = 2**20
+"""A longer file holds no settings [bytes]."""
+
+
+def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
+    """Text and values of a TOML file.
+
+    Raises:
+        SettingError: it cannot be read, or is none.
+    """
+    text = _read_text(path)
+    try:
+        return text, tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        message, where = _split_place(str(error))
+        raise SettingError(f"{path}{where}: not valid TOML: {message}") from None
+    except RecursionError:
+        raise SettingError(f"{path}: nested too deeply") from None
+    except ValueError:  # Python's own limit: tomllib passes on what int() says
+        raise SettingError(f"{path}: expected numbers of at most {sys.get_int_max_str_digits()} digits") from None
+
+
+def _read_text(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            content = file.read(MAX_CONFIG_SIZE + 1)
+    except OSError as error:
+        raise SettingError(f"{path}: cannot be read: {error.strerror}") from None
+    if len(content) > MAX_CONFIG_SIZE:
+        raise SettingError(f"{path}: expected a settings file; it is longer than {show_size(MAX_CONFIG_SIZE)}")
+    try:
+        return content.decode("utf-8-sig").replace("\r\n", "\n")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise SettingError(f"{path}:{line}: expected UTF-8 text") from None
+
+
+_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
+
+
+def _split_place(message: str) -> tuple[str, str]:
+    """What tomllib says, and where, as `:line:column`; it puts both into one text."""
+    match = _PLACE.search(message)
+    if match is None:
+        return message, ""
+    line, column = match.groups()
+    text = message[: match.start()]
+    return (text, f":{line}:{column}") if line else (f"{text} at its end", "")
+
+
+Lines = Mapping[tuple[str, ...], int]
+"""Path of keys -> the line where it first stands in a TOML text."""
+
+
+def place_of(lines: Lines, keys: tuple[str, ...]) -> str:
+    """`:line` of a key or table, else of the innermost table around it; nothing where that is hard to find."""
+    line = next((lines[keys[:n]] for n in range(len(keys), 0, -1) if keys[:n] in lines), None)
+    return "" if line is None else f":{line}"
+
+
+def lines_of(text: str) -> Lines:
+    """The lines of all keys of a TOML text, as far as single lines tell."""
+    lines: dict[tuple[str, ...], int] = {}
+    table: tuple[str, ...] = ()
+    for number, line in enumerate(text.split("\n"), 1):
+        try:
+            found = list(_paths_of(tomllib.loads(line)))
+        # A part of something longer may hold anything; its beginning may still name a key.
+        except (ValueError, RecursionError):
+            match = re.match(r"\s*[\"']?([\w-]+)[\"']?\s*=", line)
+            found = [(match[1],)] if match else []
+        if line.lstrip().startswith("[") and found:
+            table = found[-1]
+            found = [path[:n] for path in found for n in range(1, len(path) + 1)]
+        else:
+            found = [table + path for path in found]
+        for path in found:
+            lines.setdefault(path, number)
+    return lines
+
+
+def _paths_of(document: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
+    """The paths of all keys of a document of one line, outer ones first."""
+    for key, value in document.items():
+        yield (key,)
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            value = value[0]  # noqa: PLW2901 - the table of a [[header]]
+        if isinstance(value, dict):
+            yield from ((key, *path) for path in _paths_of(value))

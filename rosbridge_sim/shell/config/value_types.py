@@ -1,0 +1,293 @@
+"""The kinds of values that settings take, and how each is checked, wherever it comes from.
+
+The checks are a few functions of our own. pydantic-settings was measured and turned down: it adds a tenth of a
+second to a start that may take one, reads `--no-world` backwards, wants lists in JSON and answers a slip in the
+file with a traceback.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import cast
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.shell.websocket.urls import DEFAULT_PORT, check_url
+
+__all__ = [
+    "FILE",
+    "FOLDERS",
+    "FOLDER_TYPE",
+    "HOSTS",
+    "ORIGINS",
+    "PATTERNS",
+    "RATES",
+    "SECRET",
+    "SWITCH",
+    "URLS",
+    "SettingError",
+    "ValueType",
+    "choice_of",
+    "item_choices",
+    "or_none",
+    "period",
+    "seconds",
+    "show_size",
+    "size",
+    "text_of",
+    "whole_number",
+]
+
+
+class SettingError(DocumentError):
+    """A flag, a variable, a key or an option that cannot be used."""
+
+
+@dataclass(frozen=True, slots=True)
+class ValueType:
+    """What values a setting takes.
+
+    Attributes:
+        expects: what a person should write, to stand after "expected".
+        read: text, or a value of a TOML file or of Python -> the value; raises ValueError or TypeError.
+        sign: how the value is called in `--help`.
+        separator: of the parts of a value in the environment; the flag may then be repeated. Empty where there is one.
+        is_table: it is a table of the file, and too much for a flag or a variable.
+    """
+
+    expects: str
+    read: Callable[[object], object]
+    sign: str
+    separator: str = ""
+    is_table: bool = False
+
+
+def text_of(expects: str, sign: str) -> ValueType:
+    """Any text but an empty one."""
+
+    def read(value: object) -> str:
+        if isinstance(value, Path):
+            value = str(value)
+        if not isinstance(value, str) or not value or "\0" in value:
+            raise ValueError
+        return value
+
+    return ValueType(expects, read, sign)
+
+
+def choice_of(*words: str) -> ValueType:
+    """One of some words."""
+
+    def read(value: object) -> str:
+        if value not in words:
+            raise ValueError
+        return str(value)
+
+    return ValueType(" or ".join(words), read, "|".join(words))
+
+
+_SWITCH_WORDS = {
+    "true": True,
+    "yes": True,
+    "on": True,
+    "1": True,
+    "false": False,
+    "no": False,
+    "off": False,
+    "0": False,
+}
+
+
+def _read_switch(value: object) -> bool:
+    if isinstance(value, bool):
+        return value
+    return _SWITCH_WORDS[cast("str", value).strip().lower()]  # anything but text raises, as it should
+
+
+SWITCH = ValueType("true or false", _read_switch, "")
+
+
+def _number_of(value: object, as_type: type[int | float]) -> float:
+    """A number from text or from a number; a bool, a fraction where a whole number belongs, and NaN are none."""
+    if isinstance(value, bool) or not isinstance(value, (str, int, float)):
+        raise TypeError
+    number = as_type(value)
+    if number != number or (not isinstance(value, str) and number != value):  # noqa: PLR0124 - only NaN differs from itself
+        raise ValueError
+    return number
+
+
+def whole_number(low: int, high: int, sign: str = "N") -> ValueType:
+    """A whole number within bounds."""
+
+    def read(value: object) -> int:
+        number = int(_number_of(value, int))
+        if not low <= number <= high:
+            raise ValueError
+        return number
+
+    return ValueType(f"a whole number from {low:,} to {high:,}", read, sign)
+
+
+def seconds(high: float) -> ValueType:
+    """A duration; 0 and the word none mean that there is none."""
+
+    def read(value: object) -> float | None:
+        if value is None or _is_word(value, "none", "off"):
+            return None
+        number = float(_number_of(value, float))
+        if not 0 <= number <= high:
+            raise ValueError
+        return number or None
+
+    return ValueType(f"seconds up to {high:,g}, or none", read, "SECONDS")
+
+
+def period(low: float, high: float) -> ValueType:
+    """A duration that there must be."""
+
+    def read(value: object) -> float:
+        number = float(_number_of(value, float))
+        if not low <= number <= high:
+            raise ValueError
+        return number
+
+    return ValueType(f"seconds from {low:g} to {high:,g}", read, "SECONDS")
+
+
+def or_none(kind: ValueType, word: str) -> ValueType:
+    """The same, or a word that means None."""
+
+    def read(value: object) -> object:
+        return None if value is None or _is_word(value, word) else kind.read(value)
+
+    return ValueType(f"{kind.expects}, or {word}", read, f"{kind.sign}|{word}")
+
+
+def _is_word(value: object, *words: str) -> bool:
+    return isinstance(value, str) and value.strip().lower() in words
+
+
+FILE = or_none(text_of("a file", "FILE"), "none")
+
+FOLDER_TYPE = text_of("a folder", "DIR")
+
+_SIZE = re.compile(r"(\d+(?:\.\d+)?)\s*(?:([kmg])(i)?)?b?", re.IGNORECASE)
+
+
+def size(low: int, high: int) -> ValueType:
+    """A size within bounds [bytes]."""
+
+    def read(value: object) -> int:
+        size = _size_of(value) if isinstance(value, str) else int(_number_of(value, int))
+        if not low <= size <= high:
+            raise ValueError
+        return size
+
+    return ValueType(f"a size from {show_size(low)} to {show_size(high)}, such as 16MiB", read, "SIZE")
+
+
+def _size_of(text: str) -> int:
+    match = _SIZE.fullmatch(text.strip())
+    if match is None:
+        raise ValueError
+    number, prefix, is_binary = match.groups()
+    power = "kmg".index(prefix.lower()) + 1 if prefix else 0
+    return int(float(number) * (1024 if is_binary else 1000) ** power)
+
+
+def show_size(size: int) -> str:
+    """The size as a person writes it, and as the check reads it back."""
+    for prefix, factor in (("GiB", 2**30), ("MiB", 2**20), ("KiB", 2**10)):
+        if size and size % factor == 0:
+            return f"{size // factor}{prefix}"
+    return str(size)
+
+
+def _read_folders(value: object) -> tuple[str, ...]:
+    if isinstance(value, (str, Path)):
+        value = [value]
+    folders = tuple(os.fspath(folder) for folder in cast("Sequence[str]", value))
+    if not all(isinstance(folder, str) and folder and "\0" not in folder for folder in folders):
+        raise ValueError
+    return folders
+
+
+FOLDERS = ValueType("folders", _read_folders, "DIR", os.pathsep)
+
+
+def _read_patterns(value: object) -> tuple[str, ...]:
+    texts = [value] if isinstance(value, str) else cast("Sequence[str]", value)
+    patterns = tuple(text.strip() for text in texts)
+    if not all(pattern.isprintable() and pattern and " " not in pattern for pattern in patterns):
+        raise ValueError
+    return patterns
+
+
+PATTERNS = ValueType("patterns without blanks, such as /camera/*", _read_patterns, "PATTERN", ",")
+
+ORIGINS = ValueType("origins without blanks, such as https://*.example.org", _read_patterns, "ORIGIN", ",")
+
+
+def _read_hosts(value: object) -> tuple[str, ...]:
+    hosts = _read_patterns(value)
+    if any("/" in host or "@" in host for host in hosts):
+        raise ValueError
+    return hosts
+
+
+HOSTS = ValueType("host names without blanks, such as sim or *.lab.example", _read_hosts, "HOST", ",")
+
+
+def _read_urls(value: object) -> tuple[str, ...]:
+    texts = [value] if isinstance(value, str) else cast("Sequence[str]", value)
+    urls = tuple(check_url(text) for text in texts)
+    if len(set(urls)) < len(urls):
+        raise ValueError
+    return urls
+
+
+URLS = ValueType(f"URLs of rosbridges, each once, such as ws://192.168.0.5:{DEFAULT_PORT}", _read_urls, "URL", ",")
+
+
+def _read_token(value: object) -> str:
+    if not isinstance(value, str) or not re.fullmatch(r"[!-~]+", value):
+        raise ValueError
+    return value
+
+
+SECRET = or_none(ValueType("printable ASCII without blanks", _read_token, "TOKEN"), "none")
+
+
+def _read_rates(value: object) -> dict[str, float]:
+    if not isinstance(value, Mapping):
+        texts = [value] if isinstance(value, str) else cast("Sequence[str]", value)
+        value = dict(text.split("=") for text in texts)
+    rates = {}
+    for name, text in value.items():
+        rate = float(_number_of(text, float))
+        if not isinstance(name, str) or not name.strip() or not 0 < rate <= _MAX_RATE:
+            raise ValueError
+        rates["/" + name.strip().removeprefix("/")] = rate
+    return rates
+
+
+_MAX_RATE = 120
+"""What MORAI's own panel allows [Hz]."""
+
+RATES = ValueType(f"TOPIC=HZ with at most {_MAX_RATE} Hz, such as /Ego_topic=10", _read_rates, "TOPIC=HZ", ",")
+
+
+def item_choices(name: str) -> ValueType:
+    """What is chosen about the simulator's publishers, subscribers or services."""
+
+    def read(value: object) -> object:
+        # Only who has such a table waits for what it takes to read one.
+        from rosbridge_sim.morai.interfaces.network_settings import InterfaceKind, read_choices  # noqa: PLC0415
+
+        return read_choices(InterfaceKind(name), value)
+
+    return ValueType(f"a table of {name}", read, "", is_table=True)

@@ -1,0 +1,1 @@
+"""Files that are read for clients and written for them."""

@@ -1,0 +1,36 @@
+"""The disk as the place of scenarios' network settings: `Network/NAME.toml` in the folder of `--data-dir`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.morai.interfaces.network_settings import NetworkSettings
+from rosbridge_sim.shell.config.loading import read_network
+from rosbridge_sim.shell.files.library import safe_parts
+
+__all__ = ["DiskNetworks"]
+
+NETWORK_FOLDER = "Network"
+"""As MORAI calls it."""
+
+
+class DiskNetworks:
+    """Network settings by the name of the scenario that they belong to, read when they are asked for."""
+
+    def __init__(self, root: str | Path) -> None:
+        """Those in a folder that need not be there."""
+        self._folder = Path(root) / NETWORK_FOLDER
+
+    def network(self, scenario: str) -> NetworkSettings | None:
+        """Those of the scenario that a client calls NAME, NAME.json or MAP/NAME; None where there is no such file.
+
+        Raises:
+            DocumentError: the name is none or leads out of the folder, or the file cannot be used.
+        """
+        path = self._folder / (safe_parts(scenario)[-1].removesuffix(".json") + ".toml")
+        if not path.is_file():
+            return None
+        if not path.resolve().is_relative_to(self._folder.resolve()):
+            raise DocumentError(f"{path.name!r} leads out of {self._folder}")
+        return read_network(path)

@@ -1,0 +1,1 @@
+"""The WebSocket server, the connections of its clients, and the connection to a bridge."""

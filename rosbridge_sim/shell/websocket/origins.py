@@ -1,0 +1,289 @@
+"""Judge which web pages may connect, by the headers Origin and Host of a handshake.
+
+A browser names the page that opens a WebSocket in the header Origin, and no page can change that. Without a rule, any
+website that the user visits could drive the car and write files. The rules, in this order:
+
+1. Without an Origin a handshake passes, and its Host is not looked at. It comes from a program, and a program could
+   send any header. So a container may call the server by its name in Docker Compose.
+2. An origin that `--allow-origin` names passes, and its Host is not looked at: the user has named the page itself, and
+   DNS rebinding (see below) does not change an Origin.
+3. Other origins pass if they are on the list below and if the Host is a name that proves something:
+
+   - http(s) pages of localhost, 127.0.0.1 and [::1], on any port. Such a page comes from the browser's own machine,
+     and no website has such an origin. This holds off loopback, too: a server in a container listens on 0.0.0.0, and
+     the page and the published port are both on localhost.
+   - Schemes that no website can have: vscode-webview://, file://, app:// and the like.
+   - The server's own address, as the Host has it, since Python's `websocket-client` sends that. Off loopback also other
+     ports of the same host: a robot often has its dashboard on port 80 and rosbridge on 9090. On loopback it must be
+     the same port, because another address than localhost is then a tunnel's, and its pages are another machine's.
+
+4. `null` and all other http(s) pages are refused. Every website can have the origin `null`, by a sandboxed frame.
+
+The Host is judged because of DNS rebinding. A website lets its own name point to 127.0.0.1 for a moment, and calls the
+server by that name; Origin and Host are then equal. So a Host must be an IP address, localhost, a name under
+.localhost, one of the machine's own names, or one that `--allow-host` names. No name server is asked for the machine's
+names: it takes time, and its answers are what an attacker plays with.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from ipaddress import ip_address
+from shlex import quote
+
+__all__ = ["MAX_REFUSED_ORIGINS", "OriginRules", "RefusedOrigins", "own_names"]
+
+MAX_REFUSED_ORIGINS = 100
+"""Refused origins that each get a warning. A website with a name server of its own can have any number."""
+
+MAX_HEADER = 300
+"""Longest Origin or Host that is read [characters]; a host name has 253 at most."""
+
+MAX_ORIGIN_SHOWN = 100
+"""Characters of a bad header that a message repeats."""
+
+_WEB_PORTS = {"http": "80", "https": "443", "ftp": "21"}
+"""Schemes that a website can have, with their ports. Browsers before 2021 also showed pages from ftp://."""
+
+_WHY_NOT_NULL = (
+    "Pages opened from disk or in a sandboxed frame (Origin: null) may not connect here; serve the page from"
+    " http://localhost, or add --allow-origin null, which also lets in every website that uses such a frame"
+)
+
+_LOCAL_HOSTS = frozenset({"localhost", "127.0.0.1", "::1"})
+
+_NETLOC = re.compile(
+    r"(?:\[(?P<ipv6>[0-9a-f]*:[0-9a-f:.]*(?:%[\w.~-]+)?)\]|(?P<name>[a-z0-9_.-]+))(?::(?P<port>[0-9]{0,5}))?", re.ASCII
+)
+"""Host and port in lower case, as in both headers. A name may have underscores, as Docker Compose's have."""
+
+_ORIGIN = re.compile(r"(?P<scheme>[a-z][a-z0-9+.-]*)://(?P<netloc>[!-+\-.-~]*)", re.ASCII)
+"""An origin in lower case (RFC 6454 section 6.2). Two of them in one header, with a blank or a comma, are none."""
+
+
+@dataclass(frozen=True, slots=True)
+class OriginRules:
+    """Pages that may connect.
+
+    Attributes:
+        origins: patterns of origins that pass beside those of the module's list, such as `https://*.example.org`.
+        hosts: patterns of names by which pages may call the server, such as `sim` or `*.lab.example`.
+    """
+
+    origins: tuple[str, ...] = ()
+    hosts: tuple[str, ...] = ()
+
+    def judge(
+        self, origins: Sequence[str], hosts: Sequence[str], own_names: frozenset[str], *, is_loopback: bool
+    ) -> str | None:
+        """Return why a handshake is refused, with the flag to paste; None if it may go on.
+
+        Args:
+            origins: values of the header Origin.
+            hosts: values of the header Host.
+            own_names: names of this machine, as from `own_names`.
+            is_loopback: the server can be reached from this machine alone.
+        """
+        if not origins or self._is_named(origins):
+            return None
+        try:
+            page = _read_origin(origins)
+            place = _read_host(hosts)
+        except ValueError as error:
+            return str(error)
+        origin = origins[0].lower()
+        if not page.is_of_this_machine and not page.is_at(place, is_any_port=not is_loopback):
+            return f"Pages from {origin} may not connect here; --allow-origin {quote(origin)} would let them"
+        if not self._is_known(place, own_names):
+            return (
+                f"Pages from {origin} may not call this server {place.host}, which might be a website's name for it;"
+                f" --allow-host {quote(place.host)} would let them; a program can also leave the Origin out"
+            )
+        return None
+
+    def open_flags(self) -> list[str]:
+        """Return the flags that let in websites which the user has not chosen, such as `--allow-origin '*'`."""
+        return [
+            *(
+                f"--allow-origin {quote(one)}"
+                for one in self.origins
+                if any(_matches_all(one, of) for of in _ANY_ORIGINS)
+            ),
+            *(f"--allow-host {quote(one)}" for one in self.hosts if _matches_all(one, _ANY_HOSTS)),
+        ]
+
+    def _is_named(self, origins: Sequence[str]) -> bool:
+        """Whether the user has named this origin."""
+        origin = origins[0].lower()
+        if len(origins) > 1 or len(origin) > MAX_HEADER:
+            return False
+        return any(_matches(origin, one) for one in self.origins)
+
+    def _is_known(self, place: _Place, own_names: frozenset[str]) -> bool:
+        """Whether a host is one that no website can have chosen."""
+        host = place.host
+        if place.is_address or host == "localhost" or host.endswith(".localhost") or host in own_names:
+            return True
+        names = (host, f"{host}:{place.port}")
+        return any(_matches(name, one) for name in names for one in self.hosts)
+
+
+def own_names(hostname: str) -> frozenset[str]:
+    """Return the names by which this machine is called on its network.
+
+    Args:
+        hostname: as the system has it, with or without a domain.
+    """
+    name = hostname.lower().removesuffix(".")
+    first = name.partition(".")[0]
+    return frozenset({name, first, f"{first}.local"}) if first else frozenset()
+
+
+class RefusedOrigins:
+    """Origins that were refused, so that each is warned of once. It remembers MAX_REFUSED_ORIGINS of them."""
+
+    __slots__ = ("_known",)
+
+    def __init__(self) -> None:
+        """None so far."""
+        self._known: set[str] = set()
+
+    @property
+    def is_full(self) -> bool:
+        """Further origins are not remembered."""
+        return len(self._known) >= MAX_REFUSED_ORIGINS
+
+    def add(self, origin: str) -> bool:
+        """Remember an origin, if there is room; return whether it is a new one."""
+        known = _show(origin.lower())
+        if self.is_full or known in self._known:
+            return False
+        self._known.add(known)
+        return True
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Host and port of a header.
+
+    Attributes:
+        host: a name without its last dot, or an address without brackets, in the shortest form.
+        port: its digits; empty where there is none.
+        is_address: it is an IP address.
+    """
+
+    host: str
+    port: str
+    is_address: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Page:
+    """An origin.
+
+    Attributes:
+        scheme: such as `https`.
+        place: its host and port; None where no website can have the scheme.
+    """
+
+    scheme: str
+    place: _Place | None
+
+    @property
+    def is_of_this_machine(self) -> bool:
+        """The page comes from the browser's own machine."""
+        return self.place is None or self.place.host in _LOCAL_HOSTS
+
+    def is_at(self, place: _Place, *, is_any_port: bool) -> bool:
+        """Whether the page has the host of the server, and its port, as the client calls them."""
+        if self.place is None or self.place.host != place.host:
+            return False
+        default = _WEB_PORTS[self.scheme]
+        return is_any_port or (self.place.port or default) == (place.port or default)
+
+
+def _read_origin(origins: Sequence[str]) -> _Page:
+    """Read the header Origin.
+
+    Raises:
+        ValueError: it names no page; the text says what to do.
+    """
+    if len(origins) > 1:
+        raise ValueError(f"Expected one Origin header; got {len(origins)}")
+    origin = origins[0].lower()
+    if origin == "null":
+        raise ValueError(_WHY_NOT_NULL)
+    match = _ORIGIN.fullmatch(origin) if len(origin) <= MAX_HEADER else None
+    if match is not None:
+        if match["scheme"] not in _WEB_PORTS:
+            return _Page(match["scheme"], None)
+        place = _read_place(match["netloc"])
+        if place is not None:
+            return _Page(match["scheme"], place)
+    raise ValueError(f"Expected an Origin such as https://app.example.org, or none; got {_show(origins[0])}")
+
+
+def _read_host(hosts: Sequence[str]) -> _Place:
+    """Read the header Host.
+
+    Raises:
+        ValueError: it is absent, there twice, or malformed.
+    """
+    if len(hosts) != 1:
+        raise ValueError(f"Expected one Host header beside an Origin; got {len(hosts)}")
+    place = _read_place(hosts[0].lower())
+    if place is None:
+        raise ValueError(f"Expected a Host such as localhost:9090 beside an Origin; got {_show(hosts[0])}")
+    return place
+
+
+def _read_place(text: str) -> _Place | None:
+    """Read host and port in lower case; None where they are malformed."""
+    match = _NETLOC.fullmatch(text) if len(text) <= MAX_HEADER else None
+    if match is None:
+        return None
+    ipv6, name, port = match["ipv6"], (match["name"] or "").removesuffix("."), (match["port"] or "").lstrip("0")
+    try:
+        return _Place(str(ip_address(ipv6 or name)), port, is_address=True)
+    except ValueError:
+        return _Place(name, port, is_address=False) if name else None
+
+
+def _matches(text: str, pattern: str) -> bool:
+    """Whether a text in lower case matches a pattern as a user writes it."""
+    plain = _LABEL.sub(_to_ascii, pattern.lower()).removesuffix("/")
+    return text == plain or fnmatchcase(text, _IPV6.sub("[[]", plain))
+
+
+def _matches_all(pattern: str, texts: Sequence[str]) -> bool:
+    return all(_matches(text, pattern) for text in texts)
+
+
+_ANY_HOSTS = ("a.example", "b.test")
+"""Hosts that have nothing in common: a pattern of both is one of all."""
+
+_ANY_ORIGINS = (("null",), *(tuple(f"{scheme}://{host}" for host in _ANY_HOSTS) for scheme in ("http", "https")))
+"""Lists of origins; a pattern that matches all of one list lets in any website."""
+
+_LABEL = re.compile(r"[^\s./:*?\[\]]*[^\x00-\x7f][^\s./:*?\[\]]*")
+"""A part of a host name that is not ASCII."""
+
+_IPV6 = re.compile(r"\[(?=[0-9a-f.]*:[0-9a-f:.*?]*\])")
+"""The bracket before an IPv6 address, which is no list of characters."""
+
+
+def _to_ascii(match: re.Match[str]) -> str:
+    """Return the part of a name as it is on the wire (punycode)."""
+    try:
+        return match[0].encode("idna").decode()
+    except UnicodeError:
+        return match[0]  # it matches nothing then
+
+
+def _show(text: str) -> str:
+    """Return a header for a message: short, and in ASCII."""
+    shown = repr(text[:MAX_ORIGIN_SHOWN].encode("ascii", "replace").decode())
+    return shown if len(text) <= MAX_ORIGIN_SHOWN else f"{shown}..."

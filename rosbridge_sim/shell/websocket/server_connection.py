@@ -1,0 +1,459 @@
+"""A WebSocket connection whose messages go straight from the transport to a callback, and back.
+
+The `websockets` library reads each frame through a chain of generators, puts it into a queue and wakes a task; that
+is half of what a small message costs. Here the plain case, one whole data frame, is cut out of the received bytes in
+one loop. Everything else (the handshake, pings, fragments, compression, closing, whatever breaks the rules) is
+handed frame by frame to the library, which stays the judge of it and the keeper of the connection's state; what
+it makes of fragments and compressed frames comes to the same callback.
+
+A receiver says how long it may work, and after each message whether it takes the next one. Where it does not, or where
+its time is over, what is left stays here, the transport stops reading, and `go_on` goes on.
+
+A text message must be UTF-8 (RFC 6455 section 8.1); one that is not ends the connection with code 1007. Nearly every
+message is ASCII, which costs a glance. A long one beyond ASCII is checked in slices before the receiver has it.
+
+The library's parser must only ever see whole frames, so that it stands between two of them whenever we look: what
+comes in parts is kept here until it is whole. Too long a frame is handed over unfinished; it ends the connection.
+
+Road not taken: a class of our own beside `ServerConnection` would repeat its closing, its pings and its time-outs.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from struct import pack
+from time import perf_counter
+from typing import Protocol
+
+from websockets.asyncio.server import ServerConnection
+from websockets.frames import CloseCode
+from websockets.protocol import State
+
+from rosbridge_sim.loose_types import LibraryArgument
+from rosbridge_sim.protocol.outbox import BinaryFrame
+from rosbridge_sim.shell.websocket.inflate import Deflated, DeflatedText
+from rosbridge_sim.shell.websocket.text_check import TextCheck
+from rosbridge_sim.shell.websocket.websocket_internals import MessageConnection, apply_mask
+
+__all__ = ["DirectConnection", "Receiver", "head_of"]
+
+MAX_HELD = 64 * 2**10
+"""Received bytes that may wait for their turn before the transport is told to stop reading."""
+
+MAX_EARLY = 16 * 2**10
+"""The same before the other side is trusted; and the longest HTTP request, which is what Node.js takes."""
+
+LARGE = 16 * 2**10
+"""A frame from here on is not copied once more to stand behind its head [bytes]."""
+
+COMPRESSED_AT_ONCE = 32 * 2**10
+"""Bytes that are compressed in one go: 2 ms for text that does not repeat itself. A longer message goes out in
+fragments (RFC 6455 section 5.4), and others have their turn in between."""
+
+_BLANK_LINE = b"\r\n\r\n"
+
+_TOO_LONG = (
+    b"HTTP/1.1 431 Request Header Fields Too Large\r\nConnection: close\r\nContent-Type: text/plain; charset=utf-8\r\n"
+    b"Content-Length: 48\r\n\r\nA request may have at most 16,384 bytes of head\n"
+)
+_OPEN, _CLOSED = State.OPEN, State.CLOSED
+_CONTROL = 0x08
+"""Bit of a frame's first byte: a ping, a pong or a close (RFC 6455 section 5.2)."""
+
+_PING = 0x89
+_WHOLE = _TEXT, _BINARY = 0x81, 0x82
+"""First byte of a frame that is a whole message (RFC 6455 section 5.2: FIN and the opcode, no extension's bits)."""
+
+
+def _ignore() -> None:
+    """Nobody listens yet."""
+
+
+def head_of(message: bytes, mask_bit: int = 0) -> bytes:
+    """What stands before a whole message in its frame: `BinaryFrame` is binary, all else is text.
+
+    Args:
+        message: as it is before it is masked.
+        mask_bit: 0x80 where the mask's key follows, which is what clients send.
+    """
+    size = len(message)
+    first = _BINARY if type(message) is BinaryFrame else _TEXT
+    if size < 126:  # noqa: PLR2004 - RFC 6455 section 5.2, three forms of the length
+        return pack("!BB", first, mask_bit | size)
+    if size < 2**16:
+        return pack("!BBH", first, mask_bit | 126, size)
+    return pack("!BBQ", first, mask_bit | 127, size)
+
+
+class Receiver(Protocol):
+    """Takes the messages of a connection."""
+
+    def begin(self) -> float:
+        """Begin a turn; return when it ends, by `perf_counter` [s]. It may be over already."""
+
+    def receive(self, message: bytes) -> bool:
+        """Take a message; return whether the next one may come. Must not raise."""
+
+    def wait(self, *, had_turn: bool) -> None:
+        """Messages are left, or the end is: call the connection's `go_on` later."""
+
+
+class DirectConnection(MessageConnection, ServerConnection):
+    """A connection that hands each message to a receiver, once `listen` was called; `recv` gives nothing.
+
+    Attributes:
+        on_too_long: called before a frame is refused for its length, or for having no mask.
+        is_trusted: less is kept of what others send. To be set before `listen`, and never taken back.
+        num_early: bytes that came behind the HTTP request while it was not trusted.
+        is_held: what comes is kept for later.
+        unsent: what `send_more` has still to send, compressed.
+        is_text: the message that the receiver is handed now was sent as text; later it may say anything.
+    """
+
+    def __init__(self, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
+        super().__init__(*args, **kwargs)
+        self.is_text = True
+        self.on_too_long: Callable[[], None] = _ignore
+        self.is_trusted = False
+        self.num_early = 0
+        self._num_head = 0  # bytes of the HTTP request so far
+        self._receiver: Receiver | None = None
+        self._head = b""  # the last bytes of the HTTP request so far: they may hold the beginning of its end
+        self._kept = bytearray()  # what is no whole frame yet, or waits for its turn
+        self._need = 0  # length from which on `_kept` is worth looking at
+        self.is_held = True
+        self._takes_more = True
+        self._is_paused = False
+        self._has_ended = False  # the other side says nothing any more
+        self._is_dropping = False  # nothing of what comes means anything any more
+        self._check: TextCheck | None = None  # of the message that comes before all in `_kept`
+        self._ping = b""  # the newest one that came while there was no room for an answer
+        self.unsent: deque[bytes] = deque()  # what is to be compressed
+        self._num_compressed = 0  # bytes of the first of them that are sent
+
+    @property
+    def num_bytes_held(self) -> int:
+        """Bytes that have come and were not handled yet, and those that are to be compressed."""
+        checked = 0 if self._check is None else len(self._check.message)
+        return len(self._kept) + self.num_bytes_in_fragments + checked + sum(map(len, self.unsent))
+
+    def listen(self, receiver: Receiver) -> None:
+        """Hand all messages to a receiver from now on, those first that have come already."""
+        self._receiver = receiver
+        self.is_held = True
+        if self._kept or self._has_ended or self._is_paused:
+            receiver.wait(had_turn=False)
+        else:
+            self.is_held = False
+
+    def pause(self) -> None:
+        """Read nothing more from the transport until `go_on`. For a receiver that takes no next message now."""
+        if not self._is_paused and not self.transport.is_closing():
+            self._is_paused = True
+            self.transport.pause_reading()
+
+    def put_back(self, message: bytes) -> None:
+        """Have a message come again, before all that is kept. For a receiver that took no next message."""
+        frame = head_of(message, mask_bit=0x80) + bytes(4) + message  # a key of zeros changes nothing
+        self._kept[:0] = frame
+
+    def go_on(self, until: float) -> bool:
+        """Handle what was held back until that time of `perf_counter` [s].
+
+        Returns:
+            Whether something is held back still, be it the end.
+        """
+        assert self._receiver is not None, "before that, what comes is kept"
+        self.is_held = self._check is not None and not self._go_on_checking(until)
+        if self.is_held:
+            return True
+        kept, self._kept = self._kept, bytearray()
+        if kept:
+            self._read(kept, until)
+        if self.is_held:
+            return True
+        if self._is_paused:
+            self._is_paused = False
+            if not self.transport.is_closing():
+                self.transport.resume_reading()
+        if self._has_ended:
+            self._end()
+        return False
+
+    def forget(self) -> None:
+        """Pass over all messages from now on, those held back among them: the connection is closing."""
+        self._is_dropping = True
+        self.forget_fragments()
+        self._check = None
+        self.unsent.clear()
+
+    def send_messages(self, messages: Sequence[bytes]) -> int:
+        """Hand messages to the transport: `BinaryFrame` as binary, others as text. The connection must be open.
+
+        Where they are compressed it is as many as that takes little time for: see `unsent`.
+
+        Returns:
+            How many bytes the transport was given.
+        """
+        if self.is_extended:
+            self.unsent += messages
+            return self.send_more()
+        transport = self.transport
+        parts: list[bytes] = []
+        for message in messages:
+            parts += (head_of(message), message)
+        if len(parts) == 2 and len(parts[1]) >= LARGE:  # noqa: PLR2004 - one message
+            transport.writelines(parts)
+            return len(parts[0]) + len(parts[1])
+        data = b"".join(parts)
+        transport.write(data)
+        return len(data)
+
+    def send_more(self) -> int:
+        """Compress a slice of what is left, and hand it to the transport. The connection must be open.
+
+        Returns:
+            How many bytes the transport was given.
+        """
+        core = self.core
+        left = COMPRESSED_AT_ONCE
+        while self.unsent and left > 0:
+            message, start = self.unsent[0], self._num_compressed
+            part = memoryview(message)[start : start + COMPRESSED_AT_ONCE]
+            is_last = start + len(part) == len(message)
+            if start:
+                core.send_continuation(part, fin=is_last)
+            else:
+                (core.send_binary if type(message) is BinaryFrame else core.send_text)(part, fin=is_last)
+            if is_last:
+                self.unsent.popleft()
+            self._num_compressed = 0 if is_last else start + len(part)
+            left -= len(part)
+        return self.flush()
+
+    # What the transport calls
+
+    def resume_writing(self) -> None:
+        """Take note that there is room again."""
+        if self._ping:
+            self.loop.call_soon(self._answer_ping)
+        super().resume_writing()
+
+    def _hand_over(self, frame: bytes) -> None:
+        """Give the library a frame; of the pings that come while there is no room for an answer, the newest, later.
+
+        RFC 6455 section 5.5.3 allows that. The answers to a client that reads nothing would pile up without bound.
+        """
+        if frame[0] == _PING and self.is_full:
+            self._ping = frame
+        else:
+            self.feed(frame)
+
+    def _answer_ping(self) -> None:
+        ping, self._ping = self._ping, b""
+        if ping and self.core.state is not _CLOSED:
+            self.feed(ping)
+
+    def data_received(self, data: bytes) -> None:
+        """Handle what came, or keep it."""
+        if not self.is_trusted:
+            data = self._read_early(data)
+        if self._kept or self.is_held:
+            kept = self._kept
+            kept += data
+            if self.is_held:
+                if len(kept) > (MAX_HELD if self.is_trusted else MAX_EARLY):
+                    self.pause()
+                return
+            if len(kept) < self._need:
+                return
+            self._kept = bytearray()
+            self._begin_to_read(kept)
+        else:
+            self._begin_to_read(data)
+
+    def _begin_to_read(self, data: bytes | bytearray) -> None:
+        assert self._receiver is not None, "before that, what comes is kept"
+        if not self._read(data, self._receiver.begin()) and self.is_held:
+            self._receiver.wait(had_turn=False)
+        elif self.is_held:
+            self._receiver.wait(had_turn=True)
+
+    def eof_received(self) -> bool:  # type: ignore[override] # asyncio says so; the library never answers
+        """Handle all that came before the end, in turns; then let the library end it.
+
+        Returns:
+            Whether the transport stays open: something is held back, and the end comes behind it.
+        """
+        self._has_ended = True
+        if self.is_held and (self._kept or self._receiver is not None):
+            return True
+        self._end()
+        return False
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget what cannot be answered any more."""
+        self._kept.clear()
+        self._check = None
+        self.unsent.clear()
+        self._ping = b""
+        self._has_ended = False
+        self._is_dropping = True
+        super().connection_lost(exc)
+
+    # What the library calls
+
+    def take_message(self, message: bytes, *, is_text: bool, last: object) -> None:
+        """Take a message that the library has read: fragments, or what was compressed."""
+        assert self._receiver is not None, "before that, what comes is kept"
+        self.is_text = is_text
+        if isinstance(last, Deflated):  # it is checked once it is inflated
+            message = (DeflatedText if is_text else Deflated)(message)
+        elif is_text and not message.isascii() and not self._is_utf8(message):
+            return
+        self._takes_more = self._receiver.receive(message)
+        self.is_text = True
+
+    # Texts
+
+    def _is_utf8(self, message: bytes) -> bool:
+        """Check a text that is not ASCII: whether it is UTF-8, and the receiver may have it now.
+
+        Where it is not, the connection is closed. A long one is checked later, and nothing else is read before that.
+        """
+        check = TextCheck(message)
+        if check.step():
+            self._check = check
+            self._takes_more = False
+            return False
+        if check.fault:
+            self.refuse(check.fault)
+        return not check.fault
+
+    def _go_on_checking(self, until: float) -> bool:
+        """Go on with the check of a long text; return whether the messages behind it may be read."""
+        check, receiver = self._check, self._receiver
+        assert check is not None, "the caller has looked"
+        assert receiver is not None, "before that, what comes is kept"
+        while check.step():
+            if perf_counter() >= until:
+                return False
+        self._check = None
+        if check.fault:
+            self.refuse(check.fault)
+            return True
+        return receiver.receive(check.message)
+
+    def refuse(self, fault: str) -> None:
+        """Fail the connection for data that are not what their frame says, with code 1007 (RFC 6455 section 7.4.1)."""
+        self.on_room()  # answers to the messages before it
+        self.forget()
+        self.fail(CloseCode.INVALID_DATA, fault)
+
+    # How bytes become messages
+
+    def _end(self) -> None:
+        """Nothing comes any more, and what was whole is handled: send the answers, forget the rest, and close."""
+        self.on_room()
+        self._kept.clear()
+        super().eof_received()
+        self.cut_off_unread()  # the transport itself waits without end for its buffer to be read
+        self.transport.close()
+
+    def _read_early(self, data: bytes) -> bytes:
+        """Count what comes, and return what of it stands behind the HTTP request."""
+        if self.request is None:
+            data = self._read_head(data)
+        self.num_early += len(data)
+        if self.num_early > MAX_EARLY and self.core.state is State.CONNECTING:
+            # RFC 6455 section 4.1: a client waits for the answer to its request before it sends any data
+            self.transport.abort()
+            return b""
+        return data
+
+    def _read_head(self, data: bytes) -> bytes:
+        """Give the library the HTTP request, if it is not too long; return what comes behind it."""
+        seen = self._head + data
+        end = seen.find(_BLANK_LINE)
+        self._num_head += len(data) if end < 0 else end + len(_BLANK_LINE) - len(self._head)
+        if self._num_head > MAX_EARLY:
+            if not self.transport.is_closing():
+                self.transport.write(_TOO_LONG)
+                self.transport.close()
+            return b""
+        if end < 0:
+            self._head = seen[1 - len(_BLANK_LINE) :]
+            self.feed(data)
+            return b""
+        cut = end + len(_BLANK_LINE) - len(self._head)
+        self.feed(data[:cut])
+        return data[cut:]
+
+    # A call a frame would cost a tenth.
+    def _read(self, data: bytes | bytearray, until: float) -> bool:  # noqa: C901, PLR0912, PLR0915
+        """Handle the frames at the front of some bytes until that time; keep what is left.
+
+        Returns:
+            Whether any was handled. `is_held` tells whether whole frames were left for want of time.
+        """
+        core, receiver = self.core, self._receiver
+        max_size = self.max_message_size
+        assert max_size is not None, "a server without a limit is not ours"
+        assert receiver is not None, "before that, what comes is kept"
+        on_message, clock = receiver.receive, perf_counter
+        has_worked = False
+        view = memoryview(data)
+        position, end = 0, len(data)
+        need = 2
+        self._takes_more = True
+        while position + need <= end:
+            if core.state is _CLOSED:  # the library throws away what comes
+                self.feed(bytes(view[position:]))
+                position = end
+                break
+            # RFC 6455 section 5.2: two bytes, two or eight more of a longer length, four of the mask, the payload
+            first, size = data[position], data[position + 1] - 0x80
+            start = position + 6
+            if size >= 126:  # noqa: PLR2004 - the same
+                start += 2 if size == 126 else 8  # noqa: PLR2004 - the same
+                if start > end:
+                    need = start - position
+                    break
+                size = int.from_bytes(view[position + 2 : start - 4], "big")
+            stop = start + size
+            if size < 0 or size > max_size:  # not masked, or too long: the library says so and closes
+                if not self._takes_more:  # whoever takes it may take longer ones
+                    break
+                need = 2
+                self.on_too_long()
+                self.feed(bytes(view[position:]))
+                position = end
+                break
+            if stop > end:
+                need = stop - position
+                break
+            if not self._takes_more or clock() >= until:
+                self.is_held = True
+                break
+            has_worked = True
+            if (self._is_dropping or core.state is not _OPEN) and not first & _CONTROL:
+                pass  # closing: only the other side's own close frame still means something
+            elif first in _WHOLE and not self.is_in_fragments:
+                message = apply_mask(view[start:stop], data[start - 4 : start])
+                if first == _BINARY:
+                    self.is_text = False
+                    self._takes_more = on_message(message)
+                    self.is_text = True
+                elif message.isascii() or self._is_utf8(message):
+                    self._takes_more = on_message(message)
+            else:
+                self._hand_over(bytes(view[position:stop]))
+            position = stop
+            need = 2
+        if position < end:
+            self._kept += view[position:]
+            self._need = need
+        if not self._takes_more:
+            self.is_held = True
+        return has_worked

@@ -1,0 +1,288 @@
+"""Connections that have shown no token yet, where one is wanted: what they may send, and how many there may be.
+
+A page in a browser can set no header, so a client may also show its token in its first message:
+`{"op": "auth", "token": ...}`. Until then it is a `Stranger`. It has no peer, no session and no outbox. Small frames of
+plain JSON are looked at and nothing else is decoded; its frames and its bytes are counted; and what it sends too much
+of closes it. A wrong token holds up this one connection and no other, because behind a router or Docker all clients
+have the same address.
+
+Strangers have places of their own (`ConnectionPlaces`) and never take one of a client's. When these are full, the
+oldest stranger gives its place to the new one. The other way, to refuse the new one, would let anybody keep out all
+pages with a few idle connections. So a client has some time in any case, and one that shows its token in the handshake
+never needs such a place.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from rosbridge_sim.errors import Reason
+from rosbridge_sim.protocol.first_op import FirstOp, read_first_op, refusal_frame
+from rosbridge_sim.shell.websocket.access import Access
+from rosbridge_sim.shell.websocket.inflate import Deflated
+from rosbridge_sim.shell.websocket.server_connection import DirectConnection
+from rosbridge_sim.shell.websocket.turns import Turns
+
+__all__ = [
+    "MAX_REFUSED",
+    "MAX_TRIES",
+    "MAX_UNPROVEN_SIZE",
+    "NO_TOKEN",
+    "WRONG_TOKEN",
+    "ConnectionPlaces",
+    "Evictable",
+    "Stranger",
+]
+
+_log = logging.getLogger("rosbridge_sim.access")
+
+MAX_UNPROVEN_SIZE = 16 * 1024
+"""A longer message of a stranger closes it with code 1009 before its payload is kept [bytes]."""
+
+MAX_UNPROVEN_BYTES = 64 * 1024
+"""What a stranger may send in all, pings and pieces included [bytes]: far more than a token in any spelling."""
+
+MAX_REFUSED = 16
+"""Frames without a token that are answered; the next one closes the connection. A program that is written for a server
+without a token says about as much at its start, and learns from each answer what is missing."""
+
+MAX_TRIES = 3
+"""Wrong tokens before the connection is closed: a typing error or two."""
+
+NO_TOKEN = "This server wants a token first: as ?token= in the URL, as a Bearer token, or by the op auth"  # noqa: S105
+WRONG_TOKEN = "The token is wrong"  # noqa: S105
+
+MAX_OP = 30
+"""Longest op that a log line names [characters]; the longest one that there is has 20."""
+
+_GONE = "the connection was lost"
+
+
+class Evictable(Protocol):
+    """A holder of a place."""
+
+    def evict(self) -> None:
+        """Leave at once: another one takes the place. Must not raise."""
+
+
+class ConnectionPlaces:
+    """A bounded number of places, in order of arrival; the oldest one leaves for a new one."""
+
+    def __init__(self, number: int) -> None:
+        """All free.
+
+        Args:
+            number: of places, 1 at least.
+        """
+        self._number = number
+        self._taken: dict[Evictable, None] = {}
+
+    def __len__(self) -> int:
+        """How many are taken."""
+        return len(self._taken)
+
+    def take(self, one: Evictable) -> None:
+        """Give a place to one that has none, if need be the place of the oldest."""
+        self._taken[one] = None
+        if len(self._taken) > self._number:
+            oldest = next(iter(self._taken))
+            del self._taken[oldest]
+            oldest.evict()
+
+    def leave(self, one: Evictable) -> None:
+        """Free a place; one that has none is no error."""
+        self._taken.pop(one, None)
+
+
+class Stranger:
+    """One such connection, as the `Receiver` of its socket and a `Worker` with turns.
+
+    Attributes:
+        settled: why it is to be closed, with code 1008; None where it has shown the token. Then nothing more is read
+            from the socket until somebody else listens. A bug of ours is its exception.
+        rest: what was glued behind the token in one message.
+    """
+
+    def __init__(
+        self,
+        socket: DirectConnection,
+        access: Access,
+        turns: Turns,
+        *,
+        is_talkative: bool,
+        on_refusal: Callable[[Reason, str, str], None] = lambda _reason, _op, _text: None,
+    ) -> None:
+        """A stranger that has said nothing yet, and whose time runs.
+
+        Args:
+            socket: its connection, open.
+            access: the rules.
+            turns: when it may work.
+            is_talkative: status frames are sent.
+            on_refusal: called with each refusal: its reason, the op if it is a word, and the text.
+        """
+        loop = socket.loop
+        self.settled: asyncio.Future[str | None] = loop.create_future()
+        self.rest = b""
+        self._socket = socket
+        self._access = access
+        self._turns = turns
+        self._is_talkative = is_talkative
+        self._on_refusal = on_refusal
+        self._num_tries = 0
+        self._num_refused = 0
+        self._num_bytes = 0
+        self._is_waiting = False  # after a wrong token
+        self._is_in_line = False
+        self._timers = [loop.call_later(access.patience, self._contain, self._expire)]
+        socket.on_too_long = self._refuse_unread
+
+    async def wait_settled(self) -> str | None:
+        """Wait until it has shown the token or is to be closed; return why, as `settled` does."""
+        ends: list[asyncio.Future[Any]] = [self.settled, self._socket.lost]
+        await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
+        return self.settled.result() if self.settled.done() else _GONE
+
+    def leave(self) -> None:
+        """Have nothing more happen here. Twice is no error."""
+        for timer in self._timers:
+            timer.cancel()
+        self._turns.leave(self)
+        self._socket.on_too_long = _ignore
+
+    def let_go(self) -> None:
+        """Pass over all that comes from now on, but for the end of the closing."""
+        self._socket.forget()
+        self._is_waiting = False
+        if not self._is_in_line and self._socket.is_held:
+            self._get_in_line(had_turn=False)
+
+    # As a receiver and a worker
+
+    def begin(self) -> float:
+        """Begin a turn; see `Turns.begin`."""
+        self._contain(self._count_bytes)
+        return self._turns.begin()
+
+    def receive(self, message: bytes) -> bool:
+        """Look at a message; return whether the next one may come."""
+        if not self.settled.done():
+            self._contain(self._hear, message)
+        return not (self._is_waiting or self._is_proven)
+
+    def wait(self, *, had_turn: bool) -> None:
+        """Have the socket go on in a later turn; if a wrong token or the next owner has to wait first, not yet."""
+        self._hold_back()
+        if not (self._is_in_line or self._is_waiting or self._is_proven):
+            self._get_in_line(had_turn=had_turn)
+
+    def work(self, until: float) -> bool:
+        """Go on with what came; return whether any of it is left for a next turn."""
+        is_more = self._socket.go_on(until)
+        self._hold_back()
+        self._is_in_line = is_more and not (self._is_waiting or self._is_proven)
+        return self._is_in_line
+
+    # What happens
+
+    @property
+    def _is_proven(self) -> bool:
+        settled = self.settled
+        return settled.done() and settled.exception() is None and settled.result() is None
+
+    def _hear(self, message: bytes) -> None:
+        found = None if type(message) is Deflated else read_first_op(message)
+        if found is None:
+            self._refuse(None)
+            return
+        op, rest = found
+        if op.op != "auth" or op.token is None:
+            self._refuse(op)
+        elif self._access.is_token(op.token):
+            self.rest = rest
+            self.settled.set_result(None)
+        else:
+            self._num_tries += 1
+            self._is_waiting = True
+            # Twice as long after each try, so that a program that guesses gains nothing by staying connected.
+            delay = self._access.delay * 2 ** (self._num_tries - 1)
+            self._timers.append(self._socket.loop.call_later(delay, self._contain, self._answer_wrong, op))
+
+    def _hold_back(self) -> None:
+        """While the answer to a wrong token waits, read nothing more, and keep no more than one message's worth."""
+        if self._is_waiting:
+            self._socket.pause()
+            if self._socket.num_bytes_held > MAX_UNPROVEN_SIZE:
+                self._end("too much was sent behind a wrong token")
+
+    def _answer_wrong(self, op: FirstOp) -> None:
+        if self.settled.done():
+            return
+        self._say(refusal_frame(op, WRONG_TOKEN))
+        self._on_refusal(Reason.WRONG_TOKEN, "auth", WRONG_TOKEN)
+        self._is_waiting = False
+        if self._num_tries >= MAX_TRIES:
+            self._end("wrong tokens")
+        else:
+            self._get_in_line(had_turn=False)
+
+    def _refuse(self, op: FirstOp | None) -> None:
+        self._num_refused += 1
+        if self._num_refused > MAX_REFUSED:
+            self._end("too many messages without a token")
+        else:
+            self._say(refusal_frame(op, NO_TOKEN))
+            is_word = op is not None and len(op.op) <= MAX_OP and op.op.isascii() and op.op.isidentifier()
+            self._on_refusal(Reason.NO_TOKEN, op.op if op is not None and is_word else "", NO_TOKEN)
+
+    def _refuse_unread(self) -> None:
+        """Say why before the library closes the connection for the length of a frame."""
+        if not self.settled.done():
+            self._contain(self._say, refusal_frame(None, NO_TOKEN))
+
+    def _count_bytes(self) -> None:
+        """Count what came before; what has just come may hold the token, with much behind it."""
+        if self._num_bytes > MAX_UNPROVEN_BYTES:
+            self._end("too many bytes without a token")
+        self._num_bytes = self._socket.num_early
+
+    def _expire(self) -> None:
+        if not self.settled.done():
+            self._say(refusal_frame(None, NO_TOKEN))
+            self._end("no token was shown in time")
+
+    def _end(self, reason: str) -> None:
+        if not self.settled.done():
+            self.settled.set_result(reason)
+            self.let_go()
+
+    def _say(self, frame: bytes) -> None:
+        """Send an answer. A client that reads none is not served one after the other: it is closed."""
+        socket = self._socket
+        if socket.is_full:
+            self._end("answers were left unread")
+        elif socket.is_open and (self._is_talkative or not frame.startswith(_STATUS)):
+            socket.send_messages([frame])
+
+    def _get_in_line(self, *, had_turn: bool) -> None:
+        self._is_in_line = True
+        self._turns.wait(self, had_turn=had_turn)
+
+    def _contain(self, act: Callable[..., None], *args: object) -> None:
+        """Do something that concerns this connection alone; a bug of ours ends it and nobody else."""
+        try:
+            act(*args)
+        except Exception as error:  # noqa: BLE001 - the server logs and counts it
+            if not self.settled.done():
+                self.settled.set_exception(error)
+            self.let_go()
+
+
+_STATUS = b'{"op":"status"'
+
+
+def _ignore() -> None:
+    """Do nothing: the stranger is gone or has become a client."""

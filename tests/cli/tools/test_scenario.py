@@ -1,0 +1,231 @@
+"""`scenario check`: a file explained to a person and to a program."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from rosbridge_sim.cli.tools.verdicts import Verdicts
+from tests.cli.tool_fixture import run
+from tests.morai.maps import ROADRUNNER
+from tests.support import ROOT
+
+CAR = {"UNIQUEID": 7, "DataID": 30200001, "initPosition": {"pos": {"x": 50, "y": 0}}, "velocityTyp": 1}
+SCENE = {
+    "version": "1.0",
+    "mapInfo": {"mapName": "R_KR_Somewhere"},
+    "egoVehicle": {"modelName": "kia k5", "initPosition": {"pos": {"x": 1, "y": 0}}, "gear": 4},
+    "vehicleList": [CAR],
+    "pedestrianList": [{"pos": {"x": 20, "y": 9}, "speed": 3.6, "movingDistance": 10, "loop": True}],
+    "tlList": [{"index": "IntTL13", "state": 1, "deltaTime": 2.5}],
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with a scenario and a map of the user's."""
+    (tmp_path / "mine.json").write_text(json.dumps(SCENE))
+    bad = {**SCENE, "vehicleList": [{"initPosition": 1}, CAR], "objectList": [{"pos": {}}]}
+    (tmp_path / "bad.json").write_text(json.dumps(bad))
+    (tmp_path / "tiny").mkdir()
+    for name, content in ROADRUNNER.items():
+        (tmp_path / "tiny" / name).write_text(json.dumps(content))
+    return tmp_path
+
+
+def test_a_good_file_is_explained(folder: Path) -> None:
+    done = run("scenario", "check", str(folder / "mine.json"), "--map", str(folder / "tiny"))
+    assert (done.code, done.err) == (0, "")
+    assert done.lines[0] == f"{folder}/mine.json: 1 remark"
+    assert done.lines[1:3] == ["", "remarks:"]
+    assert done.lines[3].startswith("  DataID 30200001 (vehicle) is not in the catalogue")
+    assert done.lines[4:6] == ["", f"map: R_KR_Somewhere; checked on {folder}/tiny (5 lanes, 4 lights)"]
+    assert done.lines[6:10] == ["egoVehicle: 1", "vehicleList: 1", "pedestrianList: 1", "tlList: 1"]
+    table = [line.split("  ") for line in done.lines if line.startswith(("egoVehicle ", "vehicleList[0] "))]
+    assert [[cell.strip() for cell in row if cell] for row in table] == [
+        ["egoVehicle", "2015_Kia_K5", "0", "1.00", "0.00", "0.0", "0", "driven from outside, in drive"],
+        ["vehicleList[0]", "Vehicle_30200001 (size by class)", "7", "50.00", "0.00", "0.0", "0", "stands"],
+    ]
+    assert "path of 2 waypoints, 10 m, round and round" in done.out
+    assert "  vehicleList[]: velocityTyp (1) (did you mean velocityType?)" in done.lines
+
+
+def test_the_same_for_a_program(folder: Path) -> None:
+    account = run("scenario", "check", str(folder / "mine.json"), "--map", str(folder / "tiny"), "--json").json
+    assert (account["is_good"], account["mistakes"], len(account["remarks"])) == (False, [], 1)
+    assert account["map"] == {
+        "name": "R_KR_Somewhere",
+        "is_known": True,
+        "checked_on": f"{folder}/tiny",
+        "lanes": 5,
+        "lights": 4,
+    }
+    assert account["holds"] == {"egoVehicle": 1, "vehicleList": 1, "pedestrianList": 1, "tlList": 1}
+    car = account["items"][1]
+    assert (car["at"], car["is_replaced"], car["x"], car["way"]) == ("vehicleList[0]", True, 50.0, "stands")
+    assert account["phases"] == [{"intersection": "IntTL13", "phase": 1, "elapsed": 2.5}]
+    assert account["passed_over"] == {"version": 1, "vehicleList[].velocityTyp": 1}
+    assert account["read"]["egoVehicle.gear"] == 1
+
+
+def test_a_file_with_mistakes_has_code_1_and_all_of_them(folder: Path) -> None:
+    done = run("scenario", "check", str(folder / "bad.json"), "--map", str(folder / "tiny"))
+    assert (done.code, done.err) == (1, "")
+    assert done.lines[0] == f"{folder}/bad.json: 3 mistakes, 1 remark"
+    at = done.lines.index("mistakes:")
+    assert at == 2
+    assert done.lines[at + 1 : at + 4] == [
+        "  vehicleList[0].initPosition: expected an object, got 1",
+        "  objectList[0].pos.x: missing",
+        "  objectList[0].pos.y: missing",
+    ]
+    assert any(line.startswith("vehicleList[1]  ") for line in done.lines), "it keeps its number"
+
+
+def test_an_unknown_map_is_a_mistake(folder: Path) -> None:
+    done = run("scenario", "check", str(folder / "mine.json"))
+    assert done.code == 1
+    assert done.lines[0] == f"{folder}/mine.json: 1 mistake, 1 remark"
+    assert done.lines[3].startswith("  mapInfo.mapName: no map 'R_KR_Somewhere'; known are loop, town, track")
+    assert done.lines[3].endswith("and --map takes a folder. Roads, links and lights were not checked")
+
+
+def test_strict_makes_remarks_an_exit_code(folder: Path) -> None:
+    words = ("scenario", "check", str(folder / "mine.json"), "--map", str(folder / "tiny"))
+    assert (run(*words).code, run(*words, "--strict").code) == (0, 1)
+    assert run("scenario", "check", "demo", "--strict").code == 0
+
+
+def test_several_files_or_a_folder_have_a_verdict_each(folder: Path) -> None:
+    (folder / "deep" / "er").mkdir(parents=True)
+    for path in ("deep/one.json", "deep/er/never.json"):
+        (folder / path).write_text(json.dumps({"egoVehicle": None}))
+    (folder / "torn.json").write_text("{")
+    strays = [{"initPosition": {"pos": {"x": 10 * i, "y": 50}}} for i in range(9)]
+    (folder / "strays.json").write_text(json.dumps({"vehicleList": strays}))
+    done = run("scenario", "check", str(folder), "demo", "--map", str(folder / "tiny"))
+    assert (done.code, done.err) == (1, "")
+    files = [line.partition(": ")[0] for line in done.lines if not line.startswith(" ")]
+    assert files[:4] == [f"{folder}/{name}.json" for name in ("bad", "deep/one", "mine", "strays")]
+    assert done.lines[0].endswith("/bad.json: 3 mistakes, 1 remark")
+    assert done.lines[1] == "  mistake: vehicleList[0].initPosition: expected an object, got 1"
+    assert f"{folder}/deep/one.json: good" in done.lines
+    at = done.lines.index(f"{folder}/strays.json: 9 remarks")
+    assert done.lines[at + 6] == "  ... and 4 remarks more; rosbridge-sim scenario check shows all"
+    assert done.lines[-1] == "6 files: 1 good, 3 with remarks, 2 with mistakes"
+    good = run("scenario", "check", "demo", "town", "--json")
+    assert good.code == 0
+    assert [json.loads(line)["file"].rpartition("/")[2] for line in good.lines] == ["demo.json", "town.json"]
+
+
+def test_a_file_among_several_that_cannot_be_read_is_a_mistake_of_its_own(folder: Path) -> None:
+    done = run("scenario", "check", str(folder / "gone.json"), "demo")
+    assert (done.code, done.err) == (1, "")
+    assert done.lines[0] == f"{folder}/gone.json: 1 mistake"
+    assert done.lines[1] == f"  mistake: {folder}/gone.json: cannot be read: No such file or directory"
+    assert done.lines[-1] == "2 files: 1 good, 1 with mistakes"
+
+
+def test_the_name_of_a_scenario_goes_before_a_folder_of_that_name(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    (folder / "town").mkdir()
+    assert run("scenario", "check", "town").lines[0].endswith("town.json: good")
+    assert run("scenario", "check", "./town").complaint.startswith("./town: expected a folder with scenarios")
+    assert run("scenario", "check", "tiny", "--strict").code == 2, "files of a map are no scenarios"
+
+
+def test_what_is_kept_and_no_number_of_json_does_no_harm(folder: Path) -> None:
+    car = {**CAR, "latBias": 10**40, "isLaneChange": float("nan")}
+    (folder / "odd.json").write_text(json.dumps({"vehicleList": [car], "spawnPointList": [10**40, float("inf")]}))
+    account = run("scenario", "check", str(folder / "odd.json"), "--json").json
+    assert account["items"][0]["without_effect"] == ["isLaneChange", "latBias"]
+    assert account["without_effect"] == {
+        "vehicleList[].latBias": 1,
+        "vehicleList[].isLaneChange": 1,
+        "spawnPointList": 1,
+    }
+
+
+class Terminal(io.StringIO):
+    """A terminal that keeps what is shown."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_terminal_shows_how_far_it_is_when_the_verdicts_go_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    verdicts = Verdicts("scenario check", 2, is_json=True)
+    verdicts.begin("a\x1b[2J.json")
+    verdicts.add({"file": "a", "mistakes": [], "remarks": ["odd"]})
+    verdicts.begin("b.json")
+    verdicts.add({"file": "b", "mistakes": [], "remarks": []})
+    assert (verdicts.end(is_strict=False), verdicts.end(is_strict=True)) == (0, 1)
+    clear = "\r\x1b[K"
+    assert terminal.getvalue() == f"{clear}[1/2] a\\x1b[2J.json{clear}[2/2] b.json{clear}{clear}"
+
+
+def test_a_scenario_is_found_by_name(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own_map = ("--map", str(folder / "tiny"))
+    assert run("scenario", "check", "mine", "--scenario-path", str(folder), *own_map).code == 0
+    monkeypatch.setenv("ROSBRIDGE_SIM_SCENARIO_PATH", str(folder))
+    monkeypatch.setenv("ROSBRIDGE_SIM_PORT", "none of our business")
+    assert run("scenario", "check", "bad").code == 1
+
+
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "rosbridge_sim/data/scenarios").glob("*.json")), ids=lambda path: path.stem
+)
+def test_what_is_built_in_is_good(path: Path) -> None:
+    account = run("scenario", "check", path.stem, "--json").json
+    assert (account["is_good"], account["mistakes"], account["remarks"]) == (True, [], [])
+    assert account["passed_over"] == {}
+
+
+@pytest.mark.slow
+def test_a_picture_shows_who_is_there(folder: Path) -> None:
+    path = folder / "mine.png"
+    for own_map in ([], ["--map", str(folder / "tiny")]):  # an unknown map is bare ground
+        done = run("scenario", "check", str(folder / "mine.json"), *own_map, "--picture", str(path))
+        assert (done.code, done.err) == (0 if own_map else 1, "")
+        with Image.open(path) as image:
+            shown = {colour for _, colour in image.getcolors(2**20) or []}
+        for colour in ("#e0007a", "#6a3fb5", "#e06c00"):
+            assert tuple(bytes.fromhex(colour[1:])) in shown, colour
+
+
+def test_a_torn_file_tells_line_and_column(folder: Path) -> None:
+    (folder / "torn.json").write_text('{"egoVehicle": 1,\n}')
+    done = run("scenario", "check", str(folder / "torn.json"))
+    assert (done.code, done.err) == (1, "")
+    assert done.lines[0] == f"{folder}/torn.json: 1 mistake"
+    assert done.lines[3] == f"  {folder}/torn.json:2:1: not JSON: trailing comma"
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ((), "scenario: expected a command: check; rosbridge-sim scenario --help says more"),
+        (("check",), "the following arguments are required: FILE"),
+        (("check", "nowhere"), "no scenario 'nowhere'; known are demo, loop, town"),
+        (("check", "./nowhere.json"), "nowhere.json: cannot be read: No such file or directory"),
+        (("check", "demo", "--map", "nowhere"), "no map 'nowhere'; known are loop, town, track"),
+        (("check", "demo", "--picture", "demo"), "--picture: expected a file such as MAP.png or MAP.jpg; got 'demo'"),
+        (("check", "demo", "--scenario-path", "/nowhere"), "/nowhere: expected a folder with scenarios"),
+        (("check", "demo", "town", "--picture", "x.png"), "--picture: expected a single scenario to draw, got 2"),
+        (("check", "/dev"), "/dev: expected a folder with scenarios (*.json or */*.json); there is none"),
+        (("check", "demo", "--catalogue", "/nowhere.csv"), "/nowhere.csv: cannot be read: No such file or directory"),
+    ],
+)
+def test_a_mistake_in_the_command_is_one_line_and_code_2(words: tuple[str, ...], line: str) -> None:
+    done = run("scenario", *words)
+    assert (done.code, done.out) == (2, "")
+    assert done.complaint.startswith(line)

@@ -1,0 +1,249 @@
+"""`tick` drives synchronous mode from a shell, and tools that wait say why nothing comes."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import AsyncIterator, Iterable
+from pathlib import Path
+
+import pytest
+import pytest_asyncio
+
+from rosbridge_sim import Simulator
+from rosbridge_sim.cli.tools.sync import RESUME
+from rosbridge_sim.morai.sync import SyncState
+from tests.cli.tool_fixture import Frame, Result, answering, in_the_background, other_server
+from tests.support import Client
+
+
+@pytest_asyncio.fixture
+async def standing() -> AsyncIterator[Simulator]:
+    """A world that stands at frame 0 until a master ticks."""
+    async with Simulator(port=0, start="sync", sync_on_loss="wait") as sim:
+        yield sim
+
+
+async def lead(client: Client, user_id: str = "planner") -> None:
+    await client.ask("/SyncModeCmd", user_id=user_id, start_sync_mode=True, time_step=20)
+
+
+async def ended(sim: Simulator, num_left: int = 0) -> None:
+    """Wait until the tool's connection has gone, and so many others are left."""
+    async with await Client.open(sim.url) as client:
+        while len(sim._server.clients) > num_left + 1:  # type: ignore[union-attr] # it listens
+            await client.settle()
+
+
+# Tools that wait
+
+
+@pytest.mark.parametrize("words", [("topic", "echo", "/Ego_topic", "--once"), ("topic", "hz", "/Ego_topic")])
+async def test_tool_that_waits_in_vain_ends_and_says_that_the_world_stands(
+    standing: Simulator, words: tuple[str, ...]
+) -> None:
+    done = await in_the_background(*words, "--timeout", "0.1", url=standing.url)
+    text = "no message on /Ego_topic within 0.1 s: the world stands until a master ticks, and nobody is master;"
+    assert (done.code, done.out) == (1, "")
+    assert done.complaint == f"{text} rosbridge-sim tick N --start moves it"
+
+
+async def test_master_is_named_where_the_world_waits_for_it(standing: Simulator) -> None:
+    async with await Client.open(standing.url) as master:
+        await lead(master)
+        done = await in_the_background("topic", "echo", "/Ego_topic", "--timeout", "0.1", url=standing.url)
+        assert done.complaint.endswith("the world stands until a master ticks; the master is 'planner'")
+        await master.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
+        done = await in_the_background("topic", "echo", "/Ego_topic", "--timeout", "0.1", url=standing.url)
+        where = "the world is paused, in synchronous mode with the master 'planner'"
+        assert done.complaint.endswith(f": {where}; {RESUME}")
+
+
+async def test_pause_is_told_apart_from_a_world_that_waits_for_ticks(standing: Simulator) -> None:
+    async with Simulator(port=0) as free, await Client.open(free.url) as client:
+        done = await in_the_background("topic", "echo", "/InsnStatus", "--timeout", "0.1", url=free.url)
+        assert done.complaint == "no message on /InsnStatus within 0.1 s; --timeout waits longer", "it runs"
+        await client.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
+        done = await in_the_background("topic", "echo", "/clock", "--timeout", "0.1", url=free.url)
+        assert done.complaint == f"no message on /clock within 0.1 s: the world is paused; {RESUME}"
+        words = RESUME.removeprefix("rosbridge-sim ").removesuffix(" resumes it")
+        await in_the_background(*shlex.split(words), url=free.url)
+        done = await in_the_background("topic", "echo", "/clock", "--once", "--timeout", "1", url=free.url)
+        assert done.code == 0, "what is said to do is what helps"
+    async with await Client.open(standing.url) as client:
+        await client.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
+        done = await in_the_background("topic", "echo", "/clock", "--timeout", "0.1", url=standing.url)
+        assert done.complaint.endswith(f": the world is paused, in synchronous mode with no master; {RESUME}")
+
+
+@pytest.mark.parametrize(
+    ("mode", "status", "text"),
+    [(16, 16, ": a replay is paused; "), (16, 32, ": the world is paused at the end of a replay; "), (1, 1, "; --")],
+)
+async def test_replay_that_stands_is_called_so(mode: int, status: int, text: str) -> None:
+    process = "/sim/process/state/msg/MoraiSimProcStatus"
+    latched = {
+        "/SyncModeInfo": {"master_id": "", "status": False},
+        process: {"current_mode": mode, "current_status": status},
+    }
+
+    def reply(frame: Frame) -> Iterable[str | bytes]:
+        if frame["op"] == "subscribe" and frame["topic"] in latched:
+            yield json.dumps({"op": "publish", "topic": frame["topic"], "msg": latched[frame["topic"]]})
+        yield from answering(publishers={"publishers": ["/a"]}, topic_type={"type": "a/B"})(frame)
+
+    async with other_server(reply) as url:
+        done = await in_the_background("topic", "echo", "/x", "--type", "a/B", "--timeout", "0.05", url=url)
+    assert done.complaint.startswith(f"no message on /x within 0.05 s{text}")
+
+
+async def test_topic_that_nobody_publishes_is_called_so(standing: Simulator) -> None:
+    words = ("topic", "echo", "/x", "--type", "std_msgs/String", "--timeout", "0.1")
+    done = await in_the_background(*words, url=standing.url)
+    assert (done.code, done.complaint) == (1, "no message on /x within 0.1 s: nobody publishes it")
+
+
+async def test_recording_that_gets_nothing_ends_and_is_finished(standing: Simulator, tmp_path: Path) -> None:
+    words = ("record", str(tmp_path / "a.mcap"), "--topics", "/Ego*", "--timeout", "0.1")
+    done = await in_the_background(*words, url=standing.url)
+    assert done.code == 1
+    assert "no message to record within 0.1 s: the world stands until a master ticks" in done.err
+    assert (tmp_path / "a.mcap").read_bytes().endswith(b"\x89MCAP0\r\n")
+
+
+async def test_recording_of_topics_that_are_not_there_says_so(standing: Simulator, tmp_path: Path) -> None:
+    words = ("record", str(tmp_path / "a.mcap"), "--topics", "/Egg*", "--timeout", "0.1")
+    done = await in_the_background(*words, url=standing.url)
+    assert (done.code, done.err.count("within 0.1 s: none of the wanted topics is there")) == (1, 1)
+
+
+async def test_tool_that_gets_messages_in_time_does_not_end() -> None:
+    async with Simulator(port=0) as sim:
+        done = await in_the_background("topic", "echo", "/Ego_topic", "-n", "3", "--timeout", "1", url=sim.url)
+        assert (done.code, done.err, done.out.count("---")) == (0, "", 3)
+        done = await in_the_background("topic", "hz", "/clock", "-n", "3", "--timeout", "1", url=sim.url)
+        assert (done.code, done.err) == (0, "")
+
+
+async def test_server_without_rosapi_gets_no_further_questions() -> None:
+    async with other_server(lambda _frame: ()) as url:
+        words = ("topic", "echo", "/x", "--type", "a/B", "--timeout", "0.05")
+        done = await in_the_background(*words, url=url)
+    assert (done.code, done.complaint) == (1, "no message on /x within 0.05 s; --timeout waits longer")
+
+
+async def test_rate_of_a_topic_that_falls_silent_ends_with_the_last_message() -> None:
+    def reply(frame: Frame) -> Iterable[str | bytes]:
+        if frame["op"] == "subscribe" and frame["topic"] == "/x":
+            yield from [json.dumps({"op": "publish", "topic": "/x", "msg": {}})] * 2
+        yield from answering(publishers={"publishers": ["/a"]}, topic_type={"type": ""})(frame)
+
+    async with other_server(reply) as url:
+        done = await in_the_background("topic", "hz", "/x", "--type", "a/B", "--timeout", "0.05", url=url)
+    assert (done.code, done.complaint) == (1, "no message on /x within 0.05 s; --timeout waits longer")
+
+
+# tick
+
+
+def frames(done: Result) -> list[int]:
+    return [int(line.split()[1]) for line in done.lines]
+
+
+async def test_ticks_move_a_free_world_and_leave_it_free() -> None:
+    async with Simulator(port=0) as sim:
+        assert sim.node is not None
+        done = await in_the_background("tick", "3", "--start", "--step", "40", url=sim.url)
+        assert (done.code, done.err) == (0, "")
+        first, *others = frames(done)
+        assert others == [first + 2, first + 4]
+        assert "  speed " in done.out
+        assert "  heading " in done.out
+        assert sim.node.sync.state is SyncState.FREE
+
+
+async def test_ticks_move_a_standing_world_and_leave_it_standing(standing: Simulator) -> None:
+    assert standing.node is not None
+    for start in (0, 5):
+        done = await in_the_background("tick", "5", "--start", url=standing.url)
+        assert frames(done) == list(range(start + 1, start + 6))
+        await ended(standing)
+        assert standing.node.sync.state is SyncState.OPEN
+
+
+async def test_ticks_for_a_program_are_answers_one_a_line(standing: Simulator) -> None:
+    done = await in_the_background("tick", "2", "--start", "--json", url=standing.url)
+    answers = [json.loads(line) for line in done.lines]
+    assert [answer["frame"] for answer in answers] == [1, 2]
+    assert answers[0]["vehicle_status"]["position"]["x"] == 40.0
+
+
+async def test_refused_tick_says_why_and_what_to_do() -> None:
+    async with Simulator(port=0) as sim, await Client.open(sim.url) as master:
+        assert sim.node is not None
+        done = await in_the_background("tick", url=sim.url)
+        text = "the tick is refused: /SyncModeWaitForTick: synchronous mode is off; --start starts it"
+        assert (done.code, done.complaint) == (1, text)
+        await lead(master)
+        who = "another user id is the master: 'planner'; --id planner ticks in its name"
+        done = await in_the_background("tick", url=sim.url)
+        assert done.complaint == f"the tick is refused: /SyncModeWaitForTick: {who}"
+        done = await in_the_background("tick", "--start", url=sim.url)
+        assert done.complaint == f"synchronous mode cannot be started: /SyncModeCmd: {who}"
+        assert sim.node.sync.master_id == "planner"
+
+
+async def test_tick_in_the_name_of_the_master_leaves_it_master() -> None:
+    async with Simulator(port=0) as sim, await Client.open(sim.url) as master:
+        assert sim.node is not None
+        await lead(master)
+        done = await in_the_background("tick", "2", "--id", "planner", url=sim.url)
+        assert (done.code, len(frames(done))) == (0, 2)
+        await ended(sim, num_left=1)
+        assert sim.node.sync.master_id == "planner"
+
+
+async def test_paused_world_refuses_and_the_mode_is_ended_again() -> None:
+    async with Simulator(port=0) as sim, await Client.open(sim.url) as client:
+        assert sim.node is not None
+        await client.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
+        done = await in_the_background("tick", "--start", url=sim.url)
+        assert done.complaint == f"the tick is refused: /SyncModeWaitForTick: the simulation is paused; {RESUME}"
+        assert sim.node.sync.state is SyncState.FREE_PAUSED
+
+
+async def test_strict_frames_are_named_as_they_are_wanted() -> None:
+    async with Simulator(port=0, start="sync", sync_frames="strict") as sim:
+        done = await in_the_background("tick", "3", "--start", "--step", "60", url=sim.url)
+    assert frames(done) == [3, 6, 9]
+
+
+async def test_server_without_a_simulator_is_called_so() -> None:
+    async with Simulator(port=0, world=False) as sim:
+        done = await in_the_background("tick", "--start", url=sim.url)
+    assert (done.code, done.complaint) == (1, "Service /SyncModeCmd does not exist; is a simulator there?")
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (("0",), "N: expected a number from 1 on; got '0'"),
+        (("--step", "30"), "--step: expected a multiple of 20 milliseconds; got 30"),
+        (("--step", "2000"), "--step: expected milliseconds, from 20 to 1,000; got '2000'"),
+    ],
+)
+async def test_mistake_in_a_tick_is_code_2(words: tuple[str, ...], complaint: str) -> None:
+    done = await in_the_background("tick", *words, url="ws://127.0.0.1:1")
+    assert (done.code, done.complaint) == (2, complaint)
+
+
+async def test_answers_that_are_no_answers_do_not_end_in_a_traceback() -> None:
+    def reply(frame: Frame) -> Iterable[str | bytes]:
+        response = {"result": True, "tick_status": True, "frame": "x", "vehicle_status": [], "time": 5}
+        values = {"type": ""} if "rosapi" in str(frame.get("service")) else {"response": response}
+        if frame["op"] == "call_service":
+            yield json.dumps({"op": "service_response", "id": frame["id"], "values": values, "result": True})
+
+    async with other_server(reply) as url:
+        done = await in_the_background("tick", "--start", url=url)
+    assert (done.code, done.out[:22]) == (0, "frame 0  time 5 s  x n")

@@ -1,0 +1,174 @@
+"""One connection to a bridge that we dial: questions, probes, and what is left of them when the socket goes."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from rosbridge_sim.errors import FrameError
+from rosbridge_sim.graph.attach.connection import PROBE, PROBE_PATIENCE, BridgeConnection, Values
+from rosbridge_sim.graph.attach.flow_control import MAX_IN_FLIGHT
+from rosbridge_sim.protocol import ops
+from rosbridge_sim.protocol.outbox import OutboxLimits
+
+Frame = dict[str, Any]
+
+FAT = b"x" * (MAX_IN_FLIGHT // 2)
+"""A frame that takes half of what may be on its way."""
+
+
+class Wire:
+    """A line with a socket that takes everything, and what went over it."""
+
+    def __init__(self) -> None:
+        self.refused: list[FrameError] = []
+        self.num_woken = 0
+        self.line = BridgeConnection("", OutboxLimits(), 10_000, self.refused.append)
+        self.open()
+
+    def open(self) -> None:
+        self.line.open(self._wake, lambda: None)
+
+    def _wake(self) -> None:
+        self.num_woken += 1
+
+    def sent(self, now: float = 0.0) -> list[bytes]:
+        frames: list[bytes] = []
+        while taken := self.line.take(1_000, now):
+            frames += taken
+        return frames
+
+    def calls(self, now: float = 0.0) -> list[Frame]:
+        return [json.loads(frame) for frame in self.sent(now) if frame.startswith(b'{"op":"call_service"')]
+
+    def answer(self, probe: str, values: object = None, *, is_ok: bool = True, now: float = 0.0) -> list[ops.Op]:
+        frame = {"op": "service_response", "service": "/x", "id": probe, "values": values or {}, "result": is_ok}
+        return self.receive(json.dumps(frame).encode(), now)
+
+    def receive(self, frame: bytes, now: float = 0.0) -> list[ops.Op]:
+        return [op for op in self.line.receive(frame, now) if op is not None]
+
+
+class Words:
+    """What was heard."""
+
+    def __init__(self) -> None:
+        self.heard: list[tuple[Values | None, float]] = []
+
+    def __call__(self, values: Values | None, now: float) -> None:
+        self.heard.append((values, now))
+
+
+def test_a_question_is_a_call_and_its_answer_is_heard_once() -> None:
+    wire, words = Wire(), Words()
+    wire.line.ask("/rosapi/topics", words, 1.0)
+    (call,) = wire.calls()
+    assert call == {"op": "call_service", "id": call["id"], "service": "/rosapi/topics", "args": {}}
+    assert wire.line.due == 1.0 + PROBE_PATIENCE
+    assert wire.answer(call["id"], {"topics": []}, now=2.0) == []
+    assert wire.answer(call["id"], {"topics": ["/late"]}, now=3.0) == []
+    assert words.heard == [({"topics": []}, 2.0)]
+    assert wire.line.due is None
+
+
+def test_a_refusal_or_silence_is_heard_as_nothing() -> None:
+    wire, words = Wire(), Words()
+    wire.line.ask("/a", words, 0.0)
+    wire.line.ask("/b", words, 0.5)
+    first, second = wire.calls()
+    wire.answer(first["id"], "no", is_ok=False, now=0.1)
+    wire.line.expire(0.5 + PROBE_PATIENCE)
+    assert words.heard == [(None, 0.1), (None, 0.5 + PROBE_PATIENCE)]
+    assert wire.answer(second["id"]) == []  # too late, and not taken for anybody else's
+
+
+def test_a_question_of_a_socket_that_is_gone_is_never_answered() -> None:
+    wire, words = Wire(), Words()
+    wire.line.ask("/a", words, 0.0)
+    (call,) = wire.calls()
+    wire.line.shut()
+    wire.line.expire(100.0)
+    wire.open()
+    wire.answer(call["id"])
+    assert words.heard == []
+
+
+def test_what_waits_does_not_outlive_its_socket() -> None:
+    wire = Wire()
+    wire.line.offer("/t", b"{}")
+    wire.line.say("unsubscribe", topic="/t")
+    wire.line.shut()
+    wire.open()
+    assert wire.sent() == []
+
+
+def test_what_is_no_answer_to_us_is_handed_on() -> None:
+    wire = Wire()
+    (op,) = wire.answer("of somebody else")
+    assert isinstance(op, ops.ServiceResponse)
+    (op,) = wire.receive(b'{"op":"service_response","service":"/x","result":true}')
+    assert isinstance(op, ops.ServiceResponse)
+
+
+def test_what_is_no_op_is_told_to_us_and_not_to_them() -> None:
+    wire = Wire()
+    assert wire.receive(b"{]") == []
+    assert len(wire.refused) == 1
+    assert wire.sent() == []
+
+
+def test_a_mark_follows_half_a_window_and_its_answer_wakes_the_line() -> None:
+    wire = Wire()
+    wire.line.offer("/t", FAT)
+    (probe,) = wire.calls(5.0)
+    assert probe["service"] == PROBE
+    for _ in range(2):
+        wire.line.offer("/t", FAT)
+    assert len(wire.sent()) == 1
+    assert wire.sent() == []  # a window is full
+    woken = wire.num_woken
+    wire.answer(probe["id"])
+    assert wire.num_woken == woken + 1
+    assert [frame[:6] for frame in wire.sent()] == [b'{"op":', FAT[:6]]  # the next probe first
+
+
+@pytest.mark.parametrize("number", ["7", "²", "9" * 5_000, "-1", "1.5", ""])
+def test_an_answer_to_a_mark_that_was_never_made_proves_nothing(number: str) -> None:
+    wire = Wire()
+    for _ in range(4):
+        wire.line.offer("/t", FAT)
+    wire.sent()
+    wire.answer(f"mark:{number}")
+    assert wire.line.credit.is_on
+    assert FAT not in wire.sent()
+
+
+def test_silence_lets_more_out_and_wakes_the_line() -> None:
+    wire = Wire()
+    for _ in range(4):
+        wire.line.offer("/t", FAT)
+    wire.sent()
+    woken, due = wire.num_woken, wire.line.due
+    assert due is not None
+    wire.line.expire(due)
+    assert wire.num_woken == woken + 1
+    assert wire.sent(due)
+
+
+@pytest.mark.parametrize("probe", ["mark:1", "mark:x", "mark:"])
+def test_a_refused_or_odd_mark_ends_the_marks_for_a_while(probe: str) -> None:
+    wire = Wire()
+    for _ in range(4):
+        wire.line.offer("/t", FAT)
+    wire.sent()
+    wire.answer(probe, "there is no such service", is_ok=False)
+    assert len(wire.sent()) >= 1
+    for _ in range(10):
+        wire.line.offer("/t", FAT)
+        assert wire.sent() == [FAT]
+    assert wire.line.due is not None
+    wire.line.expire(wire.line.due)  # they are tried again
+    wire.line.offer("/t", FAT)
+    assert len(wire.calls()) == 1

@@ -1,0 +1,129 @@
+"""How much is sent ahead of a far side that holds nobody back."""
+
+from __future__ import annotations
+
+import pytest
+
+from rosbridge_sim.graph.attach.flow_control import FRAME_COST, MAX_IN_FLIGHT, MAX_PATIENCE, PATIENCE, FlowControl
+
+HALF = [b"x" * (MAX_IN_FLIGHT // 2 - FRAME_COST)]
+"""A frame that costs half a window."""
+
+
+def spend(credit: FlowControl, num_halves: int) -> None:
+    for _ in range(num_halves):
+        credit.spend(HALF)
+
+
+def test_a_mark_is_wanted_after_half_a_window_and_nothing_more_is_sent_after_a_whole_one() -> None:
+    credit = FlowControl()
+    assert not credit.wants_probe
+    spend(credit, 1)
+    assert credit.wants_probe
+    credit.probe(0.0)
+    assert not credit.wants_probe
+    assert not credit.is_spent
+    spend(credit, 1)
+    assert credit.is_spent
+
+
+def test_small_frames_cost_more_than_their_bytes() -> None:
+    credit = FlowControl()
+    credit.spend([b"{}"] * (MAX_IN_FLIGHT // (FRAME_COST + 2) + 1))
+    assert credit.is_spent
+
+
+def test_an_answer_proves_what_was_sent_before_its_mark() -> None:
+    credit = FlowControl()
+    spend(credit, 1)
+    number = credit.probe(0.0)
+    spend(credit, 1)
+    credit.prove(number)
+    assert not credit.is_spent
+    assert credit.wants_probe  # half a window has gone out since
+    spend(credit, 1)
+    assert credit.is_spent
+
+
+def test_where_marks_are_refused_everything_may_be_sent_until_they_are_tried_again_ever_more_seldom() -> None:
+    credit = FlowControl()
+    now = 0.0
+    waits: list[float] = []
+    for _ in range(8):
+        spend(credit, 1)
+        assert credit.wants_probe
+        number = credit.probe(now)
+        credit.refuse(now)
+        spend(credit, 10)
+        assert not credit.is_spent
+        assert not credit.wants_probe
+        assert credit.due is not None
+        assert not credit.expire(credit.due - 0.1)
+        waits.append(credit.due - now)
+        now = credit.due
+        assert not credit.expire(now)
+        assert not credit.is_late
+    assert waits == sorted(waits)
+    assert (waits[0], waits[-1]) == (PATIENCE, MAX_PATIENCE)
+    spend(credit, 1)
+    credit.prove(credit.probe(now))  # there is somebody after all
+    credit.prove(number)
+    spend(credit, 2)
+    assert credit.is_spent
+
+
+def test_silence_lets_half_a_window_out_and_each_time_later() -> None:
+    credit = FlowControl()
+    now, waits = 0.0, []
+    spend(credit, 2)
+    for _ in range(8):
+        credit.probe(now)
+        due = credit.due
+        assert due is not None
+        assert not credit.expire(due - 0.001)
+        assert credit.expire(due)
+        assert credit.is_late
+        waits.append(due - now)
+        now = due
+        assert not credit.is_spent
+        spend(credit, 1)
+        assert credit.is_spent
+    assert waits[:3] == [PATIENCE, 2 * PATIENCE, 4 * PATIENCE]
+    assert waits[-1] == MAX_PATIENCE
+
+
+def test_a_late_answer_counts_like_any_other() -> None:
+    credit = FlowControl()
+    spend(credit, 1)
+    first = credit.probe(0.0)
+    spend(credit, 1)
+    credit.expire(PATIENCE)
+    second = credit.probe(PATIENCE)
+    credit.prove(first)
+    assert not credit.is_late
+    assert credit.due is not None  # of the second
+    credit.prove(second)
+    assert credit.due is None
+    credit.prove(first)  # twice, and out of order, is no harm
+    assert not credit.is_spent
+
+
+@pytest.mark.parametrize("number", [0, 7, 10**9])
+def test_an_answer_to_no_mark_proves_nothing(number: int) -> None:
+    credit = FlowControl()
+    spend(credit, 2)
+    credit.probe(0.0)
+    credit.prove(number)
+    assert credit.is_spent
+
+
+def test_marks_without_an_answer_are_bounded() -> None:
+    credit = FlowControl()
+    now = 0.0
+    for _ in range(1_000):
+        credit.probe(now)
+        now += MAX_PATIENCE
+        credit.expire(now)
+    spend(credit, 1_000)
+    credit.prove(1)  # long forgotten
+    assert credit.is_late

@@ -1,0 +1,54 @@
+"""The state of a far side's rosapi, call by call."""
+
+from __future__ import annotations
+
+import pytest
+
+from rosbridge_sim.graph.attach.rosapi_watch import LOOK_PERIOD, LOST_PERIOD, RosapiWatch, Seen
+
+
+@pytest.mark.parametrize(
+    ("calls", "news"),
+    [
+        ("yyy", "..."),
+        ("nnny", "...."),  # one that never answered cannot be lost
+        ("ynyny", "....."),  # single refusals
+        ("ynn", "..L"),
+        ("ynnnnny", "..L...B"),
+        ("ynnyynny", "..LB..LB"),
+    ],
+)
+def test_two_refusals_in_a_row_are_a_loss(calls: str, news: str) -> None:
+    watch = RosapiWatch()
+    seen = [watch.hear(0.0, is_answered=call == "y") for call in calls]
+    letters = {Seen.NOTHING_NEW: ".", Seen.LOST: "L", Seen.BACK: "B"}
+    assert "".join(letters[one] for one in seen) == news
+
+
+def test_it_is_asked_more_often_once_it_has_refused() -> None:
+    watch = RosapiWatch()
+    assert watch.due is None
+    watch.start(10.0)
+    watch.start(11.0)
+    assert watch.due == 10.0 + LOOK_PERIOD
+    watch.hear(12.0, is_answered=True)
+    watch.note_asked(15.0)
+    assert watch.due == 15.0 + LOOK_PERIOD
+    watch.hear(15.1, is_answered=False)
+    assert watch.due == 15.1 + LOST_PERIOD
+    watch.hear(16.2, is_answered=False)
+    watch.note_asked(17.0)
+    assert watch.due == 17.0 + LOST_PERIOD
+    watch.hear(17.1, is_answered=True)
+    watch.note_asked(18.0)
+    assert watch.due == 18.0 + LOOK_PERIOD
+
+
+def test_next_connection_begins_with_nothing_known() -> None:
+    watch = RosapiWatch()
+    watch.start(0.0)
+    for is_answered in (True, False, False):
+        watch.hear(1.0, is_answered=is_answered)
+    watch.stop()
+    assert watch.due is None
+    assert [watch.hear(2.0, is_answered=one) for one in (False, False, True)] == [Seen.NOTHING_NEW] * 3

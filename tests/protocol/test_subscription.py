@@ -1,0 +1,185 @@
+"""Pace: what is throttled, queued and dropped; and how the terms of several subscriptions merge."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rosbridge_sim.errors import FrameError
+from rosbridge_sim.protocol.ops import Subscribe
+from rosbridge_sim.protocol.subscription import (
+    COMPRESSIONS,
+    MAX_QOS_DEPTH,
+    MAX_QUEUE,
+    MergedOptions,
+    Qos,
+    SubscriptionOptions,
+    Throttle,
+    read_options,
+    read_qos,
+)
+
+
+def paced(interval: float, queue_length: int) -> Throttle[int]:
+    pace: Throttle[int] = Throttle()
+    pace.set_terms(SubscriptionOptions(interval=interval, queue_length=queue_length))
+    return pace
+
+
+def play(pace: Throttle[int], arrivals: list[float], until: float) -> list[tuple[float, int]]:
+    """When each of the messages 0, 1, 2, ... that arrive at these times leaves."""
+    left = []
+    for i, at in enumerate(arrivals):
+        while (due := pace.due()) is not None and due <= at:
+            left += [(due, message) for message in [pace.release(due)] if message is not None]
+        if pace.admit(i, at):
+            left.append((at, i))
+    while (due := pace.due()) is not None and due <= until:
+        left += [(due, message) for message in [pace.release(due)] if message is not None]
+    return left
+
+
+def test_without_terms_everything_leaves_at_once() -> None:
+    assert play(paced(0, 0), [0.0, 0.0, 0.1], 10) == [(0.0, 0), (0.0, 1), (0.1, 2)]
+
+
+def test_throttle_without_a_queue_is_leading_edge() -> None:
+    pace = paced(1.0, 0)
+    assert play(pace, [0.0, 0.3, 0.6, 1.0, 1.5], 10) == [(0.0, 0), (1.0, 3)]
+    assert pace.num_dropped == 3
+
+
+def test_throttle_with_a_queue_delivers_the_last_of_a_burst() -> None:
+    pace = paced(1.0, 1)
+    assert play(pace, [0.0, 0.1, 0.2, 0.3], 10) == [(0.0, 0), (1.0, 3)]
+    assert pace.num_dropped == 2
+
+
+def test_a_queue_leaves_one_each_interval_and_keeps_the_newest() -> None:
+    pace = paced(1.0, 3)
+    assert play(pace, [i / 100 for i in range(10)], 10) == [(0.0, 0), (1.0, 7), (2.0, 8), (3.0, 9)]
+
+
+def test_a_late_timer_does_not_slow_the_feed_and_a_stall_does_not_make_it_race() -> None:
+    pace = paced(1.0, 5)
+    for i in range(6):
+        pace.admit(i, 0.0)
+    assert pace.release(1.4) == 1
+    assert pace.due() == 2.0
+    assert pace.release(7.0) == 2
+    assert pace.due() == 7.0
+    assert pace.release(7.0) == 3
+    assert pace.release(7.5) is None
+
+
+def test_what_waits_survives_new_terms_and_leaves_when_they_allow() -> None:
+    pace = paced(10.0, 5)
+    for i in range(4):
+        pace.admit(i, 0.0)
+    pace.set_terms(SubscriptionOptions(interval=1.0, queue_length=2))
+    assert pace.num_dropped == 1
+    assert (pace.due(), pace.release(1.0), pace.release(2.0)) == (1.0, 2, 3)
+    pace.admit(4, 2.5)
+    pace.set_terms(SubscriptionOptions())
+    assert pace.due() is None
+
+
+@given(
+    st.lists(st.floats(0, 10), max_size=30).map(sorted),
+    st.sampled_from([0.0, 0.3, 1.0]),
+    st.integers(0, 4),
+)
+def test_no_two_leave_within_an_interval_and_none_is_lost_untold(
+    arrivals: list[float], interval: float, queue_length: int
+) -> None:
+    pace = paced(interval, queue_length)
+    left = play(pace, arrivals, 1e9)
+    assert [message for _, message in left] == sorted(message for _, message in left)
+    assert all(b - a >= interval - 1e-9 for (a, _), (b, _) in itertools.pairwise(left))
+    assert len(left) + pace.num_dropped == len(arrivals)
+    if queue_length and arrivals:
+        assert left[-1][1] == len(arrivals) - 1
+
+
+def merge_terms(terms: Iterable[SubscriptionOptions]) -> SubscriptionOptions:
+    """The plain meaning of merged terms: all are looked at."""
+    each = list(terms)
+    sizes = [t.fragment_size for t in each if t.fragment_size is not None]
+    return SubscriptionOptions(
+        interval=min(t.interval for t in each),
+        queue_length=min(MAX_QUEUE, max(t.queue_length for t in each)),
+        fragment_size=min(sizes, default=None),
+        compression=max((t.compression for t in each), key=COMPRESSIONS.index),
+    )
+
+
+def merged(*terms: SubscriptionOptions) -> SubscriptionOptions:
+    together = MergedOptions()
+    for i, each in enumerate(terms):
+        together.put(i, each)
+    return together.merged()
+
+
+def test_terms_merge() -> None:
+    assert merged(
+        SubscriptionOptions(interval=1.0, queue_length=1, fragment_size=500, compression="png"),
+        SubscriptionOptions(interval=0.5, queue_length=7, compression="cbor"),
+        SubscriptionOptions(interval=2.0, fragment_size=200),
+    ) == SubscriptionOptions(interval=0.5, queue_length=7, fragment_size=200, compression="cbor")
+    assert (
+        merged(SubscriptionOptions(compression="cbor"), SubscriptionOptions(compression="cbor-raw")).compression
+        == "cbor-raw"
+    )
+    assert merged(SubscriptionOptions(queue_length=10**9)).queue_length == MAX_QUEUE
+
+
+SOME_TERMS = st.builds(
+    SubscriptionOptions,
+    interval=st.sampled_from([0.0, 0.1, 1.0, 2.5]),
+    queue_length=st.integers(0, 5),
+    fragment_size=st.none() | st.integers(1, 5),
+    compression=st.sampled_from(COMPRESSIONS),
+)
+
+
+@given(st.lists(st.tuples(st.integers(0, 8), st.none() | SOME_TERMS), max_size=60))
+def test_terms_that_come_and_go_in_any_order_merge_like_those_that_are_left(
+    changes: list[tuple[int, SubscriptionOptions | None]],
+) -> None:
+    together = MergedOptions()
+    for sub_id, terms in changes:
+        together.put(sub_id, terms)
+        if together.by_id:
+            assert together.merged() == merge_terms(together.by_id.values())
+
+
+def test_terms_of_a_subscribe() -> None:
+    assert read_options(Subscribe(topic="/t")) == SubscriptionOptions()
+    op = Subscribe(topic="/t", throttle_rate=250.0, queue_length=3.0, fragment_size=2147483647.0, compression="png")
+    assert read_options(op) == SubscriptionOptions(
+        interval=0.25, queue_length=3, fragment_size=2147483647, compression="png"
+    )
+    op = Subscribe(topic="/t", throttle_rate=-5.0, queue_length=-1.0, fragment_size=0.0, compression="zip")
+    assert read_options(op) == SubscriptionOptions()
+
+
+def test_qos() -> None:
+    assert read_qos(None) == read_qos({}) == Qos()
+    assert read_qos({"durability": "transient_local", "depth": 7}) == Qos(depth=7, is_latching=True)
+    assert read_qos({"durability": "volatile", "depth": 0}) == Qos(depth=1, is_latching=False)
+    assert read_qos({"history": "keep_all"}).depth == MAX_QOS_DEPTH
+    assert read_qos({"deadline": {"secs": 1, "nsecs": 0}, "lifespan": "infinite"}) == Qos()
+    wrong: list[dict[str, object]] = [
+        {"speed": 1},
+        {"durability": "forever"},
+        {"depth": -1},
+        {"depth": "7"},
+        {"depth": True},
+    ]
+    for bad in wrong:
+        with pytest.raises(FrameError):
+            read_qos(bad)

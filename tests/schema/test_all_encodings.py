@@ -1,0 +1,93 @@
+"""JSON, CBOR, ROS 1 bytes and CDR say the same of every value of every type."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+
+import cbor2
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rosbridge_sim.errors import FieldError
+from rosbridge_sim.schema.cbor import encode_plain
+from rosbridge_sim.schema.compile import MessageType
+from rosbridge_sim.schema.names import Generation
+from rosbridge_sim.schema.validate import MessageSpec
+from tests.schema.reference_readers import Rosbags, alike, as_json, plain, read_cbor
+from tests.schema.strategies import STAMP_NS, all_types, every_type, wild_values
+
+
+@cache
+def rosbags(ros: Generation) -> Rosbags:
+    return Rosbags(ros)
+
+
+def has_wide(shape: MessageSpec) -> bool:
+    """Whether there is a wstring in a type: the one thing without agreed bytes."""
+    inner = any(slot.shape is not None and has_wide(slot.shape) for slot in shape.slots.values())
+    return inner or any(slot.field.type == "wstring" for slot in shape.slots.values())
+
+
+def check_encodings(message_type: MessageType, value: object) -> None:
+    shape = message_type.shape
+    expected = plain(shape, value)
+    assert json.loads(message_type.encode_json(value)) == as_json(expected)
+    assert alike(read_cbor(message_type.encode_cbor(value)), expected)
+    if shape.dialect.ros != 1 and has_wide(shape):
+        with pytest.raises(FieldError, match="wstring"):
+            message_type.encode_raw(value)
+    else:
+        raw = message_type.encode_raw(value)
+        assert alike(rosbags(shape.dialect.ros).read(shape, raw), expected)
+
+
+@pytest.mark.slow
+@settings(max_examples=200, deadline=None)  # the first value of a type compiles it
+@given(st.data())
+def test_all_encodings_agree(data: st.DataObject) -> None:
+    message_type = data.draw(every_type())
+    check_encodings(message_type, data.draw(wild_values(message_type)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ros", [1, 2])
+def test_defaults_go_through_all_encodings(ros: Generation) -> None:
+    # rosbags takes 10 ms to learn a type: those of the world, and a few of each kind of all others
+    types = [t for i, t in enumerate(all_types(ros)) if i % 8 == 0 or t.name.startswith(("morai_msgs/Ego", "p/"))]
+    assert len(types) > 50
+    for message_type in types:
+        check_encodings(message_type, message_type.default())
+
+
+@pytest.mark.parametrize("ros", [1, 2])
+def test_every_type_can_be_written(ros: Generation) -> None:
+    for message_type in all_types(ros):
+        value = message_type.default()
+        assert message_type.encode_cbor(value)[:1] >= b"\xa0"
+        if ros == 1 or not has_wide(message_type.shape):
+            assert message_type.encode_raw(value).startswith(b"" if ros == 1 else b"\0\1\0\0")
+
+
+@pytest.mark.slow
+@settings(max_examples=150, deadline=None)  # as above
+@given(st.data())
+def test_what_cbor_says_is_accepted_back(data: st.DataObject) -> None:
+    message_type = data.draw(every_type())
+    value = data.draw(wild_values(message_type))
+    again = message_type.check(read_cbor(message_type.encode_cbor(value)), STAMP_NS)
+    assert repr(again) == repr(value)
+
+
+@given(
+    st.lists(st.integers(-(2**63), 2**63 - 1), min_size=64, max_size=80)
+    | st.lists(st.integers(-300, 300), min_size=64, max_size=80)
+    | st.lists(st.integers(0, 2**64 - 1), min_size=64, max_size=80)
+    | st.lists(st.floats(allow_nan=False), min_size=64, max_size=80)
+    | st.lists(st.floats(allow_nan=False) | st.integers(-5, 5) | st.booleans(), min_size=64, max_size=80)
+)
+def test_long_lists_of_numbers_of_unknown_types_say_the_same_in_cbor(values: list[float]) -> None:
+    decoded = cbor2.loads(encode_plain({"data": values}))["data"]
+    assert decoded == values
+    assert list(map(type, decoded)) == list(map(type, values))

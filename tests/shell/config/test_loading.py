@@ -1,0 +1,571 @@
+"""Flags, environment, file, defaults: who wins, and what a mistake looks like."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from rosbridge_sim.morai.interfaces.network_settings import InterfaceChoice, InterfaceKind, NetworkSettings
+from rosbridge_sim.morai.interfaces.registry import ListedInterface
+from rosbridge_sim.shell.config.loading import (
+    PREFIX,
+    SettingError,
+    check_options,
+    format_config,
+    looks_like_path,
+    read_network,
+    read_settings,
+    strange_variables,
+)
+from rosbridge_sim.shell.config.settings import FIELDS, SHORT_FORMS, Settings, flag_of
+from rosbridge_sim.shell.config.value_types import FILE, FOLDER_TYPE, FOLDERS, SWITCH
+
+OTHER: dict[str, object] = {
+    "host": "::1",
+    "port": 8000,
+    "client_memory": 32 * 2**20,
+    "memory_budget": 2**30,
+    "ros": 2,
+    "certfile": "a.pem",
+    "keyfile": "b c.pem",
+    "token": "s3cret+/=",
+    "allow_origin": ("https://*.example.org", "http://[::1]:8080"),
+    "allow_host": ("sim", "*.lab.example"),
+    "allow_publish": ("/a/*", "b"),
+    "deny_publish": ("/[cd]",),
+    "allow_subscribe": ("*",),
+    "deny_subscribe": ("/e?",),
+    "allow_service": ("/f",),
+    "deny_service": ("/rosapi/set_param", "/g"),
+    "allow_param": ("/h/*",),
+    "deny_param": ("/i",),
+    "max_clients": None,
+    "max_strangers": 7,
+    "max_rate": 100,
+    "max_held": 5,
+    "max_calls": 6,
+    "world": False,
+    "scenario": "loop",
+    "map": "track",
+    "scenario_path": ("a", "b c"),
+    "catalogue": "cars.toml",
+    "data_dir": "data",
+    "data_quota": 2**21,
+    "data_quota_files": None,
+    "start": "sync",
+    "seed": 3,
+    "on_world_failure": "serve",
+    "publishers": {"/Ego_topic": InterfaceChoice("/car", is_on=True, rate=10.0), "/tf": InterfaceChoice(rate=0.5)},
+    "subscribers": {"/ctrl_cmd": InterfaceChoice(is_on=False)},
+    "services": {"/SyncModeCmd": InterfaceChoice('/a"b')},
+    "profile": "field",
+    "wheel_angle_unit": "deg",
+    "object_size_order": "length-width-height",
+    "object_limit": 20,
+    "object_velocity_unit": "m/s",
+    "start_mode": "keyboard",
+    "stamps": "wall",
+    "replay_info": True,
+    "sync_frames": "strict",
+    "sync_lease": 2.5,
+    "sync_on_loss": "wait",
+    "anyone_may_stop": True,
+    "schema_path": ("x", "y"),
+    "strict_types": True,
+    "quiet_clients": True,
+    "listen": False,
+    "attach": ("ws://a:9090", "wss://b/?token=abc"),
+    "attach_sockets": "per-topic",
+    "attach_retry": 2.5,
+    "service_timeout": 3.0,
+    "max_frame_size": 2**20,
+    "outbox_burst": 7,
+    "outbox_size": 2**20,
+    "outbox_limit": 2**21,
+    "ping_interval": None,
+    "ping_timeout": 1.0,
+    "compression": True,
+    "websocket_io": "library",
+    "status": False,
+    "record": "/bags/drive.bag",
+    "record_topics": ("/clock", "/Ego*"),
+    "log_level": "debug",
+}
+"""A value other than the default for every setting that has one."""
+
+NOT_PRINTED = {"token": None, "attach": ("ws://a:9090", "wss://b")}
+"""What is left of values with secrets in them when they are printed."""
+
+
+def as_words(key: str, value: object) -> list[str]:
+    """The words of a command line that set it."""
+    if isinstance(value, bool):
+        return [f"--{key}" if value else f"--no-{key}"]
+    if isinstance(value, tuple):
+        return [word for one in value for word in (f"--{key}", one)]
+    return [f"--{key}", "none" if value is None else str(value)]
+
+
+def as_variable(key: str, value: object) -> str:
+    if isinstance(value, tuple):
+        return flag_of(key).kind.separator.join(value)
+    return "none" if value is None else str(value)
+
+
+def mistake(argv: list[str], environ: dict[str, str] | None = None) -> str:
+    with pytest.raises(SettingError) as caught:
+        read_settings(argv, environ or {})
+    text = str(caught.value)
+    if "--config" not in argv:
+        assert "\n" not in text
+    return text
+
+
+def mistake_in(tmp_path: Path, text: str | bytes) -> str:
+    """What is said of a file, with its folder left out."""
+    path = tmp_path / "s.toml"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return mistake(["--config", str(path)]).replace(str(tmp_path) + os.sep, "")
+
+
+def test_other_values_cover_every_setting() -> None:
+    only_one_value = {"release", "config"}
+    assert OTHER.keys() | only_one_value == {field.name for field in FIELDS.values()}
+    defaults = Settings()
+    assert all(getattr(defaults, name) != value for name, value in OTHER.items())
+
+
+# Places
+
+
+@pytest.mark.parametrize("name", OTHER)
+def test_every_setting_is_a_flag_a_variable_a_key_and_an_option(name: str, tmp_path: Path) -> None:
+    key = name.replace("_", "-")
+    value = OTHER[name]
+    quiet = {"outbox_size": 1024} if name == "outbox_limit" else {}  # which must not be larger
+    wanted = check_options({name: value, **quiet})
+    assert getattr(wanted, name) == value
+
+    if not flag_of(key).kind.is_table:  # too much for a flag or a variable
+        words = as_words(key, value) + (["--outbox-size", "1KiB"] if quiet else [])
+        assert read_settings(words, {}) == wanted
+
+        variables = {PREFIX + name.upper(): as_variable(key, value)}
+        assert read_settings([], variables | ({PREFIX + "OUTBOX_SIZE": "1024"} if quiet else {})) == wanted
+
+    file = tmp_path / "s.toml"
+    file.write_text(format_config(wanted, []))
+    from_file = read_settings(["--config", str(file)], {})
+    kind = flag_of(key).kind
+    if kind in (FOLDERS, FOLDER_TYPE, FILE):  # paths are taken from the file's folder
+        paths = value if isinstance(value, tuple) else (value,)
+        beside = tuple(str(tmp_path / str(path)) for path in paths)
+        value = beside if kind is FOLDERS else beside[0]
+    assert getattr(from_file, name) == NOT_PRINTED.get(name, value)
+
+
+def test_flag_beats_environment_beats_file_beats_default(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    file.write_text('port = 1\nseed = 1\nstart = "sync"\n')
+    variables = {"ROSBRIDGE_SIM_PORT": "2", "ROSBRIDGE_SIM_SEED": "2", "ROSBRIDGE_SIM_CONFIG": str(file)}
+    settings = read_settings(["--port", "3"], variables)
+    assert (settings.port, settings.seed, settings.start, settings.host) == (3, 2, "sync", "127.0.0.1")
+
+
+def test_flag_names_another_file_than_the_environment(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    file.write_text("port = 1\n")
+    assert read_settings(["--config", str(file)], {"ROSBRIDGE_SIM_CONFIG": "/nowhere"}).port == 1
+
+
+def test_list_is_taken_whole_from_the_strongest_place() -> None:
+    assert read_settings(["--schema-path", "a"], {"ROSBRIDGE_SIM_SCHEMA_PATH": "b"}).schema_path == ("a",)
+
+
+@pytest.mark.parametrize("key", [key for key in FIELDS if flag_of(key).kind is SWITCH])
+def test_switch_is_turned_off_by_its_no_form_everywhere(key: str, tmp_path: Path) -> None:
+    name = FIELDS[key].name
+    file = tmp_path / "s.toml"
+    file.write_text(f"no-{key} = true\n")
+    for settings in (
+        read_settings([f"--no-{key}"], {}),
+        read_settings([], {f"ROSBRIDGE_SIM_NO_{name.upper()}": "1"}),
+        read_settings(["--config", str(file)], {}),
+    ):
+        assert getattr(settings, name) is False
+    assert getattr(read_settings([f"--{key}"], {f"ROSBRIDGE_SIM_NO_{name.upper()}": "1"}), name) is True
+
+
+@pytest.mark.parametrize("text", ["", " "])
+def test_empty_token_in_the_environment_does_not_open_the_server(text: str) -> None:
+    with pytest.raises(SettingError, match="ROSBRIDGE_SIM_TOKEN: expected a token, or none; got an empty text"):
+        read_settings([], {"ROSBRIDGE_SIM_TOKEN": text})
+    assert read_settings([], {"ROSBRIDGE_SIM_TOKEN": "none"}).token is None
+
+
+def test_empty_variable_counts_as_absent() -> None:
+    assert read_settings([], {"ROSBRIDGE_SIM_PORT": "", "ROSBRIDGE_SIM_SCHEMA_PATH": " "}) == Settings()
+
+
+def test_port_variable_of_kubernetes_is_not_ours() -> None:
+    assert read_settings([], {"ROSBRIDGE_SIM_PORT": "tcp://10.0.0.1:9090"}).port == 9090
+
+
+def test_keys_of_a_file_may_have_underscores_and_the_file_a_byte_order_mark(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    file.write_bytes(b'\xef\xbb\xbfsync_lease = 3\r\n[services]\r\n"sim/reset" = {on=false}\r\n')
+    settings = read_settings(["--config", str(file)], {})
+    assert settings.sync_lease == 3.0
+    assert settings.services == {"/sim/reset": InterfaceChoice(is_on=False)}
+
+
+def test_paths_in_a_file_are_taken_from_its_folder(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    file.write_text('schema-path = ["msgs", "/abs"]\nscenario = "mine.json"\nmap = "./city"\ndata-dir = "data"\n')
+    settings = read_settings(["--config", str(file)], {})
+    assert settings.schema_path == (str(tmp_path / "msgs"), "/abs")
+    assert settings.scenario == str(tmp_path / "mine.json")
+    assert settings.map == str(tmp_path / "city")
+    assert settings.data_dir == str(tmp_path / "data")
+
+
+def test_names_in_a_file_stay_names(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    file.write_text('scenario = "demo"\nmap = "track"\n')
+    settings = read_settings(["--config", str(file)], {})
+    assert (settings.scenario, settings.map) == ("demo", "track")
+
+
+def test_printed_config_gives_the_settings_back(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    paths = {
+        "scenario_path": ("/a",),
+        "data_dir": "/d",
+        "catalogue": "/m.csv",
+        "schema_path": ('/x"\\\n',),
+        "certfile": "/c.pem",
+        "keyfile": "/k.pem",
+    }
+    file.write_text(format_config(check_options({**OTHER, **paths}), []))
+    assert read_settings(["--config", str(file)], {}) == check_options(
+        {**OTHER, **paths, **NOT_PRINTED, "config": str(file)}
+    )
+
+
+def test_printed_config_has_all_items_then_what_is_said_of_others(tmp_path: Path) -> None:
+    items = [
+        ListedInterface(InterfaceKind.PUBLISHER, "/Ego_topic", "/car", is_on=True, rate=12.5),
+        ListedInterface(InterfaceKind.PUBLISHER, "/tf_static", "/tf_static", is_on=False, rate=None),
+        ListedInterface(InterfaceKind.SERVICE, "/sim/reset", "/sim/reset", is_on=True, rate=None),
+    ]
+    own = {"/Ego_topic": {"name": "/car"}, "/Ego-2/Ego_topic": {"rate": 5}}
+    text = format_config(check_options({"publishers": own}), items)
+    tables = [line for line in text[text.index("[publishers]") :].splitlines() if line and line[0] != "#"]
+    assert tables == [
+        "[publishers]",
+        '"/Ego_topic" = { name = "/car", rate = 12.5, on = true }',
+        '"/tf_static" = { name = "/tf_static", on = false }',
+        '"/Ego-2/Ego_topic" = { rate = 5 }',
+        "[subscribers]",
+        "[services]",
+        '"/sim/reset" = { name = "/sim/reset", on = true }',
+    ]
+    file = tmp_path / "s.toml"
+    file.write_text(text)
+    again = format_config(read_settings(["--config", str(file)], {}), [])
+    assert again.endswith(text[text.index("[publishers]") :])
+
+
+def test_network_settings_may_stand_in_a_whole_settings_file(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    file = tmp_path / "n.toml"
+    file.write_text('port = 1\nno-world = true\n[publishers]\n"tf" = { rate = 5 }\n')
+    with caplog.at_level("INFO"):
+        assert read_network(file) == NetworkSettings(publishers={"/tf": InterfaceChoice(rate=5.0)})
+    assert caplog.messages == [f"{file}: passed over what is no network setting: port, no-world"]
+    file.write_text("[publisher]\n")
+    with pytest.raises(SettingError, match=r"n.toml:1: publisher: expected .* \(did you mean publishers\?\)"):
+        read_network(file)
+    file.write_text('[services]\n"/x y" = {}\n')
+    with pytest.raises(
+        SettingError, match=r'n.toml:2: services."/x y": expected the name of a service, without blanks'
+    ):
+        read_network(file)
+
+
+def test_bad_token_is_not_shown() -> None:
+    said = "expected printable ASCII without blanks, or none; got something else"
+    assert mistake(["--token", "my secret"]) == f"--token: {said}"
+    assert mistake([], {"ROSBRIDGE_SIM_TOKEN": "geheimniß"}) == f"ROSBRIDGE_SIM_TOKEN: {said}"
+    assert "geheim" not in repr(check_options({"token": "geheim"}))
+
+
+def test_printed_config_says_where_secrets_belong_and_shows_none(tmp_path: Path) -> None:
+    urls = ["ws://a:9090", "wss://me:geheim@b/x?token=geheim"]
+    text = format_config(check_options({"token": "geheim", "attach": urls}), [])
+    assert "geheim" not in text
+    assert "# token is set, and is not printed: write it here, or into ROSBRIDGE_SIM_TOKEN\n" in text
+    assert '# a token or a password in a URL is not printed: write it where it belongs\nattach = ["ws://a:9090"' in text
+    (tmp_path / "s.toml").write_text(text.replace("# token is set", 'token = "geheim"\n# token is set'))
+    assert read_settings(["--config", str(tmp_path / "s.toml")], {}).token == "geheim"  # noqa: S105 - a test's own
+    assert "not printed" not in format_config(check_options({"attach": "ws://a/x"}), [])
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--tokn", "geheim"],
+        ["--tokn=geheim"],
+        ["token=geheim"],
+        ["ws://h/?token=geheim"],
+        ["--port", "ws://me:geheim@h"],
+        ["--ping-interval", "?token=geheim"],
+        ["--allow-publish", "token=geheim x"],
+    ],
+)
+def test_mistake_beside_a_token_is_told_without_it(words: list[str]) -> None:
+    assert "geheim" not in mistake(words)
+
+
+def test_attach_takes_urls_and_flags_in_any_order_and_does_not_listen() -> None:
+    settings = read_settings(["a", "--seed", "3", "b:9091", "--start", "sync"], {}, is_attaching=True)
+    assert settings == check_options(
+        {"attach": ["ws://a:9090", "ws://b:9091"], "seed": 3, "start": "sync", "listen": False}
+    )
+
+
+def test_urls_of_a_command_beat_those_of_the_environment_and_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    file.write_text('attach = ["ws://one:1", "ws://two:2"]\n')
+    config = ["--config", str(file)]
+    assert read_settings(config, {}, is_attaching=True).attach == ("ws://one:1", "ws://two:2")
+    variables = {"ROSBRIDGE_SIM_ATTACH": "three:3,four"}
+    assert read_settings(config, variables, is_attaching=True).attach == ("ws://three:3", "ws://four:9090")
+    assert read_settings([*config, "five"], variables, is_attaching=True).attach == ("ws://five:9090",)
+
+
+@pytest.mark.parametrize("flag", ["--port", "--host", "--token", "--max-clients", "--attach"])
+def test_flags_about_clients_of_ours_are_none_of_attach(flag: str) -> None:
+    with pytest.raises(SettingError, match=f"{flag}: is a flag of serve"):
+        read_settings(["a", flag, "1"], {}, is_attaching=True)
+
+
+def test_bad_url_is_shown_without_its_token() -> None:
+    text = "--attach: expected URLs of rosbridges, each once, such as ws://192.168.0.5:9090; got "
+    assert mistake(["--attach", "ws://h:x/?token=geheim"]) == f"{text}['ws://h:x/?...']"
+    assert mistake(["--attach", "a", "--attach", "a"]) == f"{text}['a', 'a']"
+    assert "geheim" not in repr(check_options({"attach": "ws://h/?token=geheim"}))
+
+
+def test_help_names_every_flag_its_unit_and_where_else_it_can_be_set(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        read_settings(["--help"], {})
+    assert not caught.value.code
+    text = capsys.readouterr().out
+    for key in [*FIELDS, *SHORT_FORMS]:
+        assert f"--{key}" in text or f"[{key}]" in text
+        assert flag_of(key).group in text
+    assert "SECONDS" in text
+    assert "ROSBRIDGE_SIM_SYNC_LEASE" in text
+    assert "SUPPRESS" not in text
+
+
+# Mistakes
+
+
+@pytest.mark.parametrize(
+    ("argv", "text"),
+    [
+        (["--prot", "1"], "no such flag: --prot (did you mean --port?); --help lists them all"),
+        (["--prot=1"], "no such flag: --prot (did you mean --port?); --help lists them all"),
+        (["--zzz"], "no such flag: --zzz; --help lists them all"),
+        (["-p", "1"], "no such flag: -p; --help lists them all"),
+        (["--sync"], "no such flag: --sync; --help lists them all"),
+        (["--no-port"], "no such flag: --no-port (did you mean --port?); --help lists them all"),
+        (["demo"], "expected flags; got 'demo'"),
+        (["--port"], "--port: expected one argument"),
+        (["--port", "abc"], "--port: expected a whole number from 0 to 65,535; got 'abc'"),
+        (["--port", "-1"], "--port: expected a whole number from 0 to 65,535; got '-1'"),
+        (["--start", "later"], "--start: expected run or sync; got 'later'"),
+        (["--release", "21.R1"], "--release: expected 22.R2 or 26.R1; got '21.R1'"),
+        (["--sync-lease", "soon"], "--sync-lease: expected seconds up to 86,400, or none; got 'soon'"),
+        (["--rate", "x"], "--rate: expected TOPIC=HZ with at most 120 Hz, such as /Ego_topic=10; got ['x']"),
+        (["--outbox-limit", "2KiB"], "outbox-limit: expected at least outbox-size, 4MiB; got 2KiB"),
+    ],
+)
+def test_mistake_on_the_command_line_is_one_line(argv: list[str], text: str) -> None:
+    assert mistake(argv) == text
+
+
+def test_mistake_in_the_environment_names_the_variable() -> None:
+    text = mistake([], {"ROSBRIDGE_SIM_SYNC_LEASE": "abc"})
+    assert text == "ROSBRIDGE_SIM_SYNC_LEASE: expected seconds up to 86,400, or none; got 'abc'"
+
+
+def test_rate_as_a_flag_is_laid_over_what_the_file_says_of_that_publisher(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    file.write_text('[publishers]\n"/tf" = { name = "/t", rate = 5 }\n"/clock" = { rate = 6 }\n')
+    config = ["--config", str(file)]
+    both = {"/tf": InterfaceChoice("/t", rate=7.0), "/clock": InterfaceChoice(rate=6.0)}
+    assert read_settings([*config, "--rate", "tf=7"], {}).publishers == both
+    assert read_settings(config, {"ROSBRIDGE_SIM_RATE": "/tf=7"}).publishers == both
+    assert check_options({"config": str(file), "rate": {"/tf": 7}}).publishers == both
+    choices = read_settings([*config, "--rate", "Ego_topic=7"], {}).publishers
+    assert choices == {
+        "/tf": InterfaceChoice("/t", rate=5.0),
+        "/clock": InterfaceChoice(rate=6.0),
+        "/Ego_topic": InterfaceChoice(rate=7.0),
+    }
+    assert choices["/Ego_topic"].where == "--rate /Ego_topic=7"
+    assert choices["/tf"].where == f'{file}:2: publishers."/tf"'
+
+
+def test_switch_and_its_no_form_in_one_place_must_agree() -> None:
+    text = mistake([], {"ROSBRIDGE_SIM_WORLD": "1", "ROSBRIDGE_SIM_NO_WORLD": "1"})
+    assert text == "ROSBRIDGE_SIM_NO_WORLD: world and no-world contradict each other"
+    assert not read_settings([], {"ROSBRIDGE_SIM_WORLD": "0", "ROSBRIDGE_SIM_NO_WORLD": "1"}).world
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("port = 1\nhost\n", "s.toml:2:5: not valid TOML: Expected '=' after a key in a key/value pair"),
+        ('host = "a', "s.toml: not valid TOML: Unterminated string at its end"),
+        ("\n\nprot = 1\n", "s.toml:3: prot: no such setting (did you mean port?)"),
+        ("no-port = 1\n", "s.toml:1: no-port: no such setting (did you mean port?)"),
+        ("[room]\nport = 1\n", "s.toml:1: room: no such setting"),
+        ('# x\n"port" = "y"\n', "s.toml:2: port: expected a whole number from 0 to 65,535; got 'y'"),
+        ("port = 1979-05-27\n", None),
+        ("world = 3\n", "s.toml:1: world: expected true or false; got 3"),
+        (
+            "[rate]\nclock = 5\n",
+            's.toml:1: rate: expected [publishers] with lines such as "/Ego_topic" = { rate = 10 }',
+        ),
+        (
+            '[publishers]\n"/clock" = { rate = 500 }\n',
+            's.toml:2: publishers."/clock".rate: expected more than 0 and at most 120 Hz; got 500',
+        ),
+        (
+            '[services."/sim/reset"]\non = true\n\nnam = "/x"\n',
+            's.toml:4: services."/sim/reset".nam: expected name or on (did you mean name?)',
+        ),
+        ("subscribers = 3\n", 's.toml:1: subscribers: expected a table such as "/NAME" = { on = true }; got 3'),
+        ("[host]\nx = 1\n", "s.toml:1: host: expected a host name or address; got {'x': 1}"),
+        ('config = "b.toml"\n', "s.toml:1: config: a settings file cannot name another one"),
+        ("world = true\nno-world = true\n", "s.toml:2: no-world: world and no-world contradict each other"),
+        (b"# \xe9\nport = 1\n# \xff", "s.toml:1: expected UTF-8 text"),
+        ("a = " + "[" * 100_000, "s.toml: nested too deeply"),
+        (b"#" * (2**20 + 1), "s.toml: expected a settings file; it is longer than 1MiB"),
+    ],
+)
+def test_mistake_in_a_file_is_one_line_with_its_place(tmp_path: Path, text: str | bytes, said: str | None) -> None:
+    line = mistake_in(tmp_path, text)
+    assert line.startswith("s.toml")
+    if said is not None:
+        assert line == said
+
+
+def test_missing_file_is_named() -> None:
+    assert mistake(["--config", "/nowhere/s.toml"]) == "/nowhere/s.toml: cannot be read: No such file or directory"
+    assert "directory" in mistake(["--config", "/"])
+
+
+def test_long_value_is_shortened() -> None:
+    assert len(mistake(["--port", "9" * 10_000])) < 200
+
+
+# Options of a Simulator
+
+
+def test_option_that_does_not_exist_is_named() -> None:
+    with pytest.raises(SettingError, match=r"no such option: prot \(did you mean port\?\)"):
+        check_options({"prot": 0})
+
+
+def test_option_with_a_bad_value_is_named() -> None:
+    with pytest.raises(SettingError, match="port: expected a whole number"):
+        check_options({"port": "x"})
+
+
+def test_options_know_nothing_of_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROSBRIDGE_SIM_PORT", "1")
+    assert check_options({}).port == 9090
+
+
+def test_none_is_an_option_only_where_it_means_something() -> None:
+    assert check_options({"map": None, "sync_lease": None, "object_limit": None, "ping_interval": None}).map is None
+    with pytest.raises(SettingError):
+        check_options({"port": None})
+
+
+# Beside the settings
+
+
+def test_misspelt_variable_is_pointed_out_and_a_strange_one_is_not() -> None:
+    lines = strange_variables({"ROSBRIDGE_SIM_SYNC_LAESE": "1", "ROSBRIDGE_SIM_SERVICE_HOST": "x", "PATH": "/bin"})
+    assert lines == [
+        "the environment variable ROSBRIDGE_SIM_SYNC_LAESE means nothing here (did you mean ROSBRIDGE_SIM_SYNC_LEASE?)"
+    ]
+
+
+def test_what_looks_like_a_path() -> None:
+    assert [looks_like_path(name) for name in ("demo", "demo.json", "./demo", "a/b", ".")] == [
+        False, True, True, True, True,
+    ]  # fmt: skip
+
+
+def test_all_mistakes_of_a_file_are_told_at_once_each_with_its_line(tmp_path: Path) -> None:
+    text = """\
+prot = 1
+host = 3
+start = "later"
+port = 9000
+rate = 3
+[publishers]
+"/clock" = { rate = 500, nam = "/c", on = 1 }
+"a b" = { on = false }
+"/tf" = 3
+[servces]
+"""
+    lines = mistake_in(tmp_path, text).split("\n")
+    assert [line.partition(": ")[0] for line in lines] == [
+        *("s.toml:1", "s.toml:2", "s.toml:3", "s.toml:5"),
+        *("s.toml:7", "s.toml:7", "s.toml:7", "s.toml:8", "s.toml:9", "s.toml:10"),
+    ]
+    assert lines[0].endswith("prot: no such setting (did you mean port?)")
+    assert lines[-1].endswith("servces: no such setting (did you mean services?)")
+
+
+def test_conflicts_between_settings_are_told_with_the_other_mistakes(tmp_path: Path) -> None:
+    text = """\
+prot = 1
+outbox-size = "8MiB"
+outbox-limit = "1MiB"
+[publishers]
+"/clock" = { rate = 500, name = 3, on = 1 }
+"/Ego_topci" = { rate = 5 }
+"/tf" = { name = "/a" }
+"/imu" = { name = "/a" }
+"/gps" = { name = "/client_count" }
+[services]
+"/SyncModeCmd" = { name = "/s" }
+"/sim/reset" = { name = "/s" }
+"""
+    lines = mistake_in(tmp_path, text).split("\n")
+    assert [line.partition(": ")[0] for line in lines] == [
+        *("s.toml:1", "s.toml:5", "s.toml:5", "s.toml:5", "outbox-limit"),
+        *("s.toml:9", "s.toml:6", "s.toml:8", "s.toml:11"),
+    ]
+    assert lines[6].endswith("the simulator has no such publisher (did you mean /Ego_topic?)")
+
+
+def test_conflict_is_not_told_of_a_setting_that_cannot_be_read(tmp_path: Path) -> None:
+    (line,) = mistake_in(tmp_path, 'outbox-size = "big"\noutbox-limit = "1MiB"\n').split("\n")
+    assert line.startswith("s.toml:1: outbox-size: expected")
+
+
+def test_a_file_full_of_mistakes_is_a_screen_of_lines(tmp_path: Path) -> None:
+    lines = mistake_in(tmp_path, "".join(f"x{i} = 1\n" for i in range(5_000))).split("\n")
+    assert len(lines) == 21
+    assert lines[-1] == "s.toml: 4,980 more mistakes"

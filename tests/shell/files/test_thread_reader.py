@@ -1,0 +1,176 @@
+"""What is read beside the event loop comes back on it: once, in time, and not after the end."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable
+
+import pytest
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.shell.files import thread_reader as reading
+from rosbridge_sim.shell.files.thread_reader import MAX_THREADS, ThreadReader
+from tests.support import PATIENCE
+
+Outcome = str | DocumentError
+
+
+class Desk:
+    """A reader, and what it has handed over.
+
+    Attributes:
+        got: outcomes, in order.
+    """
+
+    def __init__(self, patience: float = reading.READ_PATIENCE) -> None:
+        self.reader = ThreadReader(asyncio.get_running_loop(), patience)
+        self.got: list[Outcome] = []
+        self._changed = asyncio.Event()
+        self.reader.on_done = self._changed.set
+
+    def read(self, work: Callable[[], str]) -> None:
+        self.reader.read(work, lambda outcome, _now: self.got.append(outcome), 0.0)
+
+    async def until(self, num: int) -> None:
+        async with asyncio.timeout(PATIENCE):
+            while len(self.got) < num:
+                self._changed.clear()
+                await self._changed.wait()
+
+
+class Gate:
+    """Work that takes until it is let go."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.has_begun = threading.Event()
+        self.may_end = threading.Event()
+
+    def __call__(self) -> str:
+        self.has_begun.set()
+        assert self.may_end.wait(PATIENCE)
+        return self.text
+
+
+async def test_work_is_done_in_another_thread_and_its_outcome_comes_back_on_the_loop() -> None:
+    desk = Desk()
+    threads: list[int] = []
+    here = threading.get_ident()
+
+    def work() -> str:
+        threads.append(threading.get_ident())
+        return "read"
+
+    desk.reader.read(work, lambda outcome, _now: desk.got.extend([outcome, str(threading.get_ident())]), 0.0)
+    assert desk.got == []
+    await desk.until(2)
+    assert desk.got == ["read", str(here)]
+    assert threads != [here]
+
+
+async def test_what_is_wrong_with_a_document_is_its_outcome() -> None:
+    desk = Desk()
+
+    def work() -> str:
+        raise DocumentError("torn.json: it ends too soon")
+
+    desk.read(work)
+    await desk.until(1)
+    assert str(desk.got[0]) == "torn.json: it ends too soon"
+    assert desk.reader.num_bugs == 0
+
+
+async def test_bug_in_the_thread_still_answers(caplog: pytest.LogCaptureFixture) -> None:
+    desk = Desk()
+
+    def work() -> str:
+        raise ZeroDivisionError
+
+    desk.read(work)
+    await desk.until(1)
+    assert isinstance(desk.got[0], DocumentError)
+    assert desk.reader.num_bugs == 1
+    assert "ZeroDivisionError" in caplog.text
+
+
+async def test_bug_in_what_follows_is_counted_and_others_go_on(caplog: pytest.LogCaptureFixture) -> None:
+    desk = Desk()
+
+    def fail(_outcome: Outcome, _now: float) -> None:
+        raise ZeroDivisionError
+
+    desk.reader.read(lambda: "lost", fail, 0.0)
+    desk.read(lambda: "read")
+    await desk.until(1)
+    assert desk.got == ["read"]
+    assert desk.reader.num_bugs == 1
+    assert "ZeroDivisionError" in caplog.text
+
+
+async def test_few_threads_read_at_once_and_the_others_follow_in_order() -> None:
+    desk = Desk()
+    gates = [Gate(str(i)) for i in range(MAX_THREADS + 3)]
+    for gate in gates:
+        desk.read(gate)
+    first, waiting = gates[:MAX_THREADS], gates[MAX_THREADS:]
+    for gate in first:
+        assert await asyncio.to_thread(gate.has_begun.wait, PATIENCE)
+    assert not any(gate.has_begun.is_set() for gate in waiting)
+    for gate in waiting:
+        gate.may_end.set()
+    first[0].may_end.set()
+    await desk.until(1 + len(waiting))
+    assert desk.got == ["0", *(gate.text for gate in waiting)]
+    first[1].may_end.set()
+    await desk.until(len(gates))
+
+
+async def test_disk_that_does_not_answer_is_given_up_and_its_late_outcome_ignored() -> None:
+    desk = Desk(patience=0.01)
+    stuck = [Gate("late") for _ in range(MAX_THREADS)]
+    for gate in stuck:
+        desk.read(gate)
+    desk.read(lambda: "in vain")  # its turn does not come in time
+    await desk.until(MAX_THREADS + 1)
+    assert all("the disk has not answered for 0.01 s" in str(outcome) for outcome in desk.got)
+    desk.reader._patience = PATIENCE
+    desk.read(lambda: "in time")
+    for gate in stuck:
+        gate.may_end.set()
+    await desk.until(MAX_THREADS + 2)
+    assert desk.got[-1] == "in time"
+
+
+async def test_nothing_is_handed_over_or_begun_after_the_end() -> None:
+    desk = Desk()
+    gates = [Gate(str(i)) for i in range(MAX_THREADS + 1)]
+    for gate in gates:
+        desk.read(gate)
+    desk.reader.stop()
+    desk.read(gates[-1])
+    for gate in gates:
+        gate.may_end.set()
+    for thread in [thread for thread in threading.enumerate() if thread.name == "reading"]:
+        await asyncio.to_thread(thread.join, PATIENCE)
+    await asyncio.sleep(0)
+    assert desk.got == []
+    assert not gates[-1].has_begun.is_set()
+
+
+async def test_stop_interrupts_what_is_being_read_and_waits_for_nothing() -> None:
+    desk = Desk()
+    has_begun = threading.Event()
+
+    def work() -> str:
+        while True:  # a document without end
+            has_begun.set()
+
+    desk.read(work)
+    assert await asyncio.to_thread(has_begun.wait, PATIENCE)
+    (thread,) = [thread for thread in threading.enumerate() if thread.name == "reading"]
+    desk.reader.stop()
+    desk.reader.stop()
+    await asyncio.to_thread(thread.join, PATIENCE)
+    assert not thread.is_alive()
+    assert desk.got == []

@@ -1,0 +1,241 @@
+"""The one timer: armed for what is due, looked at when something has changed, and still after a failure."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass
+from typing import Literal, NoReturn, cast
+
+import pytest
+
+from rosbridge_sim.graph.attach.mirror import Mirror
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
+from rosbridge_sim.graph.topics_services import Answer
+from rosbridge_sim.morai.node_factory import make_node
+from rosbridge_sim.morai.releases import LENIENCY
+from rosbridge_sim.morai.simulator_node import NodeSettings
+from rosbridge_sim.schema.store import Store
+from rosbridge_sim.shell.files.library import DiskLibrary, read_definitions
+from rosbridge_sim.shell.scheduler import Scheduler
+from rosbridge_sim.world.state import World
+
+
+class Loop:
+    """As much of an event loop as the clockwork uses, with a clock that the test moves."""
+
+    def __init__(self) -> None:
+        self.now = 1000.0
+        self.soon: list[Callable[[], None]] = []
+        self.timers: list[Timer] = []
+
+    def time(self) -> float:
+        return self.now
+
+    def call_soon(self, call: Callable[[], None]) -> None:
+        self.soon.append(call)
+
+    def call_at(self, when: float, call: Callable[[], None]) -> Timer:
+        timer = Timer(when, call)
+        self.timers.append(timer)
+        return timer
+
+    def create_future(self) -> Future[None]:
+        return Future()
+
+    def settle(self) -> int:
+        """Do all that is to be done now; the number of turns it took."""
+        turns = 0
+        while self.soon:
+            turns += 1
+            self.soon.pop(0)()
+        return turns
+
+    @property
+    def armed(self) -> list[float]:
+        """When the timers that wait will ring."""
+        return [timer.when for timer in self.timers if not timer.is_cancelled]
+
+    def move_to(self, now: float) -> int:
+        """Let the time come, ring what is due, and do what follows."""
+        self.now = now
+        due = [timer for timer in self.timers if timer.when <= now and not timer.is_cancelled]
+        self.timers = [timer for timer in self.timers if timer not in due]
+        for timer in due:
+            timer.call()
+        return self.settle()
+
+
+@dataclass(eq=False)
+class Timer:
+    when: float
+    call: Callable[[], None]
+    is_cancelled: bool = False
+
+    def cancel(self) -> None:
+        self.is_cancelled = True
+
+
+class Room:
+    """A bus and a world whose time the test moves."""
+
+    def __init__(self, start: Literal["run", "sync"] = "run") -> None:
+        self.loop = Loop()
+        self.bus = Bus(Store(read_definitions("22.R2"), leniency=LENIENCY), service_timeout=1.0)
+        library = DiskLibrary()
+        settings = NodeSettings(start=start)
+        self.node = make_node(self.bus, World(0), library, library.scenario("demo"), settings)
+        self.failures: list[None] = []
+        self.scheduler = Scheduler(
+            cast("asyncio.AbstractEventLoop", self.loop), self.bus, [self.node], lambda: self.failures.append(None)
+        )
+        self.scheduler.look()
+        self.loop.settle()
+
+    @property
+    def frame(self) -> int:
+        return self.node.world.frame
+
+
+def test_timer_is_armed_for_the_next_frame_alone() -> None:
+    room = Room()
+    for n in range(1, 100):
+        assert room.loop.armed == [pytest.approx(1000.0 + n * 0.02)]
+        room.loop.move_to(room.loop.armed[0])
+        assert room.frame == n
+
+
+def test_nothing_rings_while_only_a_client_can_move_the_world() -> None:
+    room = Room("sync")
+    assert room.loop.armed == []
+
+
+def test_many_changes_of_one_turn_are_looked_at_once() -> None:
+    room = Room("sync")
+    for _ in range(100):
+        room.scheduler.look()
+    assert room.loop.settle() == 1
+
+
+def test_late_frames_are_made_up_for_a_few_in_each_turn() -> None:
+    room = Room()
+    assert room.loop.move_to(1000.0 + 0.41) > 1
+    assert room.frame == 20
+    assert room.loop.armed == [pytest.approx(1000.0 + 0.42)]
+
+
+def test_stall_is_not_raced_through() -> None:
+    room = Room()
+    room.loop.move_to(1000.0 + 3600.0)
+    assert room.frame == 1
+    assert room.node.num_stalls == 1
+
+
+def test_timeout_that_comes_before_all_else_arms_the_timer_anew() -> None:
+    room = Room("sync")
+    answers: list[Answer] = []
+    caller, provider = Somebody("/caller"), Somebody("/provider")
+    room.bus.provide(provider, "/silent", "std_srvs/Trigger", lambda _call, _now: None)
+    for timeout in (3.0, 2.0):
+        room.bus.call(caller, "/silent", None, answers.append, now=room.loop.now, timeout=timeout)
+        room.scheduler.look()
+        room.loop.settle()
+        assert room.loop.armed == [1000.0 + timeout]
+    room.loop.move_to(1002.0)
+    assert len(answers) == 1
+    assert room.loop.armed == [1003.0]
+    room.loop.move_to(1003.0)
+    assert len(answers) == 2
+    assert room.loop.armed == []
+
+
+def test_time_stands_still_after_a_failure_and_it_is_told_once() -> None:
+    room = Room()
+    room.node.world = None  # type: ignore[assignment] # as good a bug as any
+    room.loop.move_to(1000.02)
+    assert room.scheduler.is_failed
+    assert room.failures == [None]
+    room.scheduler.look()
+    room.loop.settle()
+    assert room.loop.armed == []
+    assert room.failures == [None]
+
+
+def break_down(*_: object) -> NoReturn:
+    raise ZeroDivisionError
+
+
+@pytest.mark.parametrize("seam", ["next_due", "advance"])
+def test_republisher_that_fails_ends_and_time_goes_on(seam: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    room = Room()
+    republisher = WebRepublisher(room.bus)
+    monkeypatch.setattr(republisher._actionlib, seam, break_down)
+    republisher._alarm = room.loop.now
+    room.scheduler.add(republisher)
+    room.loop.move_to(1000.02)
+    room.loop.move_to(1000.04)
+    assert room.frame == 2
+    assert not room.scheduler.is_failed
+    assert room.bus.guard.num_faults == 1
+    assert "/republish_tfs" not in room.bus.services
+    assert republisher.next_due(room.loop.now) is None
+
+
+@pytest.mark.parametrize("seam", ["next_due", "advance"])
+def test_bridge_that_fails_is_told_and_time_goes_on(seam: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    room, failures = Room(), list[Exception]()
+    mirror = Mirror(room.bus, room.node, "ws://far")
+    mirror.on_failure = failures.append
+    monkeypatch.setattr(mirror, seam, break_down)
+    room.scheduler.add(mirror)
+    room.loop.move_to(1000.02)
+    room.loop.move_to(1000.04)
+    assert room.frame == 2
+    assert not room.scheduler.is_failed
+    assert failures
+    assert room.bus.guard.num_faults == len(failures)
+
+
+def test_caller_that_fails_on_its_timeout_does_not_stop_the_world() -> None:
+    room = Room()
+    caller, provider = Somebody("/caller"), Somebody("/provider")
+    room.bus.provide(provider, "/silent", "std_srvs/Trigger", lambda _call, _now: None)
+    room.bus.call(caller, "/silent", None, break_down, now=room.loop.now, timeout=0.01)
+    room.scheduler.look()
+    room.loop.settle()
+    room.loop.move_to(1000.01)
+    room.loop.move_to(1000.02)
+    assert room.frame == 1
+    assert not room.scheduler.is_failed
+    assert room.bus.guard.num_faults == 1
+
+
+def test_end_that_fails_does_not_stop_the_world() -> None:
+    room = Room()
+
+    class Broken:
+        def next_due(self, _now: float) -> float:
+            raise ZeroDivisionError
+
+        def advance(self, _now: float) -> None:
+            """Never called."""
+
+        def end(self, _error: Exception) -> None:
+            raise ValueError
+
+    room.scheduler.add(Broken())
+    room.loop.move_to(1000.02)
+    assert room.frame == 1
+    assert not room.scheduler.is_failed
+
+
+@dataclass(eq=False)
+class Somebody:
+    """An owner that says nothing."""
+
+    name: str
+
+    def notify(self, level: str, text: str) -> None:
+        """Nobody listens."""

@@ -1,0 +1,169 @@
+"""What the server says of itself, seen by its clients."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack
+
+import pytest
+import pytest_asyncio
+
+from rosbridge_sim.shell.app import Simulator
+from rosbridge_sim.shell.server_topics import ServerTopics
+from rosbridge_sim.shell.websocket.server import Server, ServerLimits
+from tests.graph.bus_fixture import make_bus
+from tests.support import Client, mask, open_raw
+
+
+@pytest_asyncio.fixture
+async def sim() -> AsyncIterator[Simulator]:
+    async with Simulator(port=0, world=False) as sim:
+        yield sim
+
+
+async def test_who_is_connected_is_latched_and_follows_each_change(sim: Simulator) -> None:
+    async with await Client.open(sim.url) as first:
+        await first.send("subscribe", topic="/client_count")
+        await first.send("subscribe", topic="/connected_clients")
+        assert (await first.message("/client_count"))["data"] == 1
+        async with await Client.open(sim.url):
+            assert (await first.message("/client_count"))["data"] == 2
+        assert (await first.message("/client_count"))["data"] == 1
+        (entry,) = (await first.message("/connected_clients"))["clients"]
+        assert entry["ip_address"] == "127.0.0.1"
+        assert entry["connection_time"]["secs"] > 1_700_000_000
+
+
+async def test_changes_in_one_turn_of_the_loop_are_told_once() -> None:
+    bus = make_bus()
+    server = Server(bus, ServerLimits(), lambda: None)
+    reports = ServerTopics(bus, server, asyncio.get_running_loop())
+    counts: list[int] = []
+    bus.subscribe(reports, "/client_count", lambda _topic, message, _sender, _now: counts.append(message.value.data))
+    for _ in range(100):
+        server.on_clients()
+    assert counts == []
+    await asyncio.sleep(0)
+    assert counts == [0]
+    server.on_clients()
+    reports.stop()
+    await asyncio.sleep(0)
+    assert counts == [0]
+
+
+async def test_the_log_is_a_topic_and_clients_may_write_there_too(sim: Simulator) -> None:
+    async with await Client.open(sim.url) as client:
+        assert (await client.values("/rosapi/topic_type", {"topic": "/rosout"})) == {"type": "rosgraph_msgs/Log"}
+        await client.subscribe("/rosout")
+        await client.settle()
+        logging.getLogger("rosbridge_sim.test").warning("a line with %s", "a value")
+        line = await client.message_where("/rosout", lambda log: log["msg"] == "a line with a value")
+        assert (line["level"], line["name"], line["file"]) == (4, "/rosbridge_sim/test", "test_server_topics.py")
+        assert line["header"]["stamp"]["secs"] > 1_700_000_000
+        logging.getLogger("rosbridge_sim.test").debug("below info")
+        await client.send("advertise", topic="/rosout", type="rosgraph_msgs/Log")
+        await client.send("publish", topic="/rosout", msg={"msg": "mine", "level": 2})
+        assert (await client.message("/rosout"))["msg"] == "mine"
+
+
+async def test_the_log_of_the_other_generation() -> None:
+    async with Simulator(port=0, world=False, ros=2) as sim, await Client.open(sim.url) as client:
+        topics = await client.values("/rosapi/topics")
+        assert dict(zip(topics["topics"], topics["types"], strict=True))["/rosout"] == "rcl_interfaces/msg/Log"
+        await client.subscribe("/rosout")
+        logging.getLogger("rosbridge_sim.test").error("a line")
+        line = await client.message("/rosout")
+        assert (line["level"], line["msg"]) == (40, "a line")
+        assert line["stamp"]["sec"] > 1_700_000_000
+
+
+async def test_one_stalled_reader_beside_ten_live_ones_is_counted_and_nobody_else_notices() -> None:
+    async with Simulator(port=0, world=False, outbox_burst=10, outbox_size=100_000) as sim, AsyncExitStack() as stack:
+        assert sim.bus is not None
+        _, writer = await open_raw(sim.port)  # nobody ever reads from it
+        writer.write(mask(json.dumps({"op": "subscribe", "topic": "/big", "type": "std_msgs/String"})))
+        talker = await stack.enter_async_context(await Client.open(sim.url))
+        await talker.send("advertise", topic="/big", type="std_msgs/String")
+        live = [await stack.enter_async_context(await Client.open(sim.url)) for _ in range(10)]
+        for client in live:
+            await client.subscribe("/big", type="std_msgs/String")
+        while len(sim.bus.topics["/big"].subscriptions) < 11:
+            await talker.settle()
+        for i in range(400):
+            await talker.send("publish", topic="/big", msg={"data": f"{i}:" + "x" * 50_000})
+            for client in live:
+                assert (await client.message("/big"))["data"].startswith(f"{i}:")
+        await talker.subscribe("/sim/clients")
+        status = await talker.message("/sim/clients")
+        stalled, _, *readers = status["clients"]
+        assert stalled["dropped_topics"] == ["/big"]
+        assert 100 < stalled["dropped_counts"][0] < 400
+        assert 0 < stalled["bytes_waiting"] < 20_000_000
+        for reader in readers:
+            assert (reader["dropped_topics"], reader["frames_refused"]) == ([], 0)
+            assert reader["messages_sent"] == 400
+            assert reader["bytes_sent"] > 20_000_000
+        writer.transport.abort()
+
+
+async def test_client_that_cannot_be_reported_is_closed_and_the_others_are_reported(sim: Simulator) -> None:
+    async with await Client.open(sim.url) as listener, await Client.open(sim.url) as bad:
+        await listener.subscribe("/sim/clients")
+        await bad.settle()
+        assert sim._server is not None
+        assert sim._reports is not None
+        served = list(sim._server.clients)[1]
+        served.outbox.dropped = None  # type: ignore[assignment] # as good a bug as any
+        sim._reports._tick()
+        sim._reports._tick()  # before it is closed
+        (status,) = (await listener.message("/sim/clients"))["clients"]
+        assert status["address"] != served.peer.address
+        await bad.socket.wait_closed()
+        assert bad.socket.close_code == 1011
+        assert sim.num_bugs == 1
+
+
+async def test_listener_of_rosout_that_fails_hurts_neither_the_writer_nor_others(
+    sim: Simulator, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with await Client.open(sim.url) as good, await Client.open(sim.url) as bad:
+        for client in (good, bad):
+            await client.subscribe("/rosout")
+        assert sim._server is not None
+        served = list(sim._server.clients)[1]
+        served.peer._listenings["/rosout"].feed._head = 5  # type: ignore[assignment] # as above
+        logging.getLogger("rosbridge_sim.app").warning("a line")
+        assert (await good.message("/rosout"))["msg"] == "a line"
+        await bad.socket.wait_closed()
+        assert bad.socket.close_code == 1011
+        assert sim.num_bugs == 1
+        assert len([record for record in caplog.records if record.exc_info]) == 1
+
+
+async def test_client_that_fails_on_the_line_about_its_own_failure_ends_once(
+    sim: Simulator, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with await Client.open(sim.url) as client:
+        await client.subscribe("/rosout")
+        await client.subscribe("/t", type="std_msgs/String")
+        assert sim._server is not None
+        (served,) = sim._server.clients
+        for listening in served.peer._listenings.values():
+            listening.feed._head = 5  # type: ignore[assignment] # as above
+        await client.send("publish", topic="/t", msg={"data": "x"})
+        await client.socket.wait_closed()
+        assert client.socket.close_code == 1011
+        assert len([record for record in caplog.records if record.exc_info]) == 1
+
+
+async def test_report_of_a_line_that_fails_does_not_fail_its_writer(sim: Simulator) -> None:
+    async with await Client.open(sim.url) as client:
+        await client.subscribe("/rosout")
+        assert sim._reports is not None
+        sim._reports._log._ros = 3  # type: ignore[assignment] # as above
+        logging.getLogger("rosbridge_sim.app").warning("a line")
+        assert await client.settle() == []
+        assert sim.num_bugs == 1

@@ -1,0 +1,184 @@
+"""What clients make the server hold: bounded for each one, and for all of them together."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from contextlib import AsyncExitStack
+
+import pytest
+import pytest_asyncio
+from websockets.exceptions import ConnectionClosed
+
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.schema.store import Store
+from rosbridge_sim.shell.files.library import read_definitions
+from rosbridge_sim.shell.websocket.memory_budget import MemoryBudget, default_budget
+from rosbridge_sim.shell.websocket.server import Server, ServerLimits
+from tests.support import Client
+
+MB = 2**20
+TEXT = "x" * MB
+
+Listen = Callable[[ServerLimits], Awaitable[tuple[Server, Bus]]]
+
+
+@pytest_asyncio.fixture
+async def listen() -> AsyncIterator[Listen]:
+    async with AsyncExitStack() as stack:
+
+        async def start(limits: ServerLimits) -> tuple[Server, Bus]:
+            bus = Bus(Store(read_definitions("22.R2")))
+            Rosapi(bus)
+            server = Server(bus, limits, lambda: None)
+            await server.start("127.0.0.1", 0)
+            stack.push_async_callback(server.stop)
+            return server, bus
+
+        yield start
+
+
+def url_of(server: Server) -> str:
+    return f"ws://127.0.0.1:{server.port}"
+
+
+async def test_latched_messages_of_one_client_are_bounded_in_bytes(listen: Listen) -> None:
+    server, bus = await listen(ServerLimits(client_memory=8 * MB))
+    async with await Client.open(url_of(server)) as client:
+        for name in ("/a", "/b", "/c"):
+            qos = {"durability": "transient_local", "depth": 1_000}
+            await client.send("advertise", topic=name, type="std_msgs/String", qos=qos)
+            for _ in range(10):
+                await client.send("publish", topic=name, msg={"data": TEXT})
+        statuses = [frame for frame in await client.settle() if frame["op"] == "status"]
+        assert bus.total.num_bytes <= 8 * MB
+        assert sum(len(topic.latched) for topic in bus.topics.values()) >= 3
+        assert statuses
+        assert "not latched" in statuses[0]["msg"]
+    async with await Client.open(url_of(server)) as late:
+        await late.settle()
+
+
+async def test_throttle_queues_of_one_client_are_bounded_in_bytes(listen: Listen) -> None:
+    server, bus = await listen(ServerLimits(client_memory=8 * MB))
+    async with await Client.open(url_of(server)) as listener, await Client.open(url_of(server)) as client:
+        await listener.subscribe("/t", type="std_msgs/String", throttle_rate=3_600_000, queue_length=10_000)
+        await client.send("advertise", topic="/t", type="std_msgs/String")
+        for _ in range(30):
+            await client.send("publish", topic="/t", msg={"data": TEXT})
+        await client.settle()
+        assert 2 * MB < bus.total.num_bytes <= 8 * MB
+        await listener.send("unsubscribe", topic="/t")
+        await listener.settle()
+        assert bus.total.num_bytes == 0
+
+
+async def test_calls_in_flight_of_one_client_are_bounded_in_bytes(listen: Listen) -> None:
+    server, bus = await listen(ServerLimits(client_memory=8 * MB))
+    async with await Client.open(url_of(server)) as provider, await Client.open(url_of(server)) as caller:
+        await provider.send("advertise_service", service="/s", type="rosapi/SetParam")
+        await provider.settle()
+        for i in range(20):
+            await caller.send("call_service", service="/s", id=str(i), args={"name": "/x", "value": TEXT})
+        refused = [frame for frame in await caller.settle() if frame["op"] == "service_response"]
+        assert 10 < len(refused) < 20
+        assert "holds too much" in refused[0]["values"] or "hold too much" in refused[0]["values"]
+        waiting = bus.total.num_bytes
+        assert 0 < waiting <= 8 * MB
+        request = await provider.take("call_service")
+        await provider.send("service_response", service="/s", id=request["id"], values={}, result=True)
+        await provider.settle()
+        assert bus.total.num_bytes < waiting
+    while server.clients:  # noqa: ASYNC110 - nothing tells of it
+        await asyncio.sleep(0)
+    assert bus.total.num_bytes == 0
+
+
+async def test_goals_and_pieces_of_one_client_are_bounded_in_bytes(listen: Listen) -> None:
+    server, bus = await listen(ServerLimits(client_memory=4 * MB))
+    async with await Client.open(url_of(server)) as provider, await Client.open(url_of(server)) as caller:
+        await provider.send("advertise_action", action="/a", type="tf2_web_republisher/TFSubscription")
+        await provider.settle()
+        for i in range(10):
+            args = {"source_frames": [TEXT]}
+            await caller.send("send_action_goal", action="/a", id=str(i), args=args)
+        ends = [frame for frame in await caller.settle() if frame["op"] == "action_result"]
+        assert 5 < len(ends) < 10
+        assert "hold too much" in ends[0]["values"]
+        for i in range(8):
+            await caller.send("fragment", id=f"f{i}", num=0, total=2, data=TEXT)
+        told = [frame for frame in await caller.settle() if frame["op"] == "status"]
+        assert told
+        assert "hold too much" in told[-1]["msg"]
+        assert bus.total.num_bytes <= 4 * MB
+    while server.clients:  # noqa: ASYNC110 - nothing tells of it
+        await asyncio.sleep(0)
+    assert bus.total.num_bytes == 0
+
+
+async def test_beyond_the_budget_the_largest_client_is_closed_and_told_why(listen: Listen) -> None:
+    server, bus = await listen(ServerLimits(client_memory=100 * MB, memory_budget=20 * MB))
+    async with AsyncExitStack() as stack:
+        large, small = [await stack.enter_async_context(await Client.open(url_of(server))) for _ in range(2)]
+        for client, name, num in ((large, "/large", 14), (small, "/small", 2)):
+            qos = {"durability": "transient_local", "depth": 100}
+            await client.send("advertise", topic=name, type="std_msgs/String", qos=qos)
+            for _ in range(num):
+                await client.send("publish", topic=name, msg={"data": TEXT})
+                await client.settle()  # one after another: what waits to be read counts, too
+        status = await large.take("status")
+        assert "--memory-budget" in status["msg"]
+        with pytest.raises(ConnectionClosed):
+            await large.read()
+        assert large.socket.close_code == 1008
+        assert "held most" in (large.socket.close_reason or "")
+        await small.settle()
+        assert bus.total.num_bytes <= 8 * MB
+
+
+class Holder:
+    """A client that holds what a test says."""
+
+    def __init__(self, name: str, own: int, shared: dict[int, int] | None = None) -> None:
+        self.name = name
+        self.evicted: list[str] = []
+        self._own = own
+        self._shared = shared or {}
+
+    @property
+    def num_bytes_held(self) -> int:
+        return self._own + sum(self._shared.values())
+
+    def shared(self) -> Iterator[tuple[int, int]]:
+        yield from self._shared.items()
+
+    def evict(self, reason: str) -> None:
+        self.evicted.append(reason)
+
+
+async def closed(budget: int, *holders: Holder) -> list[str]:
+    bus = Bus(Store({}))
+    watch = MemoryBudget(asyncio.get_running_loop(), bus, lambda: holders, budget)
+    watch.look()
+    watch.stop()
+    return [holder.name for holder in holders if holder.evicted]
+
+
+async def test_the_largest_go_first_until_the_rest_fits() -> None:
+    holders = [Holder(str(i), i * MB) for i in (3, 9, 1, 7, 2)]
+    assert await closed(22 * MB, *holders) == []
+    assert await closed(21 * MB, *holders) == ["9"]
+    holders = [Holder(str(i), i * MB) for i in (3, 9, 1, 7, 2)]
+    assert await closed(6 * MB, *holders) == ["9", "7"]
+
+
+async def test_bytes_that_many_wait_for_are_counted_once() -> None:
+    image = {1: 16 * MB}
+    assert await closed(40 * MB, *[Holder(str(i), MB, image) for i in range(20)]) == []
+    own = [Holder(str(i), MB, {i: 16 * MB}) for i in range(20)]
+    assert len(await closed(40 * MB, *own)) == 18
+
+
+def test_the_default_is_a_part_of_the_memory_that_there_is() -> None:
+    assert 64 * MB <= default_budget() < 2**50

@@ -1,0 +1,717 @@
+"""The port: limits of a connection, plain HTTP beside it, and many clients that do not disturb each other."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import re
+import socket
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import AsyncExitStack, suppress
+from typing import NoReturn
+
+import pytest
+import pytest_asyncio
+import uvloop
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed
+from websockets.protocol import State
+
+from rosbridge_sim import __version__
+from rosbridge_sim.errors import EncodingError
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.protocol import png
+from rosbridge_sim.protocol.outbox import OutboxLimits
+from rosbridge_sim.schema.store import Message, Store
+from rosbridge_sim.shell.app import Simulator
+from rosbridge_sim.shell.files.library import read_definitions
+from rosbridge_sim.shell.log_limits import PLACE_BURST, TRACEBACK_COST
+from rosbridge_sim.shell.websocket.access import Access
+from rosbridge_sim.shell.websocket.server import Client as Served
+from rosbridge_sim.shell.websocket.server import Server, ServerLimits
+from tests.support import PATIENCE, Client, mask, open_raw
+
+
+class Port:
+    """A server on a free port, over a bus with nothing but rosapi on it."""
+
+    def __init__(self, server: Server, bus: Bus) -> None:
+        self.server = server
+        self.bus = bus
+
+    @property
+    def url(self) -> str:
+        return f"ws://127.0.0.1:{self.server.port}"
+
+    async def http(self, target: str, *headers: str, method: str = "GET") -> tuple[int, str]:
+        """Status and body of a plain request."""
+        reader, writer = await asyncio.open_connection("127.0.0.1", self.server.port)
+        request = "\r\n".join([f"{method} {target} HTTP/1.1", "Host: localhost", *headers, "", ""])
+        writer.write(request.encode())
+        async with asyncio.timeout(PATIENCE):
+            answer = (await reader.read()).decode()
+        writer.close()
+        await writer.wait_closed()
+        head, _, body = answer.partition("\r\n\r\n")
+        return int(head.split()[1]), body
+
+
+Listen = Callable[..., Awaitable[Port]]
+
+
+@pytest_asyncio.fixture
+async def listen() -> AsyncIterator[Listen]:
+    """Servers with limits of the test's own."""
+    async with AsyncExitStack() as stack:
+
+        async def start(limits: ServerLimits | None = None) -> Port:
+            bus = Bus(Store(read_definitions("22.R2")))
+            Rosapi(bus)
+            server = Server(bus, limits or ServerLimits(), lambda: None)
+            await server.start("127.0.0.1", 0)
+            stack.push_async_callback(server.stop)
+            return Port(server, bus)
+
+        yield start
+
+
+async def hear_at_many_rates() -> None:
+    """Have clients hear two topics, in two spellings each, at twelve throttle rates."""
+    topics = ("/Ego_topic", "Ego_topic", "/Object_topic", "Object_topic")
+    async with Simulator(port=0, scenario="demo") as sim, AsyncExitStack() as stack:
+        clients = [await stack.enter_async_context(await Client.open(sim.url)) for _ in range(12)]
+        for i, client in enumerate(clients):
+            for j, topic in enumerate(topics):
+                await client.send("subscribe", topic=topic, throttle_rate=1 + 3 * i + j, queue_length=1)
+        for client in clients:
+            for topic in topics * 5:
+                await client.message(topic)
+        assert not sim.num_bugs
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make_loop", [asyncio.new_event_loop, uvloop.new_event_loop], ids=["asyncio", "uvloop"])
+def test_many_throttle_rates_at_once_keep_the_server_alive(
+    make_loop: Callable[[], asyncio.AbstractEventLoop],
+) -> None:
+    with asyncio.Runner(loop_factory=make_loop) as runner:
+        runner.run(hear_at_many_rates())
+
+
+async def test_a_clean_stop_tells_every_client_that_we_go_away(listen: Listen) -> None:
+    port = await listen()
+    clients = [await Client.open(port.url) for _ in range(3)]
+    for client in clients:
+        await client.settle()
+    await port.server.stop()
+    for client in clients:
+        with pytest.raises(ConnectionClosed):
+            await client.read()
+        assert client.socket.close_code == 1001
+
+
+async def test_small_frames_leave_at_once(listen: Listen) -> None:
+    port = await listen()
+    async with await Client.open(port.url) as client:
+        await client.settle()
+        (served,) = port.server.clients
+        sock = served.socket.transport.get_extra_info("socket")
+        assert sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) != 0
+
+
+async def test_a_frame_over_the_limit_closes_with_1009_and_one_at_the_limit_does_not(listen: Listen) -> None:
+    size = 4096
+    port = await listen(ServerLimits(max_frame_size=size))
+    head, tail = '{"op":"publish","topic":"/t","type":"std_msgs/String","msg":{"data":"', '"}}'
+    fits = head + "x" * (size - len(head) - len(tail)) + tail
+    async with await Client.open(port.url) as client, await Client.open(port.url) as other:
+        await client.send_raw(fits)
+        assert await client.settle() == []
+        await client.send_raw(fits + " ")
+        with pytest.raises(ConnectionClosed):
+            await client.read()
+        assert client.socket.close_code == 1009
+        assert await other.settle() == []
+
+
+async def test_the_limits_we_start_with() -> None:
+    limits = ServerLimits()
+    assert limits.max_frame_size == 16 * 2**20
+    assert limits.ping_interval is not None
+    assert limits.ping_timeout is not None
+    assert not limits.is_compressing
+
+
+@pytest.mark.slow
+async def test_a_client_that_answers_no_ping_is_dropped_and_what_it_held_with_it(listen: Listen) -> None:
+    port = await listen(ServerLimits(ping_interval=0.05, ping_timeout=1.0))
+    async with await Client.open(port.url) as watcher:
+        # a socket that shakes hands, advertises a topic, and then is as dead as behind a pulled cable
+        _, writer = await open_raw(port.server.port)
+        writer.write(mask('{"op":"advertise","topic":"/t","type":"std_msgs/String"}'))
+        async with asyncio.timeout(PATIENCE):
+            while not (await watcher.values("/rosapi/publishers", {"topic": "/t"}))["publishers"]:
+                pass
+            while (await watcher.values("/rosapi/publishers", {"topic": "/t"}))["publishers"]:
+                pass
+        writer.close()
+        await writer.wait_closed()
+
+
+async def test_no_compression_unless_asked(listen: Listen) -> None:
+    for is_compressing in (False, True):
+        port = await listen(ServerLimits(is_compressing=is_compressing))
+        async with connect(port.url, compression="deflate", proxy=None) as offering:
+            extensions = offering.response.headers.get("Sec-WebSocket-Extensions", "") if offering.response else ""
+            assert ("permessage-deflate" in extensions) is is_compressing
+
+
+async def test_json_in_binary_frames_is_json(listen: Listen) -> None:
+    port = await listen()
+    async with await Client.open(port.url) as client:
+        await client.send_raw(b'{"op":"call_service","service":"rosapi/topics","id":"b"}')
+        assert (await client.take("service_response", id="b"))["result"] is True
+
+
+async def test_objects_glued_in_one_frame_are_done_in_order(listen: Listen) -> None:
+    port = await listen()
+    async with await Client.open(port.url) as client:
+        ops = [
+            {"op": "subscribe", "topic": "/t", "type": "std_msgs/Int32"},
+            {"op": "publish", "topic": "/t", "msg": {"data": 1}},
+            {"op": "publish", "topic": "/t", "msg": {"data": 2}},
+        ]
+        await client.send_raw("\n".join(json.dumps(op) for op in ops))
+        assert [await client.message("/t") for _ in range(2)] == [{"data": 1}, {"data": 2}]
+
+
+async def test_bare_nan_is_taken_and_null_is_sent(listen: Listen) -> None:
+    port = await listen()
+    async with await Client.open(port.url) as client:
+        await client.subscribe("/t", type="std_msgs/Float64")
+        for value in ("NaN", "Infinity", "-Infinity", "null"):
+            await client.send_raw('{"op":"publish","topic":"/t","msg":{"data":' + value + "}}")
+            assert await client.message("/t") == {"data": None}
+
+
+async def test_unicode_goes_through(listen: Listen) -> None:
+    port = await listen()
+    text = '안녕하세요 é \u2028 🚗 \x7f \\ "'
+    async with await Client.open(port.url) as client, await Client.open(port.url) as other:
+        await other.subscribe("/말", type="std_msgs/String")
+        await client.send("publish", topic="/말", type="std_msgs/String", msg={"data": text})
+        await client.send_raw(
+            json.dumps({"op": "publish", "topic": "/말", "msg": {"data": text}}, ensure_ascii=False).encode()
+        )
+        assert [await other.message("/말") for _ in range(2)] == [{"data": text}] * 2
+
+
+async def test_two_clients_do_not_mix(listen: Listen) -> None:
+    port = await listen()
+    async with await Client.open(port.url) as a, await Client.open(port.url) as b:
+        await a.subscribe("/t", type="std_msgs/String", id="same")
+        await b.subscribe("t", type="std_msgs/String", id="same")
+        await a.send("publish", topic="/t", msg={"data": "x"})
+        assert await a.read() == {"op": "publish", "topic": "/t", "msg": {"data": "x"}}
+        assert await b.read() == {"op": "publish", "topic": "t", "msg": {"data": "x"}}
+        await a.send("unsubscribe", topic="/t")
+        await a.send("publish", topic="/t", msg={"data": "y"})
+        assert await b.read() == {"op": "publish", "topic": "t", "msg": {"data": "y"}}
+        assert await a.settle() == []
+
+
+async def test_what_a_client_held_is_gone_with_it(listen: Listen) -> None:
+    port = await listen()
+    async with await Client.open(port.url) as watcher:
+        client = await Client.open(port.url)
+        await client.subscribe("/t", type="std_msgs/String")
+        client.cut()
+        async with asyncio.timeout(PATIENCE):
+            while (await watcher.values("/rosapi/subscribers", {"topic": "/t"}))["subscribers"]:
+                pass
+        assert len(port.server.clients) == 1
+
+
+async def test_who_does_not_read_costs_bounded_memory_and_nobody_else_a_message(listen: Listen) -> None:
+    limits = OutboxLimits(burst=10, topic_bytes=2**20, hard_bytes=8 * 2**20)
+    port = await listen(ServerLimits(outbox=limits))
+    num_messages, size = 600, 20_000  # 12 MB: far more than the limit and a loopback socket's buffers together
+    async with await Client.open(port.url) as talker, await Client.open(port.url) as good:
+        lazy = await connect(port.url, compression=None, max_queue=1, ping_interval=None, proxy=None)
+        lazy.transport.pause_reading()
+        await lazy.send('{"op":"subscribe","topic":"/t","type":"std_msgs/String"}')
+        await good.subscribe("/t", type="std_msgs/String")
+        async with asyncio.timeout(PATIENCE):
+            while len((await good.values("/rosapi/subscribers", {"topic": "/t"}))["subscribers"]) < 1:
+                pass
+        largest = 0
+        for i in range(num_messages):
+            await talker.send("publish", topic="/t", msg={"data": f"{i} " + "x" * size})
+            data = (await good.message("/t"))["data"]
+            assert data.startswith(f"{i} ")
+            largest = max(largest, *(client.outbox.num_bytes for client in port.server.clients))
+        assert size < largest < limits.topic_bytes + 2 * size
+        lazy.transport.resume_reading()
+        last = ""
+        async with asyncio.timeout(PATIENCE):
+            while not last.startswith(f"{num_messages - 1} "):
+                last = json.loads(await lazy.recv())["msg"]["data"]
+        await lazy.close()
+
+
+async def ask_and_never_read(port: Port) -> ClientConnection:
+    """A client that has asked for 10 MB of answers and takes none of them."""
+    async with await Client.open(port.url) as good:
+        await good.values("/rosapi/set_param", {"name": "/long", "value": json.dumps("x" * 100_000)})
+    lazy = await connect(port.url, compression=None, max_queue=1, ping_interval=None, proxy=None)
+    lazy.transport.pause_reading()
+    ask = json.dumps({"op": "call_service", "service": "/rosapi/get_param", "args": {"name": "/long"}})
+    for _ in range(100):
+        await lazy.send(ask)
+    return lazy
+
+
+UNREAD = ServerLimits(outbox=OutboxLimits(burst=10, topic_bytes=2**16, hard_bytes=2**20), ping_interval=None)
+
+
+async def test_who_leaves_answers_unread_beyond_the_limit_is_told_why_and_closed(listen: Listen) -> None:
+    port = await listen(UNREAD)
+    lazy = await ask_and_never_read(port)
+    async with await Client.open(port.url) as good:
+        while all(client.socket.state is State.OPEN for client in port.server.clients):
+            await good.settle()
+        lazy.transport.resume_reading()
+        with pytest.raises(ConnectionClosed, match=r"1008 .*unread"):
+            await read_to_the_end(lazy)
+        assert await good.settle() == []
+
+
+@pytest.mark.slow
+async def test_who_does_not_even_read_that_is_cut_off(listen: Listen) -> None:
+    port = await listen(UNREAD)
+    lazy = await ask_and_never_read(port)
+    async with await Client.open(port.url) as good, asyncio.timeout(PATIENCE):
+        while len(port.server.clients) > 1:
+            await good.settle()
+    lazy.transport.abort()
+
+
+@pytest.mark.slow
+async def test_a_stop_does_not_wait_for_who_does_not_read(listen: Listen) -> None:
+    port = await listen(ServerLimits(ping_interval=None))
+    lazy = await ask_and_never_read(port)
+    async with asyncio.timeout(PATIENCE):
+        await port.server.stop()
+    assert not port.server.clients
+    lazy.transport.abort()
+
+
+@pytest.mark.slow
+async def test_a_stop_does_not_wait_for_who_never_says_what_he_wants(listen: Listen) -> None:
+    port = await listen()
+    mute = [await asyncio.open_connection("127.0.0.1", port.server.port) for _ in range(2)]
+    mute[1][1].write(b"GET / HTTP/1.1\r\nHost: localhost\r\n")  # and no more
+    async with await Client.open(port.url) as client:
+        await client.settle()
+    async with asyncio.timeout(5):  # the handshake's own patience is 10 s
+        await port.server.stop()
+    for _, writer in mute:
+        writer.transport.abort()
+
+
+async def read_to_the_end(socket: ClientConnection) -> None:
+    async with asyncio.timeout(PATIENCE):
+        while True:
+            await socket.recv()
+
+
+async def test_a_text_that_is_not_utf_8_closes_its_sender_after_what_it_asked_before(listen: Listen) -> None:
+    port = await listen()
+    reader, writer = await open_raw(port.server.port)
+    call = mask('{"op":"call_service","service":"/none","id":"before"}')
+    writer.write(call + b"\x81\x81\0\0\0\0\xff" + mask('{"op":"call_service","service":"/none","id":"after"}'))
+    async with asyncio.timeout(PATIENCE):
+        said = await reader.read()
+    assert b'"before"' in said
+    assert b'"after"' not in said
+    assert said.endswith(b"\x03\xeftext is not UTF-8: invalid start byte at byte 0")
+    writer.close()
+    async with await Client.open(port.url) as other:
+        assert "/rosapi/topics" in (await other.values("/rosapi/services"))["services"]
+
+
+@pytest.mark.parametrize("character", ["a", "가"])
+async def test_a_client_that_half_closes_behind_a_long_text_has_its_answers(listen: Listen, character: str) -> None:
+    port = await listen()
+    reader, writer = await open_raw(port.server.port)
+    text = json.dumps({"op": "status", "level": "info", "msg": character * 3_000_000}, ensure_ascii=False).encode()
+    writer.write(b"\x81\xff" + len(text).to_bytes(8, "big") + bytes(4) + text)
+    writer.write(mask('{"op":"call_service","service":"/none","id":"last"}'))
+    writer.write_eof()
+    async with asyncio.timeout(PATIENCE):
+        assert b'"last"' in await reader.read()
+    writer.close()
+
+
+async def test_healthz_says_ok(listen: Listen) -> None:
+    port = await listen()
+    assert await port.http("/healthz") == (200, "ok\n")
+    assert await port.http("/healthz?verbose=1") == (200, "ok\n")
+
+
+async def test_version_is_told_as_json(listen: Listen) -> None:
+    port = await listen()
+    for target in ("/version", "/version?token=needless"):
+        status, body = await port.http(target)
+        assert status == 200
+        assert json.loads(body) == {"name": "rosbridge-sim", "version": __version__, "protocol": "rosbridge v2.0"}
+
+
+async def test_plain_http_elsewhere_is_told_what_lives_here(listen: Listen) -> None:
+    port = await listen()
+    status, body = await port.http("/nothing")
+    assert status == 404
+    assert "/nothing" in body
+    assert "rosbridge" in body
+    status, body = await port.http("/")
+    assert status == 426
+    assert re.search("websocket", body, re.IGNORECASE)
+
+
+async def test_a_query_string_is_no_other_place(listen: Listen) -> None:
+    port = await listen()
+    async with await Client.open(port.url + "/?token=abc") as client:
+        assert await client.settle() == []
+
+
+async def test_a_bug_of_ours_is_told_counted_and_survived(listen: Listen, caplog: pytest.LogCaptureFixture) -> None:
+    port = await listen()
+
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError
+
+    class Owner:
+        name = "/owner"
+
+        def notify(self, level: str, text: str) -> None:
+            pass
+
+    port.bus.subscribe(Owner(), "/t", fail, type_name="std_msgs/String")
+    async with await Client.open(port.url) as client:
+        await client.send("publish", topic="/t", msg={})
+        assert (await client.take("status"))["level"] == "error"
+        assert await client.settle() == []
+    assert port.server.num_bugs == 1
+    assert "ZeroDivisionError" in caplog.text
+
+
+async def test_a_port_that_is_taken_is_an_os_error(listen: Listen) -> None:
+    port = await listen()
+    second = Server(port.bus, ServerLimits(), lambda: None)
+    with pytest.raises(OSError, match="address already in use"):
+        await second.start("127.0.0.1", port.server.port)
+
+
+# A failure of ours that belongs to one client
+
+
+def break_down(*_: object) -> NoReturn:
+    """Fail, as no part of the server does on purpose."""
+    raise ZeroDivisionError
+
+
+class Speaker:
+    """A part of the server that publishes, and remembers what it is told."""
+
+    name = "/speaker"
+
+    def __init__(self, port: Port, topic: str = "/t") -> None:
+        self.bus = port.bus
+        self.told: list[str] = []
+        self.topic = port.bus.advertise(self, topic, "std_msgs/String")
+
+    def notify(self, _level: str, text: str) -> None:
+        self.told.append(text)
+
+    def say(self, data: object) -> None:
+        message_type = self.bus.store.message("std_msgs/String")
+        self.bus.publish(self, self.topic, Message(message_type, message_type.struct(data=data)), 0.0)
+
+
+async def connect_two(port: Port) -> tuple[tuple[Client, Served], tuple[Client, Served]]:
+    """A client in which the test breaks something, and another one; each with what the server has of it."""
+    clients = []
+    for _ in range(2):
+        clients.append(await Client.open(port.url))
+        await clients[-1].settle()
+    (first, second), (served_first, served_second) = clients, port.server.clients
+    return (first, served_first), (second, served_second)
+
+
+async def close_code_of(client: Client) -> int | None:
+    """The code with which the server closes a client."""
+    async with asyncio.timeout(PATIENCE):
+        await client.socket.wait_closed()
+    return client.socket.close_code
+
+
+def num_bugs(port: Port) -> int:
+    return port.server.num_bugs + port.bus.guard.num_faults
+
+
+def failures(caplog: pytest.LogCaptureFixture) -> list[str]:
+    """What the log says of failures, each with its traceback."""
+    return [record.getMessage() for record in caplog.records if record.exc_info]
+
+
+async def test_client_that_fails_on_a_message_is_closed_alone(listen: Listen, caplog: pytest.LogCaptureFixture) -> None:
+    port = await listen()
+    (bad, served), (good, _) = await connect_two(port)
+    speaker = Speaker(port)
+    await bad.subscribe("/t")
+    await good.subscribe("/t")
+    served.peer._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
+    for data in ("a", "b", "c"):
+        speaker.say(data)
+    assert [(await good.message("/t"))["data"] for _ in range(3)] == ["a", "b", "c"]
+    assert await close_code_of(bad) == 1011
+    assert bad.socket.close_reason == "the server failed on this connection; its log says why"
+    assert (num_bugs(port), speaker.told) == (1, [])
+    assert [line.partition(": ")[2] for line in failures(caplog)] == ["closed, because of a failure of ours"]
+    assert served.peer not in port.bus.owners()
+    await good.close()
+
+
+async def test_message_that_cannot_be_written_closes_nobody(listen: Listen, caplog: pytest.LogCaptureFixture) -> None:
+    port = await listen()
+    (first, _), (second, _) = await connect_two(port)
+    speaker = Speaker(port)
+    await first.subscribe("/t")
+    await second.subscribe("/t", compression="cbor")
+    for data in ("a", object(), "b", object()):
+        with suppress(EncodingError):
+            speaker.say(data)
+    assert [(await first.message("/t"))["data"] for _ in range(2)] == ["a", "b"]
+    for data in ("a", "b"):
+        assert (await second.read())["$cbor"]["msg"]["data"] == data
+    assert (port.server.num_bugs, port.bus.guard.num_unencoded, port.bus.guard.num_faults) == (0, 4, 4)
+    assert len(failures(caplog)) == 2  # one for each encoding
+    await first.close()
+    await second.close()
+
+
+async def test_picture_that_cannot_be_made_closes_nobody(
+    listen: Listen, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    port = await listen()
+    (first, _), (second, _) = await connect_two(port)
+    speaker = Speaker(port)
+    for client in (first, second):
+        await client.subscribe("/t", compression="png")
+    with monkeypatch.context() as patch:
+        patch.setattr(png, "_file", break_down)
+        speaker.say("a")
+        assert [await client.settle() for client in (first, second)] == [[], []]
+    speaker.say("b")
+    for client in (first, second):
+        assert (await client.read())["op"] == "png"
+        await client.close()
+    assert (port.server.num_bugs, port.bus.guard.num_unencoded) == (0, 2)
+    assert [line.partition(":")[0] for line in failures(caplog)] == ["/t"]
+
+
+async def test_client_that_fails_on_messages_that_waited_is_closed_alone(listen: Listen) -> None:
+    port = await listen()
+    (bad, served), (good, _) = await connect_two(port)
+    speaker = Speaker(port)
+    for client in (bad, good):
+        await client.subscribe("/t", throttle_rate=1, queue_length=10)
+    served.peer._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as above
+    served.peer._listenings["/t"].feed.pace._free_at = served.socket.loop.time() + 0.005  # so that the first one waits
+    for data in ("a", "b", "c"):
+        speaker.say(data)
+    assert [(await good.message("/t"))["data"] for _ in range(3)] == ["a", "b", "c"]
+    assert await close_code_of(bad) == 1011
+    assert num_bugs(port) == 1
+    await good.close()
+
+
+def break_writing(served: Served) -> None:
+    """Have it fail when bytes were handed to its socket."""
+    served.num_bytes_sent = None  # type: ignore[assignment] # as good a bug as any
+
+
+def break_leaving(served: Served) -> None:
+    """Have it fail at a message, and then at giving up what it holds."""
+    served.peer._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as above
+    served.peer._listenings = None  # type: ignore[assignment] # as above
+
+
+def break_outbox(served: Served) -> None:
+    """Have it fail at all that is sent to it."""
+    served.outbox._frames = None  # type: ignore[assignment] # as above
+
+
+@pytest.mark.parametrize("plant", [break_writing, break_leaving, break_outbox])
+async def test_client_that_fails_is_closed_alone_wherever_that_is(
+    listen: Listen, plant: Callable[[Served], None]
+) -> None:
+    port = await listen()
+    (bad, served), (good, _) = await connect_two(port)
+    speaker = Speaker(port)
+    for client in (bad, good):
+        await client.subscribe("/t")
+    await bad.send("advertise_service", service="/s", type="std_srvs/Trigger")
+    await bad.settle()
+    plant(served)
+    speaker.say("a")
+    assert (await good.message("/t"))["data"] == "a"
+    assert await close_code_of(bad) == 1011
+    assert await good.settle() == []
+    assert served.peer not in port.bus.owners()
+    assert "/s" not in port.bus.services
+    assert port.bus.guard.num_faults >= 1
+    assert speaker.told == []
+    await good.close()
+
+
+async def test_provider_that_fails_is_closed_and_its_caller_is_answered(listen: Listen) -> None:
+    port = await listen()
+    (bad, served), (good, _) = await connect_two(port)
+    await bad.send("advertise_service", service="/s", type="std_srvs/Trigger")
+    await bad.settle()
+    served.peer._provisions["/s"].num_calls = None  # type: ignore[assignment] # as above
+    answer = await good.call("/s")
+    assert (answer["result"], answer["values"]) == (False, "The provider failed; the server's log says why")
+    assert await close_code_of(bad) == 1011
+    assert (await good.call("/s"))["values"] == "Service /s does not exist"
+    assert num_bugs(port) == 1
+    await good.close()
+
+
+async def test_client_that_fails_on_a_message_of_its_own_does_nothing_more(listen: Listen) -> None:
+    port = await listen()
+    (bad, served), (good, _) = await connect_two(port)
+    Speaker(port)
+    for client in (bad, good):
+        await client.subscribe("/t")
+    served.peer._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as above
+    head = '{"op":"publish","topic":"/t","msg":{"data":'
+    await bad.send_raw(f'{head}"first"}}}}{head}"behind it"}}}}')
+    assert (await good.message("/t"))["data"] == "first"
+    assert await close_code_of(bad) == 1011
+    assert await good.settle() == []
+    assert num_bugs(port) == 1
+    await good.close()
+
+
+async def test_client_that_cannot_be_told_of_a_failure_is_closed(
+    listen: Listen, caplog: pytest.LogCaptureFixture
+) -> None:
+    port = await listen()
+    (bad, served), (good, _) = await connect_two(port)
+    break_outbox(served)
+    await bad.send("publish", topic="/u", msg={})  # a mistake
+    assert await close_code_of(bad) == 1011
+    assert await good.settle() == []
+    assert num_bugs(port) >= 2  # the remark on the mistake, and the one on that failure
+    assert len(failures(caplog)) >= 2
+    await good.close()
+
+
+@pytest.mark.slow  # what it has not read yet keeps its closing waiting
+async def test_client_that_fails_in_its_turn_does_not_take_those_of_others(listen: Listen) -> None:
+    port = await listen()
+    (bad, served), (good, served_good) = await connect_two(port)
+    releases = [one.peer.hold() for one in (served, served_good)]
+    for client in (bad, good):
+        for name in ("first", "second"):
+            await client.send("call_service", service="/rosapi/get_time", id=name)
+    async with asyncio.timeout(PATIENCE):
+        while not all(one._has_input for one in (served, served_good)):  # noqa: ASYNC110 - what is waited for tells nobody
+            await asyncio.sleep(0)
+    served.socket._receiver = None  # as good a bug as any
+    for release in releases:  # both wait for their turns now, the bad one first
+        release()
+    await good.take("service_response", id="second")
+    assert await close_code_of(bad) == 1011
+    assert num_bugs(port) == 1
+    await good.close()
+
+
+@pytest.mark.parametrize("seam", ["close", "forget"])
+async def test_client_that_cannot_even_be_closed_is_cut_off(
+    listen: Listen, monkeypatch: pytest.MonkeyPatch, seam: str
+) -> None:
+    port = await listen()
+    (bad, served), (good, _) = await connect_two(port)
+    speaker = Speaker(port)
+    for client in (bad, good):
+        await client.subscribe("/t")
+    served.peer._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
+    monkeypatch.setattr(served.socket, seam, break_down)
+    speaker.say("a")
+    assert (await good.message("/t"))["data"] == "a"
+    assert await close_code_of(bad) == 1006
+    assert served.peer not in port.bus.owners()
+    await good.close()
+
+
+async def test_client_whose_token_cannot_be_judged_is_closed(listen: Listen) -> None:
+    port = await listen(ServerLimits(access=Access(token=5)))  # type: ignore[arg-type] # as good a bug as any
+    client = await Client.open(port.url)
+    await client.send("auth", token="5")  # noqa: S106 - opens nothing
+    assert await close_code_of(client) == 1011
+    assert num_bugs(port) == 1
+
+
+@pytest.mark.slow  # as above
+async def test_connection_that_cannot_be_served_is_told_counted_and_logged(
+    listen: Listen, caplog: pytest.LogCaptureFixture
+) -> None:
+    port = await listen()
+    async with await Client.open(port.url) as good:
+        await good.settle()
+        bus, port.server._bus = port.server._bus, None  # type: ignore[assignment] # as good a bug as any
+        bad = await Client.open(port.url)
+        assert await close_code_of(bad) == 1011
+        port.server._bus = bus
+        assert await good.settle() == []
+    assert port.server.num_bugs == 1
+    assert [line.partition(" ")[2] for line in failures(caplog)] == ["could not be served"]
+
+
+async def test_request_that_fails_and_a_watcher_that_fails_are_counted_and_survived(
+    listen: Listen, caplog: pytest.LogCaptureFixture
+) -> None:
+    port = await listen()
+    port.server.why_unhealthy = break_down
+    assert await port.http("/healthz") == (500, "The server failed; its log says why\n")
+    port.server.on_clients = break_down
+    async with await Client.open(port.url) as client:
+        assert await client.settle() == []
+        assert port.server.num_bugs == 2
+    assert len(failures(caplog)) >= 2
+
+
+@pytest.mark.slow
+async def test_hundred_clients_that_fail_at_once_are_closed_and_the_log_stays_short(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    async with Simulator(port=0, world=False) as sim, AsyncExitStack() as stack:
+        clients = [await stack.enter_async_context(await Client.open(sim.url)) for _ in range(101)]
+        for client in clients:
+            await client.subscribe("/t", type="std_msgs/String")
+        *bad, good = clients
+        assert sim._server is not None
+        for served in list(sim._server.clients)[:-1]:
+            served.peer._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
+        for data in ("a", "b"):
+            await good.send("publish", topic="/t", msg={"data": data})
+            assert (await good.message("/t"))["data"] == data
+        assert {await close_code_of(client) for client in bad} == {1011}
+        assert await good.settle() == []
+        assert sim.num_bugs == 100
+    assert len(failures(caplog)) == PLACE_BURST / TRACEBACK_COST
+    assert any("80 more lines of server.py" in line for line in caplog.messages)

@@ -1,0 +1,124 @@
+"""Turns: who works when, and that nobody is passed over."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from rosbridge_sim.shell.websocket import turns
+from rosbridge_sim.shell.websocket.turns import ROUND_TIME, TURN_TIME, Turns
+
+
+class Clock:
+    """The time of `perf_counter`, which moves when somebody works."""
+
+    now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(turns, "perf_counter", clock)
+    return clock
+
+
+class Client:
+    """Has some work left, in ops of a given cost [s]."""
+
+    def __init__(self, name: str, clock: Clock, log: list[str], num_ops: int, cost: float) -> None:
+        self.name = name
+        self.num_ops = num_ops
+        self._clock = clock
+        self._log = log
+        self._cost = cost
+
+    def work(self, until: float) -> bool:
+        self._log.append(self.name)
+        while self.num_ops:
+            self.num_ops -= 1
+            self._clock.now += self._cost
+            if self._clock.now >= until:
+                break
+        return self.num_ops > 0
+
+
+async def rounds(num: int) -> None:
+    for _ in range(num):
+        await asyncio.sleep(0)
+
+
+async def test_one_client_may_work_for_a_turn_and_all_for_a_round(clock: Clock) -> None:
+    ended: list[float] = []
+    these = Turns(asyncio.get_running_loop(), lambda: ended.append(clock.now))
+    assert these.begin() == clock.now + TURN_TIME
+    clock.now += TURN_TIME
+    assert these.begin() == clock.now + TURN_TIME
+    clock.now = 100.0 + ROUND_TIME + TURN_TIME / 2
+    assert these.begin() < clock.now  # the round is over
+    await rounds(1)
+    assert ended == [clock.now]
+    assert these.begin() == clock.now + TURN_TIME
+
+
+async def test_a_small_request_waits_for_one_turn_of_a_large_one(clock: Clock) -> None:
+    log: list[str] = []
+    these = Turns(asyncio.get_running_loop(), lambda: None)
+    large = Client("large", clock, log, 1_000, TURN_TIME / 10)
+    these.wait(large, had_turn=True)
+    await rounds(3)
+    these.wait(Client("small", clock, log, 1, TURN_TIME / 10), had_turn=False)
+    before = len(log)
+    await rounds(2)
+    assert log[before:][0] == "small"
+    await rounds(1_000)
+    assert large.num_ops == 0
+
+
+async def test_large_requests_take_turns_and_none_is_passed_over(clock: Clock) -> None:
+    log: list[str] = []
+    these = Turns(asyncio.get_running_loop(), lambda: None)
+    for name in "abc":
+        these.wait(Client(name, clock, log, 100, TURN_TIME / 10), had_turn=True)
+    await rounds(100)
+    assert log == list("abc") * 10
+
+
+async def test_however_many_new_ones_come_an_old_one_has_its_turn_in_each_round(clock: Clock) -> None:
+    log: list[str] = []
+    these = Turns(asyncio.get_running_loop(), lambda: None)
+    these.wait(Client("old", clock, log, 20, TURN_TIME), had_turn=True)
+    for i in range(10):
+        for _ in range(10):
+            these.wait(Client(f"new {i}", clock, log, 1, TURN_TIME), had_turn=False)
+        await rounds(1)
+    assert log.count("old") >= 9
+
+
+async def test_who_leaves_is_not_called_any_more(clock: Clock) -> None:
+    log: list[str] = []
+    these = Turns(asyncio.get_running_loop(), lambda: None)
+    gone = Client("gone", clock, log, 5, TURN_TIME)
+    these.wait(gone, had_turn=False)
+    these.leave(gone)
+    these.leave(gone)
+    await rounds(5)
+    assert log == []
+
+
+async def test_a_quiet_server_has_no_rounds(clock: Clock) -> None:
+    num_rounds = 0
+
+    def count() -> None:
+        nonlocal num_rounds
+        num_rounds += 1
+
+    these = Turns(asyncio.get_running_loop(), count)
+    these.begin()
+    these.begin()
+    await rounds(10)
+    assert num_rounds == 1
+    assert clock.now == 100.0
