@@ -122,12 +122,11 @@ def test_message_that_the_account_has_no_room_for_is_heard_and_not_latched_and_i
 def test_part_of_the_server_that_takes_any_type_binds_a_topic_to_none() -> None:
     """The recorder listens everywhere: no type of a client may be settled for good by that."""
     bus, client, part = make_bus(), Visitor(), Somebody("/recorder")
-    topic = bus.advertise(client, "/t", STRING)
-    bound = topic.is_bound
+    topic = bus.subscribe(client, "/t", client.deliver, type_name=STRING).topic
     bus.subscribe(part, "/t", part.deliver)
-    assert (topic.is_bound, bound) == (False, False)
+    assert (topic.is_settled, topic.is_bound) == (False, False)
     bus.subscribe(part, "/t", part.deliver, type_name=STRING)
-    assert topic.is_bound
+    assert (topic.is_settled, topic.is_bound) == (True, True)
 
 
 def test_a_listener_may_leave_while_it_is_spoken_to() -> None:
