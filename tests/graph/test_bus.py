@@ -119,6 +119,17 @@ def test_message_that_the_account_has_no_room_for_is_heard_and_not_latched_and_i
     assert (len(listener.heard), list(topic.latched)) == (1, [])
 
 
+def test_listener_of_another_type_is_told_itself_or_by_the_way_it_has_given() -> None:
+    bus, node, first, second = make_bus(), Somebody("/morai_sim"), Visitor(), Visitor()
+    told: list[str] = []
+    bus.subscribe(first, "/t", first.deliver, type_name="std_msgs/Int32")
+    bus.subscribe(
+        second, "/t", second.deliver, type_name="std_msgs/Int32", tell=lambda level, _text: told.append(level)
+    )
+    bus.advertise(node, "/t", STRING)
+    assert ([level for level, _ in first.told], second.told, told) == (["error"], [], ["error"])
+
+
 def test_part_of_the_server_that_takes_any_type_binds_a_topic_to_none() -> None:
     """The recorder listens everywhere: no type of a client may be settled for good by that."""
     bus, client, part = make_bus(), Visitor(), Somebody("/recorder")
