@@ -345,6 +345,14 @@ def test_next_deadline_is_that_of_a_listener_without_a_publisher_where_it_comes_
     assert bus.next_deadline() == PATIENCE + 1.0
 
 
+def test_account_of_an_owner_that_has_left_is_forgotten() -> None:
+    bus, client = make_bus(), Somebody()
+    account = bus.accounts[client] = Account(10)
+    assert bus.account_of(client) is account
+    bus.leave(client, 0.0)
+    assert client not in bus.accounts
+
+
 def test_call_in_flight_is_on_the_account_of_its_caller_until_it_has_ended() -> None:
     bus, provider, caller = make_bus(), Somebody(), Somebody()
     account = bus.accounts[caller] = Account(10_000)
