@@ -45,7 +45,10 @@ TESTS = {
     "protocol/flow.py": ("protocol/test_flow.py", "protocol"),
     "protocol/session.py": ("protocol/test_session.py graph/test_vectors.py", "protocol graph"),
     "morai/sync.py": ("morai/test_sync.py", "morai/test_node.py morai/test_egos.py morai/test_outputs.py"),
-    "world/step.py": ("world/test_step.py world/test_waiting.py world/test_contacts.py", "world/test_dynamics.py"),
+    "world/step.py": (
+        "world/test_step.py world/test_waiting.py world/test_contacts.py",
+        "world/test_dynamics.py world/test_traffic.py",
+    ),
     "graph/bus.py": ("graph/test_bus.py graph/test_unpublished.py graph/test_peer.py", "graph"),
 }
 """The deciding files; for each one, quick tests that notice most mutants, and those that are to notice the rest."""
