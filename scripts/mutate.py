@@ -48,7 +48,10 @@ TESTS = {
         "morai/test_sync.py",
         "morai/test_simulator_node.py morai/test_egos.py morai/interfaces/test_publishers.py",
     ),
-    "world/step.py": ("world/test_step.py world/test_waiting.py world/test_collisions.py", "world/test_dynamics.py"),
+    "world/step.py": (
+        "world/test_step.py world/test_waiting.py world/test_collisions.py",
+        "world/test_dynamics.py world/test_traffic.py",
+    ),
     "graph/bus.py": ("graph/test_bus.py graph/test_unpublished.py graph/test_peer.py", "graph"),
 }
 """The deciding files; for each one, quick tests that notice most mutants, and those that are to notice the rest."""

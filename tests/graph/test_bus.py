@@ -120,15 +120,25 @@ def test_message_that_the_account_has_no_room_for_is_heard_and_not_latched_and_i
     assert (len(listener.heard), list(topic.latched)) == (1, [])
 
 
+def test_listener_of_another_type_is_told_itself_or_by_the_way_it_has_given() -> None:
+    bus, node, first, second = make_bus(), Somebody("/morai_sim"), Visitor(), Visitor()
+    told: list[str] = []
+    bus.subscribe(first, "/t", first.deliver, type_name="std_msgs/Int32")
+    bus.subscribe(
+        second, "/t", second.deliver, type_name="std_msgs/Int32", tell=lambda level, _text: told.append(level)
+    )
+    bus.advertise(node, "/t", STRING)
+    assert ([level for level, _ in first.told], second.told, told) == (["error"], [], ["error"])
+
+
 def test_part_of_the_server_that_takes_any_type_binds_a_topic_to_none() -> None:
     """The recorder listens everywhere: no type of a client may be settled for good by that."""
     bus, client, part = make_bus(), Visitor(), Somebody("/recorder")
-    topic = bus.advertise(client, "/t", STRING)
-    bound = topic.is_bound
+    topic = bus.subscribe(client, "/t", client.deliver, type_name=STRING).topic
     bus.subscribe(part, "/t", part.deliver)
-    assert (topic.is_bound, bound) == (False, False)
+    assert (topic.is_settled, topic.is_bound) == (False, False)
     bus.subscribe(part, "/t", part.deliver, type_name=STRING)
-    assert topic.is_bound
+    assert (topic.is_settled, topic.is_bound) == (True, True)
 
 
 def test_a_listener_may_leave_while_it_is_spoken_to() -> None:
@@ -334,6 +344,14 @@ def test_next_deadline_is_that_of_a_listener_without_a_publisher_where_it_comes_
     assert bus.next_deadline() == UNPUBLISHED_AFTER
     bus.expire(UNPUBLISHED_AFTER)
     assert bus.next_deadline() == UNPUBLISHED_AFTER + 1.0
+
+
+def test_account_of_an_owner_that_has_left_is_forgotten() -> None:
+    bus, client = make_bus(), Somebody()
+    account = bus.accounts[client] = Account(10)
+    assert bus.account_of(client) is account
+    bus.leave(client, 0.0)
+    assert client not in bus.accounts
 
 
 def test_call_in_flight_is_on_the_account_of_its_caller_until_it_has_ended() -> None:

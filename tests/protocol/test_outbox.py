@@ -259,6 +259,30 @@ def test_what_is_made_late_counts_for_what_is_asked_for() -> None:
     assert (outbox.take(2), outbox.take(2)) == ([b"a1"], [b"after"])
 
 
+def test_message_whose_first_frames_have_gone_out_is_not_forgotten_by_a_stalled_client() -> None:
+    """Pieces without their rest would be waited for by the client, and paid for, until it gives up."""
+    outbox = Socket(OutboxLimits(burst=2), is_open=False).outbox
+    outbox.offer("/t", Late("a"))
+    assert outbox.take(1) == [b"a1"]
+    for i in range(9):
+        outbox.offer("/t", b"%d" % i)
+    left = []
+    while len(outbox):
+        left += outbox.take(1)
+    assert left[:2] == [b"a2", b"a3"]
+    assert left[-2:] == [b"7", b"8"]
+
+
+def test_frames_that_outboxes_share_have_one_identity() -> None:
+    """The server's memory budget counts a message once, however many clients wait for it."""
+    frame, late = b"shared", Late("l")
+    outboxes = [Socket(OutboxLimits(), is_open=False).outbox for _ in range(2)]
+    for outbox in outboxes:
+        outbox.offer("/t", frame)
+        outbox.offer("/t", late)
+    assert list(outboxes[0].frames()) == list(outboxes[1].frames()) == [(id(frame), 6), (late.identity, 3)]
+
+
 def test_frames_are_not_made_by_the_one_that_adds_them() -> None:
     taken: list[bytes] = []
     outbox = Outbox(OutboxLimits(topic_bytes=3), lambda: None, lambda: taken.extend(outbox.take(ALL)))
