@@ -49,3 +49,8 @@ def test_listing_names_a_dozen_and_cuts_long_names() -> None:
     assert listing(map(str, range(12))) == "0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11"
     assert listing(map(str, range(13))) == "0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, ..."
     assert listing(["x" * 1000]) == "x" * 60 + "..."
+
+
+def test_half_surrogate_pairs_of_a_peer_are_escaped() -> None:
+    assert listing(["a\ud800", "é"]) == "a\\ud800, é"
+    assert hint("camera\ud800", ["camera\ud801"]).isprintable()

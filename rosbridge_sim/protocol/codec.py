@@ -487,8 +487,9 @@ def op_frame(op: str, bodies: Mapping[str, bytes], **fields: object) -> bytes:
 
 
 def status_frame(level: str, text: str, op_id: object) -> bytes:
-    """A remark of ours; `op_id` names the frame that it is about."""
-    return op_frame("status", {}, level=level, msg=text, id=op_id)
+    """A remark of ours; `op_id` names the frame that it is about. Half surrogate pairs of a peer's are escaped."""
+    sayable = text if text.isascii() else text.encode("utf-8", "backslashreplace").decode()
+    return op_frame("status", {}, level=level, msg=sayable, id=op_id)
 
 
 def _encode_id(op_id: object) -> bytes:

@@ -125,7 +125,7 @@ def test_listener_of_another_type_is_told_itself_or_by_the_way_it_has_given() ->
     told: list[str] = []
     bus.subscribe(first, "/t", first.deliver, type_name="std_msgs/Int32")
     bus.subscribe(
-        second, "/t", second.deliver, type_name="std_msgs/Int32", tell=lambda level, _text: told.append(level)
+        second, "/t", second.deliver, type_name="std_msgs/Int32", notify=lambda level, _text: told.append(level)
     )
     bus.advertise(node, "/t", STRING)
     assert ([level for level, _ in first.told], second.told, told) == (["error"], [], ["error"])

@@ -187,6 +187,10 @@ def test_a_frame_that_cannot_be_used_is_quoted_without_its_token(frame: bytes) -
     assert "s3same" not in "".join(errors)
 
 
+def test_text_of_a_status_may_hold_what_no_frame_can() -> None:
+    assert json.loads(status_frame("error", "no \ud800 here", "x:1"))["msg"] == "no \\ud800 here"
+
+
 @pytest.mark.parametrize(
     ("op", "end"),
     [
