@@ -12,7 +12,8 @@ from typing import Final
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.convert import MPS_TO_KMH, gear_of
+from rosbridge_sim.morai.convert import gear_of
+from rosbridge_sim.morai.units import MPS_TO_KMH
 from rosbridge_sim.world.state import MAX_COORDINATE, MAX_SPEED, Gear
 
 __all__ = ["EgoSetting", "Ghost", "GhostPose", "ego_settings", "ghost_pose", "lamps_of", "npc_ghosts"]

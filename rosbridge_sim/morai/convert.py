@@ -21,6 +21,7 @@ from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.releases import MANUAL, Profile
+from rosbridge_sim.morai.units import MPS_TO_KMH
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.schema.validate import round32
 from rosbridge_sim.world.geometry import FloatArray, IntArray
@@ -30,7 +31,6 @@ from rosbridge_sim.world.state import STEP_NS, Body, Gear, Kind, Mode, World
 
 __all__ = [
     "EGO_TYPE",
-    "MPS_TO_KMH",
     "Control",
     "Converter",
     "UniqueId",
@@ -41,9 +41,6 @@ __all__ = [
 ]
 
 # Units
-
-MPS_TO_KMH: Final = 3.6
-"""One m/s [km/h]."""
 
 DEGREES: Final = math.degrees(1.0)
 """One radian [deg]."""

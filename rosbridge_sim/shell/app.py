@@ -52,9 +52,10 @@ from rosbridge_sim.shell.scheduler import Clock, Scheduler
 from rosbridge_sim.shell.server_topics import TOPICS, WHO_IS_CONNECTED, ServerTopics
 from rosbridge_sim.shell.wall_clock import WallClock
 from rosbridge_sim.shell.websocket.access import Access, load_certificate
+from rosbridge_sim.shell.websocket.limits import ServerLimits
 from rosbridge_sim.shell.websocket.memory_budget import default_budget
 from rosbridge_sim.shell.websocket.origins import OriginRules
-from rosbridge_sim.shell.websocket.server import Server, ServerLimits
+from rosbridge_sim.shell.websocket.server import Server
 from rosbridge_sim.shell.websocket.urls import shown_url
 from rosbridge_sim.world.state import World
 

@@ -23,7 +23,8 @@ from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.store import Message
 from rosbridge_sim.shell.refusals import RefusalLog, escape
-from rosbridge_sim.shell.websocket.server import Client, Server
+from rosbridge_sim.shell.websocket.client import Client
+from rosbridge_sim.shell.websocket.server import Server
 
 __all__ = ["TOPICS", "WHO_IS_CONNECTED", "ServerTopics"]
 

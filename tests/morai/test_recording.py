@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.convert import DEGREES, MPS_TO_KMH, Converter, exact_quotient
+from rosbridge_sim.morai.convert import DEGREES, Converter, exact_quotient
 from rosbridge_sim.morai.releases import FIELD, MANUAL, Profile
 from rosbridge_sim.morai.replays import recording_builder as recorded
 from rosbridge_sim.morai.replays.recording import EGO_COLUMNS, OBJECT_COLUMNS, Recording
 from rosbridge_sim.morai.replays.recording_builder import RecordingBuilder
+from rosbridge_sim.morai.units import MPS_TO_KMH
 from rosbridge_sim.world.state import Kind
 from tests.morai.sim_harness import make_store
 

@@ -10,7 +10,8 @@ import pytest
 import pytest_asyncio
 
 from rosbridge_sim.graph.rosapi import Rosapi
-from rosbridge_sim.shell.websocket.server import Server, ServerLimits
+from rosbridge_sim.shell.websocket.limits import ServerLimits
+from rosbridge_sim.shell.websocket.server import Server
 from tests.graph.bus_fixture import make_bus
 from tests.support import PATIENCE, Client
 from tests.vector_player import load_vectors, play

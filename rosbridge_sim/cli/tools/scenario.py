@@ -18,12 +18,12 @@ from rosbridge_sim.cli.tools.verdicts import Verdicts, exit_code, put_verdict
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.morai.catalogue import Catalogue, default_model
-from rosbridge_sim.morai.convert import MPS_TO_KMH
 from rosbridge_sim.morai.maps.check import UNREAD_FILES
 from rosbridge_sim.morai.maps.mgeo import MAP_FILES, Projection, RoadMap
 from rosbridge_sim.morai.scenarios.check import find_oddities, keys_near, place_draft, read_draft
 from rosbridge_sim.morai.scenarios.reader import PhaseStart, Scenario, Spawn, sort_phases
 from rosbridge_sim.morai.scene import DEFAULT_MAP
+from rosbridge_sim.morai.units import MPS_TO_KMH
 from rosbridge_sim.shell.config.loading import PREFIX, SettingError, hint, looks_like_path, read_settings
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.shell.terminal_text import safe

@@ -16,9 +16,9 @@ from pydantic import ConfigDict, TypeAdapter
 from pydantic_core import from_json, to_json
 
 from rosbridge_sim.loose_types import JsonValue
-from rosbridge_sim.morai.convert import MPS_TO_KMH
 from rosbridge_sim.morai.maps.lights import CROSSWALK_FILES, light_type, sort_files
 from rosbridge_sim.morai.maps.mgeo import BORDER_FILES, FILES, MAP_FILES, RoadMap
+from rosbridge_sim.morai.units import MPS_TO_KMH
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import SignalPlan
 from rosbridge_sim.world.state import DT

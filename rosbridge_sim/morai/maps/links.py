@@ -16,6 +16,7 @@ from pydantic import Field, TypeAdapter
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.documents import Document, LenientBool, Mistake, Number, find_mistakes, read_document
+from rosbridge_sim.morai.units import KMH_TO_MPS
 from rosbridge_sim.world.geometry import FloatArray, nearest_on_polyline
 from rosbridge_sim.world.roads import Roads
 
@@ -35,9 +36,6 @@ LANE_WIDTH: Final = 3.5
 
 MAX_BORDER: Final = 20.0
 """An edge farther from a lane's line than this is some other lane's [m]."""
-
-KMH_TO_MPS: Final = 1.0 / 3.6
-"""One km/h [m/s]."""
 
 Identifier = Annotated[str, Field(max_length=1_000)]
 Identifiers = Annotated[list[Identifier], Field(max_length=MAX_LINKS)]

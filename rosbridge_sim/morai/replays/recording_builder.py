@@ -19,8 +19,9 @@ from typing import Any, Final, Protocol
 import numpy as np
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.convert import DEGREES, EGO_TYPE, MPS_TO_KMH, Converter, exact_quotient
+from rosbridge_sim.morai.convert import DEGREES, EGO_TYPE, Converter, exact_quotient
 from rosbridge_sim.morai.replays.recording import EGO_COLUMNS, OBJECT_COLUMNS, Actor, EgoTrack, ObjectTrack, Recording
+from rosbridge_sim.morai.units import MPS_TO_KMH
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.state import MAX_COORDINATE, MAX_SPEED, Kind
 

@@ -41,6 +41,7 @@ from rosbridge_sim.morai.scenarios.model import (
     WaypointPath,
     read_scenario_document,
 )
+from rosbridge_sim.morai.units import KMH_TO_MPS
 from rosbridge_sim.world.geometry import FloatArray, arc_lengths
 from rosbridge_sim.world.paths import MAX_PATH_LENGTH
 from rosbridge_sim.world.roads import Roads
@@ -52,9 +53,6 @@ __all__ = ["Driver", "PhaseStart", "Scenario", "Spawn", "place_on_roads", "read_
 T = TypeVar("T")
 
 MAX_SCENARIO_NOTES: Final = 20
-
-KMH_TO_MPS: Final = 1.0 / 3.6
-"""One km/h [m/s]."""
 
 MAX_SPAWN_TO_LANE: Final = 2.5
 """Whoever stands farther than this from a lane's line is not on the lane [m]."""

@@ -33,7 +33,7 @@ from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
-from rosbridge_sim.shell.websocket import server as server_module
+from rosbridge_sim.shell.websocket import connections
 from rosbridge_sim.shell.websocket.access import (
     LEAST_BURST,
     MAX_SHOWN,
@@ -42,8 +42,9 @@ from rosbridge_sim.shell.websocket.access import (
     TokenBucket,
     load_certificate,
 )
+from rosbridge_sim.shell.websocket.limits import ServerLimits
 from rosbridge_sim.shell.websocket.origins import OriginRules, own_names
-from rosbridge_sim.shell.websocket.server import Server, ServerLimits
+from rosbridge_sim.shell.websocket.server import Server
 from tests.conftest import Connect, Serve
 from tests.graph.bus_fixture import make_store
 from tests.support import PATIENCE, Client
@@ -619,7 +620,7 @@ def test_connection_that_does_not_get_to_its_request_is_closed_in_time(
 def test_tls_handshakes_that_stall_are_bounded_and_keep_nobody_out(
     certificate: Certificate, loop_factory: Callable[[], asyncio.AbstractEventLoop], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(server_module, "MAX_OPENING", 3)
+    monkeypatch.setattr(connections, "MAX_OPENING", 3)
 
     async def check() -> None:
         server = Server(Bus(make_store()), ServerLimits(tls_timeout=3_600.0), lambda: None)

@@ -14,8 +14,9 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.library import read_definitions
+from rosbridge_sim.shell.websocket.limits import ServerLimits
 from rosbridge_sim.shell.websocket.memory_budget import MemoryBudget, default_budget
-from rosbridge_sim.shell.websocket.server import Server, ServerLimits
+from rosbridge_sim.shell.websocket.server import Server
 from tests.support import Client
 
 MB = 2**20

@@ -28,8 +28,9 @@ from rosbridge_sim.shell.app import Simulator
 from rosbridge_sim.shell.files.library import read_definitions
 from rosbridge_sim.shell.log_limits import PLACE_BURST, TRACEBACK_COST
 from rosbridge_sim.shell.websocket.access import Access
-from rosbridge_sim.shell.websocket.server import Client as Served
-from rosbridge_sim.shell.websocket.server import Server, ServerLimits
+from rosbridge_sim.shell.websocket.client import Client as Served
+from rosbridge_sim.shell.websocket.limits import ServerLimits
+from rosbridge_sim.shell.websocket.server import Server
 from tests.support import PATIENCE, Client, mask, open_raw
 
 

@@ -23,7 +23,8 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.shell.websocket.access import Access
-from rosbridge_sim.shell.websocket.server import MAX_OPENING, Server, ServerLimits
+from rosbridge_sim.shell.websocket.limits import MAX_OPENING, ServerLimits
+from rosbridge_sim.shell.websocket.server import Server
 from rosbridge_sim.shell.websocket.server_connection import MAX_EARLY
 from rosbridge_sim.shell.websocket.strangers import (
     MAX_REFUSED,

@@ -1,0 +1,13 @@
+"""Factors between units of MORAI's files and messages and SI units; the only place where they are written down."""
+
+from __future__ import annotations
+
+from typing import Final
+
+__all__ = ["KMH_TO_MPS", "MPS_TO_KMH"]
+
+MPS_TO_KMH: Final = 3.6
+"""Kilometres an hour in one metre a second."""
+
+KMH_TO_MPS: Final = 1.0 / 3.6
+"""Metres a second in one kilometre an hour."""

@@ -1,0 +1,370 @@
+"""One connected client: its socket, its outbox, its turns, and its peer on the bus."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+import zlib
+from collections.abc import Callable, Generator, Iterator
+from time import perf_counter
+from typing import ParamSpec, Protocol
+
+from websockets.frames import CloseCode
+
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.peer import Peer, Work
+from rosbridge_sim.protocol.account import Account
+from rosbridge_sim.protocol.outbox import Outbox
+from rosbridge_sim.protocol.session import Session
+from rosbridge_sim.shell.websocket.access import RateGate
+from rosbridge_sim.shell.websocket.connections import ServedConnection, address_of
+from rosbridge_sim.shell.websocket.inflate import (
+    Deflated,
+    DeflatedText,
+    LateDeflate,
+    inflate,
+)
+from rosbridge_sim.shell.websocket.limits import CLOSE_TIMEOUT, ServerLimits
+from rosbridge_sim.shell.websocket.memory import LARGE_FRAME
+from rosbridge_sim.shell.websocket.text_check import TextCheck
+from rosbridge_sim.shell.websocket.turns import Turns
+
+__all__ = ["Client", "ClientWatch"]
+
+P = ParamSpec("P")
+
+_log = logging.getLogger("rosbridge_sim.server")
+
+MAX_REASON = 120
+"""Characters of a reason in a close frame, which has room for 123 bytes (RFC 6455 section 5.5)."""
+
+MAX_CARRIED = 2 * 2**20
+"""Bytes that are handed to one transport in one turn: some 1 ms. The rest goes in later turns."""
+
+WRITE_SIZE = 64 * 1024
+"""Bytes handed to the transport at once; about what a loopback socket's buffer takes."""
+
+_NEVER = float("inf")
+
+
+class ClientWatch(Protocol):
+    """Events that a client reports to its server."""
+
+    def count_bug(self) -> None:
+        """Count a fault of ours that has shown while something was done for a client."""
+
+    def note_large_frame(self) -> None:
+        """Take note that a large frame came or went."""
+
+
+class Client:
+    """One connected client: its socket, its outbox, its peer on the bus.
+
+    Attributes:
+        host: the address it comes from, without the port.
+        connected_ns: since when [ns, the time of day].
+        num_bytes_sent: what the transport was given [bytes].
+        has_failed: a failure of ours in what is this client's alone has been found; it is closing.
+    """
+
+    def __init__(
+        self, socket: ServedConnection, bus: Bus, limits: ServerLimits, turns: Turns, watch: ClientWatch
+    ) -> None:
+        """A client that nothing is read from yet.
+
+        Args:
+            socket: its connection, open.
+            bus: where it meets the others.
+            limits: of what it may do.
+            turns: when it may work.
+            watch: hears of what concerns the whole server.
+        """
+        self.socket = socket
+        self.outbox = Outbox(limits.outbox, self._wake, self.carry)
+        session = Session(
+            self.outbox,
+            self._set_alarm,
+            max_frame_size=limits.max_frame_size,
+            is_talkative=limits.is_talkative,
+            account=Account(limits.client_memory, bus.total),
+        )
+        self.host = str(socket.remote_address[0]) if socket.remote_address else ""
+        self.connected_ns = time.time_ns()
+        self.num_bytes_sent = 0
+        self.peer = Peer(bus, session, address_of(socket), limits.policy)
+        self._bus = bus
+        bus.accounts[self.peer] = session.account
+        self._begin_frame: Callable[[bytes, float], Work | None] = self.peer.begin
+        self._max_frame_size = limits.max_frame_size
+        self._turns = turns
+        self._watch = watch
+        self._guard = bus.guard
+        self.has_failed = False
+        self._clock = socket.loop.time
+        self._is_woken = False
+        # The due time is kept here: a handle of uvloop whose delay rounds to 0 ms cannot tell it.
+        self._alarm: asyncio.Handle | None = None
+        self._alarm_due = _NEVER
+        self._closing: asyncio.Task[None] | None = None
+        self._until = 0.0
+        self._work: Work | None = None
+        self._has_input = False
+        self._has_output = False
+        self._is_in_line = False
+        socket.on_room = self.carry
+        self.peer.on_failure = self._fail
+        self.peer.on_released = lambda: self._get_in_line(had_turn=False)
+        if limits.access.max_rate is not None:
+            self._begin_frame = RateGate(self.peer, limits.access.max_rate, self._clock()).begin
+
+    # Memory, as a `Holder`
+
+    @property
+    def name(self) -> str:
+        """Address of the client, for people to read."""
+        return self.peer.address
+
+    @property
+    def num_bytes_held(self) -> int:
+        """Memory that the server holds for it: in its account, its outbox, its socket, and as parameters [bytes]."""
+        waiting = self.outbox.num_bytes + self.socket.transport.get_write_buffer_size() + self.socket.num_bytes_held
+        return waiting + self.peer.session.account.num_bytes + self._bus.parameters.num_held(self.peer)
+
+    def shared(self) -> Iterator[tuple[int, int]]:
+        """The frames and messages that wait, which others may wait for, too."""
+        yield from self.outbox.frames()
+        yield from self.peer.session.waiting()
+
+    def evict(self, reason: str) -> None:
+        """Close it at once with code 1008, and let go of all it holds."""
+        self.peer.session.remark("error", reason)
+        self.carry()
+        self._start_closing(CloseCode.POLICY_VIOLATION, reason[:MAX_REASON])
+        self._bus.forget_latched(self.peer)
+        self.leave()
+
+    # In, as the `Receiver` of its socket
+
+    def begin(self) -> float:
+        """Begin a turn; see `Turns.begin`."""
+        self._until = self._turns.begin()
+        return self._until
+
+    def receive(self, message: bytes) -> bool:
+        """Do what a frame asks, as far as the turn goes; return whether the next one may come."""
+        if type(message) is not bytes:
+            assert isinstance(message, Deflated), "a socket hands over nothing else"
+            self._work = _InflatedWork(self, message)
+            return self._do_steps()
+        try:
+            work = self._begin_frame(message, self._clock())
+        except Exception:  # noqa: BLE001 - our own bug: this message is lost, everybody goes on
+            self._regret_frame()
+            return True
+        if work is None:
+            return not self.peer.num_holds
+        if len(message) >= LARGE_FRAME:
+            self._watch.note_large_frame()
+        self._work = work
+        return self._do_steps()
+
+    def _do_steps(self) -> bool:
+        """Go on with the frame in hand until the turn is over; return whether it is done with."""
+        while self._work is not None:
+            if self.outbox.is_overfull or self._closing is not None:  # it does not hear the answers
+                self._work = None
+                self.carry()
+                break
+            try:
+                if not self._work.step(self._clock()):
+                    self._work = None
+                    break
+            except Exception:  # noqa: BLE001 - as above; the rest of the frame is lost with it
+                self._regret_frame()
+                self._work = None
+                break
+            if self.peer.is_held or perf_counter() >= self._until:
+                return False
+        return not self.peer.is_held
+
+    def _regret_frame(self) -> None:
+        self._watch.count_bug()
+        _log.exception("a frame of %s could not be handled", self.peer.address)
+        if not self.has_failed:
+            self.peer.notify("error", "The server failed on a message; its log says why")
+
+    def inflate(self, message: Deflated) -> Generator[None, None, Work | None]:
+        """Inflate a message, in slices, and begin the frame that it holds."""
+        extension = self.socket.extension(LateDeflate)
+        try:
+            frame = yield from inflate(extension, message, self._max_frame_size)
+        except zlib.error as error:
+            self._start_closing(CloseCode.INVALID_DATA, f"decompression failed: {error}")
+            return None
+        if frame is None:
+            text = f"a message inflates to more than {self._max_frame_size:,} bytes"
+            self._start_closing(CloseCode.MESSAGE_TOO_BIG, text)
+            return None
+        if isinstance(message, DeflatedText) and not frame.isascii():
+            check = TextCheck(frame)
+            while check.step():
+                yield
+            if check.fault:
+                self.socket.refuse(check.fault)
+                return None
+        return self._begin_frame(frame, self._clock())
+
+    # Turns
+
+    def wait(self, *, had_turn: bool) -> None:
+        """Have the socket go on in a later turn."""
+        self._has_input = True
+        self._get_in_line(had_turn=had_turn)
+
+    def _get_in_line(self, *, had_turn: bool) -> None:
+        is_waiting = self._has_output or (self._has_input and not self.peer.is_held)
+        if is_waiting and not self._is_in_line:
+            self._is_in_line = True
+            self._turns.wait(self, had_turn=had_turn)
+
+    def work(self, until: float) -> bool:
+        """Go on with what was left: frames to make, then frames to read; return whether any is left still."""
+        try:
+            self._work_until(until)
+        except Exception as error:  # noqa: BLE001 - our own bug, in what is this client's alone
+            self._is_in_line = False
+            self._guard.blame(self.peer, error)
+        return self._is_in_line
+
+    def _work_until(self, until: float) -> None:
+        self._until = until
+        if self._has_output:
+            self._has_output = False
+            self.carry()
+        if self._has_input and not self.peer.is_held and self._do_steps():
+            self._has_input = self.socket.go_on(until)
+        self._is_in_line = self._has_output or (self._has_input and not self.peer.is_held)
+
+    # Out
+
+    def _wake(self) -> None:
+        if not self._is_woken:
+            self._is_woken = True
+            self.socket.loop.call_soon(self.carry)
+
+    def _set_alarm(self, due: float) -> None:
+        """Flush the peer's feeds at `due`, or earlier if an earlier alarm is set already."""
+        if due < self._alarm_due:
+            if self._alarm is not None:
+                self._alarm.cancel()
+            self._alarm_due = due
+            self._alarm = self.socket.loop.call_at(due, self._flush)
+
+    def _flush(self) -> None:
+        self._alarm = None
+        self._alarm_due = _NEVER
+        self._contain(self.peer.flush, self.socket.loop.time())
+
+    def _contain(self, act: Callable[P, object], *args: P.args, **kwargs: P.kwargs) -> None:
+        """Do something that concerns this client alone; if it fails, the client is closed."""
+        try:
+            act(*args, **kwargs)
+        except Exception as error:  # noqa: BLE001 - our own bug, in what is this client's alone
+            self._guard.blame(self.peer, error)
+
+    def _fail(self, error: Exception) -> None:
+        """Close this client alone, with code 1011: something that was done for it has failed by a bug of ours.
+
+        For the bus's guard, which has an eye on this too.
+        """
+        if self.has_failed:
+            return
+        self.has_failed = True  # first of all: the log is a topic, and this client may listen to it
+        _log.error("%s: closed, because of a failure of ours", self.peer.address, exc_info=error)
+        try:
+            self._start_closing(CloseCode.INTERNAL_ERROR, "the server failed on this connection; its log says why")
+        except Exception:  # noqa: BLE001 - whatever is wrong with it, it is to go
+            _log.exception("%s: it could not be closed; cut off", self.peer.address)
+            self.socket.transport.abort()
+        self.leave()
+
+    def leave(self) -> None:
+        """Take the client off the bus, whatever was on its way to it. Twice is no error."""
+        try:
+            if self._alarm is not None:
+                self._alarm.cancel()
+            self._turns.leave(self)
+            self._work = None
+            self.outbox.close()
+        finally:
+            self.peer.leave(self.socket.loop.time())
+
+    def carry(self) -> None:
+        """Hand what waits to the transport, for as long as it takes it, and about as much as one turn has time for."""
+        self._contain(self._carry)
+
+    def _carry(self) -> None:
+        self._is_woken = False
+        socket, outbox = self.socket, self.outbox
+        if not socket.is_open:
+            outbox.close()
+            return
+        left = MAX_CARRIED
+        while (socket.unsent or len(outbox)) and not socket.is_full:
+            frames: list[bytes] = []
+            if socket.unsent:
+                self.num_bytes_sent += socket.send_more()
+            else:
+                frames = outbox.take(WRITE_SIZE)
+            if frames:
+                num_bytes = socket.send_messages(frames)
+                if num_bytes >= LARGE_FRAME:
+                    self._watch.note_large_frame()
+                self.num_bytes_sent += num_bytes
+                left -= num_bytes
+            if not frames or left <= 0 or socket.unsent:
+                self._has_output = True
+                self._get_in_line(had_turn=True)
+                break
+        if outbox.is_overfull and self._closing is None:
+            _log.warning("%s reads too slowly: %d bytes wait; closing", self.peer.address, outbox.num_bytes)
+            outbox.close()
+            self._start_closing(CloseCode.POLICY_VIOLATION, "answers were left unread for too long")
+
+    def _start_closing(self, code: CloseCode, reason: str) -> None:
+        """Close with a code and a reason; nothing more of this client's is done."""
+        if self._closing is None:
+            self.socket.forget()
+            self._closing = self.socket.loop.create_task(self._close(code, reason))
+
+    async def _close(self, code: CloseCode, reason: str) -> None:
+        """Close with a reason; a socket that takes no more bytes would keep the closing itself waiting."""
+        try:
+            async with asyncio.timeout(CLOSE_TIMEOUT):
+                await self.socket.close(code, reason)
+        except TimeoutError:
+            self.socket.transport.abort()
+        except Exception as error:  # noqa: BLE001 - whatever is wrong with it, it is to go
+            self._guard.note(f"closing the connection of {self.peer.address}", error)
+            self.socket.transport.abort()
+
+
+class _InflatedWork:
+    """A compressed message: it is inflated, then read."""
+
+    __slots__ = ("_slices", "_work")
+
+    def __init__(self, client: Client, message: Deflated) -> None:
+        self._slices = client.inflate(message)
+        self._work: Work | None = None
+
+    def step(self, now: float) -> bool:
+        if self._work is not None:
+            return self._work.step(now)
+        try:
+            next(self._slices)
+        except StopIteration as end:
+            self._work = end.value
+            return self._work is not None
+        return True
