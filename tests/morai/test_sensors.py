@@ -113,9 +113,9 @@ def test_in_synchronous_mode_they_keep_their_rate_in_simulated_time() -> None:
 def test_pyproj_is_imported_by_the_first_position_and_not_before() -> None:
     script = """
 import sys
-from tests.morai.sim_harness import Stand
-stand = Stand(start="sync")
-client = stand.client()
+from tests.morai.sim_harness import SimHarness
+harness = SimHarness(start="sync")
+client = harness.client()
 client.start()
 client.listen("/imu", "/Ego_topic")
 client.tick()
