@@ -39,7 +39,7 @@ class RosbridgeSimError(Exception):
 
 
 class Reason(Enum):
-    """Why a request of a client was refused, as a word of ours: the log counts by it, and programs can compare it.
+    """Reasons for refusing a request, as words of ours: the log counts by it, and programs can compare it.
 
     A text of a client's never becomes a reason, so there are no more reasons than stand here.
     """

@@ -89,7 +89,7 @@ def _pairs(name: str) -> frozenset[int]:
 
 
 _END = 0x11_0000
-"""What stands for either end of a name: one more than any character."""
+"""Code of either end of a name: one more than any character."""
 
 
 def _key(name: str) -> str:

@@ -257,7 +257,7 @@ class Target:
         self.mutants = mutants_of(self._source)
 
     def measure(self) -> float:
-        """How long the tests take without any change [s].
+        """Duration of the tests without any change [s].
 
         Raises:
             ValueError: they fail.
@@ -272,7 +272,7 @@ class Target:
         return sum(times)
 
     def is_noticed(self, mutant: Mutant) -> bool:
-        """Whether a test fails with that change, or does not end."""
+        """Tell whether a test fails with that change, or does not end."""
         return any(self._fails(mutant, i) for i in range(len(self._sets)))
 
     def _fails(self, mutant: Mutant | None, which: int) -> bool:

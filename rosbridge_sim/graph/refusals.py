@@ -14,7 +14,7 @@ _SUBJECTS = ("topic", "service", "action")
 
 
 class RefusedRequest(NamedTuple):
-    """What a client was told of something that it asked for.
+    """A refused request, and what the client was told.
 
     Attributes:
         client: its address.

@@ -15,7 +15,7 @@ from rosbridge_sim.graph.topics_services import Subscription, Topic
 __all__ = ["UNPUBLISHED_AFTER", "UnpublishedTopics"]
 
 UNPUBLISHED_AFTER = 5.0
-"""How long a topic may have no publisher before its listener is told [s]: most programs of a start-up script are there
+"""Time without a publisher after which a listener is told [s]: most programs of a start-up script are there
 by then."""
 
 MAX_WATCHED_SUBSCRIPTIONS = 1_000

@@ -142,7 +142,7 @@ class CommandTopics(Component):
 
 
 def _moves(ego: Ego, command: SceneCommand) -> bool:
-    """Whether a waiting command is about this ego."""
+    """Tell whether a waiting command is about this ego."""
     return isinstance(command, EgoCommand) and command.ego is ego
 
 

@@ -240,7 +240,7 @@ def _shown(value: JsonValue) -> str:
 
 
 class SortedKeys(NamedTuple):
-    """How often each key stands in a document, by its path (`vehicleList[].initPosition.pos.x`), in order.
+    """Count how often each key stands in a document, by its path (`vehicleList[].initPosition.pos.x`), in order.
 
     Attributes:
         read: the keys that have an effect.

@@ -444,7 +444,7 @@ def _is_id(value: object) -> bool:
 
 
 _TOKEN = re.compile(r"""(['"]token['"]\s{0,8}:\s{0,8}['"])[^'"]*""", re.IGNORECASE)
-"""What an `auth` shows, as JSON and as Python write it."""
+"""Token of an `auth`, as JSON and as Python write it."""
 
 
 def _shorten(text: str) -> str:

@@ -75,7 +75,7 @@ def motion(world: World, rows: IntArray) -> FloatArray:
 
 
 class _Lines:
-    """What of the lines that rows follow does not change until somebody comes or goes, or is put elsewhere.
+    """Facts about the lines that rows follow, which hold until an entity comes, goes or is put elsewhere.
 
     Attributes:
         is_followed: (n,) whether the row follows a lane or a path.

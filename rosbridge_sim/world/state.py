@@ -72,7 +72,7 @@ _SURELY_WRAPPED: Final = 3.14
 """Angles within this are wrapped, however the last place of pi is rounded [rad]."""
 
 LOOK_AHEAD: Final = 0.5
-"""How far ahead on its path somebody without axles looks, and so over how much it turns at a corner [m]: a step."""
+"""Distance ahead on its path at which a body without axles looks, and over which it turns at a corner [m]: a step."""
 
 MAX_KNOWN_NAME: Final = 80
 """Longest name that is kept for the next entity of that name: names come from clients, and may be megabytes."""
@@ -554,7 +554,7 @@ def check_pose(**values: float) -> None:
 
 
 def _reach_of(kind: Kind, body: Body) -> float:
-    """How far ahead on its path a body looks [m]: a vehicle's front axle is on it as well."""
+    """Distance ahead on its path at which a body looks [m]: a vehicle's front axle is on it as well."""
     return usual_wheelbase(body) if kind == Kind.VEHICLE else LOOK_AHEAD
 
 

@@ -39,7 +39,7 @@ LEGEND_LINE: Final = 26
 """From one line of the legend to the next [pixels]."""
 
 FORMATS: Final = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG"}
-"""What a file's name asks for. Others, such as .gif, could not show all the colours."""
+"""Picture formats, by the end of a file's name. Others, such as .gif, could not show all the colours."""
 
 QUALITY: Final = 92
 """Of a JPEG [of 100]: thin lines have no visible shadows."""
@@ -340,7 +340,7 @@ def _legend_font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 
 def _legend_start(view: _View) -> float:
-    """Where the legend begins beside the scale [pixels]."""
+    """Left edge of the legend, beside the scale [pixels]."""
     length, text = _scale_text(view)
     return PICTURE_MARGIN * FINE / 2 + length + 30 * FINE + _legend_font().getlength(text)
 
@@ -362,7 +362,7 @@ def _lay_legend(legend: Sequence[tuple[str, str]], width: int, start: float) -> 
 def _draw_legend(
     pen: ImageDraw.ImageDraw, legend: Sequence[tuple[str, str]], places: Sequence[tuple[float, int]], top: float
 ) -> None:
-    """What the colours mean."""
+    """Legend: the meaning of each colour."""
     for (colour, what), (x, line) in zip(legend, places, strict=True):
         y = top + line * LEGEND_LINE * FINE
         pen.rectangle((x, y - 4 * FINE, x + 16 * FINE, y + 12 * FINE), fill=colour, outline=INK)

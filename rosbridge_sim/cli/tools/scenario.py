@@ -237,7 +237,7 @@ def _items(scenario: Scenario, document: JsonValue, catalogue: Catalogue) -> Ite
 
 
 def _is_replaced(item: Mapping[str, Any], kind: Kind, catalogue: Catalogue) -> bool:
-    """Whether nothing but the class of the model that the file means is known."""
+    """Tell whether only the class of the model that the file means is known."""
     try:
         data_id = int(float(str(item.get("DataID")).replace(",", "")))
     except (ValueError, OverflowError):

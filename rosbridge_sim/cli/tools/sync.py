@@ -20,10 +20,10 @@ _REPLAY, _PAUSED, _ENDED = 16, 16, 32
 """Values of its `current_mode` and `current_status`."""
 
 RESUME = "rosbridge-sim service call /Service_MoraiEventCmd '{request: {option: 8}}' resumes it"
-"""What to do about a pause; bit 8 is that of `set_pause`, which is false where it is left out."""
+"""Effect on a pause; bit 8 is that of `set_pause`, which is false where it is left out."""
 
 INFO_PATIENCE = 1.0
-"""How long the latched state of synchronous mode may take [s]; a server that keeps it sends it at once."""
+"""Longest wait for the latched state of synchronous mode [s]; a server that keeps it sends it at once."""
 
 FRAME_MS = 20
 """One frame of MORAI SIM [ms]; ticks move by multiples of it."""
@@ -34,7 +34,7 @@ FRAME_MS = 20
 
 @dataclass(frozen=True, slots=True)
 class SyncInfo:
-    """What a simulator says on `/SyncModeInfo`.
+    """State of synchronous mode, as `/SyncModeInfo` has it.
 
     Attributes:
         master_id: who may tick; empty while nobody may.

@@ -15,7 +15,7 @@ PAUSE = 0.1
 """Between two attempts [s]: a start takes half a second to a second."""
 
 ATTEMPT = 2.0
-"""How long one attempt may take [s]: a port that is open but served by nobody yet does not use up all the time."""
+"""Longest time of one attempt [s]: a port that is open but served by nobody yet does not use up all the time."""
 
 _FINAL = (401, 403)
 """HTTP statuses that no waiting changes: the token is wrong, or we are not wanted."""

@@ -45,7 +45,7 @@ _PROBE, _QUESTION = "mark:", "ask:"
 """What the ids of our calls begin with."""
 
 _NUMBER = re.compile(r"[0-9]{1,18}")
-"""What the ids of probes end with; whoever makes ids up may write more digits than a number can be read from."""
+"""Ends of the ids of probes; an id from elsewhere may have more digits than a number can be read from."""
 
 Values = dict[str, Any]
 """The values of an answer; each is for whoever asked to check."""

@@ -28,7 +28,7 @@ MAX_IN_FLIGHT = 512 * 1024
 """What may be unproven [bytes]: a tenth of a second of rosbridge_suite's work, some 250 messages of an ego's state."""
 
 PATIENCE, MAX_PATIENCE = 2.0, 60.0
-"""How long an answer to a probe is waited for, the first time and at most [s]."""
+"""Longest wait for the answer to a probe, the first time and at most [s]."""
 
 MAX_PROBES = 16
 """Marks without an answer that are remembered; by then the last ones are minutes apart."""
@@ -56,12 +56,12 @@ class FlowControl:
 
     @property
     def is_spent(self) -> bool:
-        """Whether nothing more is to be sent for now; then a probe is on its way, or wanted."""
+        """Tell whether nothing more is to be sent for now; then a probe is on its way, or wanted."""
         return self.is_on and self._sent >= self._allowed
 
     @property
     def wants_probe(self) -> bool:
-        """Whether a probe should be sent now: none is on its way, and half of what is allowed is gone."""
+        """Tell whether a probe should be sent now: none is on its way, and half of the window is used."""
         return self.is_on and self._due is None and self._sent >= self._allowed - MAX_IN_FLIGHT // 2
 
     def spend(self, frames: Sequence[bytes]) -> None:
@@ -99,7 +99,7 @@ class FlowControl:
         return self._due
 
     def expire(self, now: float) -> bool:
-        """Whether the answer to the last probe is overdue; some more may be sent then.
+        """Tell whether the answer to the last probe is overdue; some more may be sent then.
 
         Where probes were refused, they are tried again from now on.
         """

@@ -62,7 +62,7 @@ SURVEYS: Final = (0.0, 1.0, 3.0)
 
 
 UNREGISTER_TIME: Final = 11.0
-"""How long a topic is taken back so that rosbridge_suite gives its publisher up [s]: its `unregister_timeout` is 10."""
+"""Time for which a topic is taken back [s]. rosbridge_suite gives its publisher up after `unregister_timeout`, 10 s."""
 
 
 @dataclass(slots=True)

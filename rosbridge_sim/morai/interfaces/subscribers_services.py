@@ -88,7 +88,7 @@ class SubscribersServices:
 
     @property
     def services(self) -> list[str]:
-        """What the services that are there are called."""
+        """Return the names of the services that are there."""
         return [item.name for item in self._own if item.kind is InterfaceKind.SERVICE and item.name is not None]
 
     def release(self, now: float) -> None:

@@ -566,7 +566,7 @@ def _kept(item: Document) -> dict[str, Any]:
 
 
 def _names_link(item: NpcVehicle) -> bool:
-    """Whether the file says which link the vehicle was on."""
+    """Tell whether the file says which link the vehicle was on."""
     infos = (item.currentLinkInfo, item.startPointLinkInfo)
     return any(isinstance(info, dict) and bool(info.get("linkIdx")) for info in infos)
 

@@ -395,7 +395,7 @@ def _own_text(msgtype: str, texts: Texts, *, is_ros1: bool) -> str:
 
 
 def _is_known(types: Typestore, texts: Texts, *, is_ros1: bool) -> bool:
-    """Whether the bytes of object lists are laid out as `decode_object_lists` has it."""
+    """Tell whether the bytes of object lists are laid out as `decode_object_lists` has it."""
     own = {
         name: fields
         for msgtype in (_OBJECTS, _INFO)

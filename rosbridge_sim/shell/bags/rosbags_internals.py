@@ -64,7 +64,7 @@ FITTING = ">=0.11.6,<0.12"
 """Versions that this module fits, as `pyproject.toml` says it."""
 
 _NO_TIME = 2**63 - 1
-"""What the library starts from when it looks for the first stamp."""
+"""Start value of the library when it looks for the first stamp."""
 
 
 def _misfit() -> DocumentError:

@@ -286,7 +286,7 @@ class DiskLibrary:
         return self._read_scenario(self._find_scenario(name))
 
     def has_scenario(self, name: str) -> bool:
-        """Whether `scenario` would find a file under a name; it need not be a good one."""
+        """Tell whether `scenario` would find a file under a name; it need not be a good one."""
         try:
             self._find_scenario(name)
         except DocumentError:

@@ -48,7 +48,7 @@ _LOOKED_AT = 256
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """Why a handshake ends without a connection.
+    """Refusal of a handshake.
 
     Attributes:
         status: of the HTTP answer.
@@ -86,7 +86,7 @@ class Access:
     def judge(
         self, request: Request, num_clients: int, *, is_loopback: bool, own_names: frozenset[str] = frozenset()
     ) -> Refusal | None:
-        """Why this handshake is refused; None if it may go on.
+        """Return why a handshake is refused; None if it may go on.
 
         Args:
             request: of the handshake.
@@ -107,7 +107,7 @@ class Access:
         return None
 
     def is_full(self, num_clients: int) -> bool:
-        """Whether there is no room for one more client."""
+        """Tell whether there is no room for one more client."""
         return self.max_clients is not None and num_clients >= self.max_clients
 
     def is_shown(self, request: Request) -> bool:

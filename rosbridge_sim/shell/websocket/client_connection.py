@@ -110,7 +110,7 @@ def why_not(
 
 
 def _why_status(error: InvalidStatus, token: str, hidden: Collection[str]) -> str:
-    """What an HTTP status says about it, without what a server repeats of our request."""
+    """Return the meaning of an HTTP status, without what a server repeats of our request."""
     response = error.response
     denials = {
         401: f"it wants a token ({token})",
@@ -125,7 +125,7 @@ def _why_status(error: InvalidStatus, token: str, hidden: Collection[str]) -> st
 
 
 def why_gone(url: str, closed: ConnectionClosed, secrets: Collection[str] = ()) -> str:
-    """How a connection ended that nobody here wanted to end; see `why_not`."""
+    """Return how a connection ended that was not closed from here; see `why_not`."""
     shown = shown_url(url)
     hidden = secrets_of(url) | set(secrets)
     if closed.rcvd is None:

@@ -11,7 +11,7 @@ from rosbridge_sim.shell.websocket.access import Access
 __all__ = ["CLOSE_TIMEOUT", "MAX_OPENING", "ServerLimits"]
 
 CLOSE_TIMEOUT = 1.0
-"""How long a client may take to hear that it is closed [s]; who does not read is cut off then."""
+"""Time for a client to hear that it is closed [s]; one that does not read is cut off then."""
 
 TLS_TIMEOUT = 5.0
 """Longest TLS handshake [s]: two round trips, with a slow phone far away half a second."""
@@ -27,7 +27,7 @@ loop. Together with strangers they leave most of the usual 1,024 file descriptor
 
 @dataclass(frozen=True, slots=True)
 class ServerLimits:
-    """What one connection may do.
+    """Limits of one connection.
 
     Attributes:
         max_frame_size: a longer frame closes the connection with code 1009 [bytes].

@@ -116,14 +116,14 @@ class OriginRules:
         ]
 
     def _is_named(self, origins: Sequence[str]) -> bool:
-        """Whether the user has named this origin."""
+        """Tell whether the user has named this origin."""
         origin = origins[0].lower()
         if len(origins) > 1 or len(origin) > MAX_HEADER:
             return False
         return any(_matches(origin, one) for one in self.origins)
 
     def _is_known(self, place: _Place, own_names: frozenset[str]) -> bool:
-        """Whether a host is one that no website can have chosen."""
+        """Tell whether a host is one that no website can have chosen."""
         host = place.host
         if place.is_address or host == "localhost" or host.endswith(".localhost") or host in own_names:
             return True
@@ -198,7 +198,7 @@ class _Page:
         return self.place is None or self.place.host in _LOCAL_HOSTS
 
     def is_at(self, place: _Place, *, is_any_port: bool) -> bool:
-        """Whether the page has the host of the server, and its port, as the client calls them."""
+        """Tell whether the page has the host and port by which the client calls the server."""
         if self.place is None or self.place.host != place.host:
             return False
         default = _WEB_PORTS[self.scheme]
@@ -253,7 +253,7 @@ def _read_place(text: str) -> _Place | None:
 
 
 def _matches(text: str, pattern: str) -> bool:
-    """Whether a text in lower case matches a pattern as a user writes it."""
+    """Tell whether a text in lower case matches a pattern as a user writes it."""
     plain = _LABEL.sub(_to_ascii, pattern.lower()).removesuffix("/")
     return text == plain or fnmatchcase(text, _IPV6.sub("[[]", plain))
 

@@ -43,7 +43,7 @@ MAX_UNPROVEN_SIZE = 16 * 1024
 """A longer message of a stranger closes it with code 1009 before its payload is kept [bytes]."""
 
 MAX_UNPROVEN_BYTES = 64 * 1024
-"""What a stranger may send in all, pings and pieces included [bytes]: far more than a token in any spelling."""
+"""Bytes that a stranger may send in all, pings and pieces included [bytes]: far more than a token in any spelling."""
 
 MAX_REFUSED = 16
 """Frames without a token that are answered; the next one closes the connection. A program that is written for a server
@@ -81,7 +81,7 @@ class ConnectionPlaces:
         self._taken: dict[Evictable, None] = {}
 
     def __len__(self) -> int:
-        """How many are taken."""
+        """Number of places taken."""
         return len(self._taken)
 
     def take(self, one: Evictable) -> None:

@@ -21,7 +21,7 @@ __all__ = ["TlsDoor", "TlsRules"]
 
 @dataclass(frozen=True, slots=True)
 class TlsRules:
-    """How connections are encrypted.
+    """Rules of encryption for connections.
 
     Attributes:
         context: the certificate and its key.

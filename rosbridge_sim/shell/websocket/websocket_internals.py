@@ -57,7 +57,7 @@ MAX_UNREAD = 64 * 2**20
 off."""
 
 LAST_ANSWERS = 20.0
-"""How long a peer that has ended its side may take to read what it was answered before [s]: as long as for a ping."""
+"""Time for a peer that has ended its side to read its answers [s]: as long as for a ping."""
 
 
 def _ignore() -> None:
@@ -103,7 +103,7 @@ class MessageConnection(Connection):
 
     @property
     def end(self) -> ConnectionClosed:
-        """How the connection ended; only once it has."""
+        """End of the connection; only once it has ended."""
         return self.core.close_exc
 
     @property
