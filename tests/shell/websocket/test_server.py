@@ -715,4 +715,4 @@ async def test_hundred_clients_that_fail_at_once_are_closed_and_the_log_stays_sh
         assert await good.settle() == []
         assert sim.num_bugs == 100
     assert len(failures(caplog)) == PLACE_BURST / TRACEBACK_COST
-    assert any("80 more lines of server.py" in line for line in caplog.messages)
+    assert any("80 more lines of client.py" in line for line in caplog.messages)
