@@ -266,7 +266,7 @@ class Bus:
             sender: who publishes there.
             topic: of which they are listeners.
             message: may have been published before.
-            listeners: to whom it is shown.
+            listeners: the subscriptions that get it.
             now: monotonic time [s].
         """
         for subscription in listeners:

@@ -1,4 +1,4 @@
-"""Who talks on the bus, under which names, and with what bodies: what topics, services and actions share."""
+"""Participants of the bus, names and message bodies: the parts that topics, services and actions share."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ from rosbridge_sim.world.state import Kind
 __all__ = ["check_scenarios", "hint_at", "open_library", "show_keys"]
 
 _VARIABLES: Final = frozenset(PREFIX + name for name in ("CONFIG", "MAP", "SCENARIO_PATH", "CATALOGUE"))
-"""What of the environment has to do with scenarios and maps; a mistake in the rest is none of ours."""
+"""Environment variables that concern scenarios and maps. Mistakes in others do not matter to this command."""
 
 SURE: Final = 0.9
 """A key that is so like one that is read is a slip of the pen; MORAI's own keys are less alike."""
@@ -184,7 +184,7 @@ def _without_prefix(line: str, prefixes: Sequence[str]) -> str:
 
 
 def _find_map(scenario: Scenario, library: DiskLibrary, own_map: str | None) -> tuple[_Report, RoadMap | None]:
-    """What there is to say about the map, and the map if there is one to check on."""
+    """Return the report on the map, and the map itself if there is one to check on."""
     asked = scenario.map_name
     account: _Report = {"name": asked, "is_known": True, "checked_on": own_map or asked or DEFAULT_MAP}
     try:
@@ -201,7 +201,7 @@ def _find_map(scenario: Scenario, library: DiskLibrary, own_map: str | None) -> 
 
 
 def _count(document: object) -> dict[str, int]:
-    """How many entries each part has that is there."""
+    """Count the entries of each part that the file has."""
     if not isinstance(document, dict):
         return {}
     parts = {key: document.get(key) for key in _LISTS}
@@ -246,7 +246,7 @@ def _is_replaced(item: Mapping[str, Any], kind: Kind, catalogue: Catalogue) -> b
 
 
 def _way(spawn: Spawn) -> str:
-    """Where it goes, in a few words."""
+    """Describe the way of an item in a few words."""
     way = _way_once_it_goes(spawn)
     return f"{way}, when an ego is within {spawn.start_within:g} m" if spawn.start_within and spawn.speed else way
 

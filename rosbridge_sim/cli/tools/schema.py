@@ -25,7 +25,7 @@ Kind = Literal["msg", "srv", "action"]
 KINDS: tuple[Kind, ...] = ("msg", "srv", "action")
 
 _VARIABLES = frozenset(PREFIX + name for name in ("CONFIG", "RELEASE", "ROS", "SCHEMA_PATH"))
-"""What of the environment has to do with definitions; a mistake in the rest is none of ours."""
+"""Environment variables that concern definitions. Mistakes in others do not matter to this command."""
 
 
 @dataclass(frozen=True, slots=True)

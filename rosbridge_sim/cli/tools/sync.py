@@ -139,7 +139,7 @@ async def tick(bridge: Bridge, count: int, user_id: str, step_ms: int, *, is_sta
     Args:
         bridge: to the simulator.
         count: of ticks.
-        user_id: whom the ticks are in the name of.
+        user_id: the master that the ticks name.
         step_ms: length of a tick, where it is started [ms].
         is_starting: start the mode.
         is_json: show answers as they are, one a line.
