@@ -3,7 +3,8 @@
 A component adds an `Interface` under its default name for each topic or service. While the simulator is built these are
 collected; `open` brings them onto the bus. From then on a further ego's come and go, and `change` exchanges the
 settings while all goes on: what changes its name or its switch leaves the bus and comes back, everything else does not
-notice. A call that is in flight meanwhile is still answered, for what asks for other settings is such a call itself."""
+notice. A call that is in flight meanwhile is still answered, for what asks for other settings is such a call itself.
+"""
 
 from __future__ import annotations
 
