@@ -658,7 +658,7 @@ def test_messages_of_a_drive_that_a_far_bridge_gives_back_late_are_not_followed(
 
 
 def test_what_was_said_is_not_remembered_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rosbridge_sim.morai.replays.replay.MAX_ECHOES", 5)
+    monkeypatch.setattr("rosbridge_sim.morai.replays.replay_info.MAX_ECHOES", 5)
     harness = SimHarness("parked", start="sync")
     client = harness.client()
     client.start()

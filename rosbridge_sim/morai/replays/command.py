@@ -8,7 +8,7 @@ from typing import Final
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.replays.playback_actors import EVERYBODY
+from rosbridge_sim.morai.replays.playback_actors import ALL_TARGETS
 from rosbridge_sim.morai.replays.state_machine import ReplayEvent
 
 __all__ = ["ReplayCommand", "ReplayResult", "read_command"]
@@ -73,7 +73,7 @@ def read_command(request: Struct) -> ReplayCommand:
     if option & ~_OPTIONS:
         raise FieldError(f"{where}.replay_option: expected a sum of 1, 2, 4 and 8, got {option}")
     targets, start_ms, speed = _plain(request.replay_target_option), request.start_time, request.replay_speed
-    if option & _TARGETS and (not targets or targets & ~EVERYBODY):
+    if option & _TARGETS and (not targets or targets & ~ALL_TARGETS):
         raise FieldError(f"{where}.replay_target_option: expected a sum of 1, 2 and 4, got {targets}")
     if option & _START and start_ms < 0:
         raise FieldError(f"{where}.start_time: expected 0 or more, got {start_ms}")

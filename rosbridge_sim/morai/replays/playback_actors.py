@@ -21,12 +21,12 @@ from rosbridge_sim.morai.scene import MAX_ENTITIES, Scene
 from rosbridge_sim.world.dynamics import place_ghost, show_ghosts
 from rosbridge_sim.world.state import Body, Kind, Snapshot, World
 
-__all__ = ["EGO", "EVERYBODY", "PEDESTRIANS", "VEHICLES", "PlaybackActors"]
+__all__ = ["ALL_TARGETS", "EGO", "PEDESTRIANS", "VEHICLES", "PlaybackActors"]
 
 EGO: Final = 1
 VEHICLES: Final = 2
 PEDESTRIANS: Final = 4
-EVERYBODY: Final = EGO | VEHICLES | PEDESTRIANS
+ALL_TARGETS: Final = EGO | VEHICLES | PEDESTRIANS
 """Whom a recording moves, a sum. Obstacles come and go with the vehicles: they have no number of their own."""
 
 _TARGETS: Final = {Kind.VEHICLE: VEHICLES, Kind.OBSTACLE: VEHICLES, Kind.PEDESTRIAN: PEDESTRIANS}
