@@ -62,7 +62,7 @@ def both(stamp_ns: int) -> tuple[int, int]:
 
 
 def ego_at(recording: Recording, since: float, column: str = "x") -> float:
-    return float(recording.scene(round(since * SECOND)).egos[0][EGO_COLUMNS.index(column)])
+    return float(recording.moment(round(since * SECOND)).egos[0][EGO_COLUMNS.index(column)])
 
 
 @pytest.mark.parametrize("factor", [DEGREES, MPS_TO_KMH])
@@ -125,21 +125,21 @@ def test_objects_between_stamps_and_those_who_leave() -> None:
     for i, xs in enumerate([{3: 0.0, 5: 7.0}, {5: 8.0, 9: 1.0}]):
         npcs = [thing(uid, x) for uid, x in xs.items()]
         take.take_objects(Struct(npc_list=npcs, pedestrian_list=[], obstacle_list=[]), both(SECOND + i * SECOND // 10))
-    scene = take.finish().scene(SECOND // 20)
-    assert [actor.uid for actor in scene.cast] == [3, 5]
+    scene = take.finish().moment(SECOND // 20)
+    assert [actor.uid for actor in scene.actors] == [3, 5]
     assert scene.values[0].tolist() == [0.0, 7.5]
     assert scene.values[OBJECT_COLUMNS.index("speed")].tolist() == [10.0, 10.0]
-    assert scene.cast[0].size == (5.0, 2.0, 3.0)
-    assert scene.cast[0].kind is Kind.VEHICLE
+    assert scene.actors[0].size == (5.0, 2.0, 3.0)
+    assert scene.actors[0].kind is Kind.VEHICLE
 
 
 def test_profile_says_what_units_are() -> None:
     take = reading(FIELD)
     take.take_ego(0, ego(0.0, wheel_angle=90.0), both(1))
     take.take_objects(Struct(npc_list=[thing(1, 0.0)]), both(1))
-    scene = take.finish().scene(0)
+    scene = take.finish().moment(0)
     assert scene.egos[0][EGO_COLUMNS.index("steer")] == pytest.approx(math.pi / 2)
-    assert scene.cast[0].size == (2.0, 5.0, 3.0)
+    assert scene.actors[0].size == (2.0, 5.0, 3.0)
 
 
 @pytest.mark.parametrize("profile", [MANUAL, FIELD])
@@ -148,7 +148,7 @@ def test_newer_name_of_the_steering_is_degrees(profile: Profile) -> None:
     message = ego(0.0, front_steer_angle=90.0)
     del message.wheel_angle
     take.take_ego(0, message, both(1))
-    assert take.finish().scene(0).egos[0][EGO_COLUMNS.index("steer")] == pytest.approx(math.pi / 2)
+    assert take.finish().moment(0).egos[0][EGO_COLUMNS.index("steer")] == pytest.approx(math.pi / 2)
 
 
 def test_own_stamps_count_where_they_are_a_clock() -> None:
@@ -211,6 +211,6 @@ def test_many_random_states_are_found_by_hand_as_well() -> None:
         take.take_objects(Struct(npc_list=npcs), both((i + 1) * SECOND // 50))
     recording = take.finish()
     for i, xs in enumerate(frames):
-        scene = recording.scene(i * SECOND // 50)
-        found = {actor.uid: x for actor, x in zip(scene.cast, scene.values[0].tolist(), strict=True)}
+        scene = recording.moment(i * SECOND // 50)
+        found = {actor.uid: x for actor, x in zip(scene.actors, scene.values[0].tolist(), strict=True)}
         assert found == xs

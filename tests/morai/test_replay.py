@@ -14,9 +14,9 @@ from rosbridge_sim.morai.catalogue import Catalogue, Model, find_model
 from rosbridge_sim.morai.releases import FIELD
 from rosbridge_sim.morai.replays.recording_builder import MAX_RECORDED_ENTRIES
 from rosbridge_sim.morai.replays.state_machine import (
-    OF_A_BAG,
-    OF_A_SOURCE,
+    BAG_EVENTS,
     REPLAY_TABLE,
+    SOURCE_EVENTS,
     ReplayEffect,
     ReplayEvent,
     ReplayState,
@@ -92,8 +92,8 @@ def bodies(messages: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def test_table_has_a_row_for_all_that_can_happen() -> None:
     for state, event in product(ReplayState, ReplayEvent):
-        is_possible = (event not in OF_A_BAG or state in {ReplayState.REPLAYING, ReplayState.AT_END}) and (
-            event not in OF_A_SOURCE or state is ReplayState.FOLLOWING
+        is_possible = (event not in BAG_EVENTS or state in {ReplayState.REPLAYING, ReplayState.AT_END}) and (
+            event not in SOURCE_EVENTS or state is ReplayState.FOLLOWING
         )
         assert (event in REPLAY_TABLE[state]) == is_possible
 

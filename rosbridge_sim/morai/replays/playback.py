@@ -92,7 +92,7 @@ class Playback:
         self._position_ns += STEP_NS * self.speed
 
     def _moment(self) -> RecordedMoment:
-        return self.recording.scene(min(self._position_ns, self.recording.duration_ns))
+        return self.recording.moment(min(self._position_ns, self.recording.duration_ns))
 
     # Questions before a recording is chosen
 
