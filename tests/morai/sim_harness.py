@@ -23,7 +23,7 @@ from rosbridge_sim.schema.store import Message, Store
 from rosbridge_sim.shell.files.library import read_definitions
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import World
-from tests.morai.maps import ROADRUNNER, read
+from tests.morai.small_maps import ROADRUNNER, read
 
 __all__ = [
     "ALL",

@@ -24,8 +24,8 @@ from rosbridge_sim.morai.simulator_node import NodeSettings
 from rosbridge_sim.shell.files.library import DATA
 from rosbridge_sim.world.signals import Signals
 from rosbridge_sim.world.state import World
-from tests.morai.maps import KOREAN, ROADRUNNER, read
 from tests.morai.sim_harness import ALL, Client, make_store
+from tests.morai.small_maps import KOREAN, ROADRUNNER, read
 from tests.mutations import Edit, Flip, damage, edits, examples, flips, spoil
 
 SCENARIOS: dict[str, Any] = {

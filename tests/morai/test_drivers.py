@@ -17,7 +17,7 @@ from rosbridge_sim.morai.scene import WHOLE, LoadOptions, Scene
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.state import Gear, Kind, World
 from rosbridge_sim.world.step import step
-from tests.morai.maps import ROADRUNNER, read
+from tests.morai.small_maps import ROADRUNNER, read
 from tests.world.road_factory import built_in
 
 LINK = {"initPositionMode": "Link", "initLink": "A1B1", "initLinkRatio": 0.25}

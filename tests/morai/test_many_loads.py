@@ -21,8 +21,8 @@ from rosbridge_sim.morai.scene import WHOLE
 from rosbridge_sim.morai.simulator_node import NodeSettings
 from rosbridge_sim.world.state import World
 from scripts.soak.scenes import BAD, GOOD, MISSING
-from tests.morai.maps import KOREAN, ROADRUNNER, read
 from tests.morai.sim_harness import ALL, Client, make_store
+from tests.morai.small_maps import KOREAN, ROADRUNNER, read
 
 MAPS = {"track": KOREAN, "town": ROADRUNNER}
 

@@ -18,8 +18,8 @@ from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.geometry import arc_lengths, nearest_on_polyline, point_at
 from rosbridge_sim.world.signal_plan import Lamp
 from rosbridge_sim.world.state import World
-from tests.morai.maps import ROADRUNNER, read
 from tests.morai.sim_harness import Client, make_store
+from tests.morai.small_maps import ROADRUNNER, read
 
 __all__ = ["Crossroads", "Driver", "Judge", "Town", "Way"]
 

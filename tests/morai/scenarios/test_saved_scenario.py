@@ -13,9 +13,9 @@ from rosbridge_sim.morai.scenarios.check import find_oddities, place_draft, read
 from rosbridge_sim.morai.scenarios.reader import Scenario, Spawn, place_on_roads, read_scenario
 from rosbridge_sim.morai.scene import Scene
 from rosbridge_sim.world.state import Gear, Kind, World
-from tests.morai.maps import ROADRUNNER, read
+from tests.morai.small_maps import ROADRUNNER, read
 
-TEXT = (Path(__file__).parent / "fixtures" / "saved.json").read_bytes()
+TEXT = (Path(__file__).parents[1] / "fixtures" / "saved.json").read_bytes()
 
 
 def scenario() -> Scenario:

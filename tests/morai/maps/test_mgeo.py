@@ -3,7 +3,6 @@ from __future__ import annotations
 import json
 import math
 import runpy
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,8 @@ import pytest
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.maps.mgeo import FILES, RoadMap, read_map, read_projection
+from tests.support import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 TRACK = {name: (ROOT / "rosbridge_sim" / "data" / "maps" / "track" / name).read_bytes() for name in FILES}
 
 INFO: dict[str, Any] = {

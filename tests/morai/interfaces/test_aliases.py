@@ -23,8 +23,8 @@ from rosbridge_sim.morai.simulator_node import NodeSettings
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.world.state import World
-from tests.morai.maps import ROADRUNNER, read
 from tests.morai.sim_harness import make_store
+from tests.morai.small_maps import ROADRUNNER, read
 
 RELEASES = ("22.R2", "26.R1")
 

@@ -9,7 +9,7 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.maps.lights import colour_of, light_type
 from rosbridge_sim.world.signal_plan import UNSET, Lamp, SignalPlan
 from rosbridge_sim.world.signals import Signals
-from tests.morai.maps import KOREAN, ROADRUNNER, Files, light, read
+from tests.morai.small_maps import KOREAN, ROADRUNNER, Files, light, read
 
 R, Y, G, L = Lamp.RED, Lamp.YELLOW, Lamp.GREEN, Lamp.LEFT
 

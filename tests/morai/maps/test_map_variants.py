@@ -13,7 +13,7 @@ from rosbridge_sim.morai.maps.links import LANE_WIDTH
 from rosbridge_sim.morai.maps.mgeo import FILES, MAP_FILES, RoadMap, read_map
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.signals import Signals
-from tests.morai.maps import KOREAN, ROADRUNNER, Files, read
+from tests.morai.small_maps import KOREAN, ROADRUNNER, Files, read
 
 OPTIONAL = [name for name in MAP_FILES if name not in FILES]
 

@@ -8,8 +8,8 @@ import pytest
 from rosbridge_sim.morai.scenarios.check import Draft, find_oddities, keys_near, place_draft, read_draft
 from rosbridge_sim.morai.scenarios.reader import place_on_roads, read_scenario
 from rosbridge_sim.world.roads import Roads
-from tests.morai.maps import ROADRUNNER
-from tests.morai.maps import read as read_tiny
+from tests.morai.small_maps import ROADRUNNER
+from tests.morai.small_maps import read as read_tiny
 
 AT = {"pos": {"x": 1, "y": 0}}
 FAR = [{"pos": {"x": 0, "z": 0}}, {"pos": {"x": 9e7, "z": 0}}]

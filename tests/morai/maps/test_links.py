@@ -7,7 +7,7 @@ import pytest
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.world.roads import Roads
-from tests.morai.maps import KOREAN, ROADRUNNER, Files, read
+from tests.morai.small_maps import KOREAN, ROADRUNNER, Files, read
 
 
 def edges(roads: Roads, name: str, *s: float) -> list[float]:

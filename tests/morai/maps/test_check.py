@@ -7,7 +7,7 @@ import pytest
 
 from rosbridge_sim.morai.maps.check import describe_map, list_files
 from rosbridge_sim.morai.maps.mgeo import find_map_mistakes, read_map
-from tests.morai.maps import KOREAN, ROADRUNNER, Files, light, node
+from tests.morai.small_maps import KOREAN, ROADRUNNER, Files, light, node
 
 
 def encoded(files: Files) -> dict[str, bytes]:

@@ -4,7 +4,6 @@ import copy
 import json
 import math
 import runpy
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,8 +18,8 @@ from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import Controller, Phase, SignalPlan
 from rosbridge_sim.world.state import Gear, Kind, World
 from rosbridge_sim.world.step import step
+from tests.support import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT / "rosbridge_sim" / "data"
 DEMO = (DATA / "scenarios" / "demo.json").read_bytes()
 TRACK = {name: (DATA / "maps" / "track" / name).read_bytes() for name in FILES}
