@@ -89,7 +89,7 @@ class Ego:
 
     @property
     def is_there(self) -> bool:
-        """Whether it stands in the world: a further ego goes when a scenario takes the stage."""
+        """Whether it stands in the world: a further ego goes when a scenario with another ego is loaded."""
         return self.uid in self._world
 
     @property
@@ -117,8 +117,8 @@ class Ego:
         """The world has changed."""
         self._status = None
 
-    def renew(self) -> None:
-        """It is a new car: lamps off, and in D if it drives itself, as when it was told to."""
+    def reset_controls(self) -> None:
+        """Have the controls of a new car: lamps off, and in D if it drives itself, as when it was told to."""
         self.turn_signal = self.emergency_signal = 0
         self._refused_gear = None
         if self.ctrl_mode is CtrlMode.AUTONOMOUS:
@@ -126,11 +126,11 @@ class Ego:
         self.forget_status()
 
     def control(self, control: Control) -> None:
-        """Drive like this from the next frame on, by hand from now on; the command of one who is gone is nobody's."""
+        """Apply a control from the next frame on. Ends self-driving; ignored if the ego is gone or is replayed."""
         if not self.is_there or self.is_replayed:
             return
         if self.ctrl_mode is CtrlMode.AUTONOMOUS:
-            self.hand_over(CtrlMode.EXTERNAL)
+            self.set_ctrl_mode(CtrlMode.EXTERNAL)
         dynamics.command(
             self._world,
             self.row,
@@ -142,8 +142,8 @@ class Ego:
             accel=control.accel,
         )
 
-    def put(self, pose: GhostPose, gear: Gear | None = None) -> None:
-        """Stand somewhere else, with that speed, and in that gear whatever the speed was.
+    def teleport(self, pose: GhostPose, gear: Gear | None = None) -> None:
+        """Stand somewhere else, at that speed, and in that gear whatever the speed was.
 
         What was commanded before is forgotten, or the car would leave its new place with the old pedals and wheels.
         Commands that wait for their frames are `Sync.drop`'s.
@@ -191,11 +191,11 @@ class Ego:
             pitch=pose.pitch,
         )
 
-    def hand_over(self, ctrl_mode: CtrlMode) -> str | None:
-        """Have somebody else drive; whoever takes over from a client or from the car has pressed nothing yet.
+    def set_ctrl_mode(self, ctrl_mode: CtrlMode) -> str | None:
+        """Change who drives; the pedals of a client or of the car itself are released.
 
         Returns:
-            None when he drives now, else why not, for a person to read.
+            None when the mode is this one now, else why not, for a person to read.
         """
         if self.is_replayed:
             return f"ctrl_mode {ctrl_mode.name} refused: a recording moves ego {self.index}"
@@ -218,7 +218,7 @@ class Ego:
         """It stands somewhere else, or on another map: if it drove itself it goes on, or not, where no lane is."""
         if self.ctrl_mode is CtrlMode.AUTONOMOUS and not take_wheel(self._world, self.row):
             _log.info("ego %d stands on no lane: ctrl_mode is %s", self.index, CtrlMode.KEYBOARD.name)
-            self.hand_over(CtrlMode.KEYBOARD)
+            self.set_ctrl_mode(CtrlMode.KEYBOARD)
 
     def shift(self, gear: Gear) -> str | None:
         """Change gear.

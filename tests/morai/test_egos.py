@@ -248,16 +248,19 @@ def test_a_bad_entry_changes_nothing_of_the_others(lists: dict[str, Any], text: 
 
 def test_a_message_about_nobody_is_fine() -> None:
     harness = SimHarness()
+    before = harness.world.digest()
     put(harness.client())
-    assert harness.node.followed is harness.node.egos[0]
+    assert harness.world.digest() == before
 
 
-def test_the_camera_follows_the_ego_that_is_named_while_there_is_one() -> None:
+@pytest.mark.parametrize("camera_index", [2, 77, -1])
+def test_any_camera_index_is_taken_and_moves_nothing(camera_index: int) -> None:
     harness, client = two_egos()
-    client.send("/ego_setting", SETTING, **setting(0) | {"camera_index": 2})
-    assert harness.node.followed is harness.node.egos[1]
-    client.send("/ego_setting", SETTING, **setting(0) | {"camera_index": 77})
-    assert harness.node.followed is harness.node.egos[0]
+    plain, other = two_egos()
+    client.send("/ego_setting", SETTING, **setting(0) | {"camera_index": camera_index})
+    other.send("/ego_setting", SETTING, **setting(0))
+    assert harness.world.digest() == plain.world.digest()
+    assert client.told == other.told
 
 
 # Further egos
@@ -468,12 +471,12 @@ def test_services_of_an_ego_are_never_taken_for_gone_for_good_while_it_leaves_an
 
 
 def test_egos_under_ever_new_numbers_are_not_remembered_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rosbridge_sim.morai.simulator_node.MAX_GONE", 3)
+    monkeypatch.setattr("rosbridge_sim.morai.ego_interfaces.MAX_GONE", 3)
     harness, client = two_egos()
     for index in range(10, 20):
         harness.node.reset(None, 0.0)
         put(client, index)
     harness.node.reset(None, 0.0)
-    assert len(harness.node._gone) == 3
+    assert harness.node.context.ego_interfaces.num_remembered == 3
     assert harness.node.why_gone("/Ego-19/Service_MoraiEventCmd")
     assert not harness.node.why_gone("/Ego-10/Service_MoraiEventCmd")

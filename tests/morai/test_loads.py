@@ -489,7 +489,7 @@ def test_ticks_that_wait_are_refused_if_the_first_of_them_fails(mode: str) -> No
     loader.load_at(1)
     first.tick()
     second.tick()
-    one.harness.node._placing.append(lambda: 1 // 0)  # type: ignore[arg-type] # as good a bug as any
+    one.harness.node.context.hooks.place.append(lambda: 1 // 0)  # as good a bug as any
     one.reader.hand_over()
     assert loader.answers() == [(LOAD_AT, True)]
     for master in (first, second):
@@ -504,7 +504,7 @@ def test_load_into_a_world_that_has_failed_meanwhile_is_refused(load: Callable[[
     one = Set(on_world_failure="serve")
     master, loader = one.master(), one.wire()
     load(loader)
-    one.harness.node._fail(ZeroDivisionError("planted"))
+    one.harness.node.context.failure.note(ZeroDivisionError("planted"))
     before = one.world.digest()
     one.reader.hand_over()
     answer, told = [json.loads(frame) for frame in loader.frames]

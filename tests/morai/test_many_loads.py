@@ -134,7 +134,7 @@ def test_a_bad_load_changes_nothing_and_says_why(name: str) -> None:
 def test_an_agent_that_the_world_refuses_undoes_the_whole_load(name: str) -> None:
     run = Run()
     before, roads, plan = fingerprint(run), run.world.roads, run.world.signals.plan
-    load = run.node.scene.prepare(run.node.library.scenario(name), WHOLE)
+    load = run.node.scene.prepare(run.node.context.library.scenario(name), WHOLE)
     object.__setattr__((*load.egos, *load.others)[-1], "x", np.inf)
     with pytest.raises(DocumentError, match=f"{name}: "):
         run.node.scene.carry_out(load)

@@ -385,4 +385,4 @@ def test_nothing_is_made_while_nobody_listens(monkeypatch: pytest.MonkeyPatch) -
     client.listen("/Ego_topic")
     client.tick()
     assert len(client.messages("/Ego_topic")) == 1
-    assert harness.node.afterwards == []
+    assert harness.node.context.hooks.once_after_frame == []

@@ -17,10 +17,10 @@ from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Answer, Topic
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.morai.node_factory import make_node
+from rosbridge_sim.morai.real_time import MAX_FRAMES_AT_ONCE
 from rosbridge_sim.morai.releases import FIELD
 from rosbridge_sim.morai.replays.recording_builder import RecordingBuilder, Then
 from rosbridge_sim.morai.scene import FIRST_EGO
-from rosbridge_sim.morai.simulator_node import MAX_FRAMES_AT_ONCE
 from rosbridge_sim.schema.store import Message
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.state import World
@@ -364,7 +364,7 @@ def break_world(harness: SimHarness) -> None:
     def fail() -> None:
         raise ZeroDivisionError("planted")
 
-    harness.node._placing.append(fail)
+    harness.node.context.hooks.place.append(fail)
 
 
 WHY = "the world has failed: ZeroDivisionError('planted')"
@@ -484,7 +484,7 @@ def test_message_of_the_world_that_cannot_be_written_is_no_failure_of_the_world(
     harness = SimHarness(start="sync")
     good = harness.client()
     good.listen("/Ego_topic", "/Object_topic")
-    (feed,) = [feed for feed in harness.node._outputs._feeds if feed.name == "/Ego_topic"]
+    (feed,) = [feed for feed in harness.node.context.publishers._feeds if feed.name == "/Ego_topic"]
     feed.make = object
     good.start()
     for _ in range(5):
@@ -522,7 +522,7 @@ def test_master_is_lost_whatever_else_fails_at_its_departure() -> None:
     harness = SimHarness(sync_on_loss="run")
     master = harness.client()
     master.start("a")
-    harness.node._parts[0].on_leave = break_down  # type: ignore[assignment, method-assign] # as good a bug as any
+    harness.node.context.hooks.on_leave.insert(0, break_down)  # as good a bug as any
     master.leave()
     assert harness.node.sync.master_id == ""
     assert harness.bus.guard.num_faults == 1

@@ -37,7 +37,7 @@ def a_sync(state: SyncState, *, on_loss: str = "run", is_strict: bool = False) -
     if state in (SyncState.LED, SyncState.LED_PAUSED, SyncState.WAITING):
         sync.start("boss", 40, ME, 0.0)
     if state in (SyncState.FREE_PAUSED, SyncState.OPEN_PAUSED, SyncState.LED_PAUSED):
-        sync.pause()
+        sync.pause(1.0)
     if state is SyncState.WAITING:
         sync.submit("scenario", FRAME + 1, FRAME, YOU, 0.0, is_ready=False)
         sync.tick("boss", FRAME + 2, FRAME, ME, 0.0)
@@ -74,8 +74,8 @@ ACTS: dict[SyncEvent, Callable[[Sync[str]], SyncOutcome | None]] = {
     SyncEvent.START_BY_MASTER: lambda s: s.start("boss", 60, ME, 1.0),
     SyncEvent.START_BY_OTHER: lambda s: s.start("rival", 20, YOU, 1.0),
     SyncEvent.START_MISFIT: lambda s: s.start("boss", 30, ME, 1.0),
-    SyncEvent.STOP_BY_MASTER: lambda s: s.stop("boss"),
-    SyncEvent.STOP_BY_OTHER: lambda s: s.stop("rival"),
+    SyncEvent.STOP_BY_MASTER: lambda s: s.stop("boss", 1.0),
+    SyncEvent.STOP_BY_OTHER: lambda s: s.stop("rival", 1.0),
     SyncEvent.TICK_BY_MASTER: tick,
     SyncEvent.TICK_EARLY: tick_early,
     SyncEvent.TICK_BY_OTHER: lambda s: s.tick("rival", FRAME + 1, FRAME, YOU, 1.0),
@@ -83,12 +83,12 @@ ACTS: dict[SyncEvent, Callable[[Sync[str]], SyncOutcome | None]] = {
     SyncEvent.COMMAND: lambda s: s.submit("go", FRAME + 1, FRAME, YOU, 1.0),
     SyncEvent.COMMAND_TOO_FAR: lambda s: s.submit("go", FRAME + MAX_AHEAD + 3, FRAME, YOU, 1.0),
     SyncEvent.COMMAND_TOO_MANY: lambda s: crowded(s).submit("go", FRAME + 1, FRAME, YOU, 1.0),
-    SyncEvent.PAUSE: lambda s: s.pause(),
-    SyncEvent.RESUME: lambda s: s.resume(),
-    SyncEvent.LOSS_TO_RUN: lambda s: s.leave(ME),
-    SyncEvent.LOSS_TO_PAUSE: lambda s: s.leave(ME),
-    SyncEvent.LOSS_TO_WAIT: lambda s: s.leave(ME),
-    SyncEvent.RESET: lambda s: s.forget(),
+    SyncEvent.PAUSE: lambda s: s.pause(1.0),
+    SyncEvent.RESUME: lambda s: s.resume(1.0),
+    SyncEvent.LOSS_TO_RUN: lambda s: s.leave(ME, 1.0),
+    SyncEvent.LOSS_TO_PAUSE: lambda s: s.leave(ME, 1.0),
+    SyncEvent.LOSS_TO_WAIT: lambda s: s.leave(ME, 1.0),
+    SyncEvent.RESET: lambda s: s.forget(1.0),
 }
 ON_LOSS = {SyncEvent.LOSS_TO_RUN: "run", SyncEvent.LOSS_TO_PAUSE: "pause", SyncEvent.LOSS_TO_WAIT: "wait"}
 
@@ -117,16 +117,16 @@ def test_every_state_meets_every_event_as_the_table_says(state: SyncState, event
 def test_ticks_that_wait_take_their_turns_once_their_commands_are_ready() -> None:
     sync = a_sync(SyncState.WAITING)
     sync.tick("boss", 0, FRAME, ME, 1.0)
-    assert (sync.num_ticks, sync.take_turn(FRAME)) == (2, 0)
+    assert (sync.num_ticks, sync.take_turn(FRAME, 1.0)) == (2, 0)
     sync.ready("scenario")
-    assert sync.take_turn(FRAME) == 2
+    assert sync.take_turn(FRAME, 1.0) == 2
     assert sync.state is SYNC_TABLE[SyncState.WAITING][SyncEvent.TURN].state
     check_invariants(sync)
     assert sync.due(FRAME + 1) == ["scenario"]
-    assert sync.take_turn(FRAME + 2) == 2
+    assert sync.take_turn(FRAME + 2, 1.0) == 2
     assert sync.state is SYNC_TABLE[SyncState.WAITING][SyncEvent.LAST_TURN].state
     check_invariants(sync)
-    assert sync.take_turn(FRAME + 4) == 0
+    assert sync.take_turn(FRAME + 4, 1.0) == 0
 
 
 def test_the_table_has_no_row_that_cannot_happen() -> None:
@@ -159,7 +159,7 @@ def test_real_time_flows_exactly_when_the_world_becomes_free(state: SyncState) -
 def check_invariants(sync: Sync[str]) -> None:
     has_master = sync.state not in NO_MASTER
     assert bool(sync.master_id) is has_master
-    assert (sync.num_holders > 0) is has_master
+    assert (len(sync._holders) > 0) is has_master
     assert sync.is_on or sync.num_waiting == 0
     assert sync.num_waiting <= MAX_WAITING_COMMANDS
     assert (sync.num_ticks > 0) is (sync.state is SyncState.WAITING)
@@ -220,7 +220,7 @@ class AnyOrder(RuleBasedStateMachine):
     @rule(user_id=IDS)
     def stop(self, user_id: str) -> None:
         master = self.sync.master_id
-        outcome = self.sync.stop(user_id)
+        outcome = self.sync.stop(user_id, 1.0)
         assert outcome.is_accepted == (not master or user_id == master)
         if outcome.is_accepted:
             self.drop()
@@ -243,7 +243,7 @@ class AnyOrder(RuleBasedStateMachine):
 
     @rule()
     def take_turn(self) -> None:
-        num_frames = self.sync.take_turn(self.frame)
+        num_frames = self.sync.take_turn(self.frame, 1.0)
         can_go = bool(self.ticks) and all(due > self.frame + self.ticks[0] for due in self.unready.values())
         assert num_frames == (self.ticks.pop(0) if can_go else 0)
         self.move(num_frames)
@@ -261,7 +261,7 @@ class AnyOrder(RuleBasedStateMachine):
 
     @rule()
     def reset(self) -> None:
-        self.sync.forget()
+        self.sync.forget(1.0)
         self.drop()
         self.frame = 0
 
@@ -279,7 +279,7 @@ class AnyOrder(RuleBasedStateMachine):
     @rule()
     def pause(self) -> None:
         is_on = self.sync.is_on
-        self.sync.pause()
+        self.sync.pause(1.0)
         self.ticks.clear()
         assert self.sync.is_paused
         assert self.sync.is_on == is_on
@@ -287,13 +287,13 @@ class AnyOrder(RuleBasedStateMachine):
     @rule()
     def resume(self) -> None:
         is_on = self.sync.is_on
-        self.sync.resume()
+        self.sync.resume(1.0)
         assert not self.sync.is_paused
         assert self.sync.is_on == is_on
 
     @rule(peer=PEERS)
     def leave(self, peer: str) -> None:
-        self.after_loss(self.sync.leave(peer))
+        self.after_loss(self.sync.leave(peer, 1.0))
 
     @rule(seconds=st.sampled_from([0.0, 1.0, 9.0, 10.0]))
     def wait(self, seconds: float) -> None:
@@ -336,12 +336,12 @@ def test_made_ids_begin_anew_with_a_reset_unless_somebody_has_one() -> None:
     sync: Sync[str] = Sync()
     sync.start("", 20, ME, 0.0)
     first = sync.master_id
-    sync.stop(first)
-    sync.forget()
+    sync.stop(first, 1.0)
+    sync.forget(1.0)
     sync.start("", 20, ME, 0.0)
     assert sync.master_id == first
-    sync.forget()
-    sync.stop(first)
+    sync.forget(1.0)
+    sync.stop(first, 1.0)
     sync.start("", 20, ME, 0.0)
     assert sync.master_id != first
 
@@ -368,7 +368,7 @@ def test_generated_ids_are_the_same_on_every_run() -> None:
         for _ in range(3):
             sync.start("", 20, ME, 0.0)
             ids.append(sync.master_id)
-            sync.stop(sync.master_id)
+            sync.stop(sync.master_id, 1.0)
         return ids
 
     assert run() == run() == ["sync-1", "sync-2", "sync-3"]
@@ -385,7 +385,7 @@ def test_the_master_may_change_its_time_step_and_keeps_what_waits() -> None:
     sync.start("a", 20, ME, 0.0)
     sync.submit("go", 5, 0, ME, 0.0)
     assert sync.start("a", 100, YOU, 0.0).is_accepted
-    assert (sync.num_frames, sync.num_waiting, sync.num_holders) == (5, 1, 2)
+    assert (sync.num_frames, sync.num_waiting, len(sync._holders)) == (5, 1, 2)
 
 
 def test_commands_keep_their_order_of_arrival_within_their_frame() -> None:
@@ -407,7 +407,7 @@ def test_strict_frames_take_only_the_frame_that_the_tick_ends_on() -> None:
 def test_anyone_may_stop_where_that_is_allowed() -> None:
     sync: Sync[str] = Sync(may_anyone_stop=True)
     sync.start("a", 20, ME, 0.0)
-    assert sync.stop("somebody").is_accepted
+    assert sync.stop("somebody", 1.0).is_accepted
     assert sync.is_free
 
 
@@ -425,10 +425,10 @@ def test_the_lease_ends_with_the_last_holder_of_the_id() -> None:
     sync.start("a", 20, ME, 0.0)
     sync.tick("a", 1, 0, YOU, 0.0)
     sync.tick("b", 1, 0, "stranger", 0.0)  # did not use the master's id with success
-    assert sync.leave("stranger") is None
-    assert sync.leave(ME) is None
-    assert sync.leave(ME) is None
-    assert sync.leave(YOU) is not None
+    assert sync.leave("stranger", 1.0) is None
+    assert sync.leave(ME, 1.0) is None
+    assert sync.leave(ME, 1.0) is None
+    assert sync.leave(YOU, 1.0) is not None
     assert sync.is_free
 
 
@@ -472,7 +472,7 @@ def test_tick_waits_with_the_time_step_of_its_arrival_and_strict_frames_count_it
     assert not sync.tick("a", 15, 10, YOU, 0.0).is_accepted
     assert sync.tick("a", 17, 10, YOU, 0.0).is_accepted
     sync.ready("scenario")
-    assert (sync.take_turn(10), sync.take_turn(12), sync.take_turn(17)) == (2, 5, 0)
+    assert (sync.take_turn(10, 1.0), sync.take_turn(12, 1.0), sync.take_turn(17, 1.0)) == (2, 5, 0)
 
 
 def test_tick_before_the_frame_of_a_scenario_that_is_being_read_does_not_wait() -> None:
@@ -482,19 +482,19 @@ def test_tick_before_the_frame_of_a_scenario_that_is_being_read_does_not_wait() 
     assert sync.tick("a", 0, 10, ME, 0.0).effects == (SyncEffect.MOVE,)
     assert sync.tick("a", 0, 12, ME, 0.0).effects == (SyncEffect.WAIT,)
     sync.withdraw("scenario")
-    assert (sync.take_turn(12), sync.due(13)) == (2, [])
+    assert (sync.take_turn(12, 1.0), sync.due(13)) == (2, [])
 
 
 def test_a_pause_outlives_its_master() -> None:
     sync: Sync[str] = Sync()
     sync.start("a", 20, ME, 0.0)
-    sync.pause()
+    sync.pause(1.0)
     assert not sync.tick("a", 1, 0, ME, 0.0).is_accepted
-    sync.leave(ME)
+    sync.leave(ME, 1.0)
     assert sync.state is SyncState.FREE_PAUSED
     sync.start("b", 20, YOU, 0.0)
     assert not sync.can_send_tick
-    sync.resume()
+    sync.resume(1.0)
     assert sync.can_send_tick
 
 
@@ -517,5 +517,5 @@ def test_a_command_that_is_dropped_holds_up_no_tick() -> None:
     sync.submit("scenario", 1, 0, "peer", 0.0, is_ready=False)
     assert SyncEffect.WAIT in sync.tick("me", 1, 0, "peer", 0.0).effects
     assert sync.drop(lambda command: command == "scenario") == 1
-    assert sync.take_turn(0) == 1
+    assert sync.take_turn(0, 1.0) == 1
     assert sync.num_waiting == 0

@@ -23,10 +23,10 @@ RENAMED = {
 
 
 def completed(policy: Policy, harness: SimHarness | None) -> Policy:
-    ways = SimulatorWays(None if harness is None else harness.node.items)
+    ways = SimulatorWays(None if harness is None else harness.node.interfaces)
     policy.ways.add(ways.effects, ways.others)
     if harness is not None:
-        harness.node.items.on_change = policy.ways.change
+        harness.node.interfaces.on_change = policy.ways.change
     return policy
 
 
@@ -72,7 +72,7 @@ def test_denying_any_name_of_a_thing_denies_all(harness: SimHarness, row: tuple[
 @pytest.mark.parametrize("release", ["22.R2", "26.R1"])
 def test_names_in_the_table_are_the_simulators(release: str) -> None:
     """Of one release or the other."""
-    items = {(item.kind, item.default) for item in SimHarness(release=release).node.items.listing()}
+    items = {(item.kind, item.default) for item in SimHarness(release=release).node.interfaces.listing()}
     items |= {(InterfaceKind.SUBSCRIBER, f"/SyncMode{what}Obj") for what in ("Add", "Remove")}
     items |= {(InterfaceKind.SERVICE, f"/SyncMode{what}Object") for what in ("Add", "Remove")}
     kinds = {
@@ -94,7 +94,7 @@ def test_every_input_and_service_that_changes_something_is_in_the_log_table(harn
         use = Use.SERVICE if item.kind is InterfaceKind.SERVICE else Use.PUBLISH
         return (use, item.default) in known or item.default in alone
 
-    items = [item for item in harness.node.items.listing() if item.kind is not InterfaceKind.PUBLISHER]
+    items = [item for item in harness.node.interfaces.listing() if item.kind is not InterfaceKind.PUBLISHER]
     assert [item.default for item in items if not is_known(item)] == []
 
 

@@ -98,7 +98,7 @@ async def test_caller_behind_a_bridge_is_told_that_the_world_has_failed(connect:
     async with gateway() as bridge, attached(bridge.url, start="run", on_world_failure="serve") as sim:
         client = await connect(bridge.url)
         assert sim.node is not None
-        sim.node._placing.append(lambda: 1 // 0)  # type: ignore[arg-type] # as good a bug as any
+        sim.node.context.hooks.place.append(lambda: 1 // 0)  # as good a bug as any
         await until(lambda: sim.node is not None and sim.node.failure is not None)
         for _ in range(2):
             answer = await client.call("/Service_MoraiVehicleSpec")
@@ -152,7 +152,7 @@ async def test_command_on_a_bridge_drives(connect: Connect) -> None:
 async def test_flood_behind_a_load_is_not_read_before_the_load_has_taken_effect(connect: Connect) -> None:
     async with gateway() as bridge, attached(bridge.url) as sim:
         assert sim.node is not None
-        loads = next(part for part in sim.node._parts if isinstance(part, Loads))
+        loads = next(each for each in sim.node.components if isinstance(each, Loads))
         reader = loads._reader = ByHand()
         (line,) = sim.attachments[0].mirror.lines.values()
         client = await connect(bridge.url)

@@ -13,8 +13,8 @@ While a pause stops real time nothing moves, and a client that joins would see n
 pause*: once a second, and at once to a new subscriber, as the world stands and with the number of its last frame.
 Where the world waits for ticks they are not: there each message belongs to a tick. Recordings do not get them.
 
-Parts speak of topics by their default names; what they are called, whether they are there and at which rate they go
-out, the network settings say.
+Components speak of topics by their default names; what they are called, whether they are there and at which rate they
+go out, the network settings say.
 """
 
 from __future__ import annotations
@@ -155,7 +155,7 @@ class Publishers:
         """No topics yet.
 
         Args:
-            owner: the simulator's node.
+            owner: the simulator.
             bus: where they are published.
             items: all that the owner has on the bus.
         """

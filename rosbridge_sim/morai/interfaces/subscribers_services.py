@@ -1,8 +1,8 @@
-"""What a part of the simulator offers and listens to on the bus, so that it can be taken away again as a whole.
+"""The services and input topics of the world or of one ego, so that they can be taken away again as a whole.
 
 The world's own services and input topics stay as long as the simulator; those of a further ego come and go with it.
-Parts speak of them by their default names; what they are called in the end, and whether they are there, the network
-settings say.
+Components speak of them by their default names; what they are called in the end, and whether they are there, the
+network settings say.
 """
 
 from __future__ import annotations

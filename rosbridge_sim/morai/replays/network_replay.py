@@ -7,14 +7,12 @@ the replay. After such a command the source is ignored until it has been silent 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from typing import Final
 
 from rosbridge_sim.errors import FieldError
-from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.convert import Converter
+from rosbridge_sim.morai.context import SimulatorContext
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
 from rosbridge_sim.morai.replays.playback import Playback
 from rosbridge_sim.morai.replays.process import ReplayProcess
@@ -22,7 +20,6 @@ from rosbridge_sim.morai.replays.recording_builder import RecordingBuilder
 from rosbridge_sim.morai.replays.replay_info import ReplayInfoPublisher
 from rosbridge_sim.morai.replays.state_machine import REPLAY_TABLE, ReplayEffect, ReplayEvent, ReplayState
 from rosbridge_sim.morai.scene import MAX_ENTITIES
-from rosbridge_sim.world.state import World
 
 __all__ = ["NetworkReplay"]
 
@@ -38,36 +35,23 @@ class NetworkReplay:
 
     def __init__(
         self,
+        context: SimulatorContext,
         process: ReplayProcess,
         playback: Playback,
         info: ReplayInfoPublisher,
-        *,
-        owner: Participant,
-        bus: Bus,
-        world: World,
-        convert: Converter,
-        tell_once: Callable[[Participant, str], None],
     ) -> None:
         """No client is followed yet.
 
         Args:
+            context: of the simulator.
             process: changes its state with the messages; gets the effect IGNORE from here.
             playback: shows what the messages say.
             info: knows the messages that the simulator has published itself.
-            owner: the simulator as a participant of the bus.
-            bus: knows who publishes.
-            world: gives the frame.
-            convert: its profile gives the units of the messages.
-            tell_once: warns a client, once for each text.
         """
         self._process = process
         self._playback = playback
         self._info = info
-        self._owner = owner
-        self._bus = bus
-        self._world = world
-        self._convert = convert
-        self._tell_once = tell_once
+        self._context = context
         self._source: Participant | None = None
         self._ignored: Participant | None = None
         self._ignored_at = 0  # the frame of its last message
@@ -83,7 +67,7 @@ class NetworkReplay:
         if self._process.state is ReplayState.FOLLOWING and not self._publishes(self._source):
             self._lose(now)
         if self._ignored is not None:
-            is_silent = self._world.frame - self._ignored_at >= SILENCE
+            is_silent = self._context.world.frame - self._ignored_at >= SILENCE
             self._ignored = None if is_silent or not self._publishes(self._ignored) else self._ignored
 
     def on_leave(self, owner: Participant, now: float) -> None:
@@ -106,20 +90,20 @@ class NetworkReplay:
         """
         topic, state = self._bindings.topic("ReplayInfo_topic"), self._process.state
         why = REPLAY_TABLE[state][ReplayEvent.MESSAGE].why
-        if sender is self._owner or self._info.is_echo(message):
+        if sender is self._context.participant or self._info.is_echo(message):
             return
         if not why and sender is self._ignored:
             why = "the replay was stopped"
-            self._ignored_at = self._world.frame
+            self._ignored_at = self._context.world.frame
         if not why and state is ReplayState.FOLLOWING and sender is not self._source:
             why = "another client replays already"
         if why:
-            self._tell_once(sender, f"{topic} is ignored: {why}")
+            self._context.warnings.warn(sender, f"{topic} is ignored: {why}")
             return
         num = len(message.npc_list) + len(message.pedestrian_list) + len(message.obstacle_list)
         if num > MAX_ENTITIES:
             raise FieldError(f"{topic}: the world holds {MAX_ENTITIES:,} at most, got {num:,} objects")
-        reading = RecordingBuilder(topic, self._convert)
+        reading = RecordingBuilder(topic, self._context.convert)
         reading.take_pedals(message, (0, 0))
         reading.take_objects(message, (0, 0))
         recording = reading.finish()
@@ -133,7 +117,7 @@ class NetworkReplay:
 
     def _publishes(self, owner: Participant | None) -> bool:
         """Return whether a client still publishes what it replays."""
-        topic = self._bus.find_topic(self._bindings.topic("ReplayInfo_topic"))
+        topic = self._context.bus.find_topic(self._bindings.topic("ReplayInfo_topic"))
         return topic is not None and owner in topic.publishers
 
     def _lose(self, now: float) -> None:
@@ -145,4 +129,4 @@ class NetworkReplay:
     def _ignore(self, now: float) -> None:
         del now
         self._ignored, self._source = self._source, None
-        self._ignored_at = self._world.frame
+        self._ignored_at = self._context.world.frame

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-from rosbridge_sim.morai.ego import Ego
+from rosbridge_sim.morai.egos import EgoRegistry
 from rosbridge_sim.morai.replays.playback_actors import ALL_TARGETS, EGO, PlaybackActors
 from rosbridge_sim.morai.replays.recording import RecordedMoment, Recording
 from rosbridge_sim.morai.scene import Scene
@@ -23,20 +21,16 @@ class Playback:
         is_over: its last moment has been shown.
     """
 
-    def __init__(
-        self, world: World, scene: Scene, find_ego: Callable[[int], Ego | None], refresh: Callable[[], None]
-    ) -> None:
+    def __init__(self, world: World, scene: Scene, egos: EgoRegistry) -> None:
         """Start with an empty recording.
 
         Args:
             world: its entities are moved.
             scene: gives ids to the entities of a recording.
-            find_ego: returns the ego of a number, or None.
-            refresh: called after entities were moved outside of a step.
+            egos: those that a recording may move.
         """
-        self._find_ego = find_ego
-        self._refresh = refresh
-        self._actors = PlaybackActors(world, scene, find_ego)
+        self._egos = egos
+        self._actors = PlaybackActors(world, scene, egos.find)
         self.choose(Recording(""))
 
     def choose(self, recording: Recording, targets: int = ALL_TARGETS, *, start_ns: int = 0, speed: int = 1) -> None:
@@ -68,7 +62,7 @@ class Playback:
     def leave(self) -> None:
         """Give the world back as it was before `enter`."""
         self._actors.leave()
-        self._refresh()
+        self._egos.forget_statuses()
 
     def retarget(self) -> None:
         """Follow a change of `targets`."""
@@ -83,7 +77,7 @@ class Playback:
     def show(self) -> None:
         """Show the position at once. It is a jump: nothing collides on the way there."""
         self._actors.show(self._moment())
-        self._refresh()
+        self._egos.forget_statuses()
 
     def show_frame(self) -> None:
         """Show the position with the frame that is being computed, and go on by one frame."""
@@ -100,7 +94,7 @@ class Playback:
         """Return why a recording cannot move any of the targets; an empty text if it can."""
         if recording.is_empty:
             return "there is nothing in it that can be replayed: no ego, no objects"
-        has_ego = any(self._find_ego(index) is not None for index in recording.egos)
+        has_ego = any(self._egos.find(index) is not None for index in recording.egos)
         held = (EGO if has_ego else 0) | (ALL_TARGETS & ~EGO if recording.objects is not None else 0)
         return "" if held & targets else "it holds none of those that are to be replayed"
 
@@ -113,7 +107,7 @@ class Playback:
         notes = [
             f"it holds an ego {index} and the world has none: that one is left out"
             for index in recording.egos
-            if self._find_ego(index) is None
+            if self._egos.find(index) is None
         ]
         if any(not track.has_place for track in recording.egos.values()):
             notes.append("it holds no position of the ego: objects and pedals are replayed")

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from typing import Any
 
+from rosbridge_sim.morai.context import SimulatorContext
 from rosbridge_sim.morai.replays.playback import Playback
 from rosbridge_sim.morai.replays.recording import Recording
 from rosbridge_sim.morai.replays.state_machine import (
@@ -18,7 +18,6 @@ from rosbridge_sim.morai.replays.state_machine import (
     ReplayOutcome,
     ReplayState,
 )
-from rosbridge_sim.morai.sync import Sync, SyncOutcome
 
 __all__ = ["ReplayProcess"]
 
@@ -36,25 +35,20 @@ class ReplayProcess:
 
     def __init__(
         self,
+        context: SimulatorContext,
         playback: Playback,
-        sync: Sync[Any],  # what its commands are does not matter here
-        *,
-        follow: Callable[[SyncOutcome, float], None],
-        begin_anew: Callable[[float], None],
     ) -> None:
         """Nothing is replayed yet.
 
         Args:
+            context: of the simulator; its pause is read and set.
             playback: moves the world.
-            sync: holds the simulator's pause.
-            follow: carries out what follows from a pause or its end.
-            begin_anew: loads the scenario again.
         """
         self.state = ReplayState.SIMULATING
         self.on_event: list[Callable[[float], None]] = []
         self._playback = playback
-        self._sync = sync
-        self._follow = follow
+        self._context = context
+        self._sync = context.sync
         self._was_paused = False  # before the recording moved the world
         self.effects: dict[ReplayEffect, Callable[[float], None]] = {
             ReplayEffect.LEAVE: self._leave,
@@ -62,9 +56,9 @@ class ReplayProcess:
             ReplayEffect.TUNE: lambda _now: playback.retarget(),
             ReplayEffect.SEEK: lambda _now: playback.show(),
             ReplayEffect.REWIND: lambda _now: playback.rewind(),
-            ReplayEffect.RESUME: lambda now: follow(sync.resume(), now),
-            ReplayEffect.HOLD: lambda now: follow(sync.pause(), now),
-            ReplayEffect.AGAIN: begin_anew,
+            ReplayEffect.RESUME: context.sync_driver.resume,
+            ReplayEffect.HOLD: context.sync_driver.pause,
+            ReplayEffect.AGAIN: self._begin_anew,
         }
 
     def happen(self, event: ReplayEvent, now: float) -> ReplayOutcome:
@@ -115,6 +109,10 @@ class ReplayProcess:
         self._playback.leave()
         sync = self._sync
         if sync.is_paused and not self._was_paused:
-            self._follow(sync.resume(), now)
+            self._context.sync_driver.resume(now)
         elif self._was_paused and not sync.is_paused:
-            self._follow(sync.pause(), now)
+            self._context.sync_driver.pause(now)
+
+    def _begin_anew(self, now: float) -> None:
+        context = self._context
+        context.scene_changes.carry_out(context.scene.loaded, is_pausing=False, now=now)

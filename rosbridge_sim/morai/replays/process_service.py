@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError
-from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.topics_services import Call
-from rosbridge_sim.morai.convert import Converter, maker
+from rosbridge_sim.morai.context import SimulatorContext
+from rosbridge_sim.morai.convert import maker
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
 from rosbridge_sim.morai.replays.command import ReplayCommand, ReplayResult, read_command
 from rosbridge_sim.morai.replays.playback import Playback
@@ -31,34 +30,28 @@ class ProcessService:
 
     def __init__(
         self,
+        context: SimulatorContext,
         process: ReplayProcess,
         playback: Playback,
         status: ProcessStatus,
-        *,
-        bus: Bus,
-        convert: Converter,
         recordings: Recordings | None,
-        is_moving: Callable[[], bool],
     ) -> None:
         """No command has come yet.
 
         Args:
+            context: of the simulator.
             process: carries out the commands.
             playback: gets the recordings.
             status: publishes how the commands end.
-            bus: gives the types.
-            convert: its profile gives the units of recordings.
             recordings: reads recordings; None where there are none.
-            is_moving: tells whether frames are being computed.
         """
+        self._context = context
         self._process = process
         self._playback = playback
         self._status = status
-        self._convert = convert
         self._recordings = recordings
-        self._is_moving = is_moving
         self._loading: Call | None = None  # its recording is being read
-        self._make_result = maker(bus.store, "morai_msgs/MoraiSrvResponse", "result")
+        self._make_result = maker(context.bus.store, "morai_msgs/MoraiSrvResponse", "result")
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the service."""
@@ -71,7 +64,7 @@ class ProcessService:
             loading.refuse("The simulation was reset")
 
     def _command(self, call: Call, now: float) -> None:
-        if self._is_moving():
+        if self._context.stepper.is_moving:
             raise GraphError("the world is moving")
         self._status.begin_command()
         request: Any = call.request
@@ -88,7 +81,7 @@ class ProcessService:
             self._refuse(call, ReplayResult.NOT_LOADED, "no recordings are kept here", now)
         else:
             self._loading = call
-            reading = RecordingBuilder(command.name, self._convert)
+            reading = RecordingBuilder(command.name, self._context.convert)
             self._recordings.read(command.name, reading, partial(self._take, call, command))
 
     def _take(self, call: Call, command: ReplayCommand, outcome: Recording | DocumentError, now: float) -> None:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
-from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.convert import Converter, maker
+from rosbridge_sim.morai.context import SimulatorContext
+from rosbridge_sim.morai.convert import maker
 from rosbridge_sim.morai.interfaces.publishers import Publishers
 from rosbridge_sim.morai.replays.command import ReplayResult
 from rosbridge_sim.morai.replays.process import ReplayProcess
 from rosbridge_sim.morai.replays.state_machine import ReplayState
-from rosbridge_sim.morai.sync import Sync
-from rosbridge_sim.world.state import World
 
 __all__ = ["ProcessStatus"]
 
@@ -29,40 +27,35 @@ class ProcessStatus:
         is_held: nothing is published: a command is being carried out, and only what comes of it is of interest.
     """
 
-    def __init__(self, process: ReplayProcess, bus: Bus, world: World, sync: Sync[Any], convert: Converter) -> None:
-        """Nothing is published before `show`.
+    def __init__(self, context: SimulatorContext, process: ReplayProcess) -> None:
+        """Nothing is published before `publish`.
 
         Args:
+            context: of the simulator.
             process: gives the mode, and whether the end is reached.
-            bus: gives the types.
-            world: gives the frame.
-            sync: gives the pause.
-            convert: makes the headers.
         """
         self.is_held = False
         self._process = process
-        self._bus = bus
-        self._world = world
-        self._sync = sync
-        self._convert = convert
+        self._context = context
+        self._sync = context.sync
         self._result, self._commanded_ns = ReplayResult.NONE, 0
         self._published: tuple[int, ...] = ()  # the last status; empty if the next one goes out in any case
         self._sync_state: object = None  # the one that was published last
         self._make_status = maker(
-            bus.store,
+            context.bus.store,
             "morai_msgs/MoraiSimProcStatus",
             *("header", "latest_command_time", "command_result", "current_mode", "current_status"),
         )
 
-    def show(self, outputs: Publishers) -> None:
+    def publish(self, publishers: Publishers) -> None:
         """Advertise the topic; its first message is there from the start."""
-        self._outputs = outputs
-        self._publisher = outputs.add(STATUS, "morai_msgs/MoraiSimProcStatus", self._message, depth=1)
+        self._publishers = publishers
+        self._publisher = publishers.add(STATUS, "morai_msgs/MoraiSimProcStatus", self._message, depth=1)
         self._published = self._status()
 
     def begin_command(self) -> None:
         """Note the time of a command; it is published with the next change."""
-        self._commanded_ns = self._bus.stamp_ns
+        self._commanded_ns = self._context.bus.stamp_ns
 
     def end_command(self, result: ReplayResult, now: float) -> None:
         """Publish how a command ended, even if nothing has changed: its sender may wait for a message."""
@@ -88,13 +81,13 @@ class ProcessStatus:
         status = self._status()
         if status != self._published and not self.is_held:
             self._published = status
-            self._outputs.show_now(self._publisher, now)
+            self._publishers.show_now(self._publisher, now)
 
     def _message(self) -> Struct:
         result, mode, status, commanded_ns = self._status()
         return self._make_status(
-            self._convert.header(self._world.frame, "SimProcStatus"),
-            self._bus.store.time_value(commanded_ns),
+            self._context.convert.header(self._context.world.frame, "SimProcStatus"),
+            self._context.bus.store.time_value(commanded_ns),
             *(result, mode, status),
         )
 

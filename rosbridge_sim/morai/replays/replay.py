@@ -11,10 +11,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.morai.component import Component
+from rosbridge_sim.morai.context import SimulatorContext
 from rosbridge_sim.morai.interfaces.publishers import Publishers
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
 from rosbridge_sim.morai.replays.network_replay import NetworkReplay
@@ -26,95 +24,56 @@ from rosbridge_sim.morai.replays.recording_builder import Recordings
 from rosbridge_sim.morai.replays.replay_info import ReplayInfoPublisher
 from rosbridge_sim.morai.replays.state_machine import ReplayState
 
-if TYPE_CHECKING:
-    from rosbridge_sim.morai.simulator_node import SimulatorNode
-
 __all__ = ["Replay"]
 
 
 class Replay(Component):
     """Component that shows recordings."""
 
-    def __init__(self, node: SimulatorNode, recordings: Recordings | None, *, is_showing_drives: bool = False) -> None:
+    def __init__(
+        self, context: SimulatorContext, recordings: Recordings | None, *, is_showing_drives: bool = False
+    ) -> None:
         """Nothing is replayed yet.
 
         Args:
-            node: the simulator.
+            context: of the simulator.
             recordings: reads recordings; None where there are none.
             is_showing_drives: publish ReplayInfo of a drive for every subscriber; see `ReplayInfoPublisher`.
         """
-        bus, world, convert, sync = node.bus, node.world, node.convert, node.sync
-        self._playback = Playback(world, node.scene, node.find_ego, node.refresh)
-        self._process = ReplayProcess(
-            self._playback,
-            sync,
-            follow=node.follow,
-            begin_anew=lambda now: node.carry_out(node.scene.loaded, is_pausing=False, now=now),
-        )
-        self._status = ProcessStatus(self._process, bus, world, sync, convert)
+        self._playback = Playback(context.world, context.scene, context.egos)
+        self._process = ReplayProcess(context, self._playback)
+        self._status = ProcessStatus(context, self._process)
         self._process.on_event.append(self._status.announce)
-        self._service = ProcessService(
-            self._process,
-            self._playback,
-            self._status,
-            bus=bus,
-            convert=convert,
-            recordings=recordings,
-            is_moving=lambda: node.is_moving,
-        )
-        self._info = ReplayInfoPublisher(
-            self._process,
-            owner=node,
-            bus=bus,
-            world=world,
-            convert=convert,
-            first_ego=node.egos[0],
-            is_showing_drives=is_showing_drives,
-        )
-        self._network = NetworkReplay(
-            self._process,
-            self._playback,
-            self._info,
-            owner=node,
-            bus=bus,
-            world=world,
-            convert=convert,
-            tell_once=node.tell_once,
-        )
+        self._service = ProcessService(context, self._process, self._playback, self._status, recordings)
+        self._info = ReplayInfoPublisher(context, self._process, is_showing_drives=is_showing_drives)
+        self._network = NetworkReplay(context, self._process, self._playback, self._info)
+        hooks = context.hooks
+        hooks.place.append(self._place)
+        hooks.after_frame.append(self._settle)
+        hooks.on_mode_change.append(self._settle)
+        hooks.on_scene_change.append(self._process.evict)
+        hooks.on_leave.append(self._network.on_leave)
+        for forget in (self._service.forget, self._status.forget, self._info.forget, self._network.forget):
+            hooks.on_reset.append(forget)
 
-    def show(self, outputs: Publishers) -> None:
+    def publish(self, publishers: Publishers) -> None:
         """Publish the replay and the state of the process."""
-        self._info.show(outputs)
-        self._status.show(outputs)
+        self._info.publish(publishers)
+        self._status.publish(publishers)
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Take commands and network replay."""
         self._service.bind(bindings)
         self._network.bind(bindings)
 
-    def place(self) -> None:
+    def _place(self) -> None:
         """Within a step: put each entity of the recording at its recorded pose of this frame."""
         if self._process.state is not ReplayState.SIMULATING:
             self._playback.show_frame()
 
-    def settle(self, now: float) -> None:
+    def _settle(self, now: float) -> None:
         """Follow the end of a frame, of a pause, or its begin."""
         if self._process.state is not ReplayState.SIMULATING:  # asked first: this is called at every frame
             self._process.check_end(now)
         self._network.settle(now)
         self._status.settle(now)
-
-    def on_scene_change(self, now: float) -> None:
-        """End the replay."""
-        self._process.evict(now)
-
-    def on_leave(self, owner: Participant, now: float) -> None:
-        """End the network replay of a client that has left the bus."""
-        self._network.on_leave(owner, now)
-
-    def forget(self) -> None:
-        """Forget all commands, because the world has begun anew."""
-        self._service.forget()
-        self._status.forget()
-        self._info.forget()
-        self._network.forget()

@@ -10,16 +10,13 @@ from typing import Final
 
 from msgspec.structs import astuple
 
-from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.convert import DEGREES, Converter, maker
-from rosbridge_sim.morai.ego import Ego
+from rosbridge_sim.morai.context import SimulatorContext
+from rosbridge_sim.morai.convert import DEGREES, maker
 from rosbridge_sim.morai.interfaces.publishers import Publishers
 from rosbridge_sim.morai.replays.process import ReplayProcess
 from rosbridge_sim.morai.replays.state_machine import ReplayState
 from rosbridge_sim.world.geometry import quaternion
-from rosbridge_sim.world.state import World
 
 __all__ = ["ReplayInfoPublisher"]
 
@@ -35,35 +32,24 @@ class ReplayInfoPublisher:
 
     def __init__(
         self,
+        context: SimulatorContext,
         process: ReplayProcess,
         *,
-        owner: Participant,
-        bus: Bus,
-        world: World,
-        convert: Converter,
-        first_ego: Ego,
         is_showing_drives: bool,
     ) -> None:
-        """Nothing is published before `show`.
+        """Nothing is published before `publish`.
 
         Args:
+            context: of the simulator, which subscribes to the topic too.
             process: tells whether a recording moves the world.
-            owner: the simulator as a participant of the bus; it subscribes to the topic too.
-            bus: gives the types.
-            world: what is published.
-            convert: makes headers and object lists.
-            first_ego: the ego of the message.
             is_showing_drives: publish a drive without a recording for every subscriber, also for those of all topics
                 (far bridges, recorders). Otherwise only for those that subscribe to this topic by its name.
         """
         self._process = process
-        self._owner = owner
-        self._world = world
-        self._convert = convert
-        self._first_ego = first_ego
+        self._context = context
         self._is_showing_drives = is_showing_drives
         self._echoes: dict[int, None] = {}  # fingerprints of own messages, oldest first
-        store = bus.store
+        store = context.bus.store
         self._make_info = maker(
             store,
             "morai_msgs/ReplayInfo",
@@ -73,9 +59,9 @@ class ReplayInfoPublisher:
         self._vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
         self._quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
 
-    def show(self, outputs: Publishers) -> None:
+    def publish(self, publishers: Publishers) -> None:
         """Advertise the topic."""
-        self._publisher = outputs.add(REPLAY_INFO, "morai_msgs/ReplayInfo", self._message, is_exclusive=False)
+        self._publisher = publishers.add(REPLAY_INFO, "morai_msgs/ReplayInfo", self._message, is_exclusive=False)
 
     def is_echo(self, message: Struct) -> bool:
         """Return whether a message is one of the last that were published here."""
@@ -94,13 +80,14 @@ class ReplayInfoPublisher:
             return None
         assert self._publisher.topic is not None, "it is published"
         takes_all = self._is_showing_drives or self._process.state is not ReplayState.SIMULATING
-        owner = self._owner
+        context = self._context
+        owner = context.participant
         if not any(
             one.owner is not owner and not one.is_idle and (takes_all or not one.is_general)
             for one in self._publisher.topic.subscriptions
         ):
             return None
-        world, convert, row = self._world, self._convert, self._first_ego.row
+        world, convert, row = context.world, context.convert, context.egos.first.row
         vector = self._vector
         info = self._make_info(
             convert.header(world.frame, "ReplayInfo"),

@@ -474,12 +474,13 @@ def test_every_item_of_a_release_can_be_renamed_and_turned_off(release: str) -> 
         mine = {
             t.name
             for t in topics
-            if harness.node in t.publishers or any(s.owner is harness.node for s in t.subscriptions)
+            if harness.node.participant in t.publishers
+            or any(s.owner is harness.node.participant for s in t.subscriptions)
         }
         return mine | set(harness.bus.services)
 
     usual = SimHarness(release=release)
-    items = list(usual.node.items.listing())
+    items = list(usual.node.interfaces.listing())
     assert {item.name for item in items} == names(usual)
     renamed: dict[str, Any] = {kind.value: {} for kind in InterfaceKind}
     off: dict[str, Any] = {kind.value: {} for kind in InterfaceKind}
@@ -495,7 +496,7 @@ def test_every_item_of_a_release_can_be_renamed_and_turned_off(release: str) -> 
 def test_settings_of_one_release_serve_for_the_other() -> None:
     for one, other in (("22.R2", "26.R1"), ("26.R1", "22.R2")):
         whole: dict[str, dict[str, Any]] = {kind.value: {} for kind in InterfaceKind}
-        for item in SimHarness(release=one).node.items.listing():
+        for item in SimHarness(release=one).node.interfaces.listing():
             whole[item.kind.value][item.default] = {"name": item.name, "on": item.is_on}
         SimHarness(release=other, network=whole)
 
