@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from types import GenericAlias
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
+from typing import Annotated, Any, ClassVar, Final
 
 import msgspec
 import numpy as np
@@ -32,12 +32,10 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.cbor import CborWriters, encode_plain
 from rosbridge_sim.schema.names import Generation, ros2_names
 from rosbridge_sim.schema.parse import Definition, Field
+from rosbridge_sim.schema.ros_serialization import RosWire
 from rosbridge_sim.schema.skeleton import Skeleton
 from rosbridge_sim.schema.validate import Dialect, FieldSpec, Leniency, MessageSpec, check, round32, round32_list
 from rosbridge_sim.weight import LIGHT, claim, weigh
-
-if TYPE_CHECKING:
-    from rosbridge_sim.schema.ros_serialization import RosWire
 
 __all__ = [
     "ActionType",
@@ -167,8 +165,6 @@ class Encoders:
     @cached_property
     def ros(self) -> RosWire:
         """The writers of ROS's own bytes."""
-        from rosbridge_sim.schema.ros_serialization import RosWire  # noqa: PLC0415 - for those who ask
-
         return RosWire(self._ros_generation)
 
 

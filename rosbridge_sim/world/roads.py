@@ -317,7 +317,7 @@ class Roads:
 
     def _blocks_within(self, place: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
         """(m,) which place, rising, and (m,) the blocks whose boxes are within its radius, rising for each."""
-        owner, block = self.derived(_lay_grid).find(place)
+        owner, block = self.derived(Roads._lay_grid).find(place)
         is_seen = _thin_out(place, owner, np.ones_like(owner))
         owner, block = owner[is_seen], block[is_seen]
         far = np.flatnonzero(radius > REACH)  # seldom anybody: these are compared with all blocks
@@ -424,6 +424,10 @@ class Roads:
         self._block_low = np.minimum.reduceat(np.minimum(a, b), self._block_first)
         self._block_high = np.maximum.reduceat(np.maximum(a, b), self._block_first)
 
+    def _lay_grid(self) -> BlockGrid:
+        """Return a grid over the blocks of the lanes."""
+        return BlockGrid(self._block_low, self._block_high)
+
     def _hash(self) -> bytes:
         state = blake2b(repr(self.ids).encode(), digest_size=16)
         columns = (self.points, self.border, self.first, self.width, self.speed_limit, self.left, self.right)
@@ -443,11 +447,6 @@ def _is_new(line: FloatArray) -> npt.NDArray[np.bool_]:
     is_new = np.ones(len(line), dtype=bool)
     is_new[1:] = (line[1:, 0] != line[:-1, 0]) | (line[1:, 1] != line[:-1, 1])
     return is_new
-
-
-def _lay_grid(roads: Roads) -> BlockGrid:
-    """A grid over the blocks of the lanes."""
-    return BlockGrid(roads._block_low, roads._block_high)  # noqa: SLF001 - a part of it, made when it is needed
 
 
 def _thin_out(place: FloatArray, owner: IntArray, cost: IntArray) -> BoolArray | slice:
