@@ -1,8 +1,8 @@
 """What clients tell the egos and vehicles by topics: control, lamps, places, ghosts.
 
 A message that is wrong is told to its sender and does nothing, not even in part. One that is right but not wanted now
-(the mode is synchronous, somebody else drives) is passed over, with one warning for each peer: such messages come fifty
-times a second.
+(the mode is synchronous, or the ego is driven otherwise) is passed over, with one warning for each peer: such messages
+come fifty times a second.
 
 *Ghosts* are put where a client says, frame by frame, and stand there: no physics moves them, and the speed that they
 show is what was said. An ego is one from its first GhostMessage until the next CtrlCmd, teleport or change of its

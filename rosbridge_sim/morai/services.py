@@ -31,8 +31,9 @@ from rosbridge_sim.morai.convert import gear_of, maker, time_text
 from rosbridge_sim.morai.ego import CtrlMode, Ego, EgoCommand
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
 from rosbridge_sim.morai.sensors import Sensors
-from rosbridge_sim.morai.sync import SceneCommand, SyncOutcome
+from rosbridge_sim.morai.sync import SceneCommand
 from rosbridge_sim.morai.sync_driver import TickResult
+from rosbridge_sim.morai.sync_table import SyncOutcome
 from rosbridge_sim.world.state import MAX_COORDINATE, Gear
 
 __all__ = ["Services"]

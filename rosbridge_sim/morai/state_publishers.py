@@ -1,4 +1,4 @@
-"""The state topics: each ego, the objects around it, and who touches whom."""
+"""The state topics: each ego, the objects around it, and what touches what."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@
 MORAI writes `/map` and `/base_link`, as ROS did long ago; tf2 refuses names with a slash before them, and most programs
 are written for tf2. So no slash goes out.
 
-A static message holds all frames of its kind and is latched: whoever comes late has them all.
+A static message holds all frames of its kind and is latched: a client that comes late has them all.
 """
 
 from __future__ import annotations

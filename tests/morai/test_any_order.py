@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 
 from rosbridge_sim.errors import PeerError
-from rosbridge_sim.morai.sync import MAX_WAITING_COMMANDS
+from rosbridge_sim.morai.sync_table import MAX_WAITING_COMMANDS
 from rosbridge_sim.schema.compile import MessageType
 from rosbridge_sim.world.state import Kind
 from tests.morai.memory_recordings import Tape

@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.morai.reading import AtOnce, Reader
-from rosbridge_sim.morai.sync import SyncState
+from rosbridge_sim.morai.sync_table import SyncState
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from tests.morai.sim_harness import ALL, SCENARIOS, ByHand, SimHarness

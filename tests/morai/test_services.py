@@ -10,7 +10,7 @@ import pytest
 
 from rosbridge_sim.errors import FieldError, GraphError
 from rosbridge_sim.morai.scene import FIRST_EGO
-from rosbridge_sim.morai.sync import MAX_AHEAD, MAX_WAITING_COMMANDS
+from rosbridge_sim.morai.sync_table import MAX_AHEAD, MAX_WAITING_COMMANDS
 from tests.morai.sim_harness import ALL, Client, SimHarness
 
 NOT_NUMBERS = [math.nan, math.inf, -math.inf]

@@ -484,7 +484,7 @@ def test_message_of_the_world_that_cannot_be_written_is_no_failure_of_the_world(
     harness = SimHarness(start="sync")
     good = harness.client()
     good.listen("/Ego_topic", "/Object_topic")
-    (feed,) = [feed for feed in harness.node.context.publishers._feeds if feed.name == "/Ego_topic"]
+    (feed,) = [feed for feed in harness.node.context.publishers._periodic if feed.name == "/Ego_topic"]
     feed.make = object
     good.start()
     for _ in range(5):

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from rosbridge_sim.morai.sync import (
+from rosbridge_sim.morai.sync import Sync
+from rosbridge_sim.morai.sync_table import (
     FRAME_MS,
     MAX_AHEAD,
     MAX_STEP_MS,
@@ -19,7 +20,6 @@ from rosbridge_sim.morai.sync import (
     OF_A_MASTER,
     OF_WAITING,
     SYNC_TABLE,
-    Sync,
     SyncEffect,
     SyncEvent,
     SyncOutcome,
@@ -112,6 +112,63 @@ def test_every_state_meets_every_event_as_the_table_says(state: SyncState, event
         assert not outcome.effects
         assert (sync.master_id, sync.step_ms) == before
     check_invariants(sync)
+
+
+@pytest.mark.parametrize("state", SyncState)
+@pytest.mark.parametrize("event", SyncEvent)
+def test_effects_beyond_the_mode_call_their_hooks_in_the_order_of_the_row(state: SyncState, event: SyncEvent) -> None:
+    if event in OF_WAITING or not is_possible(state, event):
+        return
+    sync = a_sync(state, on_loss=ON_LOSS.get(event, "run"), is_strict=event is SyncEvent.TICK_MISFIT)
+    called: list[SyncEffect] = []
+    sync.hooks.move.append(lambda _num_frames, _now: called.append(SyncEffect.MOVE))
+    sync.hooks.refuse.append(lambda _why, _now: called.append(SyncEffect.REFUSE))
+    sync.hooks.flow.append(lambda _now: called.append(SyncEffect.FLOW))
+    sync.hooks.announce.append(lambda _now: called.append(SyncEffect.ANNOUNCE))
+    outcome = ACTS[event](sync)
+    assert outcome is not None
+    beyond = {SyncEffect.MOVE, SyncEffect.REFUSE, SyncEffect.FLOW, SyncEffect.ANNOUNCE}
+    assert called == [effect for effect in outcome.effects if effect in beyond]
+
+
+def test_hooks_are_called_when_the_state_has_changed_and_with_the_time_of_the_event() -> None:
+    sync = a_sync(SyncState.WAITING)
+    seen: list[tuple[object, ...]] = []
+    sync.hooks.refuse.append(lambda why, now: seen.append((sync.state, sync.master_id, sync.num_ticks, why[:28], now)))
+    sync.hooks.flow.append(lambda now: seen.append((sync.state, now)))
+    sync.stop("boss", 7.5)
+    assert seen == [(SyncState.FREE, "", 0, "synchronous mode has ended, ", 7.5), (SyncState.FREE, 7.5)]
+
+
+@pytest.mark.parametrize(
+    ("act", "why"),
+    [
+        (lambda s: s.pause(1.0), "the simulation was paused while"),
+        (lambda s: s.forget(1.0), "the simulation was reset while"),
+        (lambda s: s.leave(ME, 1.0), "synchronous mode has ended, or its master was lost, while"),
+    ],
+)
+def test_ticks_that_wait_are_refused_with_the_reason(act: Callable[[Sync[str]], object], why: str) -> None:
+    sync = a_sync(SyncState.WAITING)
+    texts: list[str] = []
+    sync.hooks.refuse.append(lambda text, _now: texts.append(text))
+    act(sync)
+    assert [text.startswith(why) for text in texts] == [True]
+
+
+def test_tick_and_turn_move_the_frames_of_the_step_in_force_when_the_tick_came() -> None:
+    sync = a_sync(SyncState.WAITING)  # its tick has 2 frames
+    moved: list[tuple[int, float]] = []
+    sync.hooks.move.append(lambda num_frames, now: moved.append((num_frames, now)))
+    waiting: list[int] = []
+    sync.start("boss", 100, ME, 1.0)
+    sync.tick("boss", 0, FRAME, ME, 2.0, on_wait=lambda: waiting.append(sync.num_ticks))
+    assert (moved, waiting) == ([], [2])
+    sync.ready("scenario")
+    sync.take_turn(FRAME, 3.0)
+    sync.take_turn(FRAME + 2, 4.0)
+    sync.tick("boss", 0, FRAME + 7, ME, 5.0, on_wait=lambda: waiting.append(sync.num_ticks))
+    assert (moved, waiting) == ([(2, 3.0), (5, 4.0), (5, 5.0)], [2])
 
 
 def test_ticks_that_wait_take_their_turns_once_their_commands_are_ready() -> None:

@@ -92,7 +92,7 @@ class SubscribersServices:
         return [item.name for item in self._own if item.kind is InterfaceKind.SERVICE and item.name is not None]
 
     def release(self, now: float) -> None:
-        """Take it all away; whoever waits for an answer is told."""
+        """Take it all away; clients that wait for an answer are told."""
         self._items.remove(self._own, now)
         self._own = []
 
