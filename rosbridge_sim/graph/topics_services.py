@@ -130,11 +130,6 @@ class Topic:
         return False
 
     @property
-    def is_worth_publishing(self) -> bool:
-        """Whether a message would reach anybody now or, latched, later."""
-        return self.is_latching or self.has_listener
-
-    @property
     def is_bound(self) -> bool:
         """Tell whether a part of the server publishes here, or listens with a type: the type cannot change then."""
         return any(not isinstance(owner, Guest) for owner in self.publishers) or any(

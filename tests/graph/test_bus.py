@@ -469,7 +469,6 @@ def test_who_only_overhears_is_no_listener_but_hears() -> None:
     topic = bus.advertise(sender, "/t", STRING, is_on_demand=True)
     subscription = bus.subscribe(listener, "/t", listener.deliver, is_idle=True)
     assert not topic.has_listener
-    assert not topic.is_worth_publishing
     assert list(topic.on_demand) == [sender]
     bus.publish(sender, topic, text(bus, "x"), 0.0)
     assert len(listener.heard) == 1
