@@ -36,8 +36,8 @@ from rosbridge_sim.graph.refusals import refusal_of
 from rosbridge_sim.graph.topics_services import Answer, Call, Subscription, Topic
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.codec import is_absent
-from rosbridge_sim.protocol.session import LEVELS, Feed, Session
-from rosbridge_sim.protocol.subscription import read_options, read_qos
+from rosbridge_sim.protocol.session import LEVELS, Session
+from rosbridge_sim.protocol.subscription import Feed, read_options, read_qos
 from rosbridge_sim.schema.compile import MessageType, OpaqueType
 from rosbridge_sim.schema.store import Message
 from rosbridge_sim.suggestions import hint, listing
@@ -476,7 +476,7 @@ class Peer:
         elif op.type is not None:
             was_mute = bus.retype(listening.subscription, op.type)
         feed = listening.feed
-        feed.set_terms(op.id, read_options(op))
+        feed.set_options(op.id, read_options(op))
         self._num_ids += is_new
         if (is_new or was_mute) and qos.is_latching is not False:
             for message in listening.subscription.topic.latched:
@@ -508,7 +508,7 @@ class Peer:
             self._bus.unsubscribe(listening.subscription, now)
         elif op.id in ids:
             self._num_ids -= 1
-            listening.feed.set_terms(op.id, None)
+            listening.feed.set_options(op.id, None)
 
     # Services
 

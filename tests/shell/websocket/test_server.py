@@ -529,7 +529,9 @@ async def test_client_that_fails_on_messages_that_waited_is_closed_alone(listen:
     for client in (bad, good):
         await client.subscribe("/t", throttle_rate=1, queue_length=10)
     served.peer._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as above
-    served.peer._listenings["/t"].feed.pace._free_at = served.socket.loop.time() + 0.005  # so that the first one waits
+    served.peer._listenings["/t"].feed.throttle._free_at = (
+        served.socket.loop.time() + 0.005
+    )  # so that the first one waits
     for data in ("a", "b", "c"):
         speaker.say(data)
     assert [(await good.message("/t"))["data"] for _ in range(3)] == ["a", "b", "c"]
