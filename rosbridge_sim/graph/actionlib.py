@@ -115,7 +115,7 @@ class Actionlib:
         self._status, self._status_struct = advertise("status", "actionlib_msgs/GoalStatusArray")
         bus.subscribe(owner, f"{action.name}/goal", self._take, type_name=f"{action.type.name}ActionGoal")
         bus.subscribe(owner, f"{action.name}/cancel", self._cancel, type_name="actionlib_msgs/GoalID")
-        bus.watchers.append(self._see_off)
+        bus.on_leave.append(self._see_off)
 
     # Time
 

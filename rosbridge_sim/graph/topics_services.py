@@ -260,8 +260,8 @@ class Service:
     calls: dict[Call, None] = field(default_factory=dict)
 
 
-class _Bookkeeper(Protocol):
-    """What of the bus a call needs."""
+class _CallTable(Protocol):
+    """What a call needs of the table of services."""
 
     def forget_call(self, call: Call) -> None:
         """Strike a finished call from its caller's list."""
@@ -286,7 +286,7 @@ class Call:
     caller: Participant
     request: object
     on_answer: OnAnswer
-    bus: _Bookkeeper
+    table: _CallTable
     deadline: float | None = None
     is_done: bool = False
     num_bytes: int = 0
@@ -314,6 +314,6 @@ class Call:
         self.is_done = True
         self.request = None
         self.service.calls.pop(self, None)
-        self.bus.forget_call(self)
+        self.table.forget_call(self)
         if answer is not None:
-            self.bus.hand_over(self, answer)
+            self.table.hand_over(self, answer)

@@ -219,7 +219,7 @@ class SimulatorNode:
             part.bind(bindings)
             part.bind_ego(self.egos[0], bindings)
         self.items.open()
-        bus.watchers.append(self._see_off)
+        bus.on_leave.append(self._see_off)
         bus.unpublished.advise = advise
         self._read_wall_ns: Callable[[], int] | None = None
         self._set_time()

@@ -286,7 +286,7 @@ def test_end_that_fails_is_logged_with_what_led_to_it(caplog: pytest.LogCaptureF
     assert isinstance(error.__context__, Fault)
 
 
-@pytest.mark.parametrize("hook", ["on_topic", "on_holdings", "watchers"])
+@pytest.mark.parametrize("hook", ["on_topic", "on_holdings", "on_leave"])
 def test_hook_that_fails_keeps_nothing_from_being_done(hook: str, caplog: pytest.LogCaptureFixture) -> None:
     bus, seen = make_bus(), list[object]()
     hooks = getattr(bus, hook)

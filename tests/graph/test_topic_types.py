@@ -8,10 +8,11 @@ import pytest
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.attach.mirror import Mirror
-from rosbridge_sim.graph.bus import TYPE_MEMORY, Bus
+from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.policy import Policy
 from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.topic_table import TYPE_MEMORY
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.schema.store import Message
 from tests.graph.bus_fixture import Wire, make_bus

@@ -10,10 +10,11 @@ import cbor2
 import pytest
 
 from rosbridge_sim.graph import policy as policy_module
-from rosbridge_sim.graph.bus import TYPE_MEMORY, Bus
+from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.policy import Policy, PolicyEffect, Rule, Use, Way, Ways
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
+from rosbridge_sim.graph.topic_table import TYPE_MEMORY
 from rosbridge_sim.protocol.png import Picture
 from tests.graph.bus_fixture import Wire, make_bus
 

@@ -160,7 +160,7 @@ class WebRepublisher:
         )
         self._feedback_struct = action.type.feedback.struct
         self._actionlib = Actionlib(bus, action)
-        bus.watchers.append(self._see_off)
+        bus.on_leave.append(self._see_off)
 
     def notify(self, level: str, text: str) -> None:
         """What the bus has to say to the republisher goes into the log."""

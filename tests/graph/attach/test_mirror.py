@@ -337,7 +337,7 @@ def test_a_call_there_is_answered_after_what_it_has_moved(harness: SimHarness) -
 
 def test_all_programs_there_are_one_caller_that_stays_when_the_bridge_is_lost(harness: SimHarness) -> None:
     gone: list[Participant] = []
-    harness.bus.watchers.append(lambda owner, _now: gone.append(owner))
+    harness.bus.on_leave.append(lambda owner, _now: gone.append(owner))
     for _ in range(2):
         Program(harness.far).send("call_service", service="/honk", args={})
         harness.pump()
