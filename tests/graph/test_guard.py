@@ -213,7 +213,7 @@ def test_listener_that_is_the_sender_itself_fails_in_the_middle_of_its_own_messa
     (client, box), other = make_client(bus), Guest(bus)
     say(client, "subscribe", topic="/t", type=STRING)
     bus.subscribe(other, "/t", other.hear)
-    client._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
+    client.topics._subscriptions["/t"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
     say(client, "publish", topic="/t", msg={"data": "x"})
     assert other.heard == ["x"]
     assert client not in bus.owners()
@@ -528,7 +528,7 @@ def test_client_that_fails_as_it_leaves_is_off_the_bus_all_the_same() -> None:
     say(client, "advertise", topic="/u", type=STRING)
     say(client, "advertise_service", service="/s", type=SERVICE)
     call(bus, caller)
-    client._listenings = None  # type: ignore[assignment] # as good a bug as any
+    client.topics._subscriptions = None  # type: ignore[assignment] # as good a bug as any
     with pytest.raises(AttributeError):
         client.leave(0.0)
     assert client not in bus.owners()

@@ -233,7 +233,7 @@ def test_own_topic_that_comes_later_is_the_simulators_whatever_a_client_publishe
     (status,) = client.says(op="publish", topic="/ego", msg={"data": "x"})
     assert "published by /morai_sim alone" in status["msg"]
     assert client.says(op="unadvertise", topic="/ego", id=1) == []
-    assert client.peer._num_ids == 0
+    assert client.peer.topics.num_held == 0
 
 
 def test_client_that_published_another_type_where_the_simulator_listens_is_told(bus: Bus) -> None:

@@ -441,7 +441,7 @@ def test_client_loses_what_becomes_another_name_of_something_denied(bus: Bus, jo
         ("error", f"{hearing}: this client's subscription has ended"),
     ]
     assert (bus.topics["/drive"].publishers, bus.topics["/ears"].all_subscriptions) == ({}, ())
-    assert client.peer._num_ids == 1
+    assert client.peer.topics.num_held == 1
     assert is_refused(client, {"op": "publish", "topic": "drive", "type": STRING, "msg": {}})
     assert client.says(op="publish", topic="/kept", msg={}) == []
     assert gone.hears() == []
