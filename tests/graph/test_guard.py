@@ -577,7 +577,7 @@ def test_bridge_is_told_all_but_the_latched_message_that_cannot_be_written(caplo
     for data in (object(), "12 GA 3456"):
         bus.publish(source, topic, text(bus, data), 0.0)
     mirror = Mirror(bus, source, "ws://far")
-    (line,) = mirror.lines.values()
+    (line,) = mirror.connections.values()
     mirror.connected(line, lambda: None, lambda: None, 0.0)
     said = [json.loads(frame) for frame in line.outbox.take(2**30)]
     assert [frame["topic"] for frame in said if frame["op"] == "advertise"] == ["/plate", "/state"]
@@ -591,7 +591,7 @@ def test_failure_of_a_bridge_is_told_to_the_one_that_dials_it() -> None:
     topic = bus.advertise(source, "/state", STRING)
     mirror = Mirror(bus, source, "ws://far")
     mirror.on_failure = failures.append
-    (line,) = mirror.lines.values()
+    (line,) = mirror.connections.values()
     mirror.connected(line, lambda: None, lambda: None, 0.0)
     line.has_services = True
     bus.subscribe(last, "/state", last.hear)

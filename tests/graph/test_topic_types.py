@@ -289,5 +289,5 @@ def test_mirror_announces_the_simulators_types_whatever_clients_wanted_there(bus
     client.says(op="advertise", topic="/in", type=STRING)
     bus.advertise(part, "/out", INT, is_exclusive=True)
     bus.subscribe(part, "/in", part.hear, type_name=INT)
-    assert [key[:3] for key in mirror._items] == [("topic", "/out", INT), ("input", "/in", INT)]
+    assert [key[:3] for key in mirror._registry.items] == [("topic", "/out", INT), ("input", "/in", INT)]
     assert len(client.hears()) == 2

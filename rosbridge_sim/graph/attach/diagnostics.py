@@ -17,7 +17,7 @@ from typing import Final, Literal
 from rosbridge_sim.graph.attach.connection import Values
 from rosbridge_sim.protocol.ops import Status
 
-__all__ = ["MAX_LINES", "PERIOD", "Diagnostics", "Key", "names_of"]
+__all__ = ["MAX_LINES", "PERIOD", "Diagnostics", "ItemKey", "names_of"]
 
 MAX_LINES, PERIOD = 10, 10.0
 """Lines about what the far side sends, at most so many in so many seconds."""
@@ -39,7 +39,7 @@ _OWNED = re.compile(r"(?:Topic|Service) \S+ is (?:published|provided) by (\S+) a
 
 _log = logging.getLogger("rosbridge_sim.attach")
 
-Key = tuple[str, str, str]
+ItemKey = tuple[str, str, str]
 """Something of ours: `topic`, `input` or `service`; its name; its type as the far side is told."""
 
 
@@ -96,7 +96,7 @@ class Diagnostics:
 
     # Findings
 
-    def hear_status(self, op: Status, ours: Collection[Key], now: float) -> None:
+    def hear_status(self, op: Status, ours: Collection[ItemKey], now: float) -> None:
         """A remark of its own."""
         text = op.msg or ""
         unknown, owned = _UNKNOWN.match(text), _OWNED.match(text)
@@ -147,7 +147,7 @@ class Diagnostics:
                 " transforms; --stamps wall gives the time of day, or set the parameter before they start"
             )
 
-    def greet(self, ours: Collection[Key]) -> None:
+    def greet(self, ours: Collection[ItemKey]) -> None:
         """Everything is announced there."""
         kinds = [kind for kind, _, _ in ours]
         num_topics, num_services, num_inputs = map(kinds.count, ("topic", "service", "input"))
@@ -160,7 +160,7 @@ class Diagnostics:
             self.say_once(f"it has {names} already, of another program or of one that is gone; ours take their place")
             self.taken.clear()
 
-    def judge(self, topics: Values, services: Values, ours: Collection[Key], *, is_final: bool) -> bool:
+    def judge(self, topics: Values, services: Values, ours: Collection[ItemKey], *, is_final: bool) -> bool:
         """Look through the lists of its rosapi.
 
         Args:
@@ -186,7 +186,7 @@ class Diagnostics:
                 self.say_once(f"{name} is {told} there and not {type_name}: ours is not taken")
         return not missing
 
-    def _miss(self, missing: Sequence[Key], announced: Sequence[Key], ours: Collection[Key]) -> None:
+    def _miss(self, missing: Sequence[ItemKey], announced: Sequence[ItemKey], ours: Collection[ItemKey]) -> None:
         for package in dict.fromkeys(map(_package, missing)):
             lacking = [key for key in missing if _package(key) == package]
             if len(lacking) == sum(_package(key) == package for key in announced):
@@ -197,7 +197,7 @@ class Diagnostics:
                     f"it does not have {names}: its {package} may be of another release, or its lists (globs) deny them"
                 )
 
-    def _miss_package(self, package: str, ours: Collection[Key]) -> None:
+    def _miss_package(self, package: str, ours: Collection[ItemKey]) -> None:
         names = _listed([key[1] for key in ours if _package(key) == package])
         self.say_once(
             f"it does not know the package {package}, and so not {names}: build the package where it runs, and start it"
@@ -211,7 +211,7 @@ def names_of(values: Values | None, key: str) -> list[str]:
     return [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
 
 
-def _package(key: Key) -> str:
+def _package(key: ItemKey) -> str:
     return key[2].partition("/")[0]
 
 

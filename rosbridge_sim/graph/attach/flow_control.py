@@ -31,7 +31,7 @@ PATIENCE, MAX_PATIENCE = 2.0, 60.0
 """Longest wait for the answer to a probe, the first time and at most [s]."""
 
 MAX_PROBES = 16
-"""Marks without an answer that are remembered; by then the last ones are minutes apart."""
+"""Probes without an answer that are remembered; by then the last ones are minutes apart."""
 
 
 class FlowControl:
@@ -42,7 +42,7 @@ class FlowControl:
         is_late: the last probe was not answered in time.
     """
 
-    __slots__ = ("_allowed", "_due", "_num_marks", "_patience", "_probes", "_sent", "is_late", "is_on")
+    __slots__ = ("_allowed", "_due", "_num_probes", "_patience", "_probes", "_sent", "is_late", "is_on")
 
     def __init__(self) -> None:
         self.is_on = True
@@ -50,12 +50,12 @@ class FlowControl:
         self._sent = 0
         self._allowed = MAX_IN_FLIGHT
         self._probes: deque[tuple[int, int]] = deque(maxlen=MAX_PROBES)  # its number, and what was sent before it
-        self._num_marks = 0
+        self._num_probes = 0
         self._due: float | None = None
         self._patience = PATIENCE
 
     @property
-    def is_spent(self) -> bool:
+    def is_blocked(self) -> bool:
         """Tell whether nothing more is to be sent for now; then a probe is on its way, or wanted."""
         return self.is_on and self._sent >= self._allowed
 
@@ -64,25 +64,25 @@ class FlowControl:
         """Tell whether a probe should be sent now: none is on its way, and half of the window is used."""
         return self.is_on and self._due is None and self._sent >= self._allowed - MAX_IN_FLIGHT // 2
 
-    def spend(self, frames: Sequence[bytes]) -> None:
-        """Frames were sent."""
+    def note_sent(self, frames: Sequence[bytes]) -> None:
+        """Count frames that were sent."""
         self._sent += sum(map(len, frames)) + FRAME_COST * len(frames)
 
     def probe(self, now: float) -> int:
         """The number of a probe that is sent now."""
-        self._num_marks += 1
-        self._probes.append((self._num_marks, self._sent))
+        self._num_probes += 1
+        self._probes.append((self._num_probes, self._sent))
         self._due = now + self._patience
-        return self._num_marks
+        return self._num_probes
 
-    def refuse(self, now: float) -> None:
+    def note_refusal(self, now: float) -> None:
         """A probe was refused: nobody there answers them, for a while."""
         self.is_on = self.is_late = False
         self._probes.clear()
         self._due = now + self._patience
         self._patience = min(MAX_PATIENCE, 2 * self._patience)
 
-    def prove(self, number: int) -> None:
+    def note_answer(self, number: int) -> None:
         """A probe was answered; all before it were handled, too."""
         while self._probes and self._probes[0][0] <= number:
             probe, sent = self._probes.popleft()

@@ -141,7 +141,7 @@ def test_an_answer_to_a_mark_that_was_never_made_proves_nothing(number: str) -> 
         wire.line.offer("/t", FAT)
     wire.sent()
     wire.answer(f"mark:{number}")
-    assert wire.line.credit.is_on
+    assert wire.line.flow_control.is_on
     assert FAT not in wire.sent()
 
 
