@@ -577,9 +577,9 @@ def test_bridge_is_told_all_but_the_latched_message_that_cannot_be_written(caplo
     for data in (object(), "12 GA 3456"):
         bus.publish(source, topic, text(bus, data), 0.0)
     mirror = Mirror(bus, source, "ws://far")
-    (line,) = mirror.connections.values()
-    mirror.connected(line, lambda: None, lambda: None, 0.0)
-    said = [json.loads(frame) for frame in line.outbox.take(2**30)]
+    (connection,) = mirror.connections.values()
+    mirror.connected(connection, lambda: None, lambda: None, 0.0)
+    said = [json.loads(frame) for frame in connection.outbox.take(2**30)]
     assert [frame["topic"] for frame in said if frame["op"] == "advertise"] == ["/plate", "/state"]
     assert [frame["msg"]["data"] for frame in said if frame["op"] == "publish"] == ["12 GA 3456"]
     assert bus.guard.num_unencoded == len(tracebacks(caplog)) == 1
@@ -591,15 +591,15 @@ def test_failure_of_a_bridge_is_told_to_the_one_that_dials_it() -> None:
     topic = bus.advertise(source, "/state", STRING)
     mirror = Mirror(bus, source, "ws://far")
     mirror.on_failure = failures.append
-    (line,) = mirror.connections.values()
-    mirror.connected(line, lambda: None, lambda: None, 0.0)
-    line.has_services = True
+    (connection,) = mirror.connections.values()
+    mirror.connected(connection, lambda: None, lambda: None, 0.0)
+    connection.has_services = True
     bus.subscribe(last, "/state", last.hear)
-    line.outbox = None  # type: ignore[assignment] # as good a bug as any
+    connection.outbox = None  # type: ignore[assignment] # as good a bug as any
     bus.publish(source, topic, text(bus, "x"), 0.0)
     assert (len(failures), last.heard) == (1, ["x"])
     release = mirror.hold()
-    line.on_released = break_down
+    connection.on_released = break_down
     release()
     assert len(failures) == bus.guard.num_faults == 2
 

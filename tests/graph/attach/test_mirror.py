@@ -73,7 +73,7 @@ class Car:
 
 
 class FarBridge:
-    """The far side of one mirror: a gateway of our own kind, with a client for each of the mirror's lines.
+    """The far side of one mirror: a gateway of our own kind, with a client for each of the mirror's connections.
 
     Attributes:
         bus: what there is on the far side.
@@ -89,27 +89,27 @@ class FarBridge:
         self.mute: set[str] = set()
         self._wires: dict[BridgeConnection, tuple[Peer, Outbox]] = {}
 
-    def connect(self, mirror: Mirror, line: BridgeConnection, now: float = 0.0) -> None:
-        self._wires[line] = make_peer(self.bus)
-        mirror.connected(line, lambda: None, lambda: None, now)
+    def connect(self, mirror: Mirror, connection: BridgeConnection, now: float = 0.0) -> None:
+        self._wires[connection] = make_peer(self.bus)
+        mirror.connected(connection, lambda: None, lambda: None, now)
 
-    def cut(self, mirror: Mirror, line: BridgeConnection, now: float = 0.0) -> None:
-        peer, _ = self._wires.pop(line)
+    def cut(self, mirror: Mirror, connection: BridgeConnection, now: float = 0.0) -> None:
+        peer, _ = self._wires.pop(connection)
         peer.leave(now)
-        mirror.lost(line, now)
+        mirror.lost(connection, now)
 
     def pump(self, mirror: Mirror, now: float = 0.0) -> None:
         """Carry frames both ways until neither side has any."""
         is_moving = True
         while is_moving:
             is_moving = False
-            for line, (peer, outbox) in list(self._wires.items()):
-                for frame in line.take(8_192, now):
+            for connection, (peer, outbox) in list(self._wires.items()):
+                for frame in connection.take(8_192, now):
                     is_moving = True
                     self._receive(peer, frame, now)
                 for frame in outbox.take(2**30):
                     is_moving = True
-                    mirror.receive(line, frame, now)
+                    mirror.receive(connection, frame, now)
 
     def _receive(self, peer: Peer, frame: bytes, now: float) -> None:
         op = json.loads(frame)
@@ -160,16 +160,16 @@ class SimHarness:
         return self.mirror.connections[""]
 
     def attach(self, now: float = 0.0) -> None:
-        for line in self.mirror.connections.values():
-            self.far.connect(self.mirror, line, now)
+        for connection in self.mirror.connections.values():
+            self.far.connect(self.mirror, connection, now)
         self.pump(now)
 
     def pump(self, now: float = 0.0) -> None:
         self.far.pump(self.mirror, now)
 
     def cut(self, now: float = 0.0) -> None:
-        for line in self.mirror.connections.values():
-            self.far.cut(self.mirror, line, now)
+        for connection in self.mirror.connections.values():
+            self.far.cut(self.mirror, connection, now)
 
     def flood(self, num_messages: int = 5_000) -> None:
         """Publish more than a far side handles that stands still, carrying whenever it may be."""
@@ -467,7 +467,7 @@ def test_everything_is_announced_again_after_each_loss(harness: SimHarness) -> N
     assert harness.far.ops("publish")[0]["msg"] == {"data": "34 NA 5678"}
 
 
-# A line for each
+# A connection for each
 
 
 def test_with_a_line_for_each_everything_has_one_of_its_own() -> None:
@@ -483,7 +483,7 @@ def test_with_a_line_for_each_everything_has_one_of_its_own() -> None:
     assert sorted(frame["op"] for frame in program.received()) == ["publish", "service_response"]
 
 
-def test_lines_come_and_go_with_what_they_carry() -> None:
+def test_connections_come_and_go_with_their_topics() -> None:
     harness = SimHarness(has_connection_each=True)
     looks: list[list[str]] = []
     harness.mirror.on_connections_changed = lambda: looks.append(list(harness.mirror.connections)[5:])
@@ -496,11 +496,11 @@ def test_a_line_that_ends_with_what_it_carried_is_no_loss() -> None:
     harness = SimHarness(has_connection_each=True)
     harness.bus.advertise(harness.car, "/Ego-2/state", "std_msgs/Int32")
     harness.attach()
-    line = harness.mirror.connections["topic /Ego-2/state"]
+    connection = harness.mirror.connections["topic /Ego-2/state"]
     harness.bus.unadvertise(harness.car, "/Ego-2/state", 0.0)
     harness.pump()
     assert not harness.far.bus.topics["/Ego-2/state"].publishers
-    harness.far.cut(harness.mirror, line)
+    harness.far.cut(harness.mirror, connection)
     harness.far.cut(harness.mirror, harness.mirror.connections["topic /state"])
     harness.far.connect(harness.mirror, harness.mirror.connections["topic /state"])
     harness.pump()
@@ -899,7 +899,7 @@ def test_held_line_still_hears_how_far_the_far_side_has_got(harness: SimHarness)
     slow.end()
 
 
-def test_other_lines_go_on_while_one_is_held() -> None:
+def test_other_connections_go_on_while_one_is_held() -> None:
     harness = SimHarness(has_connection_each=True)
     harness.attach()
     slow = Slow(harness.car)
