@@ -50,8 +50,8 @@ from typing import Final, NamedTuple, TypeAlias
 from rosbridge_sim.errors import GraphError, Reason
 from rosbridge_sim.graph.actions import CANCEL
 from rosbridge_sim.graph.participant import resolve
+from rosbridge_sim.graph.tf.web_republisher import REPUBLISH_SERVICE as REPUBLISH
 from rosbridge_sim.graph.tf.web_republisher import REPUBLISHER_NAME as REPUBLISHER
-from rosbridge_sim.graph.tf.web_republisher import SERVICE_NAME as REPUBLISH
 
 __all__ = ["OPEN", "Policy", "PolicyEffect", "Rule", "Use", "Way", "WayLookup", "Ways"]
 

@@ -105,7 +105,7 @@ class Rosapi:
         for name, (type_name, respond) in table.items():
             bus.provide(self, f"/rosapi/{name}", f"rosapi/{type_name}", _handler(respond), is_exclusive=True)
         bus.provide(self, "/rosapi/set_param", "rosapi/SetParam", self._set_param, is_exclusive=True)
-        bus.on_leave.append(self._see_off)
+        bus.on_leave.append(self._on_leave)
 
     def notify(self, level: str, text: str) -> None:
         """Nobody reads what rosapi is told; it asks for nothing."""
@@ -342,7 +342,7 @@ class Rosapi:
         """Memory of the parameters that an owner has set [bytes]."""
         return self._params.num_held(owner)
 
-    def _see_off(self, owner: Participant, _now: float) -> None:
+    def _on_leave(self, owner: Participant, _now: float) -> None:
         self._params.disown(owner)
 
 

@@ -124,7 +124,7 @@ class Announcer:
         if stamps is None or self._far_side.bus.store.ros != 1:
             return
 
-        def hear(values: Values | None, now: float) -> None:
+        def on_answer(values: Values | None, now: float) -> None:
             if self._far_side.is_gone:
                 return
             is_simulated = values is not None and says_simulated(values.get("value"))
@@ -132,12 +132,12 @@ class Announcer:
             stamps.settle(now, is_simulated=is_simulated)
             self.is_time_known = values is not None
             if values is not None or was_open:
-                self._far_side.diagnostics.judge_stamps(
+                self._far_side.diagnostics.check_stamps(
                     is_simulated=is_simulated, is_wall=stamps.is_wall, is_settled=was_open
                 )
             then(now)
 
-        connection.ask("/rosapi/get_param", hear, now, name=PARAMETER, default="")
+        connection.ask("/rosapi/get_param", on_answer, now, name=PARAMETER, default="")
 
     def _announce_all(self, connection: BridgeConnection, now: float) -> None:
         """Tell the far side of what goes over a connection; of services when it has said which ones it has."""
@@ -159,7 +159,7 @@ class Announcer:
         for item in self._registry.items_of(connection):
             if item.kind == "service":
                 if not item.is_known and item.name in there:
-                    self._far_side.diagnostics.taken.append(item.name)
+                    self._far_side.diagnostics.taken_services.append(item.name)
                 self._announce(item)
             if item.subscription is not None:  # from now on calls may come, and what they move is to be seen
                 item.subscription.is_idle = False
@@ -170,10 +170,10 @@ class Announcer:
         connection.is_ready = True
         self.on_ready(now)
         if not connection.name and values is not None:
-            self._far_side.diagnostics.judge_time(values)
+            self._far_side.diagnostics.check_generation(values)
         if not self.is_attached and all(one.is_ready for one in self._registry.connections.values()):
             self.is_attached = True
-            self._far_side.diagnostics.greet(self._registry.items)
+            self._far_side.diagnostics.report_attached(self._registry.items)
             self.on_attached(now)
 
     # Once more

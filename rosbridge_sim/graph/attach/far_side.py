@@ -101,7 +101,7 @@ class FarSide:
 
     def note(self, level: int, text: str, now: float) -> None:
         """Have a line in the log, unless there were too many of late."""
-        self.diagnostics.note(level, text, now)
+        self.diagnostics.log_limited(level, text, now)
 
     def note_now(self, level: int, text: str) -> None:
         """Do what `note` does, about what is handled right now."""

@@ -23,7 +23,7 @@ from rosbridge_sim.graph.attach.announcing import Announcer
 from rosbridge_sim.graph.attach.connection import PROBE, BridgeConnection
 from rosbridge_sim.graph.attach.far_side import FarSide
 from rosbridge_sim.graph.attach.registry import MirrorRegistry
-from rosbridge_sim.graph.attach.rosapi_watch import RosapiWatch, Seen
+from rosbridge_sim.graph.attach.rosapi_watch import RosapiChange, RosapiWatch
 from rosbridge_sim.graph.attach.survey import Survey
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant, decode_body, resolve
@@ -84,7 +84,7 @@ class Mirror(FarSide):
 
     def _make_connection(self, name: str) -> BridgeConnection:
         connection = BridgeConnection(name, self._limits, self._max_frame_size, self._note_no_op)
-        connection.on_probe = self._hear_probe
+        connection.on_probe = self._note_probe
         return connection
 
     def _note_holdings(self, owner: Participant) -> None:
@@ -186,15 +186,15 @@ class Mirror(FarSide):
 
     def _do(self, connection: BridgeConnection, op: ops.Op, now: float) -> None:
         if isinstance(op, ops.Publish):
-            self._take(op, now)
+            self._publish_input(op, now)
         elif isinstance(op, ops.CallService):
             self._call(connection, op, now)
         elif isinstance(op, ops.Status):
-            self.diagnostics.hear_status(op, self._registry.items, now)
+            self.diagnostics.note_status(op, self._registry.items, now)
         else:
             self.note_now(logging.WARNING, f"it sent an op that means nothing here: {type(op).__name__}")
 
-    def _take(self, op: ops.Publish, now: float) -> None:
+    def _publish_input(self, op: ops.Publish, now: float) -> None:
         topic = self._registry.find_input(op.topic)
         if topic is None:
             self.note_now(logging.WARNING, f"it sent a message of {op.topic}, for which nobody asked")
@@ -237,17 +237,17 @@ class Mirror(FarSide):
 
     # Whether its rosapi is there
 
-    def _hear_probe(self, is_answered: bool, now: float) -> None:  # noqa: FBT001 - a callback of one fact
+    def _note_probe(self, is_answered: bool, now: float) -> None:  # noqa: FBT001 - a callback of one fact
         """The far side has answered or refused a call of rosapi."""
-        seen = self._rosapi.hear(now, is_answered=is_answered)
-        if seen is Seen.LOST:
+        change = self._rosapi.note_reply(now, is_answered=is_answered)
+        if change is RosapiChange.LOST:
             text = "rosapi does not answer there any more: was its ROS master restarted? All is announced when it does"
             self.note_now(logging.WARNING, text)
-        elif seen is Seen.BACK:
+        elif change is RosapiChange.BACK:
             self.note_now(logging.INFO, "rosapi answers again: everything is announced anew")
             self._announce_anew(now)
 
-    def _look_for_rosapi(self, now: float) -> None:
+    def _check_rosapi(self, now: float) -> None:
         """Make a call whose answer shows whether rosapi is there, unless it is late with others."""
         first = self._registry.first
         if first.is_ready and not first.flow_control.is_late:
@@ -289,9 +289,9 @@ class Mirror(FarSide):
             else:
                 num_dropped = sum(each.outbox.dropped.total() for each in self.connections.values())
                 text = f"it keeps up again; {num_dropped:,} messages of topics were dropped since it is connected"
-            self.diagnostics.say(logging.WARNING, text)
+            self.diagnostics.log(logging.WARNING, text)
         if self._rosapi.due is not None and now >= self._rosapi.due:
-            self._look_for_rosapi(now)
+            self._check_rosapi(now)
         if self._announcer.return_at is not None and now >= self._announcer.return_at:
             self._bring_back(now)
         if self._survey.due is not None and now >= self._survey.due:

@@ -54,32 +54,32 @@ class Survey:
         first = self._registry.first
         is_final = self._num_asked == len(SURVEY_DELAYS)
 
-        def hear_services(topics: Values, services: Values | None, now: float) -> None:
+        def on_services(topics: Values, services: Values | None, now: float) -> None:
             if services is None:
-                miss(now)
-            elif not self._judge(topics, services, now, is_final=is_final):
-                again(now)
+                on_no_answer(now)
+            elif not self._compare(topics, services, now, is_final=is_final):
+                schedule(now)
 
-        def hear_topics(topics: Values | None, now: float) -> None:
+        def on_topics(topics: Values | None, now: float) -> None:
             if topics is None:
-                miss(now)
+                on_no_answer(now)
             else:
-                first.ask("/rosapi/services", lambda services, now: hear_services(topics, services, now), now)
+                first.ask("/rosapi/services", lambda services, now: on_services(topics, services, now), now)
 
-        def miss(now: float) -> None:
+        def on_no_answer(now: float) -> None:
             if is_final:
-                self._diagnostics.miss_rosapi()
-            again(now)
+                self._diagnostics.report_no_rosapi()
+            schedule(now)
 
-        def again(now: float) -> None:
+        def schedule(now: float) -> None:
             if not is_final:
                 self.due = now + SURVEY_DELAYS[self._num_asked]
 
-        first.ask("/rosapi/topics", hear_topics, now)
+        first.ask("/rosapi/topics", on_topics, now)
 
-    def _judge(self, topics: Values, services: Values, now: float, *, is_final: bool) -> bool:
+    def _compare(self, topics: Values, services: Values, now: float, *, is_final: bool) -> bool:
         """Look through its lists, and return whether nothing is missing."""
-        is_whole = self._diagnostics.judge(
+        is_whole = self._diagnostics.compare_lists(
             topics, services, self._registry.items, is_final=is_final and not self.is_anew
         )
         if is_final and self.is_anew:
