@@ -31,7 +31,7 @@ ARROWS: dict[str, set[str]] = {
     "schema": {*_BASE, "weight"},
     "protocol": {*_BASE, "weight"},
     "world": {"errors"},
-    "graph": {*_BASE, "protocol", "schema", "graph.tf"},
+    "graph": {*_BASE, "protocol", "schema"},
     "graph.tf": {*_BASE, "protocol", "schema", "graph"},
     "graph.attach": {*_BASE, "protocol", "schema", "graph"},
     "morai": {*_BASE, *_SCENE, "graph", "protocol", "schema", "world"},

@@ -32,6 +32,7 @@ from rosbridge_sim.graph.actionlib import STATUS_PERIOD, Actionlib
 from rosbridge_sim.graph.actions import Goal, GoalStatus
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
+from rosbridge_sim.graph.republisher_names import REPUBLISH_SERVICE, REPUBLISHER_NAME
 from rosbridge_sim.graph.tf.buffer import MAX_TF_FRAMES, Placed, Transform, TransformBuffer, frame_name, turn
 from rosbridge_sim.graph.topics_services import Call, Subscription, Topic
 from rosbridge_sim.loose_types import Struct
@@ -43,14 +44,8 @@ __all__ = [
     "MAX_STREAMS",
     "OWN_PAIRS",
     "OWN_STREAMS",
-    "REPUBLISHER_NAME",
-    "REPUBLISH_SERVICE",
     "WebRepublisher",
 ]
-
-REPUBLISHER_NAME = "/tf2_web_republisher"
-
-REPUBLISH_SERVICE = "/republish_tfs"
 
 DEFAULT_TIMEOUT = 10.0
 """How long a topic waits for listeners where the request does not say [s]."""
