@@ -35,7 +35,7 @@ STATUS_PERIOD = 0.2
 """Between two messages on the status topic [s]; actionlib's own rate. roslibpy gives up after 3 s without one."""
 
 ENDED_GOAL_MEMORY = 5.0
-"""How long an ended goal is still listed [s], as in actionlib."""
+"""Time for which an ended goal is still listed [s], as in actionlib."""
 
 MAX_ENDED = 100
 """Ended goals that are listed at most."""
@@ -58,7 +58,7 @@ _ENDS = {
     GoalStatus.SUCCEEDED: ActionlibStatus.SUCCEEDED,
     GoalStatus.CANCELED: ActionlibStatus.PREEMPTED,
 }
-"""What the ends of the bus's goals are called here; all others are ABORTED."""
+"""Names for the ends of the bus's goals; all others are ABORTED."""
 
 
 @dataclass(eq=False, slots=True)
@@ -120,7 +120,7 @@ class Actionlib:
     # Time
 
     def next_due(self) -> float | None:
-        """When `advance` has something to do next [s]; None while nobody listens to the status."""
+        """Return when `advance` has something to do next [s]; None while nobody listens to the status."""
         return self._status_due if self._status.has_listener else None
 
     def advance(self, now: float) -> None:
@@ -182,7 +182,7 @@ class Actionlib:
                 tracked.goal.cancel()
 
     def _on_leave(self, owner: Participant, now: float) -> None:
-        """Somebody has left; the bus has cancelled what was under way for it."""
+        """End the goals of an owner that has left; the bus has cancelled what was under way for it."""
         self._now = now
         for tracked in list(self._tracked.values()):
             if tracked.sender is owner:

@@ -51,7 +51,7 @@ class GoalStatus(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class GoalOutcome:
-    """How a goal ended.
+    """The end of a goal.
 
     Attributes:
         is_ok: `result` on the wire: it came to an end at its provider's, however that went.

@@ -1,4 +1,4 @@
-"""Who talks to whom in this process: topics, services, actions and parameters, in one synchronous table.
+"""The bus of one process: topics, services, actions and parameters, in one synchronous table.
 
 Everything that talks is a `Participant`: a WebSocket client's `Peer`, the simulator's node, rosapi, later a
 recorder or a far bridge. The bus calls listeners and providers directly and in a fixed order, so one
@@ -55,7 +55,7 @@ class Bus(BusState):
         service_timeout: float | None = None,
         max_calls: int = MAX_CALLS,
     ) -> None:
-        """Nobody is there yet.
+        """A bus without participants.
 
         Args:
             store: the types.
@@ -94,7 +94,7 @@ class Bus(BusState):
         self.call = services.call
 
     def next_deadline(self) -> float | None:
-        """When `expire` has something to do next [s]; None if never."""
+        """Return when `expire` has something to do next [s]; None if never."""
         call, topic = self._service_table.next_deadline(), self._topic_table.next_deadline()
         if call is None or topic is None:
             return topic if call is None else call

@@ -21,7 +21,7 @@ __all__ = ["BusState", "Holdings"]
 
 @dataclass(slots=True)
 class Holdings:
-    """What one owner has on the bus; dicts for their order, the values mean nothing."""
+    """Things that one owner has on the bus; dicts for their order, the values mean nothing."""
 
     published: dict[Topic, None] = field(default_factory=dict)
     subscriptions: dict[Subscription, None] = field(default_factory=dict)
@@ -70,11 +70,11 @@ class BusState:
         return list(self._holdings)
 
     def holdings(self, owner: Participant) -> Holdings:
-        """What an owner has here, to be read and not changed."""
+        """Return the things of an owner, to be read and not changed."""
         return self._holdings.get(owner) or Holdings()
 
     def held_by(self, owner: Participant) -> Holdings:
-        """What an owner has here, to be changed (for the parts of the bus alone)."""
+        """Return the things of an owner, to be changed (for the parts of the bus alone)."""
         held = self._holdings.get(owner)
         if held is None:
             held = self._holdings[owner] = Holdings()

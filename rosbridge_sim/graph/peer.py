@@ -1,4 +1,4 @@
-"""What one client's ops mean on the bus, in that client's name.
+"""The ops of one client, done on the bus in that client's name.
 
 A `Peer` joins a session (one wire) to the bus (all who talk). It reads frames, does their ops one by one by a table,
 and keeps what the wire knows and the bus does not in its parts: `peer_topics.py`, `peer_services.py` and
@@ -32,7 +32,7 @@ _log = logging.getLogger("rosbridge_sim.graph")
 
 
 class Work(Protocol):
-    """What a frame asks for, in steps."""
+    """The work that a frame makes, in steps."""
 
     def step(self, now: float) -> bool:
         """Do the next op, or the next slice of finding it; return whether there was anything left to do."""

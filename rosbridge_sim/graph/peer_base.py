@@ -97,7 +97,7 @@ class PeerBase:
         return hint(resolve(name), names if self.policy == OPEN else filter(may_know, names))
 
     def may_see(self, name: str) -> bool:
-        """Tell whether a topic that is there may be seen by this client."""
+        """Return whether a topic that is there may be seen by this client."""
         return self.policy.may_see(name, self.bus.topics[name].type.name)
 
     def refuse(self, op: ops.Op, why: str, reason: Reason = Reason.REFUSED) -> bool:
@@ -152,7 +152,7 @@ class PeerBase:
 
     @property
     def is_held(self) -> bool:
-        """Whether the next op has to wait until `on_released` is called."""
+        """Return whether the next op has to wait until `on_released` is called."""
         return self.num_holds > 0
 
     def hold(self) -> Callable[[], None]:

@@ -157,7 +157,7 @@ def _is_empty_object(body: ops.OpBody) -> bool:
 
 
 def _is_filled_object(body: ops.OpBody) -> bool:
-    """Tell whether a body is an object with anything in it. It may be no JSON at all."""
+    """Return whether a body is an object with anything in it. It may be no JSON at all."""
     if isinstance(body, (bytes, msgspec.Raw)):
         return bytes(memoryview(body)[:1]) == b"{" and not _is_empty_object(body)
     return isinstance(body, dict) and bool(body)

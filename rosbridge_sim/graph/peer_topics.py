@@ -82,7 +82,7 @@ class PeerTopics:
         return topic
 
     def _count_keys(self, name: str) -> int:
-        """How often this client has advertised a topic."""
+        """Return the number of this client's advertisements of a topic."""
         topic = self._bus.find_topic(name)
         return len(topic.publishers.get(self._peer, ())) if topic is not None else 0
 

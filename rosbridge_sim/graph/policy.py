@@ -39,7 +39,7 @@ from rosbridge_sim.graph.ways import ACTIONLIB_TOPICS, SHOWN_TOPICS, PolicyEffec
 __all__ = ["OPEN", "Policy", "Rule"]
 
 ROSAPI: Final = "/rosapi/"
-"""Where the names of the services begin with which clients look around."""
+"""Beginning of the names of the services with which clients look around."""
 
 MAX_EFFECTS: Final = 3
 MAX_WAYS_SHOWN: Final = 8
@@ -63,7 +63,7 @@ class Rule:
     deny: tuple[str, ...] = ()
 
     def admits(self, name: str) -> bool:
-        """Whether a name may be used.
+        """Return whether a name may be used.
 
         Raises:
             GraphError: there are patterns, and it is no name.
@@ -71,11 +71,11 @@ class Rule:
         return not self.denies(name) and (not self.allow or self.allows(name))
 
     def allows(self, name: str) -> bool:
-        """Tell whether an allow pattern matches the name; raises as `admits` does."""
+        """Return whether an allow pattern matches the name; raises as `admits` does."""
         return bool(self.allow) and _matches(self.allow, resolve(name))
 
     def denies(self, name: str) -> bool:
-        """Whether a deny pattern matches the name; raises as `admits` does."""
+        """Return whether a deny pattern matches the name; raises as `admits` does."""
         return bool(self.deny) and _matches(self.deny, resolve(name))
 
 
@@ -84,7 +84,7 @@ _NO_PATTERNS: Final = Rule()
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """What every client may do. Each `check_...` does nothing where the name, relative or absolute, may be used so.
+    """The rights of every client. Each `check_...` does nothing where the name, relative or absolute, may be used so.
 
     Attributes:
         publish, subscribe: for topics.
@@ -144,15 +144,15 @@ class Policy:
             raise GraphError(f"Not allowed to use the parameter {name}", reason=Reason.NOT_ALLOWED)
 
     def may_call(self, name: str) -> bool:
-        """Tell whether a service may be called."""
+        """Return whether a service may be called."""
         return self._why_not(Use.SERVICE, name) is None
 
     def may_send_goal(self, name: str) -> bool:
-        """Tell whether a goal may be sent to an action."""
+        """Return whether a goal may be sent to an action."""
         return self._why_not(Use.ACTION, name) is None
 
     def may_see(self, topic: str, type_name: str = "") -> bool:
-        """Whether a topic is any of a client's business: it may publish there, or listen."""
+        """Return whether a client may publish to a topic, or listen to it."""
         return any(self._why_not(use, topic, type_name) is None for use in (Use.PUBLISH, Use.SUBSCRIBE))
 
     def left_open(self) -> list[str]:
@@ -177,7 +177,7 @@ class Policy:
         return lines
 
     def needs_type(self, topic: str) -> bool:
-        """Tell whether the type decides if a topic may be used, so that no other one may come later."""
+        """Return whether the type decides if a topic may be used, so that no other one may come later."""
         return not self.is_open and topic.rpartition("/")[2] in ACTIONLIB_TOPICS
 
     # How it is judged
@@ -221,7 +221,7 @@ class Policy:
         return all(not self._rule(each).allow or _matches(self._rule(each).allow, each.name) for each in judged)
 
     def _denies(self, way: Way, other: Way) -> bool:
-        """Tell whether a deny pattern for another name of a way holds for the way."""
+        """Return whether a deny pattern for another name of a way holds for the way."""
         patterns = self._rule(other).deny
         if not patterns:
             return False
@@ -281,7 +281,7 @@ def _shortened(text: str) -> str:
 
 
 def _is_crossing(way: Way, other: Way) -> bool:
-    """Tell whether two names are judged by the patterns of different directions; actions are judged as services."""
+    """Return whether two names are judged by the patterns of different directions; actions are judged as services."""
     services = {Use.SERVICE, Use.ACTION}
     return way.use is not other.use and not {way.use, other.use} <= services
 

@@ -176,7 +176,7 @@ class ServiceTable:
     # Time and departure
 
     def next_deadline(self) -> float | None:
-        """When `expire` has something to do next [s]; None if never."""
+        """Return when `expire` has something to do next [s]; None if never."""
         while self._deadlines and self._deadlines[0][2].is_done:
             self._pop_deadline()
         return self._deadlines[0][0] if self._deadlines else None

@@ -22,7 +22,7 @@ from rosbridge_sim.schema.compile import MessageType, OpaqueType
 __all__ = ["MAX_REMEMBERED_TOPICS", "TYPE_MEMORY", "TopicTable"]
 
 TYPE_MEMORY = 10.0
-"""How long a topic's type is remembered without publishers and subscribers [s] (`unregister_timeout`)."""
+"""Time for which a topic's type is remembered without publishers and subscribers [s] (`unregister_timeout`)."""
 
 MAX_REMEMBERED_TOPICS = 10_000
 """Topics without publishers that are kept for their next user: the newest."""
@@ -248,7 +248,7 @@ class TopicTable:
     # Time and departure
 
     def next_deadline(self) -> float | None:
-        """When `expire` has something to do next [s]; None if never."""
+        """Return when `expire` has something to do next [s]; None if never."""
         first = self.unpublished.next_due()
         for topic in self._orphans:  # in order of orphaning, so the first is the earliest
             if topic.orphaned_at is not None:
@@ -363,5 +363,5 @@ def _conflict(topic: str, type_name: str, established: str) -> str:
 
 
 def _is_over(topic: Topic, now: float) -> bool:
-    """Whether the type of a topic without publishers has been remembered for long enough."""
+    """Return whether the type of a topic without publishers has been remembered for long enough."""
     return topic.orphaned_at is not None and topic.orphaned_at + TYPE_MEMORY <= now

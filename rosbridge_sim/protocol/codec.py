@@ -103,7 +103,7 @@ _CLASSES: dict[str, tuple[type, ...]] = {
     "total": (int, float),
     "qos": (dict,),
 }
-"""What a field may be, in any op; bodies are judged by `schema/`."""
+"""Classes that a field may have, in any op; bodies are judged by `schema/`."""
 
 _ID_CLASSES: dict[str, tuple[type, ...]] = {
     "fragment": (str, int, float),
@@ -439,7 +439,7 @@ def _checked(given: JsonValue, op: str, field: str, op_id: object) -> JsonValue:
 
 
 def _is_unicode(text: str) -> bool:
-    """Whether text has no half of a surrogate pair, which no encoder could send on."""
+    """Return whether text has no half of a surrogate pair, which no encoder could send on."""
     try:
         text.encode()
     except UnicodeEncodeError:
@@ -448,7 +448,7 @@ def _is_unicode(text: str) -> bool:
 
 
 def _is_id(value: object) -> bool:
-    """Whether a value can be echoed as an id: a JSON scalar that JSON can say."""
+    """Return whether a value can be echoed as an id: a JSON scalar that JSON can say."""
     if isinstance(value, str):
         return _is_unicode(value)
     return isinstance(value, (bool, int)) or (isinstance(value, float) and math.isfinite(value))
@@ -469,7 +469,7 @@ def _shorten_bytes(part: memoryview) -> str:
 
 
 def is_absent(body: OpBody) -> bool:
-    """Whether a body was left out, or null, which means the same."""
+    """Return whether a body was left out, or null, which means the same."""
     if isinstance(body, (bytes, msgspec.Raw)):
         return body is ABSENT or bytes(body) in {b"", b"null"}
     return body is None

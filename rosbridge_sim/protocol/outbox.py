@@ -1,4 +1,4 @@
-"""What a peer gets when: its outbox, with a bound.
+"""The outbox of one peer, with a bound.
 
 Topic messages, answers and remarks leave in one order, so that a tick's topics are always ahead of the
 tick's answer. While the socket takes what it is given, nothing is lost, however long the burst. When it does
@@ -29,7 +29,7 @@ class LateFrames(Protocol):
 
     @property
     def num_bytes(self) -> int:
-        """What is held until then [bytes]."""
+        """Bytes that are held until then."""
 
     @property
     def identity(self) -> int:
@@ -37,19 +37,19 @@ class LateFrames(Protocol):
 
     @property
     def is_finished(self) -> bool:
-        """Whether all of them were taken."""
+        """Return whether all of them were taken."""
 
     def take(self, max_bytes: int) -> list[bytes]:
         """Do a slice of work; return the frames that it gave, if any: about `max_bytes` in all."""
 
 
 def _ignore(topic: str, error: Exception) -> None:
-    """Nobody hears of messages that could not be made."""
+    """Do nothing about a message that could not be made."""
 
 
 @dataclass(frozen=True, slots=True)
 class OutboxLimits:
-    """How much a peer may leave unread.
+    """Bounds of what a peer may leave unread.
 
     Attributes:
         burst: newest messages of each topic that are kept for a peer that does not read.

@@ -1,4 +1,4 @@
-"""When a subscriber gets what: several subscriptions to one topic merged, throttled and queued.
+"""Subscriptions of one peer to one topic: merged, throttled, queued, and encoded as they ask.
 
 One client and one spelling of a topic make one feed, whatever the number of subscription ids; each message
 of the topic leaves at most once. The options of the ids are merged (facts of rosbridge_suite, where it and the
@@ -54,7 +54,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class SubscriptionOptions:
-    """What one subscription asks for.
+    """Options of one subscription.
 
     Attributes:
         interval: least time between two messages [s]; 0 is no limit.
@@ -82,7 +82,7 @@ def read_options(op: Subscribe) -> SubscriptionOptions:
 
 @dataclass(frozen=True, slots=True)
 class Qos:
-    """What of a quality-of-service object has a meaning in one process.
+    """The part of a quality-of-service object that has a meaning in one process.
 
     Attributes:
         depth: messages kept for those who come late.
@@ -171,7 +171,7 @@ class MergedOptions:
         )
 
     def _numbers(self, options: SubscriptionOptions) -> list[tuple[Smallest, float]]:
-        """What the options add to each bag; negative where the largest counts."""
+        """Return the numbers that the options add to each bag; negative where the largest counts."""
         numbers = [
             (self._intervals, options.interval),
             (self._lengths, -options.queue_length),
@@ -217,7 +217,7 @@ class Throttle(Generic[T]):
         self.num_dropped += self._waiting.shorten(options.queue_length)
 
     def admit(self, message: T, now: float) -> bool:
-        """Whether this message leaves now; else it waits or is dropped."""
+        """Return whether this message leaves now; else it waits or is dropped."""
         if self._interval == 0.0 and not self._waiting:
             return True
         if now >= self._free_at and not self._waiting:
@@ -227,7 +227,7 @@ class Throttle(Generic[T]):
         return False
 
     def due(self) -> float | None:
-        """When `release` has something to give [s]; None if nothing waits."""
+        """Return when `release` has something to give [s]; None if nothing waits."""
         return self._free_at if self._waiting else None
 
     def release(self, now: float) -> T | None:
@@ -248,7 +248,7 @@ class Throttle(Generic[T]):
 
 
 class FeedWire(Protocol):
-    """What a feed needs of its session.
+    """The part of a session that a feed needs.
 
     Attributes:
         account: pays for the messages that wait.

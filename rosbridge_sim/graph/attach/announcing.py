@@ -1,4 +1,4 @@
-"""What a far side is told of the simulator, and in which order.
+"""Announcements of the simulator to a far side, in their order.
 
 At the beginning of each connection: topics, with what is latched on them; subscriptions; services; then a question,
 whose answer shows that all of it was handled. Services come last since clients wait for them. Before the very first

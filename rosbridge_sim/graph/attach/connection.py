@@ -35,14 +35,14 @@ A service that nobody has would do in ROS 1; in ROS 2 rosbridge_suite looks for 
 """
 
 PROBE_PATIENCE = 2.0
-"""How long an answer to a question is waited for [s]; ROS 2's rosbridge looks for a service for one."""
+"""Longest wait for an answer to a question [s]; ROS 2's rosbridge looks for a service for one."""
 
 MAX_WAITING_BYTES = 2**20
 """Frames whose ops may wait in a held connection before its socket is not read any more [bytes]: far more than clients
 send while a scenario is read, and little beside what one frame may have."""
 
 _PROBE, _QUESTION = "mark:", "ask:"
-"""What the ids of our calls begin with."""
+"""Beginnings of the ids of our calls: of probes, and of questions."""
 
 _NUMBER = re.compile(r"[0-9]{1,18}")
 """Ends of the ids of probes; an id from elsewhere may have more digits than a number can be read from."""
@@ -55,7 +55,7 @@ OnReply = Callable[[Values | None, float], None]
 
 
 def _nothing() -> None:
-    """Nobody waits for frames while there is no socket."""
+    """Do nothing: there is no socket that frames could go to."""
 
 
 class BridgeConnection:
@@ -202,16 +202,16 @@ class BridgeConnection:
 
     @property
     def is_held(self) -> bool:
-        """Whether the ops that wait are not to be done now."""
+        """Return whether the ops that wait are not to be done now."""
         return bool(self._holds)
 
     @property
     def is_full(self) -> bool:
-        """Whether so much waits that nothing more should be read from the socket."""
+        """Return whether so much waits that nothing more should be read from the socket."""
         return bool(self.waiting) and self._num_waiting_bytes > MAX_WAITING_BYTES
 
     def _is_own_answer(self, op: ops.Op, now: float) -> bool:
-        """Whether an op is the answer to a question of ours; it is handled then."""
+        """Return whether an op is the answer to a question of ours; it is handled then."""
         if type(op) is not ops.ServiceResponse or not isinstance(op.id, str):
             return False
         number = op.id.removeprefix(_PROBE)
@@ -235,7 +235,7 @@ class BridgeConnection:
 
     @property
     def due(self) -> float | None:
-        """When `expire` has something to do [s]."""
+        """Return when `expire` has something to do [s]."""
         dues = [until for _, until, _ in self._questions.values()]
         if self.flow_control.due is not None:
             dues.append(self.flow_control.due)

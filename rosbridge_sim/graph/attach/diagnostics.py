@@ -1,4 +1,4 @@
-"""What is found out about a far side, and said in the log: what it lacks of ours, what it says, what it does wrong.
+"""Diagnostics of a far side, for the log: what it lacks of ours, what it says, what it does wrong.
 
 rosbridge_suite answers no mistake. Whether it knows our types is seen from the lists that its rosapi gives, a while
 after everything was announced: what is missing there was refused. A server that does answer mistakes, as ours does,
@@ -32,10 +32,10 @@ MAX_DIAGNOSTICS: Final = 100
 """Lines that are said once, in all: more than there are packages, unless a far side makes names up."""
 
 _UNKNOWN = re.compile(r"Unable to import ([\w-]+)\.\w+ from package")
-"""What a server that answers mistakes says of a package that it does not know."""
+"""Words by which a server that answers mistakes tells of a package that it does not know."""
 
 _OWNED = re.compile(r"(?:Topic|Service) \S+ is (?:published|provided) by (\S+) alone")
-"""What a server of our own kind says if it has a simulator inside."""
+"""Words of a server of our own kind that has a simulator inside."""
 
 _log = logging.getLogger("rosbridge_sim.attach")
 
@@ -44,7 +44,7 @@ ItemKey = tuple[str, str, str]
 
 
 class Diagnostics:
-    """What is known of one far side.
+    """Findings about one far side.
 
     Attributes:
         taken_services: services of ours that it had before us, until that is said.

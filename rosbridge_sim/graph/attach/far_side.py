@@ -1,4 +1,4 @@
-"""Everybody on the far side of one bridge, as one participant of our bus: what is said of it, and to it.
+"""All programs on the far side of one bridge, as one participant of our bus: remarks to it and mistakes of it.
 
 No program there can hear what the bus tells it, so that goes into our log. What it sends and what cannot be used is a
 mistake of the bridge's, as that of any client: a line in our log, with a reason, and an entry on `/sim/refusals`. It

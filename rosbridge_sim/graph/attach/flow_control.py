@@ -1,4 +1,4 @@
-"""How much may be on its way to a rosbridge that takes everything and holds nobody back.
+"""Flow control towards a rosbridge that takes everything and holds no client back.
 
 rosbridge_suite reads a socket as fast as frames come and keeps them in a queue without a bound, so the socket never
 fills however far it is behind, and neither TCP nor a ping tells. It does handle the frames of one socket in order,
@@ -22,10 +22,10 @@ from collections.abc import Sequence
 __all__ = ["FRAME_COST", "MAX_IN_FLIGHT", "MAX_PATIENCE", "PATIENCE", "FlowControl"]
 
 FRAME_COST = 1_500
-"""What a frame costs beside its bytes [bytes]."""
+"""Cost of a frame beside its bytes [bytes]."""
 
 MAX_IN_FLIGHT = 512 * 1024
-"""What may be unproven [bytes]: a tenth of a second of rosbridge_suite's work, some 250 messages of an ego's state."""
+"""Bytes that may be unproven: a tenth of a second of rosbridge_suite's work, some 250 messages of an ego's state."""
 
 PATIENCE, MAX_PATIENCE = 2.0, 60.0
 """Longest wait for the answer to a probe, the first time and at most [s]."""
@@ -35,7 +35,7 @@ MAX_PROBES = 16
 
 
 class FlowControl:
-    """What may still be sent on one socket.
+    """The bytes that may still be sent on one socket.
 
     Attributes:
         is_on: the far side answers probes, as far as we know; while it does not, everything may be sent.
@@ -56,12 +56,12 @@ class FlowControl:
 
     @property
     def is_blocked(self) -> bool:
-        """Tell whether nothing more is to be sent for now; then a probe is on its way, or wanted."""
+        """Return whether nothing more is to be sent for now; then a probe is on its way, or wanted."""
         return self.is_on and self._sent >= self._allowed
 
     @property
     def wants_probe(self) -> bool:
-        """Tell whether a probe should be sent now: none is on its way, and half of the window is used."""
+        """Return whether a probe should be sent now: none is on its way, and half of the window is used."""
         return self.is_on and self._due is None and self._sent >= self._allowed - MAX_IN_FLIGHT // 2
 
     def note_sent(self, frames: Sequence[bytes]) -> None:
@@ -95,11 +95,11 @@ class FlowControl:
 
     @property
     def due(self) -> float | None:
-        """When `expire` has something to do [s]."""
+        """Return when `expire` has something to do [s]."""
         return self._due
 
     def expire(self, now: float) -> bool:
-        """Tell whether the answer to the last probe is overdue; some more may be sent then.
+        """Return whether the answer to the last probe is overdue; some more may be sent then.
 
         Where probes were refused, they are tried again from now on.
         """

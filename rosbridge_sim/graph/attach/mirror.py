@@ -39,7 +39,7 @@ OPS_PER_TURN: Final = 64
 
 
 class Mirror(FarSide):
-    """Everybody on the far side of one bridge, as one owner on our bus.
+    """All programs on the far side of one bridge, as one participant of our bus.
 
     Attributes:
         connections: those that it wants, by their names; the first one's is empty.
@@ -271,7 +271,7 @@ class Mirror(FarSide):
     # Time
 
     def next_due(self, _now: float) -> float | None:
-        """When `advance` has something to do next [s]."""
+        """Return when `advance` has something to do next [s]."""
         dues = [each.due for each in self.connections.values()]
         own = (self._survey.due, self._rosapi.due, self._announcer.return_at)
         return min((due for due in (*dues, *own) if due is not None), default=None)

@@ -1,4 +1,4 @@
-"""What is mirrored on a far side: each thing under its name, its connection, and its handle on our bus.
+"""Registry of the mirrored things: each under its name, with its connection and its handle on our bus.
 
 A topic of the simulator's is listened to here; an input, which the simulator listens to, is published here in the far
 side's name. What comes and goes is found by comparing with what the simulator holds.
@@ -84,7 +84,7 @@ class MirrorRegistry:
         return self._inputs.get(name) or self._inputs.get(resolve(name))
 
     def is_served(self, name: str) -> bool:
-        """Whether the simulator has a service of that name, relative or absolute."""
+        """Return whether the simulator has a service of that name, relative or absolute."""
         service = self._bus.services.get(resolve(name))
         return service is not None and service.owner is self._far_side.source
 

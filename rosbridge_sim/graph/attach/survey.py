@@ -16,7 +16,8 @@ from rosbridge_sim.graph.attach.registry import MirrorRegistry
 __all__ = ["SURVEY_DELAYS", "Survey"]
 
 SURVEY_DELAYS: Final = (0.0, 1.0, 3.0)
-"""When the far side is asked what it has [s]: each after the one before. In ROS 2 topics are found by and by."""
+"""Waits before the far side is asked for its lists [s]: each after the one before. In ROS 2 topics are found one by
+one, over seconds."""
 
 
 class Survey:

@@ -48,7 +48,7 @@ __all__ = [
 ]
 
 DEFAULT_TIMEOUT = 10.0
-"""How long a topic waits for listeners where the request does not say [s]."""
+"""Time for which a topic waits for listeners where the request does not say [s]."""
 
 MAX_STREAMS = 1_000
 MAX_FRAME_PAIRS = 5_000
@@ -159,7 +159,7 @@ class WebRepublisher:
         bus.on_leave.append(self._on_leave)
 
     def notify(self, level: str, text: str) -> None:
-        """What the bus has to say to the republisher goes into the log."""
+        """Log what the bus remarks to the republisher."""
         _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)
 
     def end(self, error: Exception) -> None:
@@ -176,7 +176,7 @@ class WebRepublisher:
     # Time
 
     def next_due(self, _now: float) -> float | None:
-        """When `advance` has something to do next [s]; None while nobody asks for anything."""
+        """Return when `advance` has something to do next [s]; None while nobody asks for anything."""
         if self._has_ended:
             return None
         dues = (self._alarm, self._actionlib.next_due(), self._sweep_due if self._stream_topics else None)
@@ -267,7 +267,7 @@ class WebRepublisher:
         goal.end(GoalStatus.CANCELED, goal.action.type.result.default())
 
     def _on_leave(self, owner: Participant, now: float) -> None:
-        """Somebody has left: what was made for it alone goes too."""
+        """Withdraw the topics that were made for an owner alone that has left."""
         for offer in list(self._stream_topics.values()):
             if offer.stream.owner is owner and not offer.topic.has_listener:
                 self._withdraw(offer, now)
@@ -353,7 +353,7 @@ class WebRepublisher:
 
 
 def _has_moved(stream: _Stream, told: Transform | None, pose: Transform) -> bool:
-    """Whether a pose differs from what was told by more than who asked wants to be spared."""
+    """Return whether a pose differs from the one sent last by more than the thresholds of the request."""
     if told is None:
         return True
     if told == pose:
