@@ -19,21 +19,22 @@ import pytest
 PACKAGE = "rosbridge_sim"
 ROOT = Path(__file__).parent.parent / PACKAGE
 
-_BASE = {"errors", "loose_types", "suggestions"}
+_BASE = {"errors", "loose_types", "printable", "suggestions"}
 _SCENE = {"morai", "morai.interfaces", "morai.maps", "morai.replays", "morai.scenarios"}
 _BELOW_SHELL = {*_BASE, *_SCENE, "graph", "graph.attach", "graph.tf", "protocol", "schema", "world"}
 _SHELL = {"shell", "shell.bags", "shell.config", "shell.files", "shell.websocket"}
 
 ARROWS: dict[str, set[str]] = {
     "errors": set(),
-    "suggestions": set(),
+    "printable": set(),
+    "suggestions": {"printable"},
     "loose_types": set(),
     "weight": set(),
     "version": set(),
     "schema": {*_BASE, "weight"},
     "protocol": {*_BASE, "weight"},
     "world": {"errors"},
-    "graph": {*_BASE, "protocol", "schema", "graph.tf"},
+    "graph": {*_BASE, "protocol", "schema"},
     "graph.tf": {*_BASE, "protocol", "schema", "graph"},
     "graph.attach": {*_BASE, "protocol", "schema", "graph"},
     "morai": {*_BASE, *_SCENE, "graph", "protocol", "schema", "world"},
@@ -65,6 +66,7 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "morai": {"msgspec", "numpy", "orjson", "pydantic", "pydantic_core", "pyproj"},
     "errors": set(),
     "loose_types": set(),
+    "printable": set(),
     "suggestions": set(),
     "weight": {"numpy"},
     "version": set(),

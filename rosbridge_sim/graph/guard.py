@@ -19,7 +19,7 @@ from rosbridge_sim.errors import EncodingError
 
 __all__ = ["Guard", "Guarded"]
 
-MAX_BLAMED = 1_000
+MAX_LOGGED_FAILURES = 1_000
 """Failures of encoding that are remembered, so that each is logged once; beyond them they are only counted."""
 
 P = ParamSpec("P")
@@ -46,7 +46,7 @@ class Guard:
     def __init__(self) -> None:
         self.num_faults = 0
         self.num_unencoded = 0
-        self._told: set[tuple[str, str]] = set()
+        self._logged: set[tuple[str, str]] = set()
 
     def blame(self, concerned: object, error: Exception) -> None:
         """End the owner whose state has failed.
@@ -106,7 +106,7 @@ class Guard:
         """
         self.num_unencoded += 1
         self.num_faults += 1
-        told = (where, str(error))
-        if told not in self._told and len(self._told) < MAX_BLAMED:
-            self._told.add(told)
+        key = (where, str(error))
+        if key not in self._logged and len(self._logged) < MAX_LOGGED_FAILURES:
+            self._logged.add(key)
             _log.error("%s: a message is dropped: %s", where, error, exc_info=error)

@@ -38,7 +38,7 @@ _NAME = re.compile(r"[^\s\x00-\x1f\x7f]{1,256}")
 
 
 class Participant(Protocol):
-    """Somebody who holds topics and services. Compared by identity.
+    """An owner of topics and services. Compared by identity.
 
     Attributes:
         name: the ROS node name that rosapi shows, e.g. `/morai_sim`.
@@ -115,7 +115,7 @@ def explain(owner: Participant, level: str, text: str, reason: Reason) -> None:
 
 
 def gives_way(old: Participant, new: Participant) -> bool:
-    """Tell whether an owner must leave a name to another one, even a name that it has to itself."""
+    """Return whether an owner must leave a name to another one, even a name that it has to itself."""
     return isinstance(old, Guest) and not isinstance(new, Guest)
 
 

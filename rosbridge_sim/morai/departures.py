@@ -16,7 +16,7 @@ class Departures:
         self._context = context
         self._waiting: list[Participant] = []  # those who left while frames were computed
         context.hooks.after_move.append(self._tell_waiting)
-        context.bus.watchers.append(self._leave)
+        context.bus.on_leave.append(self._leave)
 
     def _leave(self, participant: Participant, now: float) -> None:
         """A participant has left; perhaps within a frame, on a message of which its connection has failed."""

@@ -145,11 +145,6 @@ class MessageType:
         """A value whose fields all have their defaults."""
         return self.struct()
 
-    def to_builtins(self, value: Struct) -> dict[str, Any]:
-        """What `encode_json` gives, as Python objects."""
-        builtins: dict[str, Any] = msgspec.json.decode(_encode(value))
-        return builtins
-
 
 class Encoders:
     """What the types of one store write with besides JSON; made when somebody first asks.
@@ -254,11 +249,6 @@ class OpaqueType:
     def default(self) -> dict[str, Any]:
         """The empty object: nothing is known of any field."""
         return {}
-
-    def to_builtins(self, value: Mapping[str, Any]) -> dict[str, Any]:
-        """What `encode_json` gives, as Python objects."""
-        builtins: dict[str, Any] = orjson.loads(self.encode_json(value))
-        return builtins
 
 
 class OpaqueServiceType:

@@ -8,7 +8,7 @@ everywhere; `pkg/Type` is the name of a type here, and `spelled` is what the per
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 import msgspec
@@ -322,23 +322,6 @@ class Store:
             except DefinitionError as error:
                 raise TypeNameError(f"Unable to resolve type {canonical}: {error}") from None
         return compiled
-
-    def verify(self, packages: Iterable[str] | None = None) -> None:
-        """Compile every text of some packages (all when None), so that a user's mistake is found at start.
-
-        Raises:
-            DefinitionError: a text is broken, or names a type that nobody knows.
-        """
-        wanted = None if packages is None else set(packages)
-        for package, kind, name in self._texts:
-            if wanted is not None and package not in wanted:
-                continue
-            if kind == "msg":
-                self._message(f"{package}/{name}")
-            elif kind == "srv":
-                self._service(f"{package}/{name}")
-            else:
-                self._action(f"{package}/{name}")
 
     def full_text(self, name: str) -> str:
         """A message's text with those of all types in it, as rosapi gives it; in the personality's grammar.

@@ -24,7 +24,8 @@ import orjson
 
 from rosbridge_sim.errors import FieldError, Reason
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.schema.names import Generation, printable
+from rosbridge_sim.printable import MAX_QUOTED, printable
+from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.parse import INT_RANGES, MAX_FLOAT32, Definition, Field
 from rosbridge_sim.suggestions import hint, listing
 
@@ -205,7 +206,7 @@ def check(shape: MessageSpec, value: object, stamp_ns: int, root: str | None = N
         return _Check(shape.dialect, stamp_ns).message(shape, value)
     except _Misfit as misfit:
         path = "".join(reversed(misfit.path)).removeprefix(".")
-        raise FieldError(misfit.say(root, printable(path)), reason=misfit.reason) from None
+        raise FieldError(misfit.say(root, printable(path, MAX_QUOTED)), reason=misfit.reason) from None
 
 
 class _Misfit(Exception):  # noqa: N818 - never leaves this module
@@ -237,7 +238,7 @@ def _unknown(name: str, shape: MessageSpec, given: Mapping[object, object]) -> _
     """A field that a message does not have, with what is likely meant by it."""
 
     def say(root: str, path: str) -> str:
-        owner = "it" if path == printable(name) else shape.name
+        owner = "it" if path == printable(name, MAX_QUOTED) else shape.name
         return f"Message type {root} does not have a field {path}{_advise(name, shape, given, owner)}"
 
     misfit = _Misfit(say, Reason.UNKNOWN_FIELD)

@@ -230,7 +230,7 @@ class Simulator:
         if settings.sync_lease is None:
             _log.info("without --sync-lease, a master behind a bridge stays master when it dies: nobody sees it go")
         limits = AttachLimits(
-            has_line_each=settings.attach_sockets == "per-topic",
+            has_connection_each=settings.attach_sockets == "per-topic",
             max_wait=settings.attach_retry,
             max_frame_size=settings.max_frame_size,
             ping_interval=settings.ping_interval,

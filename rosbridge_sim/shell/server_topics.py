@@ -17,9 +17,9 @@ import time
 from typing import Any, Literal
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.peer import WEBSOCKET_NODE_NAME
-from rosbridge_sim.graph.policy import PolicyEffect, Use, Way
+from rosbridge_sim.graph.peer_base import WEBSOCKET_NODE_NAME
 from rosbridge_sim.graph.topics_services import Topic
+from rosbridge_sim.graph.ways import PolicyEffect, Use, Way
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.store import Message
 from rosbridge_sim.shell.refusals import RefusalLog, escape

@@ -13,8 +13,10 @@ from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, invaria
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason, UnknownPackageError
 from rosbridge_sim.graph.actions import Action
-from rosbridge_sim.graph.bus import MAX_CALLS, MAX_STALE, TYPE_MEMORY, Bus
+from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import OfferKind, Participant, resolve
+from rosbridge_sim.graph.service_table import MAX_CALLS, MAX_STALE
+from rosbridge_sim.graph.topic_table import TYPE_MEMORY
 from rosbridge_sim.graph.topics_services import Answer, Call, Topic
 from rosbridge_sim.graph.unpublished import UNPUBLISHED_AFTER
 from rosbridge_sim.protocol.account import Account
@@ -328,7 +330,7 @@ def test_ended_calls_do_not_wait_for_a_deadline_that_is_far_away() -> None:
     for _ in range(10 * MAX_STALE):
         bus.call(caller, "/add", {}, caller.answers.append, now=0.0, timeout=1e9)
         provider.calls.pop().refuse("no")
-    assert len(bus._deadlines) <= 2 * MAX_STALE
+    assert len(bus._service_table._deadlines) <= 2 * MAX_STALE
     bus.expire(5.0)
     assert caller.answers[-1].values == "Timeout exceeded while waiting for service response"
     assert provider.calls[0].request is None
@@ -469,7 +471,6 @@ def test_who_only_overhears_is_no_listener_but_hears() -> None:
     topic = bus.advertise(sender, "/t", STRING, is_on_demand=True)
     subscription = bus.subscribe(listener, "/t", listener.deliver, is_idle=True)
     assert not topic.has_listener
-    assert not topic.is_worth_publishing
     assert list(topic.on_demand) == [sender]
     bus.publish(sender, topic, text(bus, "x"), 0.0)
     assert len(listener.heard) == 1
@@ -556,26 +557,6 @@ def test_package_that_is_perhaps_misspelt_is_named_with_the_nearest_one(caplog: 
     ]
 
 
-def test_services_of_unknown_packages_are_told_once_each_and_in_bounds(
-    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("rosbridge_sim.graph.bus.MAX_REMEMBERED_TOPICS", 10)
-    bus, owner = make_bus(), Somebody()
-    for _ in range(3):
-        bus.provide(owner, "/s", "my_msgs/Thing", lambda _call, _now: None)
-        bus.provide(owner, "/s", "my_msgs//srv/Thing", lambda _call, _now: None)
-        bus.actions.provide(owner, "/a", "my_msgs/Thing", lambda _goal: None, lambda _goal: None)
-    assert [record.getMessage() for record in caplog.records] == [
-        "my_msgs/Thing: its package is unknown; calls of this service are relayed unchecked",
-        "my_msgs/Thing: its package is unknown; goals of this action are relayed unchecked",
-    ]
-    for n in range(100):
-        bus.provide(owner, "/s", f"my_msgs/T{n}", lambda _call, _now: None)
-    assert len(bus._unknown_types) <= 10
-    with pytest.raises(GraphError, match="is not a valid graph name"):
-        bus.provide(owner, "/s", f"my_msgs/{'T' * 1000}", lambda _call, _now: None)
-
-
 def test_services_of_rosbag2_count_as_unknown_for_we_have_its_messages_alone() -> None:
     bus = make_bus()
     service = bus.provide(Somebody(), "/s", "rosbag2_interfaces/Seek", lambda _call, _now: None)
@@ -586,7 +567,7 @@ def test_services_of_rosbag2_count_as_unknown_for_we_have_its_messages_alone() -
 def test_watchers_hear_who_left() -> None:
     bus, somebody = make_bus(), Somebody()
     left: list[tuple[Participant, float]] = []
-    bus.watchers.append(lambda owner, now: left.append((owner, now)))
+    bus.on_leave.append(lambda owner, now: left.append((owner, now)))
     bus.leave(somebody, 3.0)
     assert left == [(somebody, 3.0)]
 

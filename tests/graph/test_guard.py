@@ -213,7 +213,7 @@ def test_listener_that_is_the_sender_itself_fails_in_the_middle_of_its_own_messa
     (client, box), other = make_client(bus), Guest(bus)
     say(client, "subscribe", topic="/t", type=STRING)
     bus.subscribe(other, "/t", other.hear)
-    client._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
+    client.topics._subscriptions["/t"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
     say(client, "publish", topic="/t", msg={"data": "x"})
     assert other.heard == ["x"]
     assert client not in bus.owners()
@@ -286,7 +286,7 @@ def test_end_that_fails_is_logged_with_what_led_to_it(caplog: pytest.LogCaptureF
     assert isinstance(error.__context__, Fault)
 
 
-@pytest.mark.parametrize("hook", ["on_topic", "on_holdings", "watchers"])
+@pytest.mark.parametrize("hook", ["on_topic", "on_holdings", "on_leave"])
 def test_hook_that_fails_keeps_nothing_from_being_done(hook: str, caplog: pytest.LogCaptureFixture) -> None:
     bus, seen = make_bus(), list[object]()
     hooks = getattr(bus, hook)
@@ -528,7 +528,7 @@ def test_client_that_fails_as_it_leaves_is_off_the_bus_all_the_same() -> None:
     say(client, "advertise", topic="/u", type=STRING)
     say(client, "advertise_service", service="/s", type=SERVICE)
     call(bus, caller)
-    client._listenings = None  # type: ignore[assignment] # as good a bug as any
+    client.topics._subscriptions = None  # type: ignore[assignment] # as good a bug as any
     with pytest.raises(AttributeError):
         client.leave(0.0)
     assert client not in bus.owners()
@@ -577,9 +577,9 @@ def test_bridge_is_told_all_but_the_latched_message_that_cannot_be_written(caplo
     for data in (object(), "12 GA 3456"):
         bus.publish(source, topic, text(bus, data), 0.0)
     mirror = Mirror(bus, source, "ws://far")
-    (line,) = mirror.lines.values()
-    mirror.connected(line, lambda: None, lambda: None, 0.0)
-    said = [json.loads(frame) for frame in line.outbox.take(2**30)]
+    (connection,) = mirror.connections.values()
+    mirror.connected(connection, lambda: None, lambda: None, 0.0)
+    said = [json.loads(frame) for frame in connection.outbox.take(2**30)]
     assert [frame["topic"] for frame in said if frame["op"] == "advertise"] == ["/plate", "/state"]
     assert [frame["msg"]["data"] for frame in said if frame["op"] == "publish"] == ["12 GA 3456"]
     assert bus.guard.num_unencoded == len(tracebacks(caplog)) == 1
@@ -591,15 +591,15 @@ def test_failure_of_a_bridge_is_told_to_the_one_that_dials_it() -> None:
     topic = bus.advertise(source, "/state", STRING)
     mirror = Mirror(bus, source, "ws://far")
     mirror.on_failure = failures.append
-    (line,) = mirror.lines.values()
-    mirror.connected(line, lambda: None, lambda: None, 0.0)
-    line.has_services = True
+    (connection,) = mirror.connections.values()
+    mirror.connected(connection, lambda: None, lambda: None, 0.0)
+    connection.has_services = True
     bus.subscribe(last, "/state", last.hear)
-    line.outbox = None  # type: ignore[assignment] # as good a bug as any
+    connection.outbox = None  # type: ignore[assignment] # as good a bug as any
     bus.publish(source, topic, text(bus, "x"), 0.0)
     assert (len(failures), last.heard) == (1, ["x"])
     release = mirror.hold()
-    line.on_released = break_down
+    connection.on_released = break_down
     release()
     assert len(failures) == bus.guard.num_faults == 2
 

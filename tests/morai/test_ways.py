@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import GraphError
-from rosbridge_sim.graph.policy import Policy, Rule, Use
+from rosbridge_sim.graph.policy import Policy, Rule
+from rosbridge_sim.graph.ways import Use
 from rosbridge_sim.morai.interfaces.network_settings import InterfaceKind
 from rosbridge_sim.morai.interfaces.registry import ListedInterface
 from rosbridge_sim.morai.ways import _EFFECTS, _SAME, SimulatorWays

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import TypeNameError
-from rosbridge_sim.schema.names import printable, ros2_names, snake_case, spelled, split_name
+from rosbridge_sim.schema.names import ros2_names, snake_case, spelled, split_name
 from tests.schema.strategies import all_types, shared_store
 
 
@@ -97,8 +97,3 @@ def test_needless_slashes_in_a_type_name_are_passed_over(name: str) -> None:
 def test_a_name_without_a_package_and_a_type_is_refused(name: str) -> None:
     with pytest.raises(TypeNameError, match="is not a valid type string"):
         split_name(name)
-
-
-def test_a_name_of_a_peers_is_shown_in_part() -> None:
-    assert printable("x" * 1000) == "x" * 200 + "..."
-    assert printable("\ud800") == "\\ud800"

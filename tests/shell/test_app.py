@@ -303,7 +303,7 @@ async def test_failures_of_listeners_within_frames_do_not_end_the_world(
         assert sim._server is not None
         assert sim._scheduler is not None
         served = next(iter(sim._server.clients))
-        served.peer._listenings["/Ego_topic"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
+        served.peer.topics._subscriptions["/Ego_topic"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
         async with asyncio.timeout(PATIENCE):
             await bad.socket.wait_closed()
         assert bad.socket.close_code == 1011
@@ -326,7 +326,7 @@ async def test_master_that_fails_on_a_topic_of_its_own_tick_is_lost_and_another_
         await bad.ask("/SyncModeCmd", user_id="bad", start_sync_mode=True, time_step=60)
         assert sim._server is not None
         served = next(iter(sim._server.clients))
-        served.peer._listenings["/Ego_topic"].feed._head = 5  # type: ignore[assignment] # as above
+        served.peer.topics._subscriptions["/Ego_topic"].feed._head = 5  # type: ignore[assignment] # as above
         await bad.send("call_service", service="/SyncModeWaitForTick", args={"request": {"user_id": "bad", "frame": 3}})
         async with asyncio.timeout(PATIENCE):
             await bad.socket.wait_closed()

@@ -11,11 +11,13 @@ from typing import Any, Literal
 import pytest
 
 from rosbridge_sim.errors import GraphError, Reason
+from rosbridge_sim.graph.attach.announcing import UNREGISTER_TIME
 from rosbridge_sim.graph.attach.connection import MAX_WAITING_BYTES, PROBE, PROBE_PATIENCE, BridgeConnection
 from rosbridge_sim.graph.attach.diagnostics import MAX_LINES, PERIOD
 from rosbridge_sim.graph.attach.flow_control import MAX_IN_FLIGHT
-from rosbridge_sim.graph.attach.mirror import OPS_PER_TURN, SURVEYS, UNREGISTER_TIME, Mirror
+from rosbridge_sim.graph.attach.mirror import OPS_PER_TURN, Mirror
 from rosbridge_sim.graph.attach.rosapi_watch import LOOK_PERIOD
+from rosbridge_sim.graph.attach.survey import SURVEY_DELAYS
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Notify, Participant, explain, hold, notifier
 from rosbridge_sim.graph.peer import Peer
@@ -71,7 +73,7 @@ class Car:
 
 
 class FarBridge:
-    """The far side of one mirror: a gateway of our own kind, with a client for each of the mirror's lines.
+    """The far side of one mirror: a gateway of our own kind, with a client for each of the mirror's connections.
 
     Attributes:
         bus: what there is on the far side.
@@ -87,27 +89,27 @@ class FarBridge:
         self.mute: set[str] = set()
         self._wires: dict[BridgeConnection, tuple[Peer, Outbox]] = {}
 
-    def connect(self, mirror: Mirror, line: BridgeConnection, now: float = 0.0) -> None:
-        self._wires[line] = make_peer(self.bus)
-        mirror.connected(line, lambda: None, lambda: None, now)
+    def connect(self, mirror: Mirror, connection: BridgeConnection, now: float = 0.0) -> None:
+        self._wires[connection] = make_peer(self.bus)
+        mirror.connected(connection, lambda: None, lambda: None, now)
 
-    def cut(self, mirror: Mirror, line: BridgeConnection, now: float = 0.0) -> None:
-        peer, _ = self._wires.pop(line)
+    def cut(self, mirror: Mirror, connection: BridgeConnection, now: float = 0.0) -> None:
+        peer, _ = self._wires.pop(connection)
         peer.leave(now)
-        mirror.lost(line, now)
+        mirror.lost(connection, now)
 
     def pump(self, mirror: Mirror, now: float = 0.0) -> None:
         """Carry frames both ways until neither side has any."""
         is_moving = True
         while is_moving:
             is_moving = False
-            for line, (peer, outbox) in list(self._wires.items()):
-                for frame in line.take(8_192, now):
+            for connection, (peer, outbox) in list(self._wires.items()):
+                for frame in connection.take(8_192, now):
                     is_moving = True
                     self._receive(peer, frame, now)
                 for frame in outbox.take(2**30):
                     is_moving = True
-                    mirror.receive(line, frame, now)
+                    mirror.receive(connection, frame, now)
 
     def _receive(self, peer: Peer, frame: bytes, now: float) -> None:
         op = json.loads(frame)
@@ -140,34 +142,34 @@ class SimHarness:
         noted: mistakes of programs there.
     """
 
-    def __init__(self, *, has_line_each: bool = False, has_rosapi: bool = True) -> None:
+    def __init__(self, *, has_connection_each: bool = False, has_rosapi: bool = True) -> None:
         self.bus = make_bus()
         self.noted: list[RefusedRequest] = []
         self.bus.on_refusal = self.noted.append
         self.car = Car(self.bus)
         self.far = FarBridge(has_rosapi=has_rosapi)
         self.num_attached = 0
-        self.mirror = Mirror(self.bus, self.car, "ws://far:9090", has_line_each=has_line_each)
+        self.mirror = Mirror(self.bus, self.car, "ws://far:9090", has_connection_each=has_connection_each)
         self.mirror.on_attached = self._count
 
     def _count(self) -> None:
         self.num_attached += 1
 
     @property
-    def line(self) -> BridgeConnection:
-        return self.mirror.lines[""]
+    def connection(self) -> BridgeConnection:
+        return self.mirror.connections[""]
 
     def attach(self, now: float = 0.0) -> None:
-        for line in self.mirror.lines.values():
-            self.far.connect(self.mirror, line, now)
+        for connection in self.mirror.connections.values():
+            self.far.connect(self.mirror, connection, now)
         self.pump(now)
 
     def pump(self, now: float = 0.0) -> None:
         self.far.pump(self.mirror, now)
 
     def cut(self, now: float = 0.0) -> None:
-        for line in self.mirror.lines.values():
-            self.far.cut(self.mirror, line, now)
+        for connection in self.mirror.connections.values():
+            self.far.cut(self.mirror, connection, now)
 
     def flood(self, num_messages: int = 5_000) -> None:
         """Publish more than a far side handles that stands still, carrying whenever it may be."""
@@ -189,7 +191,7 @@ class SimHarness:
 
     def receive(self, frame: Frame | bytes, now: float = 0.0) -> None:
         data = frame if isinstance(frame, bytes) else json.dumps(frame).encode()
-        self.mirror.receive(self.line, data, now)
+        self.mirror.receive(self.connection, data, now)
 
 
 @pytest.fixture
@@ -240,8 +242,8 @@ def test_types_are_spelled_as_the_personality_has_them() -> None:
     bus = Bus(make_store_of_ros2())
     owner = Car(bus)
     mirror = Mirror(bus, owner, "ws://far:9090")
-    mirror.connected(mirror.lines[""], lambda: None, lambda: None, 0.0)
-    frames = [json.loads(frame) for frame in mirror.lines[""].take(2**30, 0.0)]
+    mirror.connected(mirror.connections[""], lambda: None, lambda: None, 0.0)
+    frames = [json.loads(frame) for frame in mirror.connections[""].take(2**30, 0.0)]
     assert [frame["type"] for frame in frames if frame["op"] == "advertise"] == [
         "std_msgs/msg/Int32",
         "std_msgs/msg/String",
@@ -278,7 +280,7 @@ def test_nothing_is_published_for_a_far_side_that_is_not_there() -> None:
     harness.cut()
     assert not harness.car.state.has_listener
     harness.car.show("/state", data=1)
-    assert len(harness.line.outbox) == 0
+    assert len(harness.connection.outbox) == 0
 
 
 # What goes over it
@@ -301,7 +303,7 @@ def test_bytes_are_shared_with_a_client_of_ours(harness: SimHarness) -> None:
     client.receive(b'{"op":"subscribe","topic":"/state"}', 0.0)
     harness.car.show("/state", data=5)
     (ours,) = outbox.take(2**30)
-    assert harness.line.take(2**30, 0.0)[-1] is ours
+    assert harness.connection.take(2**30, 0.0)[-1] is ours
 
 
 def test_others_messages_on_a_topic_of_the_simulator_stay_here() -> None:
@@ -337,7 +339,7 @@ def test_a_call_there_is_answered_after_what_it_has_moved(harness: SimHarness) -
 
 def test_all_programs_there_are_one_caller_that_stays_when_the_bridge_is_lost(harness: SimHarness) -> None:
     gone: list[Participant] = []
-    harness.bus.watchers.append(lambda owner, _now: gone.append(owner))
+    harness.bus.on_leave.append(lambda owner, _now: gone.append(owner))
     for _ in range(2):
         Program(harness.far).send("call_service", service="/honk", args={})
         harness.pump()
@@ -418,13 +420,13 @@ def test_what_comes_and_goes_here_comes_and_goes_there(harness: SimHarness) -> N
     assert "/Ego-2/state" not in [topic.name for topic in harness.bus.holdings(harness.mirror).published]
 
 
-@pytest.mark.parametrize("has_line_each", [False, True])
-def test_a_service_that_gets_another_name_while_it_is_called_answers_first(*, has_line_each: bool) -> None:
-    harness = SimHarness(has_line_each=has_line_each)
+@pytest.mark.parametrize("has_connection_each", [False, True])
+def test_a_service_that_gets_another_name_while_it_is_called_answers_first(*, has_connection_each: bool) -> None:
+    harness = SimHarness(has_connection_each=has_connection_each)
     harness.attach()
     calls: list[Call] = []
     harness.bus.provide(harness.car, "/rename", "std_srvs/SetBool", lambda call, _now: calls.append(call))
-    harness.attach() if has_line_each else harness.pump()
+    harness.attach() if has_connection_each else harness.pump()
     program = Program(harness.far)
     program.send("call_service", service="/rename", id="1")
     program.send("call_service", service="rename", id="2")
@@ -465,12 +467,12 @@ def test_everything_is_announced_again_after_each_loss(harness: SimHarness) -> N
     assert harness.far.ops("publish")[0]["msg"] == {"data": "34 NA 5678"}
 
 
-# A line for each
+# A connection for each
 
 
 def test_with_a_line_for_each_everything_has_one_of_its_own() -> None:
-    harness = SimHarness(has_line_each=True)
-    names = list(harness.mirror.lines)
+    harness = SimHarness(has_connection_each=True)
+    names = list(harness.mirror.connections)
     assert names == ["", "topic /state", "topic /plate", "input /pedal", "service /honk"]
     harness.attach()
     assert harness.num_attached == 1
@@ -481,36 +483,36 @@ def test_with_a_line_for_each_everything_has_one_of_its_own() -> None:
     assert sorted(frame["op"] for frame in program.received()) == ["publish", "service_response"]
 
 
-def test_lines_come_and_go_with_what_they_carry() -> None:
-    harness = SimHarness(has_line_each=True)
+def test_connections_come_and_go_with_their_topics() -> None:
+    harness = SimHarness(has_connection_each=True)
     looks: list[list[str]] = []
-    harness.mirror.on_lines = lambda: looks.append(list(harness.mirror.lines)[5:])
+    harness.mirror.on_connections_changed = lambda: looks.append(list(harness.mirror.connections)[5:])
     harness.bus.advertise(harness.car, "/Ego-2/state", "std_msgs/Int32")
     harness.bus.unadvertise(harness.car, "/Ego-2/state", 0.0)
     assert looks == [["topic /Ego-2/state"], []]
 
 
 def test_a_line_that_ends_with_what_it_carried_is_no_loss() -> None:
-    harness = SimHarness(has_line_each=True)
+    harness = SimHarness(has_connection_each=True)
     harness.bus.advertise(harness.car, "/Ego-2/state", "std_msgs/Int32")
     harness.attach()
-    line = harness.mirror.lines["topic /Ego-2/state"]
+    connection = harness.mirror.connections["topic /Ego-2/state"]
     harness.bus.unadvertise(harness.car, "/Ego-2/state", 0.0)
     harness.pump()
     assert not harness.far.bus.topics["/Ego-2/state"].publishers
-    harness.far.cut(harness.mirror, line)
-    harness.far.cut(harness.mirror, harness.mirror.lines["topic /state"])
-    harness.far.connect(harness.mirror, harness.mirror.lines["topic /state"])
+    harness.far.cut(harness.mirror, connection)
+    harness.far.cut(harness.mirror, harness.mirror.connections["topic /state"])
+    harness.far.connect(harness.mirror, harness.mirror.connections["topic /state"])
     harness.pump()
     assert harness.num_attached == 2
 
 
 def test_one_line_that_waits_delays_no_other() -> None:
-    harness = SimHarness(has_line_each=True)
+    harness = SimHarness(has_connection_each=True)
     harness.attach()
     harness.far.mute.add(PROBE)
     harness.flood(1_000)
-    assert harness.mirror.lines["topic /state"].credit.is_spent
+    assert harness.mirror.connections["topic /state"].flow_control.is_blocked
     program = Program(harness.far)
     program.send("call_service", service="/honk", args={"data": True})
     harness.pump()
@@ -525,11 +527,11 @@ def test_no_more_is_sent_than_the_far_side_handles(harness: SimHarness) -> None:
     harness.far.frames.clear()
     harness.flood()
     assert len(harness.far.ops("publish")) < MAX_IN_FLIGHT / 1_500 + 100
-    assert len(harness.line.outbox) <= 2 * OutboxLimits().burst
+    assert len(harness.connection.outbox) <= 2 * OutboxLimits().burst
     harness.far.mute.clear()
     harness.run(until=PROBE_PATIENCE + 0.1)  # the next mark is answered
     assert harness.far.ops("publish")[-1]["msg"] == {"data": 4_999}
-    assert not harness.line.credit.is_late
+    assert not harness.connection.flow_control.is_late
 
 
 def test_a_far_side_that_stands_still_is_told_of_once_and_again_when_it_goes_on(
@@ -546,7 +548,7 @@ def test_a_far_side_that_stands_still_is_told_of_once_and_again_when_it_goes_on(
     harness.run(until=60.0)
     harness.mirror.advance(60.0)
     (line,) = [line for line in lines() if "keep" in line]
-    assert f"it keeps up again; {harness.line.outbox.dropped.total():,} messages" in line
+    assert f"it keeps up again; {harness.connection.outbox.dropped.total():,} messages" in line
 
 
 def test_an_answer_stays_behind_its_topics_when_both_wait(harness: SimHarness) -> None:
@@ -570,7 +572,7 @@ def test_a_far_side_without_rosapi_gets_everything_at_once(lines: Callable[[], l
     assert harness.num_attached == 1
     harness.flood(1_000)
     assert len(harness.far.ops("publish")) == 1_001  # and the plate
-    harness.run(until=sum(SURVEYS))
+    harness.run(until=sum(SURVEY_DELAYS))
     assert sum("rosapi does not answer there" in line for line in lines()) == 1
 
 
@@ -581,7 +583,7 @@ def test_rosapi_that_starts_after_its_bridge_is_asked_all_the_same(lines: Callab
     harness.attach()
     harness.flood(1_000)
     Rosapi(harness.far.bus)
-    harness.run(until=sum(SURVEYS) + PROBE_PATIENCE)
+    harness.run(until=sum(SURVEY_DELAYS) + PROBE_PATIENCE)
     said = lines()
     assert any("does not know the package std_srvs" in line for line in said)
     assert not any("rosapi" in line for line in said)
@@ -635,7 +637,7 @@ def test_a_package_that_it_does_not_know_is_one_line_that_names_it(lines: Callab
     deaf(harness, "/honk")
     harness.attach()
     assert not any("package" in line for line in lines())  # it may take a while
-    harness.run(until=sum(SURVEYS) + 1.0)
+    harness.run(until=sum(SURVEY_DELAYS) + 1.0)
     found = [line for line in lines() if "package" in line]
     text = (
         "it does not know the package std_srvs, and so not /honk: build the package where it runs, and start it again"
@@ -873,7 +875,7 @@ def pedal(value: float) -> Frame:
 def test_what_comes_behind_a_call_that_takes_its_time_waits_on_its_line(harness: SimHarness) -> None:
     slow = Slow(harness.car)
     released: list[BridgeConnection] = []
-    harness.line.on_released = lambda: released.append(harness.line)
+    harness.connection.on_released = lambda: released.append(harness.connection)
     harness.receive(pedal(0.1))
     harness.receive(HONK)
     harness.receive(pedal(0.2))
@@ -882,8 +884,8 @@ def test_what_comes_behind_a_call_that_takes_its_time_waits_on_its_line(harness:
     assert harness.car.heard == [0.1]
     for heard in ([0.1, 0.2], [0.1, 0.2, 0.3]):
         slow.end()
-        assert released.pop() is harness.line
-        assert harness.mirror.go_on(harness.line, 0.0) is False
+        assert released.pop() is harness.connection
+        assert harness.mirror.go_on(harness.connection, 0.0) is False
         assert harness.car.heard == heard
 
 
@@ -893,15 +895,15 @@ def test_held_line_still_hears_how_far_the_far_side_has_got(harness: SimHarness)
     harness.flood()
     harness.pump()
     assert harness.far.ops("publish")[-1]["msg"] == {"data": 4_999}
-    assert harness.line.outbox.dropped.total() == 0
+    assert harness.connection.outbox.dropped.total() == 0
     slow.end()
 
 
-def test_other_lines_go_on_while_one_is_held() -> None:
-    harness = SimHarness(has_line_each=True)
+def test_other_connections_go_on_while_one_is_held() -> None:
+    harness = SimHarness(has_connection_each=True)
     harness.attach()
     slow = Slow(harness.car)
-    horn, pedals = harness.mirror.lines["service /honk"], harness.mirror.lines["input /pedal"]
+    horn, pedals = harness.mirror.connections["service /honk"], harness.mirror.connections["input /pedal"]
     harness.mirror.receive(horn, json.dumps(HONK).encode(), 0.0)
     assert (horn.is_held, pedals.is_held) == (True, False)
     harness.mirror.receive(pedals, json.dumps(pedal(0.5)).encode(), 0.0)
@@ -922,7 +924,7 @@ def test_socket_that_is_lost_takes_with_it_what_waited_and_the_next_one_is_not_h
     harness.receive(pedal(0.3))
     assert harness.car.heard == [0.2]
     slow.end()
-    harness.mirror.go_on(harness.line, 0.0)
+    harness.mirror.go_on(harness.connection, 0.0)
     assert harness.car.heard == [0.2, 0.3]
 
 
@@ -932,7 +934,7 @@ def test_mirror_that_has_left_does_nothing_of_what_waited(harness: SimHarness) -
     harness.receive(pedal(0.1))
     harness.mirror.leave(0.0)
     slow.end()
-    assert harness.mirror.go_on(harness.line, 0.0) is False
+    assert harness.mirror.go_on(harness.connection, 0.0) is False
     assert harness.car.heard == []
 
 
@@ -940,18 +942,18 @@ def test_long_backlog_is_done_in_turns_and_stops_the_reading_before_it_grows_wit
     slow = Slow(harness.car)
     harness.receive(HONK)
     num = 0
-    while not harness.line.is_full:
+    while not harness.connection.is_full:
         harness.receive({**pedal(num), "note": "x" * 10_000})
         num += 1
     assert MAX_WAITING_BYTES / 11_000 < num < MAX_WAITING_BYTES / 10_000 + 1
     slow.end()
-    assert harness.mirror.go_on(harness.line, 0.0) is True
+    assert harness.mirror.go_on(harness.connection, 0.0) is True
     assert len(harness.car.heard) == OPS_PER_TURN
-    assert harness.line.is_full
-    while harness.mirror.go_on(harness.line, 0.0):
+    assert harness.connection.is_full
+    while harness.mirror.go_on(harness.connection, 0.0):
         pass
     assert harness.car.heard == list(range(num))
-    assert not harness.line.is_full
+    assert not harness.connection.is_full
 
 
 # Which time goes out
@@ -994,14 +996,14 @@ def time_stand(value: object = None, *, choice: Literal["sim", "wall", "auto"] =
     return harness
 
 
-@pytest.mark.parametrize("has_line_each", [False, True])
+@pytest.mark.parametrize("has_connection_each", [False, True])
 @pytest.mark.parametrize(
     ("value", "is_wall"), [(True, False), (1, False), (False, True), (0, True), (None, True), ("yes", True)]
 )
 def test_time_is_that_of_the_far_side_before_anything_is_announced(
-    value: object, *, is_wall: bool, has_line_each: bool, lines: Callable[[], list[str]]
+    value: object, *, is_wall: bool, has_connection_each: bool, lines: Callable[[], list[str]]
 ) -> None:
-    harness = time_stand(value, has_line_each=has_line_each)
+    harness = time_stand(value, has_connection_each=has_connection_each)
     assert harness.stamps.is_open
     harness.attach()
     assert harness.num_attached == 1
@@ -1070,14 +1072,14 @@ def test_rosapi_that_starts_later_and_disagrees_is_one_warning(lines: Callable[[
     use_sim_time(harness, "true")
     Rosapi(harness.far.bus)
     lines()
-    harness.run(until=sum(SURVEYS))
+    harness.run(until=sum(SURVEY_DELAYS))
     assert sum("--stamps sim makes both simulated" in line for line in lines()) == 1
 
 
 def test_socket_that_is_lost_before_the_time_is_told_settles_nothing() -> None:
     harness = time_stand(value=True)
-    harness.far.connect(harness.mirror, harness.line)
-    harness.far.cut(harness.mirror, harness.line)
+    harness.far.connect(harness.mirror, harness.connection)
+    harness.far.cut(harness.mirror, harness.connection)
     assert harness.stamps.is_open
     harness.attach()
     assert not harness.stamps.is_open
@@ -1086,7 +1088,7 @@ def test_socket_that_is_lost_before_the_time_is_told_settles_nothing() -> None:
 
 def test_mirror_that_has_left_announces_nothing_when_the_time_is_told() -> None:
     harness = time_stand(value=True)
-    harness.far.connect(harness.mirror, harness.line)
+    harness.far.connect(harness.mirror, harness.connection)
     harness.mirror.leave(0.0)
     harness.pump()
     assert not harness.far.ops("advertise")
@@ -1098,7 +1100,7 @@ def test_in_ros_2_nobody_is_asked_and_stamps_are_the_time_of_day() -> None:
     far, wall = FarBridge(), Wall()
     mirror = Mirror(bus, Car(bus), "ws://far:9090")
     mirror.stamps = wall.stamps()
-    far.connect(mirror, mirror.lines[""])
+    far.connect(mirror, mirror.connections[""])
     far.pump(mirror)
     assert mirror.stamps.is_wall
     assert not [frame for frame in far.ops("call_service") if frame["service"] == "/rosapi/get_param"]
@@ -1128,8 +1130,8 @@ def test_service_of_what_may_come_back_stays_announced_and_says_why_it_does_not_
 
 
 def test_service_of_what_may_come_back_is_announced_to_a_bridge_that_was_restarted() -> None:
-    for has_line_each in (False, True):
-        harness = SimHarness(has_line_each=has_line_each)
+    for has_connection_each in (False, True):
+        harness = SimHarness(has_connection_each=has_connection_each)
         harness.mirror.why_gone = lambda _name: "ego 2 has left"
         harness.attach()
         harness.bus.withdraw(harness.car, "/honk")
@@ -1168,7 +1170,7 @@ def lose_rosapi(harness: SimHarness, *, seconds: float = 10.0) -> float:
 def test_rosapi_that_is_lost_is_one_warning_and_its_return_has_everything_announced_anew(
     harness: SimHarness, lines: Callable[[], list[str]]
 ) -> None:
-    harness.run(until=sum(SURVEYS))
+    harness.run(until=sum(SURVEY_DELAYS))
     lines()
     num_before = len(harness.far.frames)
     lose_rosapi(harness)
@@ -1199,7 +1201,7 @@ def test_rosapi_that_is_lost_is_one_warning_and_its_return_has_everything_announ
 
 
 def test_topics_that_the_bridge_does_not_register_anew_are_taken_back_for_long_enough(harness: SimHarness) -> None:
-    harness.run(until=sum(SURVEYS))
+    harness.run(until=sum(SURVEY_DELAYS))
     lose_rosapi(harness)
     Rosapi(harness.far.bus)
     bus, topics = harness.far.bus, harness.far.bus.topics
@@ -1208,7 +1210,7 @@ def test_topics_that_the_bridge_does_not_register_anew_are_taken_back_for_long_e
         del topics[name]
     deaf(harness, *forgotten)
     num_before = len(harness.far.frames)
-    harness.run(until=10.0 + 1.0 + sum(SURVEYS) + 1.0)
+    harness.run(until=10.0 + 1.0 + sum(SURVEY_DELAYS) + 1.0)
     taken = [f for f in harness.far.frames[num_before:] if f["op"] == "unadvertise"]
     assert len(taken) == 4, "at once, and for good when they were missing all the same"
     num_before = len(harness.far.frames)
@@ -1218,7 +1220,7 @@ def test_topics_that_the_bridge_does_not_register_anew_are_taken_back_for_long_e
         "that would register them as before"
     )
     harness.far._receive = lambda peer, frame, now: FarBridge._receive(harness.far, peer, frame, now)  # type: ignore[method-assign]
-    harness.run(until=10.0 + 1.0 + sum(SURVEYS) + UNREGISTER_TIME + 1.0)
+    harness.run(until=10.0 + 1.0 + sum(SURVEY_DELAYS) + UNREGISTER_TIME + 1.0)
     assert {"/state", "/plate"} <= set(bus.topics)
     program = Program(harness.far)
     program.send("subscribe", topic="/state")
@@ -1228,7 +1230,7 @@ def test_topics_that_the_bridge_does_not_register_anew_are_taken_back_for_long_e
 
 
 def test_far_side_that_is_silent_has_not_lost_its_rosapi(harness: SimHarness, lines: Callable[[], list[str]]) -> None:
-    harness.run(until=sum(SURVEYS))
+    harness.run(until=sum(SURVEY_DELAYS))
     harness.far.mute.add(PROBE)
     harness.run(until=60.0)
     harness.far.mute.clear()
@@ -1238,7 +1240,7 @@ def test_far_side_that_is_silent_has_not_lost_its_rosapi(harness: SimHarness, li
 
 
 def test_one_refusal_is_no_loss(harness: SimHarness, lines: Callable[[], list[str]]) -> None:
-    harness.run(until=sum(SURVEYS))
+    harness.run(until=sum(SURVEY_DELAYS))
     lose_rosapi(harness, seconds=LOOK_PERIOD + 0.5)
     Rosapi(harness.far.bus)
     harness.run(until=60.0)
@@ -1247,7 +1249,7 @@ def test_one_refusal_is_no_loss(harness: SimHarness, lines: Callable[[], list[st
 
 
 def test_bridge_that_dies_without_its_rosapi_is_announced_to_once(harness: SimHarness) -> None:
-    harness.run(until=sum(SURVEYS))
+    harness.run(until=sum(SURVEY_DELAYS))
     lose_rosapi(harness)
     harness.cut()
     Rosapi(harness.far.bus)
@@ -1257,14 +1259,14 @@ def test_bridge_that_dies_without_its_rosapi_is_announced_to_once(harness: SimHa
 
 
 def test_topics_that_were_taken_back_return_though_the_first_socket_was_lost_meanwhile() -> None:
-    harness = SimHarness(has_line_each=True)
+    harness = SimHarness(has_connection_each=True)
     harness.attach()
-    harness.run(until=sum(SURVEYS))
-    harness.mirror._take_back(10.0)
+    harness.run(until=sum(SURVEY_DELAYS))
+    harness.mirror._announcer.take_back(10.0)
     harness.pump()
     assert "/state" not in {name for name, topic in harness.far.bus.topics.items() if topic.publishers}
-    harness.far.cut(harness.mirror, harness.line, 11.0)
-    harness.far.connect(harness.mirror, harness.line, 12.0)
+    harness.far.cut(harness.mirror, harness.connection, 11.0)
+    harness.far.connect(harness.mirror, harness.connection, 12.0)
     harness.pump()
     harness.run(until=10.0 + UNREGISTER_TIME)
     assert {name for name, topic in harness.far.bus.topics.items() if topic.publishers} >= {"/state", "/plate"}
