@@ -16,10 +16,11 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.command_parsing import GhostPose
 from rosbridge_sim.morai.convert import Control, Converter
 from rosbridge_sim.world import dynamics
+from rosbridge_sim.world.lane_position import leave_lane
 from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.self_driving import start_self_driving
 from rosbridge_sim.world.sensors import Mounting
 from rosbridge_sim.world.state import Gear, Mode, World
-from rosbridge_sim.world.traffic import leave_lane, take_wheel
 
 __all__ = ["GPS", "IMU", "SENSORS", "CtrlMode", "Ego", "EgoCommand"]
 
@@ -202,7 +203,7 @@ class Ego:
         row = self.row
         if ctrl_mode is CtrlMode.AUTONOMOUS:
             why = self.shift(Gear.DRIVE)
-            if why is None and not take_wheel(self._world, row):
+            if why is None and not start_self_driving(self._world, row):
                 why = f"ctrl_mode {ctrl_mode.name} refused: ego {self.index} stands on no lane, or across it"
             if why is not None:
                 return why
@@ -216,7 +217,7 @@ class Ego:
 
     def resume(self) -> None:
         """It stands somewhere else, or on another map: if it drove itself it goes on, or not, where no lane is."""
-        if self.ctrl_mode is CtrlMode.AUTONOMOUS and not take_wheel(self._world, self.row):
+        if self.ctrl_mode is CtrlMode.AUTONOMOUS and not start_self_driving(self._world, self.row):
             _log.info("ego %d stands on no lane: ctrl_mode is %s", self.index, CtrlMode.KEYBOARD.name)
             self.hand_over(CtrlMode.KEYBOARD)
 

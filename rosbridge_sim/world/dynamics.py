@@ -325,7 +325,7 @@ class _Driven:
         block = self.block = RowProgram(self.world, self.rows, "target", "speed", written_from="throttle")
         # In the order of `state.FLOATS`; a count that does not fit fails here.
         self.target, self.accel_max, self.accel_min, self.throttle_max = block.values[:4]
-        self.sense, self.full_throttle, self.hold, self.steer_cmd = block.values[4:8]
+        self.sense, self.full_throttle, self.holding, self.steer_cmd = block.values[4:8]
         self.wheelbase, self.steer_rate, self.max_accel, self.max_decel, self.rolling, self.drag = block.values[8:14]
         self.throttle, self.brake, self.steer, self.accel, self.lateral_accel, self.yaw_rate = block.values[14:20]
         self.x, self.y, self.yaw, self.speed = block.values[20:]
@@ -380,7 +380,7 @@ class _Driven:
         do(np.add, self.speed, push, after)
         do(np.multiply, self.brake, constant(self.max_decel * self.dt), friction)
         do(np.add, friction, resist, friction)
-        do(np.add, friction, constant(self.hold * self.dt), friction)
+        do(np.add, friction, constant(self.holding * self.dt), friction)
         do(np.negative, friction, resist)
         do(np.fmin, after, friction, friction)
         do(np.fmax, friction, resist, friction)

@@ -97,7 +97,7 @@ _BODY_COLUMNS: Final = {
 }
 _BOX_COLUMNS: Final = ("half_length", "half_width", "height", "centre")
 _GEAR_DRIVE: Final = {Gear.PARK: 0.0, Gear.REVERSE: -1.0, Gear.NEUTRAL: 0.0, Gear.DRIVE: 1.0}
-_LANE_COLUMNS: Final = ("wish", *INTS[INTS.index("turns") :], "has_lane", "is_loop")
+_LANE_COLUMNS: Final = ("desired_speed", *INTS[INTS.index("turns") :], "has_lane", "is_loop")
 
 
 @dataclass(frozen=True, slots=True)
@@ -448,7 +448,7 @@ class World(EntityArrays):
 
         sense: +1, or -1 in R: speeds and accelerations of the commands count in this direction.
         drive: acceleration of full throttle along the heading, 0 in P and N [m/s^2].
-        hold: what resists even without a pedal: the pawl of P [m/s^2].
+        holding: what resists even without a pedal: the pawl of P [m/s^2].
         target, accel_min, accel_max: the controller asks for (target - sense * speed) / dt, within these bounds. The
             acceleration mode is the case where both bounds are the command.
         throttle_max: 0 where the wish is to stand, so that no throttle balances the rolling resistance at rest.
@@ -457,7 +457,7 @@ class World(EntityArrays):
         is_reverse = gear == Gear.REVERSE
         self.sense[row] = -1.0 if is_reverse else 1.0
         self.drive[row] = self.max_accel.item(row) * _GEAR_DRIVE[Gear(gear)]
-        self.hold[row] = self.max_decel.item(row) if gear == Gear.PARK else STICTION
+        self.holding[row] = self.max_decel.item(row) if gear == Gear.PARK else STICTION
         throttle_max = 1.0
         if mode == Mode.ACCEL:
             self.accel_min[row] = self.accel_max[row] = self.accel_cmd.item(row)

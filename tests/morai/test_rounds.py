@@ -111,8 +111,8 @@ def test_in_ten_minutes_of_the_town_nobody_runs_a_red_light_and_nobody_stands_fo
             assert rounds.judge.red == []
             num_rounds += 1
             rounds.start()
-    assert (len(waits.way), reds.num) == (24, 0)
+    assert (len(waits.distance), reds.num) == (24, 0)
     assert reds.num_passed > 400
     assert waits.longest.max() < 100.0, "two cycles"
-    assert waits.way.min() > 1_000.0
+    assert waits.distance.min() > 1_000.0
     assert num_rounds >= 2

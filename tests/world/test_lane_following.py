@@ -10,15 +10,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rosbridge_sim.world.driver_perception import FIRM, GAP, HEADWAY, STOP_GAP, View, look
+from rosbridge_sim.world.driver_model import FIRM, GAP, HEADWAY, STOP_GAP, Perception, accelerate
+from rosbridge_sim.world.driver_perception import perceive
 from rosbridge_sim.world.dynamics import teleport
 from rosbridge_sim.world.geometry import BoolArray, FloatArray
 from rosbridge_sim.world.lane_conflicts import COMFORT, MAX_LATERAL, LaneConflicts
+from rosbridge_sim.world.lane_following import DECISION
+from rosbridge_sim.world.lane_position import keep_lane
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import Lamp, Light, SignalPlan
 from rosbridge_sim.world.state import DT, Body, Kind, World
 from rosbridge_sim.world.step import step
-from rosbridge_sim.world.traffic import DECISION, _accelerate, keep_lane
 from tests.world.road_factory import CAR, arc, built_in, car, crossing, ego, line, make, road, signalled
 from tests.world.traffic_observers import RedRuns
 
@@ -64,9 +66,9 @@ def test_on_a_free_road_the_limit_is_reached_and_kept() -> None:
     assert np.diff(speeds[:, 0]).max() / DT < 2.0
 
 
-def test_nobody_is_faster_than_he_wishes() -> None:
+def test_no_driver_exceeds_its_desired_speed() -> None:
     world = world_of(road(limit=30.0))
-    row = car(world, "a", 10.0, speed=12.0, wish=8.0)
+    row = car(world, "a", 10.0, speed=12.0, desired_speed=8.0)
     speeds = run(world, 30.0)
     assert speeds[-1, row] == pytest.approx(8.0, abs=0.1)
 
@@ -139,12 +141,12 @@ def test_heights_are_followed() -> None:
 
 def test_a_slower_one_is_followed_at_a_distance_in_time() -> None:
     world = world_of(road(length=3000.0, limit=20.0))
-    slow = car(world, "a", 200.0, wish=10.0, speed=10.0)
+    slow = car(world, "a", 200.0, desired_speed=10.0, speed=10.0)
     fast = car(world, "a", 120.0, speed=15.0)
     run(world, 50.0)
     gap = world.arc[slow] - CAR.rear_overhang - world.arc[fast] - NOSE
     assert world.speed[fast] == pytest.approx(10.0, abs=0.1)
-    # The model's own distance at half the wish: (s0 + v T) / sqrt(1 - (v / v0)^4).
+    # The model's own distance at half the desired speed: (s0 + v T) / sqrt(1 - (v / v0)^4).
     assert gap == pytest.approx((GAP + HEADWAY * 10.0) / math.sqrt(1.0 - 0.5**4), rel=0.05)
 
 
@@ -154,8 +156,8 @@ def test_following_is_that_of_the_intelligent_driver_model(speed: float, lead: f
     wanted = 2.0 + 1.2 * speed + speed * (speed - lead) / (2.0 * math.sqrt(1.5 * COMFORT))
     accel = 1.5 * (1.0 - (speed / 30.0) ** 4 - (wanted / gap) ** 2)
     one, none = np.ones(1), np.full(1, np.inf)
-    view = View(gap * one, lead * one, np.zeros(1, dtype=np.int64), none, none, np.zeros(1, dtype=np.bool_))
-    assert _accelerate(speed * one, 30.0 * one, view) == pytest.approx(accel)
+    seen = Perception(gap * one, lead * one, np.zeros(1, dtype=np.int64), none, none, np.zeros(1, dtype=np.bool_))
+    assert accelerate(speed * one, 30.0 * one, seen) == pytest.approx(accel)
 
 
 def test_a_queue_stands_and_moves_off_in_order() -> None:
@@ -175,7 +177,7 @@ def test_somebody_on_the_lane_after_the_next_is_seen_in_time() -> None:
     snippets = {f"l{i}": (line((10.0 * i, 0), (10.0 * i + 10.0, 0)), f"l{i + 1}") for i in range(40)}
     roads = make(**snippets, l40=(line((400, 0), (500, 0)), ""))
     world = world_of(roads)
-    front = car(world, "l40", 5.0, wish=0.0)
+    front = car(world, "l40", 5.0, desired_speed=0.0)
     back = car(world, "l20", 1.0, speed=15.0)
     speeds = run(world, 30.0)
     assert speeds[-1, back] < 0.02
@@ -189,7 +191,7 @@ def test_who_stands_where_lanes_part_is_in_the_way_of_both() -> None:
         c=(line((100, 0), (200, 20)), ""),
     )
     world = world_of(roads)
-    car(world, "b", 1.5, wish=0.0)
+    car(world, "b", 1.5, desired_speed=0.0)
     other = car(world, "a", 10.0, speed=10.0, route="a c")
     run(world, 30.0)
     assert lane_of(world, other) == "a"
@@ -303,7 +305,7 @@ def test_lanes_that_join_are_entered_one_by_one() -> None:
 
 def test_nobody_enters_who_would_have_to_stop_inside() -> None:
     world = world_of(crossing())
-    blocker = car(world, "e", 4.0, wish=0.0)
+    blocker = car(world, "e", 4.0, desired_speed=0.0)
     waiting = car(world, "w", 100.0, speed=10.0)
     crosses = car(world, "s", 60.0, speed=10.0)
     run(world, 30.0)
@@ -317,7 +319,7 @@ def test_nobody_enters_who_would_have_to_stop_inside() -> None:
 def test_a_crossing_is_entered_where_room_for_the_car_and_its_gap_is_behind_it(spare: float, lane: str) -> None:
     """Who enters without room for the gap comes to a stand with its tail on the crossing."""
     world = world_of(crossing())
-    car(world, "e", CAR.rear_overhang + CAR.length + GAP + spare, wish=0.0)
+    car(world, "e", CAR.rear_overhang + CAR.length + GAP + spare, desired_speed=0.0)
     row = car(world, "w", 150.0, speed=8.0)
     run(world, 30.0)
     assert lane_of(world, row) == lane
@@ -328,7 +330,7 @@ def test_room_behind_a_crossing_is_kept_for_those_who_may_enter_with_their_gap(
     spare: float, *, may_enter: bool
 ) -> None:
     world = world_of(crossing())
-    car(world, "e", CAR.rear_overhang + 2.0 * (CAR.length + GAP) + spare, wish=0.0)
+    car(world, "e", CAR.rear_overhang + 2.0 * (CAR.length + GAP) + spare, desired_speed=0.0)
     first, second = car(world, "w", 176.0, speed=8.0), car(world, "w", 164.0, speed=8.0)
     run(world, 4 * DECISION * DT)
     entered = world.roads.row("we")
@@ -346,12 +348,12 @@ def test_who_finds_a_street_full_takes_another() -> None:
     )
     for seed in range(2):
         world = world_of(roads, seed=seed)
-        car(world, "d", 3.0, wish=0.0)
+        car(world, "d", 3.0, desired_speed=0.0)
         row = car(world, "a", 70.0, speed=8.0)
         run(world, 30.0)
         assert lane_of(world, row) == "e"
     world = world_of(roads)
-    car(world, "d", 3.0, wish=0.0)
+    car(world, "d", 3.0, desired_speed=0.0)
     row = car(world, "a", 70.0, speed=8.0, route="a b d")
     run(world, 20.0)
     assert lane_of(world, row) == "a", "but not if he knows where he wants to go"
@@ -496,9 +498,9 @@ def test_a_route_may_begin_again() -> None:
     [
         ({"lane": 5}, "lane: expected 0..4"),
         ({"lane": -1}, "lane: expected 0..4"),
-        ({"s": math.nan}, "s and wish"),
-        ({"wish": -1.0}, "s and wish"),
-        ({"wish": math.nan}, "s and wish"),
+        ({"s": math.nan}, "s and desired_speed"),
+        ({"desired_speed": -1.0}, "s and desired_speed"),
+        ({"desired_speed": math.nan}, "s and desired_speed"),
         ({"route": [1, 3]}, "route: expected to begin with lane 0"),
         ({"route": [0, 1, 2]}, "lane 2 does not follow lane 1"),
         ({"route": [0, 99]}, "lane 99 does not follow lane 0"),
@@ -516,7 +518,7 @@ def test_what_cannot_be_is_refused_and_changes_nothing(figures: dict[str, Any], 
 
 def test_only_vehicles_keep_to_lanes() -> None:
     world = world_of(ring())
-    with pytest.raises(ValueError, match="no vehicle"):
+    with pytest.raises(ValueError, match="expected a vehicle"):
         keep_lane(world, ego(world, 0.0, 0.0), 0, 1.0)
     empty = World()
     empty.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0)
@@ -573,7 +575,7 @@ def crowd(seed: int = 0, num: int = 30, *, is_alone: bool = False) -> World:
     town = built_in("town")
     world = world_of(town.roads, town.plan, seed)
     network = town.roads.derived(LaneConflicts)
-    free = [lane for lane in range(len(town.roads)) if math.isinf(network.hold[lane])]
+    free = [lane for lane in range(len(town.roads)) if math.isinf(network.wait_point[lane])]
     for i in range(num):
         lane = free[i * 7 % len(free)]
         car(world, town.roads.ids[lane], 10.0 + 12.0 * (i % 5), speed=5.0, body=BUS if i % 9 == 0 else CAR)
@@ -674,10 +676,10 @@ def red_runs(world: World, seconds: float) -> int:
 
 
 def test_the_count_of_red_runs_finds_those_who_do_not_look(monkeypatch: pytest.MonkeyPatch) -> None:
-    def blind(network: LaneConflicts, may_enter: BoolArray, *rest: Any) -> View:  # noqa: ANN401 - as `look` has them
-        return look(network, np.ones_like(may_enter), *rest)
+    def blind(network: LaneConflicts, may_enter: BoolArray, *rest: Any) -> Perception:  # noqa: ANN401 - as `perceive` has them
+        return perceive(network, np.ones_like(may_enter), *rest)
 
-    monkeypatch.setattr("rosbridge_sim.world.traffic.look", blind)
+    monkeypatch.setattr("rosbridge_sim.world.lane_following.perceive", blind)
     assert red_runs(crowd(num=20, is_alone=True), 15.0) > 3
 
 
