@@ -64,6 +64,21 @@ def crossing() -> Roads:
     )
 
 
+def ring() -> Roads:
+    """A loop with a choice of two ways on half of it."""
+
+    def half(radius: float) -> FloatArray:
+        return np.concatenate([arc(60, radius, radius, -90, 180), line((0, 2 * radius))])
+
+    return make(
+        a=(line((0, 0), (60, 0)), "b c"),
+        b=(half(30.0), "d"),
+        c=(half(40.0), "e"),
+        d=(arc(0, 30, 30, 90, 180), "a"),
+        e=(arc(0, 40, 40, 90, 180), "a"),
+    )
+
+
 def signalled(green: int = 300, yellow: int = 150) -> tuple[Roads, SignalPlan]:
     """The same with lights: first the east has green, then the north; so many frames each."""
     roads = crossing()
