@@ -44,15 +44,10 @@ from rosbridge_sim.graph.topics_services import Answer, Call, Deliver, Handle, O
 from rosbridge_sim.graph.unpublished import UnpublishedTopics
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.ops import OpBody
-from rosbridge_sim.schema.compile import (
-    ActionType,
-    MessageType,
-    OpaqueActionType,
-    OpaqueServiceType,
-    OpaqueType,
-    ServiceType,
-)
-from rosbridge_sim.schema.store import Message, Store
+from rosbridge_sim.schema.message import Message
+from rosbridge_sim.schema.message_type import ActionType, MessageType, ServiceType
+from rosbridge_sim.schema.opaque_types import OpaqueActionType, OpaqueServiceType, OpaqueType
+from rosbridge_sim.schema.store import Store
 
 __all__ = ["MAX_CALLS", "TYPE_MEMORY", "Bus", "Holdings"]
 

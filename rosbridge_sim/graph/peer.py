@@ -38,8 +38,9 @@ from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.codec import is_absent
 from rosbridge_sim.protocol.session import LEVELS, Feed, Session
 from rosbridge_sim.protocol.subscription import read_options, read_qos
-from rosbridge_sim.schema.compile import MessageType, OpaqueType
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
+from rosbridge_sim.schema.message_type import MessageType
+from rosbridge_sim.schema.opaque_types import OpaqueType
 from rosbridge_sim.suggestions import hint, listing
 
 __all__ = ["WEBSOCKET_NODE_NAME", "FrameWork", "Peer", "Work"]

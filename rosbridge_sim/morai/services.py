@@ -290,7 +290,7 @@ class Services(Component):
         node = self._node
         node.reset(None if request.seed < 0 else request.seed, now)
         _log.info("reset by %s, seed %d", call.caller.name, node.world.seed)
-        call.answer(call.service.type.response.struct(node.world.frame, node.world.seed))
+        call.answer(call.service.type.response.struct_type(node.world.frame, node.world.seed))
 
     # Figures
 

@@ -18,7 +18,7 @@ from rosbridge_sim.graph.participant import OfferKind, Participant, resolve
 from rosbridge_sim.graph.topics_services import Answer, Call, Topic
 from rosbridge_sim.graph.unpublished import UNPUBLISHED_AFTER
 from rosbridge_sim.protocol.account import Account
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from tests.graph.bus_fixture import make_bus, make_store
 
 STRING = "std_msgs/String"
@@ -54,7 +54,7 @@ class Visitor(Somebody):
 
 def text(bus: Bus, data: str) -> Message:
     message_type = bus.store.message(STRING)
-    return Message(message_type, message_type.struct(data=data))
+    return Message(message_type, message_type.struct_type(data=data))
 
 
 def test_names_are_resolved_against_the_root() -> None:

@@ -11,7 +11,7 @@ import pytest
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from tests.morai.sim_harness import Client
 from tests.morai.town import Crossroads, Driver, Judge, Way
 from tests.world.traffic_observers import RedRuns, Waits

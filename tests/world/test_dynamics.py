@@ -20,9 +20,10 @@ from rosbridge_sim.world.dynamics import (
     teleport,
     turn_wheels,
 )
-from rosbridge_sim.world.geometry import arc_lengths, nearest_on_polyline, point_at, to_body
+from rosbridge_sim.world.geometry import arc_lengths, nearest_on_polyline
 from rosbridge_sim.world.state import DT, STICTION, Body, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
+from tests.world.polylines import left_of, point_at
 
 CAR = Body()
 # No drag at all: so that circles and ways have closed forms.
@@ -633,8 +634,8 @@ def test_a_pure_pursuit_driver_keeps_the_rear_axle_on_a_winding_road(kmh: float)
         if near.arc[0] > arcs[-1] - ahead - 1.0:
             break
         goal = point_at(road, arcs, near.arc + ahead)[0]
-        _, left = to_body(goal[0] - x, goal[1] - y, heading)
-        steer = math.atan2(2.0 * CAR.wheelbase * float(left), (goal[0] - x) ** 2 + (goal[1] - y) ** 2)
+        left = left_of(goal[0] - x, goal[1] - y, heading)
+        steer = math.atan2(2.0 * CAR.wheelbase * left, (goal[0] - x) ** 2 + (goal[1] - y) ** 2)
         command(world, 0, mode=Mode.SPEED, speed=kmh / 3.6, steer=steer)
         step(world)
     else:

@@ -47,7 +47,7 @@ from rosbridge_sim.graph.topics_services import Answer, Subscription, Topic
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.codec import publish_head
 from rosbridge_sim.protocol.outbox import OutboxLimits
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 
 __all__ = ["FAR_SIDE_NAME", "Mirror"]
 

@@ -375,7 +375,7 @@ class Replay(Component):
         self._result = result
         self._told = ()  # whoever waits for a word on his command is to hear one, be it the same as before
         self._announce(now)
-        call.answer(call.service.type.response.struct(self._make_result(result is ReplayResult.DONE)))
+        call.answer(call.service.type.response.struct_type(self._make_result(result is ReplayResult.DONE)))
 
     # Network replay
 
