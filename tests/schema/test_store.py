@@ -1,4 +1,4 @@
-"""Types by name: spellings, what is unknown, what is found in rosbags, texts for rosapi, messages."""
+"""Types by name: spellings, unknown names, standard packages from rosbags, texts for rosapi."""
 
 from __future__ import annotations
 
@@ -7,10 +7,8 @@ import sys
 
 import pytest
 
-from rosbridge_sim.errors import EncodingError, FieldError, TypeNameError, UnknownPackageError
+from rosbridge_sim.errors import FieldError, TypeNameError, UnknownPackageError
 from rosbridge_sim.schema.dialect import Leniency, Time, Time2
-from rosbridge_sim.schema.message import Message
-from rosbridge_sim.schema.opaque_types import OpaqueType
 from rosbridge_sim.schema.store import Store
 from tests.schema.strategies import SCHEMAS, shared_store
 
@@ -268,7 +266,7 @@ def test_snake_case_of_morais_fields_is_accepted_and_never_sent() -> None:
         assert t.check({name: 3}, 0).longlCmdType == 3
 
 
-# Texts and messages
+# Texts
 
 
 def test_full_text_has_each_nested_type_once_and_by_its_full_name() -> None:
@@ -309,17 +307,6 @@ def test_time_value_is_a_time_of_the_personality() -> None:
     assert shared_store().time_value(1_500_000_000) == Time(1, 500_000_000)
 
 
-def test_a_message_is_encoded_once() -> None:
-    message_type = shared_store().message("std_msgs/String")
-    message = Message(message_type, message_type.struct_type(data="x"))
-    assert message.json == b'{"data":"x"}'
-    assert message.json is message.json
-    assert message.framed(b'{"msg":') == b'{"msg":{"data":"x"}}'
-    assert message.framed(b'{"msg":') is message.framed(b'{"msg":')
-    assert message.framed(b'{"m":') == b'{"m":{"data":"x"}}'
-    assert Message(OpaqueType("who/Knows"), {"a": 1}).json == b'{"a":1}'
-
-
 def test_spellings_with_needless_slashes_find_the_type_and_are_not_kept() -> None:
     store = Store({("p", "msg", "T"): "int8 a", ("p", "srv", "S"): "---\n"})
     known = store.message("p/T"), store.service("p/S")
@@ -345,19 +332,6 @@ def test_the_types_of_the_simulator_do_without_rosbags() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=SCHEMAS.parent)
     assert done.stdout.strip() == "False"
-
-
-def test_message_that_could_not_be_written_once_is_not_tried_again() -> None:
-    message_type = shared_store().message("std_msgs/String")
-    message = Message(message_type, message_type.struct_type(data=object()))
-    for _ in range(2):
-        with pytest.raises(EncodingError, match="std_msgs/String: cannot be written as JSON: TypeError") as caught:
-            _ = message.json
-        assert isinstance(caught.value.__cause__, TypeError)
-        message.value.data = "whole"
-    assert message.cbor.endswith(b"whole")
-    with pytest.raises(EncodingError, match="std_msgs/String: cannot be written: ZeroDivisionError"):
-        message.shared("a form", lambda: 1 // 0)
 
 
 def test_nearest_standard_type_and_package_are_suggested() -> None:
