@@ -78,7 +78,7 @@ UniqueId = Callable[[int], int]
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    """A CtrlCmd in the world's units; the arguments of `dynamics.command`.
+    """A CtrlCmd in the world's units; the arguments of `commands.command`.
 
     Attributes:
         mode: which of the others count.

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.dynamics import command
+from rosbridge_sim.world.commands import command
 from rosbridge_sim.world.geometry import FloatArray, IntArray
 from rosbridge_sim.world.lane_position import find_ahead, join_lane, leave_lane
 from rosbridge_sim.world.state import Gear, Kind, Mode, World

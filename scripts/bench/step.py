@@ -29,7 +29,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.world.dynamics import command
+from rosbridge_sim.world.commands import command
 from rosbridge_sim.world.geometry import FloatArray
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.lane_following import DECISION

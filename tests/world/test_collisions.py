@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from rosbridge_sim.world import collisions
 from rosbridge_sim.world.collisions import LIFE, MARGIN, SMALL, TURN_MARGIN
-from rosbridge_sim.world.dynamics import command, teleport
+from rosbridge_sim.world.commands import command
 from rosbridge_sim.world.geometry import BoolArray, ComplexArray, do_boxes_meet
+from rosbridge_sim.world.placement import teleport
 from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
 

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from rosbridge_sim.world.driver_model import FIRM, GAP, HEADWAY, STOP_GAP, Perception
 from rosbridge_sim.world.driver_perception import perceive
-from rosbridge_sim.world.dynamics import teleport
 from rosbridge_sim.world.geometry import BoolArray
 from rosbridge_sim.world.lane_conflicts import MAX_LATERAL, LaneConflicts
 from rosbridge_sim.world.lane_following import DECISION
 from rosbridge_sim.world.lane_position import keep_lane
+from rosbridge_sim.world.placement import teleport
 from rosbridge_sim.world.signal_plan import Lamp, Light, SignalPlan
 from rosbridge_sim.world.state import DT, Body, Kind, World
 from rosbridge_sim.world.step import step

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from rosbridge_sim.world.dynamics import teleport
 from rosbridge_sim.world.lane_position import keep_lane
+from rosbridge_sim.world.placement import teleport
 from rosbridge_sim.world.signal_plan import SignalPlan
 from rosbridge_sim.world.state import Kind, World
 from tests.world.lane_drives import lane_of, run, world_of

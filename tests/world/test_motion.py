@@ -11,11 +11,12 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from rosbridge_sim.world.dynamics import command, place_ghost, show_ghosts, teleport
+from rosbridge_sim.world.commands import command
 from rosbridge_sim.world.geometry import FloatArray, IntArray
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.lane_position import keep_lane
 from rosbridge_sim.world.motion import SPAN, motion
+from rosbridge_sim.world.placement import place_ghost, show_ghosts, teleport
 from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
 from tests.world.road_factory import CAR, arc, built_in, car, line, make, signalled

@@ -7,9 +7,10 @@ import math
 import numpy as np
 import pytest
 
+from rosbridge_sim.world.commands import command, shift
 from rosbridge_sim.world.driver_model import GAP
-from rosbridge_sim.world.dynamics import command, shift, teleport
 from rosbridge_sim.world.lane_position import leave_lane
+from rosbridge_sim.world.placement import teleport
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.self_driving import MAX_LATERAL_OFFSET, start_self_driving
 from rosbridge_sim.world.state import DT, Gear, Kind, Mode, World
