@@ -18,8 +18,8 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
-from rosbridge_sim.world.roads import Roads, ranges
+from rosbridge_sim.world.geometry import FloatArray, IntArray, ranges, wrap_angle
+from rosbridge_sim.world.roads import Roads
 
 __all__ = ["COMFORT", "LaneConflicts", "Links"]
 
