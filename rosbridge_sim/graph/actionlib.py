@@ -27,7 +27,7 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 
 __all__ = ["ENDED_GOAL_MEMORY", "MAX_GOAL_ID", "STATUS_PERIOD", "Actionlib", "ActionlibStatus"]
 
@@ -102,13 +102,13 @@ class Actionlib:
         self._ended: deque[_Tracked] = deque(maxlen=MAX_ENDED)
         self._status_due = 0.0
         store = bus.store
-        self._header = store.message("std_msgs/Header").struct
-        self._goal_id = store.message("actionlib_msgs/GoalID").struct
-        self._goal_status = store.message("actionlib_msgs/GoalStatus").struct
+        self._header = store.message("std_msgs/Header").struct_type
+        self._goal_id = store.message("actionlib_msgs/GoalID").struct_type
+        self._goal_status = store.message("actionlib_msgs/GoalStatus").struct_type
 
         def advertise(name: str, type_name: str) -> tuple[Topic, type[msgspec.Struct]]:
             topic = bus.advertise(owner, f"{action.name}/{name}", type_name, is_exclusive=True)
-            return topic, store.message(type_name).struct
+            return topic, store.message(type_name).struct_type
 
         self._feedback, self._feedback_struct = advertise("feedback", f"{action.type.name}ActionFeedback")
         self._result, self._result_struct = advertise("result", f"{action.type.name}ActionResult")

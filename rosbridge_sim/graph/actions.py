@@ -25,8 +25,9 @@ from rosbridge_sim.graph.service_table import ServiceTable
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.graph.type_resolution import TypeResolver
 from rosbridge_sim.protocol.ops import OpBody
-from rosbridge_sim.schema.compile import ActionType, OpaqueActionType
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
+from rosbridge_sim.schema.message_type import ActionType
+from rosbridge_sim.schema.opaque_types import OpaqueActionType
 
 __all__ = ["CANCEL", "Action", "Actions", "Goal", "GoalOutcome", "GoalStatus"]
 
@@ -322,7 +323,7 @@ class Actions:
         """Cancel the caller's goals, since ROS 2 asks for it by a call."""
         request: Any = call.request
         info = request.goal_info
-        response = call.service.type.response.struct
+        response = call.service.type.response.struct_type
         if any(info.goal_id.uuid):
             call.answer(response(_UNKNOWN_GOAL, []))
             return

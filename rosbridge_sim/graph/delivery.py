@@ -13,7 +13,7 @@ from rosbridge_sim.errors import EncodingError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.bus_state import BusState
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Subscription, Topic
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 
 __all__ = ["Delivery"]
 

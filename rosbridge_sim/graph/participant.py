@@ -12,7 +12,8 @@ import orjson
 from rosbridge_sim.errors import FieldError, GraphError, Reason
 from rosbridge_sim.protocol.codec import is_absent
 from rosbridge_sim.protocol.ops import ABSENT, OpBody
-from rosbridge_sim.schema.compile import MessageType, OpaqueType
+from rosbridge_sim.schema.message_type import MessageType
+from rosbridge_sim.schema.opaque_types import OpaqueType
 from rosbridge_sim.schema.sizes import size_of
 from rosbridge_sim.suggestions import listing
 

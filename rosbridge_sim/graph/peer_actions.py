@@ -8,7 +8,7 @@ from rosbridge_sim.graph.participant import decode_body, resolve
 from rosbridge_sim.graph.peer_base import CheckRoom, PeerBase
 from rosbridge_sim.graph.pending_work import PendingWork, find_awaited
 from rosbridge_sim.protocol import ops
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 
 __all__ = ["PeerActions"]
 

@@ -20,7 +20,7 @@ from rosbridge_sim.graph.pending_work import PendingWork, find_awaited
 from rosbridge_sim.graph.topics_services import Answer, Call
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.codec import is_absent
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 
 __all__ = ["PeerServices"]
 

@@ -16,8 +16,9 @@ from rosbridge_sim.graph.peer_base import CheckRoom, PeerBase
 from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.subscription import Feed, read_options, read_qos
-from rosbridge_sim.schema.compile import MessageType, OpaqueType
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
+from rosbridge_sim.schema.message_type import MessageType
+from rosbridge_sim.schema.opaque_types import OpaqueType
 from rosbridge_sim.suggestions import hint, listing
 
 __all__ = ["MAX_WATCHED_TOPICS", "PeerTopics"]

@@ -22,7 +22,7 @@ from rosbridge_sim.graph.parameters import MAX_PARAMETERS
 from rosbridge_sim.graph.participant import Participant, resolve
 from rosbridge_sim.graph.policy import OPEN, Policy, Rule
 from rosbridge_sim.graph.topics_services import Call, Service, Topic
-from rosbridge_sim.schema.compile import MessageType
+from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.names import DefinitionKind
 from rosbridge_sim.schema.typedefs import typedefs
 
@@ -223,8 +223,8 @@ class Rosapi:
             return f"# failed to get full definition text for {name}: {error}"
 
     def _describe(self, message_type: MessageType) -> _Fields:
-        make = self._bus.store.message("rosapi/TypeDef").struct
-        return {"typedefs": [make(**asdict(typedef)) for typedef in typedefs(message_type.shape)]}
+        make = self._bus.store.message("rosapi/TypeDef").struct_type
+        return {"typedefs": [make(**asdict(typedef)) for typedef in typedefs(message_type.spec)]}
 
     def _message_details(self, request: _Request) -> _Fields:
         return self._describe(self._bus.store.message(request.type))
@@ -304,7 +304,7 @@ class Rosapi:
             self._params.put(self._parameter_name(request.name), request.value, call.caller)
         except orjson.JSONDecodeError:
             raise GraphError(_BAD_VALUE) from None
-        call.answer(call.service.type.response.struct())
+        call.answer(call.service.type.response.struct_type())
 
     def _get_param(self, request: _Request) -> _Fields:
         name = self._parameter_name(request.name)
@@ -353,7 +353,7 @@ def _prefix(namespace: str) -> str:
 
 def _handler(respond: Callable[[_Request], _Fields]) -> Callable[[Call, float], None]:
     def handle(call: Call, _now: float) -> None:
-        call.answer(call.service.type.response.struct(**respond(call.request)))
+        call.answer(call.service.type.response.struct_type(**respond(call.request)))
 
     return handle
 

@@ -17,7 +17,8 @@ from rosbridge_sim.graph.participant import Guest, Notify, Participant, resolve
 from rosbridge_sim.graph.topics_services import Deliver, Subscription, Topic
 from rosbridge_sim.graph.type_resolution import TypeResolver
 from rosbridge_sim.graph.unpublished import UnpublishedTopics
-from rosbridge_sim.schema.compile import MessageType, OpaqueType
+from rosbridge_sim.schema.message_type import MessageType
+from rosbridge_sim.schema.opaque_types import OpaqueType
 
 __all__ = ["MAX_REMEMBERED_TOPICS", "TYPE_MEMORY", "TopicTable"]
 

@@ -13,8 +13,9 @@ from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.participant import Guest, Notify, Participant
 from rosbridge_sim.protocol.account import Account, HeldMessages
 from rosbridge_sim.protocol.smallest import Smallest
-from rosbridge_sim.schema.compile import MessageType, OpaqueServiceType, OpaqueType, ServiceType
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
+from rosbridge_sim.schema.message_type import MessageType, ServiceType
+from rosbridge_sim.schema.opaque_types import OpaqueServiceType, OpaqueType
 
 __all__ = ["Answer", "Call", "Deliver", "Handle", "OnAnswer", "Service", "Subscription", "Topic"]
 

@@ -7,14 +7,8 @@ from collections.abc import Callable, Iterable
 
 from rosbridge_sim.errors import UnknownPackageError
 from rosbridge_sim.graph.participant import resolve
-from rosbridge_sim.schema.compile import (
-    ActionType,
-    MessageType,
-    OpaqueActionType,
-    OpaqueServiceType,
-    OpaqueType,
-    ServiceType,
-)
+from rosbridge_sim.schema.message_type import ActionType, MessageType, ServiceType
+from rosbridge_sim.schema.opaque_types import OpaqueActionType, OpaqueServiceType, OpaqueType
 from rosbridge_sim.schema.store import Store
 
 __all__ = ["MAX_REMEMBERED_TYPES", "TypeResolver"]

@@ -15,11 +15,12 @@ from typing import Any, Final
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.command_parsing import GhostPose
 from rosbridge_sim.morai.convert import Control, Converter
-from rosbridge_sim.world import dynamics
+from rosbridge_sim.world import commands, placement
+from rosbridge_sim.world.lane_position import leave_lane
 from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.self_driving import start_self_driving
 from rosbridge_sim.world.sensors import Mounting
 from rosbridge_sim.world.state import Gear, Mode, World
-from rosbridge_sim.world.traffic import leave_lane, take_wheel
 
 __all__ = ["GPS", "IMU", "SENSORS", "CtrlMode", "Ego", "EgoCommand"]
 
@@ -131,7 +132,7 @@ class Ego:
             return
         if self.ctrl_mode is CtrlMode.AUTONOMOUS:
             self.set_ctrl_mode(CtrlMode.EXTERNAL)
-        dynamics.command(
+        commands.command(
             self._world,
             self.row,
             mode=control.mode,
@@ -157,11 +158,11 @@ class Ego:
         """
         if gear is not None and gear is not self.gear:
             self._place(pose, speed=0.0)
-            dynamics.shift(self._world, self.row, gear)
+            commands.shift(self._world, self.row, gear)
         self._place(pose, speed=pose.speed)
-        dynamics.release(self._world, self.row)
+        commands.release(self._world, self.row)
         if pose.steer is not None:
-            dynamics.turn_wheels(self._world, self.row, pose.steer)
+            commands.turn_wheels(self._world, self.row, pose.steer)
         self._refused_gear = None
         self.resume()
         self.forget_status()
@@ -174,11 +175,11 @@ class Ego:
         """
         self._place(pose, pose.speed, is_ghost=True)
         if pose.steer is not None:
-            dynamics.turn_wheels(self._world, self.row, pose.steer)
+            commands.turn_wheels(self._world, self.row, pose.steer)
         self.forget_status()
 
     def _place(self, pose: GhostPose, speed: float, *, is_ghost: bool = False) -> None:
-        place = dynamics.place_ghost if is_ghost else dynamics.teleport
+        place = placement.place_ghost if is_ghost else placement.teleport
         place(
             self._world,
             self.row,
@@ -202,7 +203,7 @@ class Ego:
         row = self.row
         if ctrl_mode is CtrlMode.AUTONOMOUS:
             why = self.shift(Gear.DRIVE)
-            if why is None and not take_wheel(self._world, row):
+            if why is None and not start_self_driving(self._world, row):
                 why = f"ctrl_mode {ctrl_mode.name} refused: ego {self.index} stands on no lane, or across it"
             if why is not None:
                 return why
@@ -210,13 +211,13 @@ class Ego:
             leave_lane(self._world, row)
             is_foreign = self.ctrl_mode in {CtrlMode.EXTERNAL, CtrlMode.AUTONOMOUS}
             if is_foreign and self.ctrl_mode is not ctrl_mode:
-                dynamics.command(self._world, row, mode=Mode.PEDALS, steer=0.0)
+                commands.command(self._world, row, mode=Mode.PEDALS, steer=0.0)
         self.ctrl_mode = ctrl_mode
         return None
 
     def resume(self) -> None:
         """It stands somewhere else, or on another map: if it drove itself it goes on, or not, where no lane is."""
-        if self.ctrl_mode is CtrlMode.AUTONOMOUS and not take_wheel(self._world, self.row):
+        if self.ctrl_mode is CtrlMode.AUTONOMOUS and not start_self_driving(self._world, self.row):
             _log.info("ego %d stands on no lane: ctrl_mode is %s", self.index, CtrlMode.KEYBOARD.name)
             self.set_ctrl_mode(CtrlMode.KEYBOARD)
 
@@ -231,7 +232,7 @@ class Ego:
         if self.is_replayed:
             return f"gear {gear.name} refused: a recording moves ego {self.index}"
         row = self.row
-        if dynamics.shift(self._world, row, gear):
+        if commands.shift(self._world, row, gear):
             self._refused_gear = None
             return None
         speed = self._world.speed.item(row)

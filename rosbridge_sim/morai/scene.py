@@ -23,8 +23,8 @@ from rosbridge_sim.morai.command_parsing import GhostPose
 from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.releases import SpeedLimits
 from rosbridge_sim.morai.scenarios.reader import PhaseStart, Scenario, Spawn, place_on_roads, sort_phases
+from rosbridge_sim.world.lane_position import keep_lane
 from rosbridge_sim.world.state import DT, Body, Gear, Kind, World
-from rosbridge_sim.world.traffic import keep_lane
 
 __all__ = [
     "DEFAULT_MAP",
@@ -455,7 +455,7 @@ def _spawn(world: World, spawn: Spawn, uid: int, gear: Gear) -> None:
             world.row(uid),
             driver.lane,
             driver.s,
-            wish=driver.wish,
+            desired_speed=driver.desired_speed,
             route=driver.route,
             is_loop=spawn.is_loop and len(driver.route) > 0,
         )

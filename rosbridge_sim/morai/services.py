@@ -290,7 +290,7 @@ class Services(Component):
         context = self._context
         context.scene_changes.reset(None if request.seed < 0 else request.seed, now)
         _log.info("reset by %s, seed %d", call.caller.name, context.world.seed)
-        call.answer(call.service.type.response.struct(context.world.frame, context.world.seed))
+        call.answer(call.service.type.response.struct_type(context.world.frame, context.world.seed))
 
     # Figures
 

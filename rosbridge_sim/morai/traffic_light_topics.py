@@ -26,7 +26,7 @@ from rosbridge_sim.morai.ego import Ego
 from rosbridge_sim.morai.interfaces.publishers import Publishers
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
 from rosbridge_sim.morai.maps.lights import light_type
-from rosbridge_sim.schema.validate import round32
+from rosbridge_sim.schema.float32 import round32
 from rosbridge_sim.world.signal_plan import UNSET, Lamp
 from rosbridge_sim.world.signals import Signals, light_ahead
 from rosbridge_sim.world.state import DT
@@ -192,5 +192,5 @@ class TrafficLightTopics(Component):
         except KeyError:
             index, status = "", NO_LIGHT
         call.answer(
-            call.service.type.response.struct(self._make_info(self._header("TrafficLightStatus"), index, status))
+            call.service.type.response.struct_type(self._make_info(self._header("TrafficLightStatus"), index, status))
         )

@@ -13,7 +13,7 @@ from rosbridge_sim.graph.actions import Goal, GoalStatus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from tests.graph.bus_fixture import make_bus
 
 NAME = "/count"
@@ -85,7 +85,7 @@ class Stage:
         return who
 
     def sequence(self, *numbers: int) -> Struct:
-        return self.bus.store.action(TYPE).result.struct(sequence=list(numbers))
+        return self.bus.store.action(TYPE).result.struct_type(sequence=list(numbers))
 
     def advance(self, seconds: float) -> int:
         """Let time pass, with turns just when they are asked for; how many."""
@@ -106,7 +106,7 @@ def test_a_goal_comes_to_its_end_with_feedback_on_the_way() -> None:
     (goal,) = scene.goals
     assert goal.caller is who
     assert goal.request.order == 2  # type: ignore[attr-defined] # a generated struct
-    goal.report(scene.bus.store.action(TYPE).feedback.struct(sequence=[0, 1]))
+    goal.report(scene.bus.store.action(TYPE).feedback.struct_type(sequence=[0, 1]))
     (feedback,) = who.messages("feedback")
     assert feedback["feedback"] == {"sequence": [0, 1]}
     assert feedback["status"] == {

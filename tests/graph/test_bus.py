@@ -20,7 +20,7 @@ from rosbridge_sim.graph.topic_table import TYPE_MEMORY
 from rosbridge_sim.graph.topics_services import Answer, Call, Topic
 from rosbridge_sim.graph.unpublished import UNPUBLISHED_AFTER
 from rosbridge_sim.protocol.account import Account
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from tests.graph.bus_fixture import make_bus, make_store
 
 STRING = "std_msgs/String"
@@ -56,7 +56,7 @@ class Visitor(Somebody):
 
 def text(bus: Bus, data: str) -> Message:
     message_type = bus.store.message(STRING)
-    return Message(message_type, message_type.struct(data=data))
+    return Message(message_type, message_type.struct_type(data=data))
 
 
 def test_names_are_resolved_against_the_root() -> None:

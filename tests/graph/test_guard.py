@@ -18,8 +18,8 @@ from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.graph.topics_services import Answer, Call, Topic
 from rosbridge_sim.protocol.outbox import Outbox
-from rosbridge_sim.schema.compile import MessageType
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
+from rosbridge_sim.schema.message_type import MessageType
 from tests.graph.bus_fixture import make_bus, make_peer
 
 STRING = "std_msgs/String"
@@ -89,7 +89,7 @@ class BrokenType:
 
 def text(bus: Bus, data: object) -> Message:
     message_type = bus.store.message(STRING)
-    return Message(message_type, message_type.struct(data=data))
+    return Message(message_type, message_type.struct_type(data=data))
 
 
 def make_client(bus: Bus) -> tuple[Peer, Outbox]:
@@ -341,7 +341,7 @@ def test_answer_that_cannot_be_written_is_a_refusal(caplog: pytest.LogCaptureFix
     provider, (client, box) = Guest(bus), make_client(bus)
 
     def answer(call: Call, _now: float) -> None:
-        call.answer(call.service.type.response.struct(True, object()))  # noqa: FBT003 - the message's fields
+        call.answer(call.service.type.response.struct_type(True, object()))  # noqa: FBT003 - the message's fields
 
     bus.provide(provider, "/s", SERVICE, answer)
     say(client, "call_service", service="/s", id="c", args={"data": True})
@@ -360,7 +360,7 @@ def test_request_that_cannot_be_written_for_its_provider_is_refused(caplog: pyte
     handle = bus.services["/s"].handle
 
     def spoil(call: Call, now: float) -> None:
-        call.request = call.service.type.request.struct(data=object())
+        call.request = call.service.type.request.struct_type(data=object())
         handle(call, now)
 
     bus.services["/s"].handle = spoil
@@ -443,9 +443,9 @@ def test_feedback_and_results_that_cannot_be_written_hurt_nobody(caplog: pytest.
     bus.actions.provide(provider, "/a", ACTION, goals.append, break_down)
     say(client, "send_action_goal", action="/a", action_type=ACTION, id="g", args={"order": 3}, feedback=True)
     kind = goals[0].action.type
-    goals[0].report(kind.feedback.struct(object()))
-    goals[0].report(kind.feedback.struct([1]))
-    goals[0].end(GoalStatus.SUCCEEDED, kind.result.struct(object()))
+    goals[0].report(kind.feedback.struct_type(object()))
+    goals[0].report(kind.feedback.struct_type([1]))
+    goals[0].end(GoalStatus.SUCCEEDED, kind.result.struct_type(object()))
     feedback, end = frames(box)
     assert feedback["values"] == {"sequence": [1]}
     assert (end["result"], end["status"], "cannot be written" in end["values"]) == (False, 0, True)

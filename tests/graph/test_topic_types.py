@@ -14,7 +14,7 @@ from rosbridge_sim.graph.policy import Policy
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.graph.topic_table import TYPE_MEMORY
 from rosbridge_sim.graph.topics_services import Topic
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from tests.graph.bus_fixture import Wire, make_bus
 
 INT, STRING, IMAGE = "std_msgs/Int32", "std_msgs/String", "sensor_msgs/Image"

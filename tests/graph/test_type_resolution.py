@@ -9,7 +9,8 @@ import pytest
 from rosbridge_sim.errors import GraphError, UnknownPackageError
 from rosbridge_sim.graph import type_resolution
 from rosbridge_sim.graph.type_resolution import TypeResolver
-from rosbridge_sim.schema.compile import MessageType, OpaqueType
+from rosbridge_sim.schema.message_type import MessageType
+from rosbridge_sim.schema.opaque_types import OpaqueType
 from tests.graph.bus_fixture import make_store
 
 

@@ -10,7 +10,7 @@ from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.morai.replays.recording import Recording
 from rosbridge_sim.morai.replays.recording_builder import RecordingBuilder, Then
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 
 __all__ = ["Tape"]
 

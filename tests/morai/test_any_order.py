@@ -13,7 +13,7 @@ from hypothesis import given, settings
 
 from rosbridge_sim.errors import PeerError
 from rosbridge_sim.morai.sync_table import MAX_WAITING_COMMANDS
-from rosbridge_sim.schema.compile import MessageType
+from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.world.state import Kind
 from tests.morai.memory_recordings import Tape
 from tests.morai.sim_harness import SCENARIOS, Client, SimHarness, make_store

@@ -15,7 +15,7 @@ from rosbridge_sim.morai.maps.mgeo import Projection, RoadMap
 from rosbridge_sim.morai.releases import FIELD, LENIENCY, MANUAL, RELEASES, Profile, choose_profile
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.library import read_definitions
-from rosbridge_sim.world import dynamics
+from rosbridge_sim.world import commands
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import Body, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
@@ -55,7 +55,7 @@ def test_seq_counts_through_all_of_its_32_bits(frame: int, seq: int) -> None:
 
 def test_the_ego_is_in_metres_degrees_and_its_own_frame() -> None:
     world = a_world()
-    dynamics.command(world, 0, mode=Mode.PEDALS, steer=0.01, throttle=0.25)
+    commands.command(world, 0, mode=Mode.PEDALS, steer=0.01, throttle=0.25)
     for _ in range(60):
         step(world)
     status = ego(world)
@@ -76,14 +76,14 @@ def test_headings_stay_within_half_a_turn() -> None:
 
 def test_float32_fields_go_out_as_float32() -> None:
     world = a_world()
-    dynamics.command(world, 0, mode=Mode.PEDALS, steer=0.0, throttle=1.0 / 3.0)
+    commands.command(world, 0, mode=Mode.PEDALS, steer=0.0, throttle=1.0 / 3.0)
     step(world)
     assert ego(world)["accel"] == 0.33333334
 
 
 def test_the_field_profile_reads_as_clients_do() -> None:
     world = a_world()
-    dynamics.command(world, 0, mode=Mode.PEDALS, steer=0.01)
+    commands.command(world, 0, mode=Mode.PEDALS, steer=0.01)
     step(world)
     assert ego(world, FIELD)["wheel_angle"] == pytest.approx(math.degrees(0.01), rel=1e-6)
     size = objects(world, FIELD)["obstacle_list"][0]["size"]

@@ -43,7 +43,12 @@ def refusal(**vehicle: Any) -> str:  # noqa: ANN401 - keys of a vehicle
 def test_whoever_starts_on_a_link_keeps_to_the_lanes() -> None:
     (spawn,) = placed(initPosition=LINK, velocityType=1, linkVelocity=30, currentVelocity=18).vehicles
     assert spawn.driver is not None
-    assert (spawn.driver.lane, spawn.driver.s, spawn.driver.wish, spawn.driver.route) == (0, 25.0, math.inf, ())
+    assert (spawn.driver.lane, spawn.driver.s, spawn.driver.desired_speed, spawn.driver.route) == (
+        0,
+        25.0,
+        math.inf,
+        (),
+    )
     assert (spawn.x, spawn.y, spawn.speed, spawn.path) == (25.0, 0.0, 5.0, None)
 
 
@@ -62,7 +67,7 @@ def test_whoever_starts_on_a_link_keeps_to_the_lanes() -> None:
 def test_speeds_of_ones_own_are_wishes(speeds: dict[str, Any], wish: float, speed: float) -> None:
     (spawn,) = placed(initPosition=LINK, **speeds).vehicles
     assert spawn.driver is not None
-    assert (spawn.driver.wish, spawn.speed) == (wish, speed)
+    assert (spawn.driver.desired_speed, spawn.speed) == (wish, speed)
 
 
 def at(x: float, y: float, yaw: float = 0.0) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import pytest
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Answer, Topic
 from rosbridge_sim.morai.scene import FIRST_EGO
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from tests.morai.sim_harness import ALL, Client, SimHarness, rates
 
 HEARD = ("/clock", "/Ego_topic", "/Object_topic", "/CollisionData", "/VehicleCollisionData", "/SyncModeInfo")

@@ -11,7 +11,7 @@ import pytest
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from tests.morai.sim_harness import Client
 from tests.morai.town import Crossroads, Driver, Judge, Way
 from tests.world.traffic_observers import RedRuns, Waits
@@ -111,8 +111,8 @@ def test_in_ten_minutes_of_the_town_nobody_runs_a_red_light_and_nobody_stands_fo
             assert rounds.judge.red == []
             num_rounds += 1
             rounds.start()
-    assert (len(waits.way), reds.num) == (24, 0)
+    assert (len(waits.distance), reds.num) == (24, 0)
     assert reds.num_passed > 400
     assert waits.longest.max() < 100.0, "two cycles"
-    assert waits.way.min() > 1_000.0
+    assert waits.distance.min() > 1_000.0
     assert num_rounds >= 2

@@ -9,7 +9,7 @@ import pytest
 from pyproj import Proj
 
 from rosbridge_sim.errors import FieldError
-from rosbridge_sim.world import dynamics
+from rosbridge_sim.world import placement
 from rosbridge_sim.world.sensors import GRAVITY, Mounting, feel
 from tests.morai.sim_harness import ALL, Client, SimHarness, rates
 from tests.support import ROOT
@@ -285,7 +285,7 @@ def test_what_is_saved_is_what_the_topics_say_of_that_frame(release: str) -> Non
 
 def test_boxes_are_a_line_each_with_class_place_size_heading_distance_speed_and_id() -> None:
     harness, client = in_sync()  # the ego stands at (10, 20) and looks north
-    dynamics.teleport(harness.world, harness.world.row(7), x=0.0, y=60.0, z=1.0, yaw=math.radians(135), speed=10.0)
+    placement.teleport(harness.world, harness.world.row(7), x=0.0, y=60.0, z=1.0, yaw=math.radians(135), speed=10.0)
     bring_ego_2(client)
     client.send("/SaveSensorData", "morai_msgs/SaveSensorData")
     ((_, _, files),) = harness.drawer.saved

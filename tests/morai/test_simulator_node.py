@@ -21,7 +21,7 @@ from rosbridge_sim.morai.real_time import MAX_FRAMES_AT_ONCE
 from rosbridge_sim.morai.releases import FIELD
 from rosbridge_sim.morai.replays.recording_builder import RecordingBuilder, Then
 from rosbridge_sim.morai.scene import FIRST_EGO
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.state import World
 from tests.morai.sim_harness import ALL, Client, SimHarness, make_store

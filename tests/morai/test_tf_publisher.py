@@ -11,7 +11,7 @@ from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.morai.convert import Converter
 from rosbridge_sim.morai.tf_publisher import TfPublisher
-from rosbridge_sim.world import dynamics
+from rosbridge_sim.world import placement
 from rosbridge_sim.world.geometry import quaternion
 from tests.morai.sim_harness import ALL, Client, SimHarness, rates
 
@@ -79,7 +79,7 @@ def test_tf_says_with_every_frame_where_the_ego_stands() -> None:
 
 def test_a_vehicle_on_a_slope_is_tilted_in_tf() -> None:
     harness = SimHarness()
-    dynamics.teleport(
+    placement.teleport(
         harness.world, harness.world.row(0), x=1.0, y=2.0, z=3.0, yaw=0.4, speed=0.0, roll=0.1, pitch=-0.2
     )
     message = TfPublisher(harness.bus.store, harness.world, Converter(harness.bus.store)).moving(harness.node.egos)

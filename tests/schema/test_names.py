@@ -51,10 +51,10 @@ def test_every_field_of_morais_can_be_given_in_ros_2s_spelling(ros: int) -> None
     found = 0
     for message_type in all_types(2 if ros == 2 else 1):
         if message_type.name.startswith("morai_msgs/"):
-            shape = message_type.shape
-            for name in shape.slots:
+            spec = message_type.spec
+            for name in spec.fields:
                 if name != name.lower():
-                    assert shape.aliases[snake_case(name)] == name
+                    assert spec.aliases[snake_case(name)] == name
                     found += 1
     assert found > 10
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -12,6 +11,7 @@ from rosbridge_sim.schema.parse import Definition, parse_action, parse_message, 
 from rosbridge_sim.schema.standard import standard_names
 from rosbridge_sim.schema.store import Store
 from tests.schema.strategies import SCHEMAS, read_texts, shared_store
+from tests.schema.type_factory import compile_all
 
 FILES = sorted(path for path in SCHEMAS.rglob("*") if path.suffix in {".msg", ".srv", ".action"})
 
@@ -57,13 +57,7 @@ def test_a_file_starts_with_what_it_is_and_is_tidy(path: Path) -> None:
 def test_every_definition_compiles(name: str) -> None:
     texts = read_texts(name)
     store = Store(texts)
-    compilers: dict[str, Callable[[str], object]] = {
-        "msg": store.message,
-        "srv": store.service,
-        "action": store.action,
-    }
-    for package, kind, type_name in texts:
-        assert compilers[kind](f"{package}/{type_name}")
+    compile_all(store, texts)
     assert len(store.names("msg")) > 180
     others = [path for path in FILES if "morai_msgs" in path.parts and name not in path.parts]
     assert len(texts) == len(FILES) - len(others)

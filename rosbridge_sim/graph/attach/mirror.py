@@ -30,7 +30,7 @@ from rosbridge_sim.graph.participant import Participant, decode_body, resolve
 from rosbridge_sim.graph.topics_services import Answer
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.outbox import OutboxLimits
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 
 __all__ = ["OPS_PER_TURN", "Mirror"]
 

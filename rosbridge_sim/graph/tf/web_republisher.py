@@ -36,7 +36,7 @@ from rosbridge_sim.graph.republisher_names import REPUBLISH_SERVICE, REPUBLISHER
 from rosbridge_sim.graph.tf.buffer import MAX_TF_FRAMES, Placed, Transform, TransformBuffer, frame_name, turn
 from rosbridge_sim.graph.topics_services import Call, Subscription, Topic
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 
 __all__ = [
     "DEFAULT_TIMEOUT",
@@ -144,8 +144,8 @@ class WebRepublisher:
         self._sweep_due = 0.0
         self._has_ended = False
         store = bus.store
-        self._array_struct = store.message("tf2_web_republisher/TFArray").struct
-        self._answer_struct = store.service("tf2_web_republisher/RepublishTFs").response.struct
+        self._array_struct = store.message("tf2_web_republisher/TFArray").struct_type
+        self._answer_struct = store.service("tf2_web_republisher/RepublishTFs").response.struct_type
         self._make_transform = _transform_maker(bus)
         self._listening = self._listen("/tf", is_static=False)
         self._listen("/tf_static", is_static=True)
@@ -154,7 +154,7 @@ class WebRepublisher:
             *(self, REPUBLISHER_NAME, "tf2_web_republisher/TFSubscription", self._take_goal, self._cancel_goal),
             is_exclusive=True,
         )
-        self._feedback_struct = action.type.feedback.struct
+        self._feedback_struct = action.type.feedback.struct_type
         self._actionlib = Actionlib(bus, action)
         bus.on_leave.append(self._on_leave)
 
@@ -389,8 +389,8 @@ def _transform_maker(bus: Bus) -> Callable[[str, str, Placed], msgspec.Struct]:
     """A function that makes a TransformStamped: where a source stands in a target."""
     store = bus.store
     names = ("std_msgs/Header", "geometry_msgs/TransformStamped", "geometry_msgs/Transform")
-    header, stamped, transform = (store.message(name).struct for name in names)
-    vector, quaternion = (store.message(f"geometry_msgs/{name}").struct for name in ("Vector3", "Quaternion"))
+    header, stamped, transform = (store.message(name).struct_type for name in names)
+    vector, quaternion = (store.message(f"geometry_msgs/{name}").struct_type for name in ("Vector3", "Quaternion"))
 
     def make(target: str, source: str, placed: Placed) -> msgspec.Struct:
         x, y, z, qx, qy, qz, qw = placed.pose

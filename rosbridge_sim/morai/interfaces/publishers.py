@@ -31,7 +31,7 @@ from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.interfaces.network_settings import USUAL_RATE, InterfaceKind, split_prefix
 from rosbridge_sim.morai.interfaces.registry import Interface, InterfaceRegistry, why_no_topic
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from rosbridge_sim.world.state import DT
 
 __all__ = ["LatchedPublisher", "PeriodicPublisher", "Publishers"]

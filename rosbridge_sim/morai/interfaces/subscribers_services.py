@@ -16,7 +16,7 @@ from rosbridge_sim.graph.topics_services import Call, Handle, Subscription, Topi
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.interfaces.network_settings import InterfaceKind
 from rosbridge_sim.morai.interfaces.registry import Interface, InterfaceRegistry, why_no_topic
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 
 __all__ = ["SubscribersServices", "Take"]
 

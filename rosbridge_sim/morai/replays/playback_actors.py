@@ -18,7 +18,7 @@ from rosbridge_sim.morai.catalogue import Catalogue, default_model
 from rosbridge_sim.morai.ego import Ego
 from rosbridge_sim.morai.replays.recording import EGO_COLUMNS, OBJECT_COLUMNS, Actor, RecordedMoment
 from rosbridge_sim.morai.scene import MAX_ENTITIES, Scene
-from rosbridge_sim.world.dynamics import place_ghost, show_ghosts
+from rosbridge_sim.world.placement import place_ghost, show_ghosts
 from rosbridge_sim.world.state import Body, Kind, Snapshot, World
 
 __all__ = ["ALL_TARGETS", "EGO", "PEDESTRIANS", "VEHICLES", "PlaybackActors"]

@@ -26,7 +26,7 @@ from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.graph.stamps import Stamps
 from rosbridge_sim.graph.topics_services import Call, Topic
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from tests.graph.bus_fixture import make_bus, make_peer, make_store
 
 Frame = dict[str, Any]
@@ -69,7 +69,7 @@ class Car:
             raise GraphError(self.refusal)
         request: Any = call.request
         self.show("/state", data=len(self.callers))
-        call.answer(call.service.type.response.struct(request.data, "beep"))
+        call.answer(call.service.type.response.struct_type(request.data, "beep"))
 
 
 class FarBridge:
@@ -391,7 +391,7 @@ def test_an_answer_is_not_sent_over_another_socket() -> None:
     harness.pump()
     harness.cut()
     harness.attach()
-    late[0].answer(late[0].service.type.response.struct())
+    late[0].answer(late[0].service.type.response.struct_type())
     harness.pump()
     assert harness.far.ops("service_response") == []
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import FieldError
-from rosbridge_sim.schema.compile import MessageType
+from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.parse import Field
 from tests.morai.pages import INTERFACES, RELEASES, RENAMED, REPLACED, SLIPS, TABLES
 from tests.morai.sim_harness import make_store

@@ -8,7 +8,7 @@ from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.morai.interfaces.publishers import PeriodicPublisher, Publishers
 from rosbridge_sim.morai.interfaces.registry import InterfaceRegistry
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from tests.morai.sim_harness import Client, SimHarness, make_store, network_settings, put_egos, rates
 
 

@@ -53,7 +53,7 @@ class Rig:
         self.calls: list[Call] = []
 
     def count(self) -> Struct:
-        return make_store().message(INT).struct(self.frame)
+        return make_store().message(INT).struct_type(self.frame)
 
     def hold(self, call: Call, _now: float) -> None:
         self.calls.append(call)

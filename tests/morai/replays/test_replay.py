@@ -22,7 +22,7 @@ from rosbridge_sim.morai.replays.state_machine import (
     ReplayState,
 )
 from rosbridge_sim.morai.scene import MAX_ENTITIES
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from rosbridge_sim.world.state import Body, Kind
 from tests.morai.memory_recordings import Tape
 from tests.morai.sim_harness import ALL, Client, SimHarness, put_egos

@@ -297,7 +297,7 @@ def test_a_vehicle_that_was_on_a_link_keeps_to_the_lanes() -> None:
     first, second, third, fourth = read({"vehicleList": [named, also, empty, ahead]}).vehicles
     for spawn in (first, second):
         assert spawn.driver is not None
-        assert [spawn.driver.wish, spawn.speed] == pytest.approx([10.0, 5.0])
+        assert [spawn.driver.desired_speed, spawn.speed] == pytest.approx([10.0, 5.0])
     assert third.driver is None
     assert third.speed == pytest.approx(10.0)
     assert (fourth.driver, fourth.speed) == (None, 0.0), "it has no waypoints"

@@ -49,7 +49,7 @@ def test_a_vehicle_on_a_link_drives_as_fast_as_is_allowed() -> None:
     car = scenario().vehicles[1]
     assert (car.uid, place(car), kmh(car)) == (102, (25.0, 3.5, 0.0, 0.0), 36.0)
     assert car.driver is not None
-    assert math.isinf(car.driver.wish)
+    assert math.isinf(car.driver.desired_speed)
     assert car.path is None
 
 

@@ -23,7 +23,8 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.protocol import png
 from rosbridge_sim.protocol.outbox import OutboxLimits
-from rosbridge_sim.schema.store import Message, Store
+from rosbridge_sim.schema.message import Message
+from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.app import Simulator
 from rosbridge_sim.shell.files.library import read_definitions
 from rosbridge_sim.shell.log_limits import PLACE_BURST, TRACEBACK_COST
@@ -437,7 +438,7 @@ class Speaker:
 
     def say(self, data: object) -> None:
         message_type = self.bus.store.message("std_msgs/String")
-        self.bus.publish(self, self.topic, Message(message_type, message_type.struct(data=data)), 0.0)
+        self.bus.publish(self, self.topic, Message(message_type, message_type.struct_type(data=data)), 0.0)
 
 
 async def connect_two(port: Port) -> tuple[tuple[Client, Served], tuple[Client, Served]]:

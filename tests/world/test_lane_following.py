@@ -1,4 +1,4 @@
-"""What drivers do: on a free road, behind others, at lights, where lanes cross and part, with whoever is in the way."""
+"""Lane following: on a free road, behind others, at lights, and with others in the way."""
 
 from __future__ import annotations
 
@@ -10,47 +10,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rosbridge_sim.world.driver_perception import FIRM, GAP, HEADWAY, STOP_GAP, View, look
-from rosbridge_sim.world.dynamics import teleport
-from rosbridge_sim.world.geometry import BoolArray, FloatArray
-from rosbridge_sim.world.lane_conflicts import COMFORT, MAX_LATERAL, LaneConflicts
-from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.driver_model import FIRM, GAP, HEADWAY, STOP_GAP, Perception
+from rosbridge_sim.world.driver_perception import perceive
+from rosbridge_sim.world.geometry import BoolArray
+from rosbridge_sim.world.lane_conflicts import MAX_LATERAL, LaneConflicts
+from rosbridge_sim.world.lane_following import DECISION
+from rosbridge_sim.world.lane_position import keep_lane
+from rosbridge_sim.world.placement import teleport
 from rosbridge_sim.world.signal_plan import Lamp, Light, SignalPlan
 from rosbridge_sim.world.state import DT, Body, Kind, World
 from rosbridge_sim.world.step import step
-from rosbridge_sim.world.traffic import DECISION, _accelerate, keep_lane
-from tests.world.road_factory import CAR, arc, built_in, car, crossing, ego, line, make, road, signalled
+from tests.world.lane_drives import BUS, NOSE, lane_of, run, to_line, world_of
+from tests.world.road_factory import CAR, arc, built_in, car, crossing, ego, line, make, ring, road, signalled
 from tests.world.traffic_observers import RedRuns
-
-BUS = Body(10.955, 2.49, 3.22, wheelbase=5.4, front_overhang=2.565, rear_overhang=2.99)
-NOSE = CAR.length - CAR.rear_overhang
-
-
-def world_of(roads: Roads, plan: SignalPlan | None = None, seed: int = 0) -> World:
-    world = World(seed)
-    world.lay_roads(roads, plan)
-    return world
-
-
-def run(world: World, seconds: float) -> FloatArray:
-    """Speeds of all rows, (frames, n), while time passes; nobody ever touches anybody."""
-    speeds = []
-    for _ in range(round(seconds / DT)):
-        step(world)
-        assert not len(world.contacts), [world.names[world.row(int(uid))] for uid in world.contacts[0]]
-        speeds.append(world.speed.copy())
-    return np.array(speeds)
-
-
-def to_line(world: World, row: int) -> float:
-    """From the bumper to the end of the lane [m]."""
-    nose = world.half_length[row] + world.centre[row]
-    return float(world.roads.length[world.lane[row]] - world.arc[row] - nose)
-
-
-def lane_of(world: World, row: int) -> str:
-    return str(world.roads.ids[world.lane[row]])
-
 
 # Alone
 
@@ -64,9 +36,9 @@ def test_on_a_free_road_the_limit_is_reached_and_kept() -> None:
     assert np.diff(speeds[:, 0]).max() / DT < 2.0
 
 
-def test_nobody_is_faster_than_he_wishes() -> None:
+def test_no_driver_exceeds_its_desired_speed() -> None:
     world = world_of(road(limit=30.0))
-    row = car(world, "a", 10.0, speed=12.0, wish=8.0)
+    row = car(world, "a", 10.0, speed=12.0, desired_speed=8.0)
     speeds = run(world, 30.0)
     assert speeds[-1, row] == pytest.approx(8.0, abs=0.1)
 
@@ -139,23 +111,13 @@ def test_heights_are_followed() -> None:
 
 def test_a_slower_one_is_followed_at_a_distance_in_time() -> None:
     world = world_of(road(length=3000.0, limit=20.0))
-    slow = car(world, "a", 200.0, wish=10.0, speed=10.0)
+    slow = car(world, "a", 200.0, desired_speed=10.0, speed=10.0)
     fast = car(world, "a", 120.0, speed=15.0)
     run(world, 50.0)
     gap = world.arc[slow] - CAR.rear_overhang - world.arc[fast] - NOSE
     assert world.speed[fast] == pytest.approx(10.0, abs=0.1)
-    # The model's own distance at half the wish: (s0 + v T) / sqrt(1 - (v / v0)^4).
+    # The model's own distance at half the desired speed: (s0 + v T) / sqrt(1 - (v / v0)^4).
     assert gap == pytest.approx((GAP + HEADWAY * 10.0) / math.sqrt(1.0 - 0.5**4), rel=0.05)
-
-
-@pytest.mark.parametrize(("speed", "lead", "gap"), [(20.0, 15.0, 60.0), (15.0, 0.0, 80.0), (10.0, 12.0, 20.0)])
-def test_following_is_that_of_the_intelligent_driver_model(speed: float, lead: float, gap: float) -> None:
-    """Treiber, Hennecke, Helbing 2000: a weaker closing term brakes late and hard, a stronger one much too early."""
-    wanted = 2.0 + 1.2 * speed + speed * (speed - lead) / (2.0 * math.sqrt(1.5 * COMFORT))
-    accel = 1.5 * (1.0 - (speed / 30.0) ** 4 - (wanted / gap) ** 2)
-    one, none = np.ones(1), np.full(1, np.inf)
-    view = View(gap * one, lead * one, np.zeros(1, dtype=np.int64), none, none, np.zeros(1, dtype=np.bool_))
-    assert _accelerate(speed * one, 30.0 * one, view) == pytest.approx(accel)
 
 
 def test_a_queue_stands_and_moves_off_in_order() -> None:
@@ -175,7 +137,7 @@ def test_somebody_on_the_lane_after_the_next_is_seen_in_time() -> None:
     snippets = {f"l{i}": (line((10.0 * i, 0), (10.0 * i + 10.0, 0)), f"l{i + 1}") for i in range(40)}
     roads = make(**snippets, l40=(line((400, 0), (500, 0)), ""))
     world = world_of(roads)
-    front = car(world, "l40", 5.0, wish=0.0)
+    front = car(world, "l40", 5.0, desired_speed=0.0)
     back = car(world, "l20", 1.0, speed=15.0)
     speeds = run(world, 30.0)
     assert speeds[-1, back] < 0.02
@@ -189,7 +151,7 @@ def test_who_stands_where_lanes_part_is_in_the_way_of_both() -> None:
         c=(line((100, 0), (200, 20)), ""),
     )
     world = world_of(roads)
-    car(world, "b", 1.5, wish=0.0)
+    car(world, "b", 1.5, desired_speed=0.0)
     other = car(world, "a", 10.0, speed=10.0, route="a c")
     run(world, 30.0)
     assert lane_of(world, other) == "a"
@@ -263,100 +225,6 @@ def test_an_unlit_light_stops_nobody() -> None:
     assert [lane_of(world, row) for row in rows] == ["e", "n"]
 
 
-# Where lanes cross and join
-
-
-@pytest.mark.parametrize("offset", [0.0, 3.0, 9.0, 20.0])
-def test_two_who_would_meet_take_turns(offset: float) -> None:
-    world = world_of(crossing())
-    rows = [car(world, "w", 60.0, speed=12.0), car(world, "s", 60.0 - offset, speed=12.0)]
-    run(world, 30.0)
-    assert [lane_of(world, row) for row in rows] == ["e", "n"]
-
-
-def test_the_nearer_one_goes_first_and_needs_not_brake() -> None:
-    world = world_of(crossing())
-    near, far = car(world, "w", 100.0, speed=12.0), car(world, "s", 60.0, speed=12.0)
-    speeds = run(world, 20.0)
-    assert speeds[:, near].min() > 11.5
-    assert speeds[:, far].min() < 11.0
-
-
-def test_streams_that_cross_get_through() -> None:
-    world = world_of(crossing())
-    rows = [car(world, lane, 30.0 + 25.0 * i, speed=8.0) for i in range(6) for lane in ("w", "s")]
-    run(world, 60.0)
-    assert [lane_of(world, row) for row in rows] == ["e", "n"] * 6
-
-
-def test_lanes_that_join_are_entered_one_by_one() -> None:
-    roads = make(
-        a=(line((0, 0), (200, 0)), "c"),
-        b=(line((0, -90), (150, -1.5), (200, 0)), "c"),
-        c=(line((200, 0), (900, 0)), ""),
-    )
-    world = world_of(roads)
-    rows = [car(world, lane, 10.0 + 20.0 * i, speed=10.0) for i in range(5) for lane in ("a", "b")]
-    run(world, 60.0)
-    assert {lane_of(world, row) for row in rows} == {"c"}
-
-
-def test_nobody_enters_who_would_have_to_stop_inside() -> None:
-    world = world_of(crossing())
-    blocker = car(world, "e", 4.0, wish=0.0)
-    waiting = car(world, "w", 100.0, speed=10.0)
-    crosses = car(world, "s", 60.0, speed=10.0)
-    run(world, 30.0)
-    assert (lane_of(world, waiting), lane_of(world, crosses)) == ("w", "n")
-    world.remove(int(world.uid[blocker]))
-    run(world, 10.0)
-    assert lane_of(world, waiting) == "e"
-
-
-@pytest.mark.parametrize(("spare", "lane"), [(-0.3, "w"), (0.3, "e")])
-def test_a_crossing_is_entered_where_room_for_the_car_and_its_gap_is_behind_it(spare: float, lane: str) -> None:
-    """Who enters without room for the gap comes to a stand with its tail on the crossing."""
-    world = world_of(crossing())
-    car(world, "e", CAR.rear_overhang + CAR.length + GAP + spare, wish=0.0)
-    row = car(world, "w", 150.0, speed=8.0)
-    run(world, 30.0)
-    assert lane_of(world, row) == lane
-
-
-@pytest.mark.parametrize(("spare", "may_enter"), [(-0.3, False), (0.3, True)])
-def test_room_behind_a_crossing_is_kept_for_those_who_may_enter_with_their_gap(
-    spare: float, *, may_enter: bool
-) -> None:
-    world = world_of(crossing())
-    car(world, "e", CAR.rear_overhang + 2.0 * (CAR.length + GAP) + spare, wish=0.0)
-    first, second = car(world, "w", 176.0, speed=8.0), car(world, "w", 164.0, speed=8.0)
-    run(world, 4 * DECISION * DT)
-    entered = world.roads.row("we")
-    assert (world.claim[[first, second]] == entered).tolist() == [True, may_enter]
-
-
-def test_who_finds_a_street_full_takes_another() -> None:
-    roads = make(
-        a=(line((0, 0), (100, 0)), "b c"),
-        b=(line((100, 0), (120, 0)), "d"),
-        c=(arc(100, 15, 15, -90, 90), "e"),
-        d=(line((120, 0), (220, 0)), ""),
-        e=(line((115, 15), (115, 115)), ""),
-        x=(line((110, -50), (110, 50)), ""),
-    )
-    for seed in range(2):
-        world = world_of(roads, seed=seed)
-        car(world, "d", 3.0, wish=0.0)
-        row = car(world, "a", 70.0, speed=8.0)
-        run(world, 30.0)
-        assert lane_of(world, row) == "e"
-    world = world_of(roads)
-    car(world, "d", 3.0, wish=0.0)
-    row = car(world, "a", 70.0, speed=8.0, route="a b d")
-    run(world, 20.0)
-    assert lane_of(world, row) == "a", "but not if he knows where he wants to go"
-
-
 # Others in the way
 
 
@@ -425,146 +293,6 @@ def test_far_away_from_roads_nobody_minds() -> None:
     assert world.speed[row] > 10.0
 
 
-# The way
-
-
-def ring() -> Roads:
-    """A loop with a choice of two ways on half of it."""
-
-    def half(radius: float) -> FloatArray:
-        return np.concatenate([arc(60, radius, radius, -90, 180), line((0, 2 * radius))])
-
-    return make(
-        a=(line((0, 0), (60, 0)), "b c"),
-        b=(half(30.0), "d"),
-        c=(half(40.0), "e"),
-        d=(arc(0, 30, 30, 90, 180), "a"),
-        e=(arc(0, 40, 40, 90, 180), "a"),
-    )
-
-
-def ways(others: int = 0) -> str:
-    """The lanes that somebody comes through in forty seconds."""
-    world = world_of(ring())
-    row = car(world, "a", 1.0, speed=10.0)
-    for i in range(others):
-        car(world, "d", 5.0 + 15.0 * i, speed=5.0)
-    seen = "a"
-    for _ in range(2000):
-        step(world)
-        seen += lane_of(world, row) if lane_of(world, row) != seen[-1] else ""
-    return seen
-
-
-def planned(seed: int) -> str:
-    """The lanes that he has in mind at the start."""
-    world = world_of(ring(), seed=seed)
-    row = car(world, "a", 1.0)
-    return "".join(world.roads.ids[lane] for lane in world.int_block("lane", "ahead_5")[:, row])
-
-
-def test_chance_depends_on_the_seed_and_on_nothing_else() -> None:
-    assert ways().startswith(planned(0)[:4])
-    assert ways(others=2).startswith(planned(0)[:4])
-    assert len({planned(seed) for seed in range(20)}) == 4, "two choices in five lanes"
-    assert planned(2**70) == planned(2**70)
-
-
-def test_a_route_is_kept_and_chance_goes_on_at_its_end() -> None:
-    world = world_of(ring())
-    row = car(world, "a", 30.0, speed=10.0, route="a c e a b d")
-    seen = "a"
-    while len(seen) < 7:
-        step(world)
-        seen += lane_of(world, row) if lane_of(world, row) != seen[-1] else ""
-    assert seen == "aceabda"
-
-
-def test_a_route_may_begin_again() -> None:
-    world = world_of(ring())
-    row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=5.0))
-    keep_lane(world, row, 0, 1.0, route=[0, 2, 4], is_loop=True)
-    seen = "a"
-    while len(seen) < 7:
-        step(world)
-        seen += lane_of(world, row) if lane_of(world, row) != seen[-1] else ""
-    assert seen == "aceacea"
-
-
-@pytest.mark.parametrize(
-    ("figures", "message"),
-    [
-        ({"lane": 5}, "lane: expected 0..4"),
-        ({"lane": -1}, "lane: expected 0..4"),
-        ({"s": math.nan}, "s and wish"),
-        ({"wish": -1.0}, "s and wish"),
-        ({"wish": math.nan}, "s and wish"),
-        ({"route": [1, 3]}, "route: expected to begin with lane 0"),
-        ({"route": [0, 1, 2]}, "lane 2 does not follow lane 1"),
-        ({"route": [0, 99]}, "lane 99 does not follow lane 0"),
-        ({"route": [0, 1], "is_loop": True}, "lane 0 does not follow lane 1"),
-    ],
-)
-def test_what_cannot_be_is_refused_and_changes_nothing(figures: dict[str, Any], message: str) -> None:
-    world = world_of(ring())
-    row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=3.0, y=4.0, speed=5.0))
-    before = world.digest()
-    with pytest.raises(ValueError, match=message):
-        keep_lane(world, row, **({"lane": 0, "s": 1.0} | figures))
-    assert world.digest() == before
-
-
-def test_only_vehicles_keep_to_lanes() -> None:
-    world = world_of(ring())
-    with pytest.raises(ValueError, match="no vehicle"):
-        keep_lane(world, ego(world, 0.0, 0.0), 0, 1.0)
-    empty = World()
-    empty.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0)
-    with pytest.raises(ValueError, match="lane: expected"):
-        keep_lane(empty, 0, 0, 0.0)
-
-
-def test_who_is_put_elsewhere_has_left_the_lanes() -> None:
-    world = world_of(ring())
-    row = car(world, "a", 1.0, speed=5.0, route="a b")
-    run(world, 1.0)
-    teleport(world, row, x=500.0, y=500.0, z=0.0, yaw=0.0, speed=2.0)
-    run(world, 1.0)
-    assert (bool(world.has_lane[row]), world.routes) == (False, {})
-    assert world.x[row] == pytest.approx(502.0)
-
-
-def test_on_other_roads_whoever_kept_to_the_old_ones_stands() -> None:
-    world = world_of(ring())
-    row = car(world, "a", 1.0, speed=5.0)
-    run(world, 1.0)
-    x = float(world.x[row])
-    world.lay_roads(road())
-    run(world, 1.0)
-    assert (float(world.x[row]), float(world.speed[row]), bool(world.has_lane[row])) == (x, 0.0, False)
-    with pytest.raises(ValueError, match="the plan is for"):
-        world.lay_roads(ring(), SignalPlan(road()))
-
-
-def test_a_row_may_be_used_again() -> None:
-    world = world_of(ring())
-    car(world, "a", 30.0)
-    row = car(world, "a", 1.0, route="a b")
-    world.remove(int(world.uid[row]))
-    row = world.row(world.spawn(Kind.VEHICLE, CAR, name="other", x=9.0, y=9.0, speed=1.0))
-    run(world, 1.0)
-    assert (bool(world.has_lane[row]), world.routes) == (False, {})
-    assert world.x[row] == pytest.approx(10.0)
-
-
-def test_snippets_of_lanes_do_not_hold_up_the_world() -> None:
-    snippets = {f"l{i}": (line((0.01 * i, 0), (0.01 * i + 0.01, 0)), f"l{i + 1}") for i in range(200)}
-    world = world_of(make(**snippets, l200=(line((2, 0), (300, 0)), "")))
-    row = car(world, "l0", 0.0, speed=10.0)
-    run(world, 20.0)
-    assert lane_of(world, row) == "l200"
-
-
 # Bits
 
 
@@ -573,7 +301,7 @@ def crowd(seed: int = 0, num: int = 30, *, is_alone: bool = False) -> World:
     town = built_in("town")
     world = world_of(town.roads, town.plan, seed)
     network = town.roads.derived(LaneConflicts)
-    free = [lane for lane in range(len(town.roads)) if math.isinf(network.hold[lane])]
+    free = [lane for lane in range(len(town.roads)) if math.isinf(network.wait_point[lane])]
     for i in range(num):
         lane = free[i * 7 % len(free)]
         car(world, town.roads.ids[lane], 10.0 + 12.0 * (i % 5), speed=5.0, body=BUS if i % 9 == 0 else CAR)
@@ -674,10 +402,10 @@ def red_runs(world: World, seconds: float) -> int:
 
 
 def test_the_count_of_red_runs_finds_those_who_do_not_look(monkeypatch: pytest.MonkeyPatch) -> None:
-    def blind(network: LaneConflicts, may_enter: BoolArray, *rest: Any) -> View:  # noqa: ANN401 - as `look` has them
-        return look(network, np.ones_like(may_enter), *rest)
+    def blind(network: LaneConflicts, may_enter: BoolArray, *rest: Any) -> Perception:  # noqa: ANN401 - as `perceive` has them
+        return perceive(network, np.ones_like(may_enter), *rest)
 
-    monkeypatch.setattr("rosbridge_sim.world.traffic.look", blind)
+    monkeypatch.setattr("rosbridge_sim.world.lane_following.perceive", blind)
     assert red_runs(crowd(num=20, is_alone=True), 15.0) > 3
 
 
