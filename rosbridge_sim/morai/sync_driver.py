@@ -155,8 +155,10 @@ class SyncDriver:
         sync = self._sync
         is_paused = sync.is_paused  # before the frames of this tick, which may bring a pause
         outcome = sync.tick(user_id, named, self._world.frame, caller, now, on_wait=partial(self._wait, caller, on_end))
-        if not (outcome.is_accepted and outcome.state is SyncState.WAITING):
-            on_end(TickResult(outcome.is_accepted, is_paused, sync.why(outcome), outcome.reason))
+        if not outcome.is_accepted:
+            on_end(TickResult(is_accepted=False, is_paused=is_paused, why=sync.why(outcome), reason=outcome.reason))
+        elif outcome.state is not SyncState.WAITING:
+            on_end(TickResult(is_accepted=True, is_paused=is_paused))
 
     def take_turns(self, now: float) -> None:
         """Carry out the ticks that wait, as far as what they wait for has been read."""

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import Enum, IntEnum
+from enum import IntEnum, StrEnum
 from typing import Final
 
 from rosbridge_sim.errors import Reason
@@ -122,7 +122,7 @@ OF_WAITING: Final = frozenset({SyncEvent.TURN, SyncEvent.LAST_TURN})
 """Events that take a tick that waits: the table has rows for them in WAITING alone."""
 
 
-class SyncEffect(Enum):
+class SyncEffect(StrEnum):
     """What follows from an event.
 
     LEAD: the caller is master, with this time step. RELEASE: nobody is master. DROP: the commands that wait are
