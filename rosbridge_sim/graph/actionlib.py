@@ -8,7 +8,7 @@
 
 What comes in on the topics goes to the bus's actions in the sender's name, so limits and departures hold for these
 goals as for all others. Where we differ from actionlib: a cancel without an id, and one by a time, means the goals of
-who sends it, not those of everybody. ("Cancel all goals of this client" is what the client libraries call it.)
+the client that sends it, not those of all clients. (The client libraries call it "cancel all goals of this client".)
 """
 
 from __future__ import annotations

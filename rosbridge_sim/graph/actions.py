@@ -2,7 +2,7 @@
 
 Like a call, a goal ends exactly once: with what its provider says, or because one of the two is gone. A cancel
 is a wish that goes straight to the provider and never waits behind the goal; the provider still ends it. Where
-the *caller* leaves, its goals are cancelled and their ends are nobody's; where the *provider* leaves, its goals
+the *caller* leaves, its goals are cancelled and no one hears of their ends; where the *provider* leaves, its goals
 fail at once.
 
 Beside each action stands the service by which ROS 2 cancels, `<action>/_action/cancel_goal`; roslib's `cancelAllGoals`
@@ -73,7 +73,7 @@ OnOutcome = Callable[[GoalOutcome], None]
 
 @dataclass(eq=False, slots=True)
 class Action:
-    """A named action and who provides it; nobody else may where it is exclusive."""
+    """A named action and its provider; where it is exclusive, no client may take the name."""
 
     name: str
     type: ActionType | OpaqueActionType

@@ -2,7 +2,7 @@
 
     a message cannot be encoded     it is dropped for that encoding and its publisher is told; nobody is closed
     what belongs to one owner       that owner alone ends (`Guarded.fail`): a client is closed with code 1011, a bridge
-    fails                           is dialled anew, a recording ends; everybody else goes on
+    fails                           is dialled anew, a recording ends; all others go on
     what serves all fails           the request that met the failure is lost, and its sender is told; the service stays
     anything else                   it is logged and counted, and the rest goes on
 
@@ -71,7 +71,7 @@ class Guard:
     def contain(self, concerned: object, error: Exception) -> None:
         """End the owner whose state has failed; where it cannot end alone, log and count the failure.
 
-        For what is done on behalf of somebody else, who must not hear of it.
+        For what is done on behalf of another owner, which must not hear of it.
         """
         if isinstance(concerned, Guarded):
             self.blame(concerned, error)

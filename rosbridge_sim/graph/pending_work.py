@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Generic, Protocol, TypeVar
 
-__all__ = ["PendingWork", "Work", "find_awaited"]
+__all__ = ["PendingWork", "find_awaited"]
 
 MIN_TIDY = 1_000
 """Ended calls or goals that a list may hold before it is tidied: late answers to them are no mistake."""
 
 
-class Work(Protocol):
+class _Awaited(Protocol):
     """A call or a goal.
 
     Attributes:
@@ -21,7 +21,7 @@ class Work(Protocol):
     is_done: bool
 
 
-W = TypeVar("W", bound=Work)
+W = TypeVar("W", bound=_Awaited)
 
 
 class PendingWork(Generic[W]):

@@ -55,7 +55,7 @@ class ServiceTable:
     def provide(
         self, owner: Participant, name: str, type_name: str, handle: Handle, *, is_exclusive: bool = False
     ) -> Service:
-        """Offer a service. The last to offer a name has it; whoever waits for the one before is told at once.
+        """Offer a service. The last to offer a name has it; the callers of the one before are told at once.
 
         Raises:
             GraphError: the service belongs to the simulator.

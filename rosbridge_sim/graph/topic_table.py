@@ -71,11 +71,11 @@ class TopicTable:
             depth: keep so many of the last messages for those who come later, of each publisher as many as the one who
                 asks for most.
             key: tells several advertisements of one owner apart; the same key again replaces the old one.
-            is_exclusive: nobody else may publish here; clients that do lose their advertisements.
+            is_exclusive: no other owner may publish here; clients that do lose their advertisements.
             is_on_demand: the owner publishes only while the topic has a listener.
 
         Raises:
-            GraphError: type conflict, or the topic is somebody else's alone.
+            GraphError: type conflict, or another owner has the topic to itself.
             TypeNameError: the type cannot be had.
         """
         topic, message_type = self._topic_for(owner, name, type_name)
@@ -233,7 +233,7 @@ class TopicTable:
         return _conflict(topic.name, type_name, topic.type.name)
 
     def find_topic(self, name: str) -> Topic | None:
-        """The topic of that name, relative or absolute, if anybody has spoken of it."""
+        """The topic of that name, relative or absolute, if there is one."""
         return self.by_name.get(resolve(name))
 
     def forget_latched(self, owner: Participant) -> None:

@@ -92,7 +92,7 @@ class Topic:
         all_subscriptions: the same, with those that ask for another type than the settled one and get no messages.
         depth: how many messages of each publisher are kept for those who come late: what the advertiser who asked for
             most asked for; 0 keeps none.
-        kept: publisher -> its last messages; whoever published last stands last.
+        kept: publisher -> its last messages; the one that published last stands last.
         depths: what each advertisement asks for, as negative numbers.
         owner: the one owner that may publish, for the simulator's outputs; None where all may.
         on_demand: the publishers that are silent while nobody listens.

@@ -8,7 +8,7 @@ depend on it.
 A service of an ego that has left stays announced, and its calls are refused with the reason: rosbridge_suite takes a
 second to end a service, during which it handles nothing else.
 
-A ROS master that is restarted forgets everybody, and a bridge that lives on does not tell it of us again. Then
+A ROS master that is restarted forgets all nodes, and a bridge that lives on does not tell it of us again. Then
 everything is announced anew. rosbridge_suite keeps a publisher for UNREGISTER_TIME after it was taken back, and
 registers nothing as long as it has one; so if topics are missing all the same, they are taken back for longer than
 that.

@@ -48,7 +48,7 @@ _NUMBER = re.compile(r"[0-9]{1,18}")
 """Ends of the ids of probes; an id from elsewhere may have more digits than a number can be read from."""
 
 Values = dict[str, Any]
-"""The values of an answer; each is for whoever asked to check."""
+"""The values of an answer; the asker has to check each."""
 
 OnReply = Callable[[Values | None, float], None]
 """Gets the values of an answer, or None where there are none, and `now`."""

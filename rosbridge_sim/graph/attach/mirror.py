@@ -1,7 +1,7 @@
 """The simulator behind a rosbridge that we dial: one owner's topics, services and subscriptions, mirrored there.
 
 MORAI SIM is a client of a rosbridge: it advertises its topics and services there and subscribes to commands. A `Mirror`
-does the same for an owner on our bus. It is a `Participant` itself and stands for everybody on the far side: what is
+does the same for an owner on our bus. It is a `Participant` itself and stands for all programs on the far side: what is
 published there on an input topic is published here in its name, and so is each call. It stays on the bus while the
 connection is lost and made again: a bridge that is restarted is no client that has left.
 
@@ -216,7 +216,7 @@ class Mirror(FarSide):
                 session.answer(op.service, op.id, answer.values, is_ok=True)
                 return
             # rosbridge_suite takes an object for the values and passes over `result`: the caller gets an empty
-            # response, which in MORAI's types says no; whoever knows `reason` can say why
+            # response, which in MORAI's types says no; a bridge that knows `reason` can say why
             why = str(answer.values)
             if answer.reason is None:  # the simulator cannot, and it is no mistake of the caller's
                 self.note_now(logging.INFO, f"a call of {op.service} is refused: {why}")

@@ -1,7 +1,7 @@
 """`/tf2_web_republisher`: transforms for those who cannot keep a tree of frames themselves, as a node of the bus.
 
-It hears `/tf` and `/tf_static`, whoever publishes there, and tells each who asks where some frames stand in a frame of
-his choice, in one of three ways that client libraries have:
+It listens to `/tf` and `/tf_static`, and tells each client that asks where some frames stand in a frame of the
+client's choice, in one of three ways that client libraries have:
 
     /republish_tfs            a service that answers with the name of a topic of one's own     (roslibpy, roslib)
     /tf2_web_republisher/...  the five topics of a ROS 1 action, see `actionlib`               (roslib's TFClient)
@@ -163,7 +163,7 @@ class WebRepublisher:
         _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)
 
     def end(self, error: Exception) -> None:
-        """End for good, since it cannot go on with its own timers; whoever waits for it is told.
+        """End for good, since it cannot go on with its own timers; the clients that wait for it are told.
 
         A request or a message on which it fails is no reason: it serves all clients, and the sender alone is told then.
         """
@@ -315,7 +315,7 @@ class WebRepublisher:
     # What is told
 
     def _update_all(self, now: float) -> None:
-        """Tell everybody what is new; set the alarm for those whose slot it is not."""
+        """Send what is new to all who asked; set the alarm for those whose slot it is not."""
         version = self._frames.version
         for offer in self._stream_topics.values():
             offer.note_listeners()
