@@ -146,7 +146,7 @@ def is_refused(data: bytes, heard: list[dict[str, object]]) -> bool:
 @pytest.mark.slow
 @examples(12)
 @given(seed=st.integers(0, 2**32), ros=st.sampled_from(get_args(Generation)))
-def test_whatever_clients_send_nothing_is_raised_and_an_honest_one_is_answered(seed: int, ros: Generation) -> None:
+def test_any_frames_raise_nothing_and_an_honest_client_is_answered(seed: int, ros: Generation) -> None:
     place = Place(ros)
     honest = Visitor(place)
     honest.send(b'{"op":"subscribe","topic":"/Ego_topic"}')

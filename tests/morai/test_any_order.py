@@ -131,7 +131,9 @@ def act(harness: SimHarness, client: Client, name: str, body: dict[str, Any]) ->
     st.sampled_from(["run", "sync"]),
     st.sampled_from(["crowd", "crossing"]),
 )
-def test_any_calls_in_any_order(calls: list[tuple[int, tuple[str, dict[str, Any]]]], start: str, scene: str) -> None:
+def test_any_calls_in_any_order_keep_the_invariants(
+    calls: list[tuple[int, tuple[str, dict[str, Any]]]], start: str, scene: str
+) -> None:
     harness = SimHarness(scene, start=start, sync_on_loss="wait", sync_lease=0.5, recordings=recordings())
     clients = [harness.client(), harness.client()]
     clients[0].listen(*[name for name, topic in harness.bus.topics.items() if topic.publishers])

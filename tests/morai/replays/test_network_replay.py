@@ -27,7 +27,7 @@ from tests.morai.replays.replay_harness import (
 from tests.morai.sim_harness import Client, SimHarness
 
 
-def test_world_follows_who_replays_over_the_network(
+def test_world_follows_the_client_that_replays_over_the_network(
     harness: SimHarness, client: Client, recordings: MemoryRecordings
 ) -> None:
     player, other = harness.client(), harness.client()
@@ -50,7 +50,7 @@ def test_world_follows_who_replays_over_the_network(
     assert not client.messages("/Object_topic")[-1]["npc_list"]
 
 
-def test_player_who_was_stopped_begins_anew_to_be_heard(
+def test_stopped_source_is_followed_again_after_silence_or_a_new_advertise(
     harness: SimHarness, client: Client, recordings: MemoryRecordings
 ) -> None:
     player = harness.client()
@@ -80,7 +80,7 @@ def test_player_who_was_stopped_begins_anew_to_be_heard(
     assert not harness.node.scene.is_replaying
 
 
-def test_names_of_ones_own_are_kept_to(recordings: MemoryRecordings) -> None:
+def test_network_settings_rename_the_replay_topics_and_service(recordings: MemoryRecordings) -> None:
     network = {
         "publishers": {INFO: {"on": False}, STATUS: {"name": "/state"}},
         "subscribers": {INFO: {"name": "/told"}, "/ego_setting": {"name": "/put"}},
@@ -103,7 +103,9 @@ def test_names_of_ones_own_are_kept_to(recordings: MemoryRecordings) -> None:
     assert player.told[1:] == [("warning", "/told is ignored: a bag is replayed already")]
 
 
-def test_bag_goes_before_the_network(harness: SimHarness, client: Client, recordings: MemoryRecordings) -> None:
+def test_bag_takes_precedence_over_network_replay(
+    harness: SimHarness, client: Client, recordings: MemoryRecordings
+) -> None:
     player = harness.client()
     infos = replay_info_messages(recordings)
     player.send(INFO, "morai_msgs/ReplayInfo", **infos[0])
@@ -114,7 +116,7 @@ def test_bag_goes_before_the_network(harness: SimHarness, client: Client, record
     assert not harness.node.scene.is_replaying
 
 
-def test_figure_that_is_none_is_told_to_its_sender(harness: SimHarness) -> None:
+def test_invalid_number_is_reported_to_its_sender(harness: SimHarness) -> None:
     player = harness.client()
     infos: list[dict[str, Any]] = [
         {"ego_acc": math.nan},
@@ -140,9 +142,7 @@ def test_a_message_of_more_objects_than_the_world_holds_is_refused(num: int) -> 
     assert harness.world.digest() == before
 
 
-def test_messages_of_a_drive_that_a_far_bridge_gives_back_late_are_not_followed(
-    harness: SimHarness, client: Client
-) -> None:
+def test_echoes_of_a_drive_from_a_far_bridge_are_not_followed(harness: SimHarness, client: Client) -> None:
     bridge = harness.client()
     bridge.listen(INFO)
     for _ in range(500):
@@ -155,7 +155,7 @@ def test_messages_of_a_drive_that_a_far_bridge_gives_back_late_are_not_followed(
     assert not bridge.told
 
 
-def test_what_was_said_is_not_remembered_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_remembered_messages_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rosbridge_sim.morai.replays.replay_info.MAX_ECHOES", 5)
     harness = SimHarness("parked", start="sync")
     client = harness.client()
@@ -170,7 +170,7 @@ def test_what_was_said_is_not_remembered_without_end(monkeypatch: pytest.MonkeyP
     assert harness.node.scene.is_replaying
 
 
-def test_what_a_far_bridge_gives_back_is_not_replayed(harness: SimHarness, client: Client) -> None:
+def test_echoes_of_a_replay_from_a_far_bridge_are_not_followed(harness: SimHarness, client: Client) -> None:
     bridge = harness.client()
     bridge.listen(INFO)
     assert replay(client, PLAY, FILE, "drive")

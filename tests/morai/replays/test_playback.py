@@ -63,7 +63,7 @@ def drive_and_replay(release: str, **settings: Any) -> tuple[list[Any], list[Any
 
 @pytest.mark.parametrize("settings", [{}, {"profile": FIELD}], ids=["manual", "field"])
 @pytest.mark.parametrize("release", ["22.R2", "26.R1"])
-def test_recorded_drive_comes_out_again_to_the_last_bit(release: str, settings: dict[str, Any]) -> None:
+def test_replayed_drive_equals_the_recorded_one_to_the_last_bit(release: str, settings: dict[str, Any]) -> None:
     first, again = drive_and_replay(release, **settings)
     assert len(first[0]) == NUM_FRAMES
     assert len({str(message) for message in first[0]}) == NUM_FRAMES, "the ego moved"
@@ -71,7 +71,7 @@ def test_recorded_drive_comes_out_again_to_the_last_bit(release: str, settings: 
     assert again == first
 
 
-def test_a_recorded_model_of_the_users_has_its_proportions() -> None:
+def test_recorded_model_of_the_users_catalogue_keeps_its_proportions() -> None:
     lorry = Model(
         "Lorry", Kind.VEHICLE, changed(Body(), length=9.0, wheelbase=5.0, front_overhang=1.0, rear_overhang=3.0)
     )
@@ -94,7 +94,7 @@ def test_a_recorded_model_of_the_users_has_its_proportions() -> None:
     assert (harness.world.names[row], harness.world.bodies[row].rear_overhang) == ("Lorry", 3.0)
 
 
-def test_objects_come_and_go_under_their_numbers(
+def test_objects_appear_and_disappear_under_their_recorded_ids(
     client: Client, harness: SimHarness, recordings: MemoryRecordings
 ) -> None:
     client.listen("/Object_topic")
@@ -141,7 +141,7 @@ def test_real_time_shows_the_same_frames(recordings: MemoryRecordings) -> None:
     assert set(shown_x(client)[len(recorded) :]) <= {recorded[-1]}, "the last frame is shown again in the pause"
 
 
-def test_end_pauses_until_play_begins_again_or_stop_goes_back(client: Client, harness: SimHarness) -> None:
+def test_end_of_a_bag_pauses_until_play_or_stop(client: Client, harness: SimHarness) -> None:
     client.listen("/Ego_topic", STATUS)
     before = client.tick()["vehicle_status"]["position"]
     assert replay(client, PLAY, FILE, "drive")
@@ -161,14 +161,14 @@ def test_end_pauses_until_play_begins_again_or_stop_goes_back(client: Client, ha
     assert client.tick()["vehicle_status"]["position"] == before
 
 
-def test_play_holds_when_a_scenario_ends_a_replay_that_began_paused(client: Client) -> None:
+def test_play_stays_in_force_when_a_scenario_ends_a_replay_that_began_paused(client: Client) -> None:
     client.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
     assert replay(client, PLAY, FILE, "drive")
     assert client.ask("/Service_MoraiSL", file_name="parked", **ALL)["result"]
     assert client.tick()["tick_status"]
 
 
-def test_paused_load_stands_at_its_first_frame(client: Client, recordings: MemoryRecordings) -> None:
+def test_recording_loaded_in_pause_shows_its_first_frame(client: Client, recordings: MemoryRecordings) -> None:
     first = ego_values(recordings)[0]
     assert replay(client, PAUSE, FILE, "drive")
     answer = client.tick()
@@ -180,7 +180,7 @@ def test_paused_load_stands_at_its_first_frame(client: Client, recordings: Memor
     assert answer["vehicle_status"]["position"]["x"] == first.position.x
 
 
-def test_stop_gives_the_world_back_as_it_was() -> None:
+def test_stop_restores_the_world() -> None:
     positions = []
     for is_replaying in (False, True):
         recordings = MemoryRecordings()
@@ -201,7 +201,7 @@ def test_stop_gives_the_world_back_as_it_was() -> None:
     assert positions[0] == positions[1]
 
 
-def test_vehicles_alone_leave_the_ego_to_its_driver(recordings: MemoryRecordings) -> None:
+def test_replay_of_vehicles_only_leaves_the_ego_to_its_driver(recordings: MemoryRecordings) -> None:
     harness = SimHarness(start="sync", recordings=recordings)
     client = harness.client()
     client.start()
@@ -225,7 +225,7 @@ def test_vehicles_alone_leave_the_ego_to_its_driver(recordings: MemoryRecordings
     [(SPEED, {"replay_speed": 2}), (TARGETS, {"replay_target_option": VEHICLES | PEDESTRIANS})],
     ids=["speed", "targets"],
 )
-def test_ego_that_its_driver_keeps_drives_on_through_other_options(
+def test_ego_left_to_its_driver_drives_on_through_later_commands(
     recordings: MemoryRecordings, option: int, fields: dict[str, int]
 ) -> None:
     harness = SimHarness(start="sync", recordings=recordings)
@@ -242,7 +242,7 @@ def test_ego_that_its_driver_keeps_drives_on_through_other_options(
     assert client.tick()["vehicle_status"]["velocity"]["x"] == 0.0, "as it was when the replay began"
 
 
-def test_ego_that_the_world_has_not_is_told_to_whoever_asked(
+def test_missing_ego_of_a_recording_is_reported_to_the_caller(
     harness: SimHarness, client: Client, recordings: MemoryRecordings
 ) -> None:
     recordings.messages["two"] = recordings.messages["drive"] + [
@@ -262,7 +262,7 @@ def test_ego_that_the_world_has_not_is_told_to_whoever_asked(
     assert client.told == []
 
 
-def test_commands_to_the_replayed_are_ignored_with_one_warning(recordings: MemoryRecordings) -> None:
+def test_commands_to_replayed_egos_are_ignored_with_one_warning(recordings: MemoryRecordings) -> None:
     harness = SimHarness("parked", recordings=recordings)
     client = harness.client()
     assert replay(client, PLAY, FILE, "drive")
@@ -285,7 +285,7 @@ def test_commands_to_the_replayed_are_ignored_with_one_warning(recordings: Memor
     assert harness.world.is_ghost[harness.node.egos[0].row]
 
 
-def test_nobody_comes_or_goes_by_himself_meanwhile(client: Client, harness: SimHarness) -> None:
+def test_objects_cannot_be_added_or_removed_during_a_replay(client: Client, harness: SimHarness) -> None:
     assert replay(client, PLAY, FILE, "drive")
     client.control(0, longlCmdType=1, accel=1.0)
     client.send("/SyncModeRemoveObj", "morai_msgs/SyncModeRemoveObj", unique_id=7, frame=0)
@@ -320,7 +320,7 @@ def test_reset_and_scenario_load_end_a_replay(how: str, recordings: MemoryRecord
     assert not client.told
 
 
-def test_car_that_drives_itself_goes_on_after_a_replay(recordings: MemoryRecordings) -> None:
+def test_self_driving_ego_goes_on_after_a_replay(recordings: MemoryRecordings) -> None:
     ways = []
     for is_replaying in (False, True):
         harness = SimHarness("elsewhere", start="sync", recordings=recordings)

@@ -66,7 +66,7 @@ def test_status_follows_each_command(client: Client) -> None:
         ({"option": SPEED, "replay_speed": 11}, "replay_speed: expected 1..10, got 11"),
     ],
 )
-def test_command_that_is_none_is_refused(client: Client, harness: SimHarness, fields: dict[str, int], why: str) -> None:
+def test_invalid_command_is_refused(client: Client, harness: SimHarness, fields: dict[str, int], why: str) -> None:
     client.listen(STATUS)
     digest = harness.world.digest()
     assert not replay(client, **fields)  # type: ignore[arg-type] # numbers alone
@@ -75,7 +75,7 @@ def test_command_that_is_none_is_refused(client: Client, harness: SimHarness, fi
     assert harness.world.digest() == digest
 
 
-def test_sums_may_be_written_as_in_the_comment(client: Client, recordings: MemoryRecordings) -> None:
+def test_options_may_be_written_as_hexadecimal_digits(client: Client, recordings: MemoryRecordings) -> None:
     client.listen("/Ego_topic", "/Object_topic")
     option = 0x0001 | 0x0010 | 0x0100 | 0x1000
     assert replay(client, PLAY, option, "drive", start_time=200, replay_speed=2, replay_target_option=0x001 | 0x010)
@@ -91,7 +91,7 @@ def test_options_without_a_recording_are_refused(client: Client) -> None:
     assert client.told == [("error", "/Morai_SimProc: no recording is loaded: replay_option 1 loads one")]
 
 
-def test_refused_file_leaves_the_replay_that_runs(client: Client, recordings: MemoryRecordings) -> None:
+def test_refused_file_keeps_the_running_replay(client: Client, recordings: MemoryRecordings) -> None:
     client.listen("/Ego_topic")
     assert replay(client, PLAY, FILE, "drive")
     client.tick()
@@ -105,7 +105,7 @@ def test_refused_file_leaves_the_replay_that_runs(client: Client, recordings: Me
     assert shown_x(client)[2:] == shown_x(client)[:1]
 
 
-def test_in_simulation_mode_they_are_pause_and_reset() -> None:
+def test_commands_without_a_replay_pause_and_restart_the_scenario() -> None:
     harness = SimHarness()
     client = harness.client()
     client.listen(STATUS, "/Ego_topic")
@@ -133,7 +133,7 @@ def test_in_simulation_mode_they_are_pause_and_reset() -> None:
     assert last_status(client) == (1, 1, 1)
 
 
-def test_answer_waits_for_the_recording_and_others_are_refused_meanwhile(recordings: MemoryRecordings) -> None:
+def test_answer_waits_for_reading_and_other_commands_are_refused_meanwhile(recordings: MemoryRecordings) -> None:
     harness = SimHarness("parked", start="sync", recordings=recordings)
     client, other = harness.client(), harness.client()
     answers: list[Any] = []

@@ -66,7 +66,7 @@ def ego_at(recording: Recording, since: float, column: str = "x") -> float:
 
 
 @pytest.mark.parametrize("factor", [DEGREES, MPS_TO_KMH])
-def test_what_was_converted_comes_back_to_the_last_bit(factor: float) -> None:
+def test_converted_values_are_restored_to_the_last_bit(factor: float) -> None:
     rng = np.random.Generator(np.random.PCG64(1))
     values = np.concatenate([rng.uniform(-math.pi, math.pi, 10_000), [math.pi, 0.0, -0.0, 1e-9]])
     products = values * factor
@@ -74,7 +74,7 @@ def test_what_was_converted_comes_back_to_the_last_bit(factor: float) -> None:
 
 
 @pytest.mark.parametrize("has_jump", [False, True])
-def test_bag_of_simulated_time_counts_by_it_though_messages_have_the_time_of_day(*, has_jump: bool) -> None:
+def test_bag_in_simulated_time_ignores_wall_clock_headers(*, has_jump: bool) -> None:
     """The second is of a drive in which the time of day was chosen after its beginning."""
     day = 1_700_000_000 * SECOND
     builder = reading()
@@ -89,7 +89,7 @@ def test_bag_of_simulated_time_counts_by_it_though_messages_have_the_time_of_day
     assert [ego_at(recording, 0.02 * i) for i in range(5)] == [0.0, 1.0, 2.0, 3.0, 4.0]
 
 
-def test_bag_of_the_time_of_day_counts_by_the_stamps_in_its_messages() -> None:
+def test_bag_in_wall_clock_time_uses_message_stamps() -> None:
     day = 1_700_000_000 * SECOND
     builder = reading()
     for i, came in enumerate([0.013, 0.021, 0.055]):
@@ -98,7 +98,7 @@ def test_bag_of_the_time_of_day_counts_by_the_stamps_in_its_messages() -> None:
     assert recording.duration_ns == 2 * SECOND // 50
 
 
-def test_between_stamps_is_what_lies_between() -> None:
+def test_values_between_stamps_are_interpolated() -> None:
     builder = reading()
     for i, (x, heading) in enumerate([(0.0, 170.0), (1.0, -170.0), (2.0, -170.0)]):
         builder.take_ego(0, ego(x, heading), both(SECOND + i * SECOND // 10))
@@ -111,7 +111,7 @@ def test_between_stamps_is_what_lies_between() -> None:
     assert ego_at(recording, 99.0) == 2.0
 
 
-def test_jumps_and_gaps_are_not_driven_through() -> None:
+def test_jumps_and_gaps_are_not_interpolated() -> None:
     builder = reading()
     for x, stamp in ((0.0, 1.0), (500.0, 1.1), (501.0, 3.0), (502.0, 3.1)):
         builder.take_ego(0, ego(x), both(round(stamp * SECOND)))
@@ -119,7 +119,7 @@ def test_jumps_and_gaps_are_not_driven_through() -> None:
     assert [ego_at(recording, since) for since in (0.05, 0.1, 1.0, 2.05)] == [0.0, 500.0, 500.0, 501.5]
 
 
-def test_objects_between_stamps_and_those_who_leave() -> None:
+def test_objects_are_interpolated_until_they_leave() -> None:
     builder = reading()
     builder.take_ego(0, ego(0.0), both(SECOND))
     for i, xs in enumerate([{3: 0.0, 5: 7.0}, {5: 8.0, 9: 1.0}]):
@@ -135,7 +135,7 @@ def test_objects_between_stamps_and_those_who_leave() -> None:
     assert moment.actors[0].kind is Kind.VEHICLE
 
 
-def test_profile_says_what_units_are() -> None:
+def test_profile_gives_the_units() -> None:
     builder = reading(FIELD)
     builder.take_ego(0, ego(0.0, wheel_angle=90.0), both(1))
     builder.take_objects(Struct(npc_list=[thing(1, 0.0)]), both(1))
@@ -145,7 +145,7 @@ def test_profile_says_what_units_are() -> None:
 
 
 @pytest.mark.parametrize("profile", [MANUAL, FIELD])
-def test_newer_name_of_the_steering_is_degrees(profile: Profile) -> None:
+def test_front_steer_angle_is_in_degrees(profile: Profile) -> None:
     builder = reading(profile)
     message = ego(0.0, front_steer_angle=90.0)
     del message.wheel_angle
@@ -153,7 +153,7 @@ def test_newer_name_of_the_steering_is_degrees(profile: Profile) -> None:
     assert builder.finish().moment(0).egos[0][EGO_COLUMNS.index("steer")] == pytest.approx(math.pi / 2)
 
 
-def test_own_stamps_count_where_they_are_a_clock() -> None:
+def test_header_stamps_are_used_if_they_increase() -> None:
     for said, duration in (([5, 6, 7], 2), ([0, 0, 0], 20), ([7, 6, 5], 20)):
         builder = reading()
         for stamp, came in zip(said, (10, 20, 30), strict=True):
@@ -161,7 +161,7 @@ def test_own_stamps_count_where_they_are_a_clock() -> None:
         assert builder.finish().duration_ns == duration
 
 
-def test_repeated_stamp_counts_once_and_order_is_that_of_time() -> None:
+def test_entries_are_sorted_by_time_and_repeated_stamps_dropped() -> None:
     builder = reading()
     for x, came in ((1.0, 30), (2.0, 10), (3.0, 30)):
         builder.take_ego(0, ego(x), (0, came))
@@ -172,7 +172,7 @@ def test_repeated_stamp_counts_once_and_order_is_that_of_time() -> None:
     assert recording.objects.values[0].tolist() == [2.0, 3.0]
 
 
-def test_figures_that_are_none_are_left_out_and_told() -> None:
+def test_invalid_numbers_are_left_out_and_noted() -> None:
     builder = reading()
     for i, x in enumerate((1.0, math.nan, 3.0)):
         builder.take_ego(0, ego(x), both(10 + i))
@@ -187,14 +187,14 @@ def test_figures_that_are_none_are_left_out_and_told() -> None:
     )
 
 
-def test_nothing_is_empty() -> None:
+def test_recording_without_messages_is_empty() -> None:
     assert reading().finish().is_empty
     builder = reading()
     builder.take_ego(0, ego(math.nan), both(1))
     assert builder.finish().is_empty
 
 
-def test_too_much_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_recording_beyond_the_limit_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recorded, "MAX_RECORDED_ENTRIES", 3)
     builder = reading()
     builder.take_objects(Struct(npc_list=[thing(1, 0.0)]), both(1))
@@ -202,7 +202,7 @@ def test_too_much_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         builder.take_objects(Struct(npc_list=[thing(1, 0.0)]), both(2))
 
 
-def test_many_random_states_are_found_by_hand_as_well() -> None:
+def test_random_recordings_agree_with_a_simple_reference() -> None:
     rng = np.random.Generator(np.random.PCG64(7))
     builder = reading()
     frames = [{uid: rng.uniform(-9, 9) for uid in range(6) if rng.random() < 0.5} for _ in range(30)]

@@ -12,7 +12,9 @@ from tests.morai.replays.replay_harness import FILE, INFO, NUM_FRAMES, PLAY, STO
 from tests.morai.sim_harness import Client, SimHarness
 
 
-def test_it_is_told_while_a_bag_is_replayed(harness: SimHarness, client: Client, recordings: MemoryRecordings) -> None:
+def test_replay_info_is_published_while_a_bag_is_replayed(
+    harness: SimHarness, client: Client, recordings: MemoryRecordings
+) -> None:
     client.listen(INFO)
     client.tick()
     client.heard.clear()
@@ -36,7 +38,7 @@ def test_it_is_told_while_a_bag_is_replayed(harness: SimHarness, client: Client,
 
 
 @pytest.mark.parametrize("is_for_all", [False, True])
-def test_a_drive_is_told_to_who_listens_to_it_and_to_all_if_that_is_wanted(
+def test_replay_info_of_a_drive_is_published_for_its_subscribers_and_for_all_if_set(
     recordings: MemoryRecordings, *, is_for_all: bool
 ) -> None:
     harness = SimHarness(start="sync", recordings=recordings, replay_info=is_for_all)
@@ -60,7 +62,7 @@ def test_a_drive_is_told_to_who_listens_to_it_and_to_all_if_that_is_wanted(
     assert not harness.node.scene.is_replaying, "what we say ourselves is not replayed"
 
 
-def test_nothing_is_told_of_a_drive_that_follows_somebodys_messages(client: Client, harness: SimHarness) -> None:
+def test_no_replay_info_is_published_while_a_client_is_followed(client: Client, harness: SimHarness) -> None:
     client.listen(INFO)
     other = harness.client()
     other.send(INFO, "morai_msgs/ReplayInfo", ego_acc=1.0)
@@ -70,7 +72,7 @@ def test_nothing_is_told_of_a_drive_that_follows_somebodys_messages(client: Clie
     assert not client.heard
 
 
-def test_recording_of_a_drives_replay_info_alone_is_replayed(recordings: MemoryRecordings) -> None:
+def test_recording_of_replay_info_only_is_replayed(recordings: MemoryRecordings) -> None:
     harness = SimHarness(start="sync", recordings=recordings)
     client = harness.client()
     client.start()
@@ -95,7 +97,7 @@ def test_recording_of_a_drives_replay_info_alone_is_replayed(recordings: MemoryR
     assert shown == driven
 
 
-def test_recording_of_it_alone_moves_objects_and_pedals(client: Client, recordings: MemoryRecordings) -> None:
+def test_replay_info_recording_moves_objects_and_pedals_only(client: Client, recordings: MemoryRecordings) -> None:
     client.listen("/Object_topic")
     place = client.tick()["vehicle_status"]["position"]
     client.heard.clear()

@@ -14,7 +14,7 @@ from rosbridge_sim.morai.replays.state_machine import (
 )
 
 
-def test_table_has_a_row_for_all_that_can_happen() -> None:
+def test_table_has_a_row_for_every_possible_event() -> None:
     for state, event in product(ReplayState, ReplayEvent):
         is_possible = (event not in BAG_EVENTS or state in {ReplayState.REPLAYING, ReplayState.AT_END}) and (
             event not in SOURCE_EVENTS or state is ReplayState.FOLLOWING
@@ -28,7 +28,7 @@ def test_every_refusal_says_why_and_changes_nothing() -> None:
             assert not outcome.why or (outcome.state is state and not outcome.effects)
 
 
-def test_a_recording_enters_and_leaves_in_turns() -> None:
+def test_enter_and_leave_alternate() -> None:
     for state, rows in REPLAY_TABLE.items():
         for outcome in rows.values():
             is_on = state is not ReplayState.SIMULATING
