@@ -30,7 +30,7 @@ def test_a_status_is_made_once_for_each_state() -> None:
     assert ego.status().position.x == 5.0
 
 
-def test_it_finds_itself_in_another_row() -> None:
+def test_ego_is_found_after_its_row_changed() -> None:
     world, ego = an_ego()
     world.spawn(Kind.VEHICLE, Body(), name="other", x=0.0, y=0.0)
     world.remove(0)
@@ -41,7 +41,7 @@ def test_it_finds_itself_in_another_row() -> None:
     assert ego.status().position.x == 9.0
 
 
-def test_gears_change_at_rest_alone() -> None:
+def test_gear_changes_only_at_rest() -> None:
     world, ego = an_ego()
     assert ego.shift(Gear.REVERSE) is None
     ego.control(THROTTLE)
@@ -76,7 +76,7 @@ def test_refused_gear_is_logged_once_and_again_after_the_car_has_changed(
     assert len(caplog.records) == 2
 
 
-def test_only_handing_over_from_a_client_lifts_the_feet() -> None:
+def test_only_a_change_from_client_control_releases_the_pedals() -> None:
     world, ego = an_ego()
     ego.control(THROTTLE)
     ego.set_ctrl_mode(CtrlMode.EXTERNAL)
@@ -88,7 +88,7 @@ def test_only_handing_over_from_a_client_lifts_the_feet() -> None:
     assert world.throttle[ego.row] == 1.0
 
 
-def test_a_new_car_has_its_lamps_off() -> None:
+def test_new_ego_has_its_lamps_off() -> None:
     _, ego = an_ego()
     ego.turn_signal = ego.emergency_signal = 1
     ego.reset_controls()

@@ -95,7 +95,7 @@ ON_LOSS = {SyncEvent.LOSS_TO_RUN: "run", SyncEvent.LOSS_TO_PAUSE: "pause", SyncE
 
 @pytest.mark.parametrize("state", SyncState)
 @pytest.mark.parametrize("event", SyncEvent)
-def test_every_state_meets_every_event_as_the_table_says(state: SyncState, event: SyncEvent) -> None:
+def test_every_state_handles_every_event_as_in_the_table(state: SyncState, event: SyncEvent) -> None:
     if event in OF_WAITING:
         return  # see below
     if not is_possible(state, event):
@@ -171,7 +171,7 @@ def test_tick_and_turn_move_the_frames_of_the_step_in_force_when_the_tick_came()
     assert (moved, waiting) == ([(2, 3.0), (5, 4.0), (5, 5.0)], [2])
 
 
-def test_ticks_that_wait_take_their_turns_once_their_commands_are_ready() -> None:
+def test_waiting_ticks_run_in_order_once_their_commands_are_ready() -> None:
     sync = a_sync(SyncState.WAITING)
     sync.tick("boss", 0, FRAME, ME, 1.0)
     assert (sync.num_ticks, sync.take_turn(FRAME, 1.0)) == (2, 0)
@@ -186,7 +186,7 @@ def test_ticks_that_wait_take_their_turns_once_their_commands_are_ready() -> Non
     assert sync.take_turn(FRAME + 4, 1.0) == 0
 
 
-def test_the_table_has_no_row_that_cannot_happen() -> None:
+def test_every_row_of_the_table_can_happen() -> None:
     assert {(s, e) for s, rows in SYNC_TABLE.items() for e in rows} == {
         (s, e) for s in SyncState for e in SyncEvent if is_possible(s, e)
     }
@@ -200,7 +200,7 @@ def test_only_an_accepted_tick_of_the_master_moves_the_world(state: SyncState) -
 
 
 @pytest.mark.parametrize("state", SyncState)
-def test_ticks_wait_in_one_state_alone_and_are_refused_whenever_it_ends_without_them(state: SyncState) -> None:
+def test_ticks_wait_in_one_state_and_are_refused_when_it_ends(state: SyncState) -> None:
     for event, outcome in SYNC_TABLE[state].items():
         assert (SyncEffect.WAIT not in outcome.effects) or outcome.state is SyncState.WAITING
         ends = state is SyncState.WAITING is not outcome.state and SyncEffect.MOVE not in outcome.effects
@@ -376,7 +376,7 @@ AnyOrder.TestCase.settings = settings(
 TestAnyOrder = AnyOrder.TestCase
 
 
-def test_command_that_comes_while_ticks_wait_is_for_the_frame_after_them() -> None:
+def test_command_during_waiting_ticks_is_for_the_frame_after_them() -> None:
     """The client has sent it after the ticks, so it must not act on the frames that they compute."""
     sync: Sync[str] = Sync()
     sync.start("me", 40, ME, 0.0)
@@ -388,7 +388,7 @@ def test_command_that_comes_while_ticks_wait_is_for_the_frame_after_them() -> No
     assert [sync.due(frame) for frame in range(11, 16)] == [["scenario"], [], [], [], ["brake"]]
 
 
-def test_made_ids_begin_anew_with_a_reset_unless_somebody_has_one() -> None:
+def test_generated_ids_start_again_at_a_reset_unless_one_is_in_use() -> None:
     """A reset run is the same as the first one; but two masters must never have the same id."""
     sync: Sync[str] = Sync()
     sync.start("", 20, ME, 0.0)
@@ -404,7 +404,7 @@ def test_made_ids_begin_anew_with_a_reset_unless_somebody_has_one() -> None:
 
 
 @pytest.mark.parametrize("way", ["drop", "withdraw"])
-def test_commands_that_are_left_after_others_are_forgotten_come_in_the_order_of_their_frames(way: str) -> None:
+def test_remaining_commands_keep_the_order_of_their_frames(way: str) -> None:
     """A heap that lost entries is no heap: a late command hides an early one, which is then carried out too late."""
     sync: Sync[str] = Sync()
     sync.start("me", 20, ME, 0.0)
@@ -437,7 +437,7 @@ def test_a_time_step_of_zero_is_one_frame() -> None:
     assert (sync.step_ms, sync.num_frames) == (20, 1)
 
 
-def test_the_master_may_change_its_time_step_and_keeps_what_waits() -> None:
+def test_master_may_change_its_time_step_and_keep_waiting_commands() -> None:
     sync: Sync[str] = Sync()
     sync.start("a", 20, ME, 0.0)
     sync.submit("go", 5, 0, ME, 0.0)
@@ -461,14 +461,14 @@ def test_strict_frames_take_only_the_frame_that_the_tick_ends_on() -> None:
     assert [named for named in range(8, 16) if sync.tick("a", named, 10, ME, 0.0).is_accepted] == [12]
 
 
-def test_anyone_may_stop_where_that_is_allowed() -> None:
+def test_any_client_may_stop_if_allowed() -> None:
     sync: Sync[str] = Sync(may_anyone_stop=True)
     sync.start("a", 20, ME, 0.0)
     assert sync.stop("somebody", 1.0).is_accepted
     assert sync.is_free
 
 
-def test_an_empty_id_never_ticks_and_never_takes_over() -> None:
+def test_empty_id_can_neither_tick_nor_become_master() -> None:
     sync: Sync[str] = Sync(is_on=True)
     assert not sync.tick("", 1, 0, ME, 0.0).is_accepted
     sync.start("a", 20, ME, 0.0)
@@ -489,7 +489,7 @@ def test_the_lease_ends_with_the_last_holder_of_the_id() -> None:
     assert sync.is_free
 
 
-def test_silence_ends_the_lease_and_any_word_of_a_holder_renews_it() -> None:
+def test_silence_ends_the_lease_and_any_message_renews_it() -> None:
     sync: Sync[str] = Sync(lease=5.0, on_loss="pause")
     assert sync.lease_due is None
     sync.start("a", 20, ME, 10.0)
@@ -503,7 +503,7 @@ def test_silence_ends_the_lease_and_any_word_of_a_holder_renews_it() -> None:
     assert sync.expire(100.0) is None
 
 
-def test_silence_does_not_count_while_a_holder_is_held_back() -> None:
+def test_silence_does_not_count_while_a_holder_is_held() -> None:
     sync: Sync[str] = Sync(lease=5.0)
     sync.start("a", 20, ME, 10.0)
     sync.mute(YOU)  # no holder
@@ -520,7 +520,7 @@ def test_silence_does_not_count_while_a_holder_is_held_back() -> None:
     assert sync.expire(205.0) is not None
 
 
-def test_tick_waits_with_the_time_step_of_its_arrival_and_strict_frames_count_it() -> None:
+def test_waiting_tick_keeps_its_time_step_and_strict_frames_count_it() -> None:
     sync: Sync[str] = Sync(is_strict=True)
     sync.start("a", 40, ME, 0.0)
     sync.submit("scenario", 12, 10, ME, 0.0, is_ready=False)
@@ -532,7 +532,7 @@ def test_tick_waits_with_the_time_step_of_its_arrival_and_strict_frames_count_it
     assert (sync.take_turn(10, 1.0), sync.take_turn(12, 1.0), sync.take_turn(17, 1.0)) == (2, 5, 0)
 
 
-def test_tick_before_the_frame_of_a_scenario_that_is_being_read_does_not_wait() -> None:
+def test_tick_before_the_frame_of_an_unread_scenario_does_not_wait() -> None:
     sync: Sync[str] = Sync()
     sync.start("a", 40, ME, 0.0)
     sync.submit("scenario", 13, 10, ME, 0.0, is_ready=False)
@@ -555,7 +555,7 @@ def test_a_pause_outlives_its_master() -> None:
     assert sync.can_send_tick
 
 
-def test_commands_that_are_dropped_are_not_due_and_leave_their_room() -> None:
+def test_dropped_commands_are_not_due_and_free_their_room() -> None:
     sync: Sync[str] = Sync()
     sync.start("me", 20, "peer", 0.0)
     for i in range(MAX_WAITING_COMMANDS):
@@ -568,7 +568,7 @@ def test_commands_that_are_dropped_are_not_due_and_leave_their_room() -> None:
     assert not any(command.startswith("even") for command in due)
 
 
-def test_a_command_that_is_dropped_holds_up_no_tick() -> None:
+def test_dropped_command_delays_no_tick() -> None:
     sync: Sync[str] = Sync()
     sync.start("me", 20, "peer", 0.0)
     sync.submit("scenario", 1, 0, "peer", 0.0, is_ready=False)

@@ -362,7 +362,7 @@ def outcome(row: Row, release: str, act: Callable[[Wire, Any], None], spelling: 
 
 @pytest.mark.parametrize("release", RELEASES)
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row.what}-{name_of(row.documented)}")
-def test_the_documented_spelling_does_what_the_wires_does(row: Row, release: str) -> None:
+def test_documented_spelling_has_the_effect_of_the_wire_name(row: Row, release: str) -> None:
     before, _ = outcome(row, release, nothing, None)
     plain, said = outcome(row, release, row.act, row.plain)
     assert said == ""
@@ -372,7 +372,7 @@ def test_the_documented_spelling_does_what_the_wires_does(row: Row, release: str
 
 @pytest.mark.parametrize("release", RELEASES)
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row.what}-{name_of(row.wrong)}")
-def test_a_wrong_spelling_is_told_and_does_nothing(row: Row, release: str) -> None:
+def test_wrong_spelling_is_reported_and_does_nothing(row: Row, release: str) -> None:
     before, _ = outcome(row, release, nothing, None)
     after, said = outcome(row, release, row.act, row.wrong)
     assert row.why in said

@@ -27,7 +27,7 @@ class PartOfServer:
         pass
 
 
-def test_a_load_brings_the_scenarios_network_settings_and_is_answered_under_the_old_name() -> None:
+def test_load_applies_the_scenarios_network_settings_and_is_answered_under_the_old_name() -> None:
     harness = SimHarness(network={"publishers": {"/Ego_topic": {"rate": 10}, "/tf": {"name": "/frames"}}})
     harness.networks.tables["parked"] = RENAMED
     client = harness.client()
@@ -44,7 +44,7 @@ def test_a_load_brings_the_scenarios_network_settings_and_is_answered_under_the_
     assert client.told == []
 
 
-def test_settings_of_a_scenario_are_laid_over_those_of_the_start_and_not_over_the_last_ones() -> None:
+def test_network_settings_of_a_scenario_override_those_of_the_start() -> None:
     harness = SimHarness()
     harness.networks.tables |= {"parked": RENAMED, "crowd": {"services": {"/SyncModeCmd": {"name": "/lead"}}}}
     client = harness.client()
@@ -54,7 +54,7 @@ def test_settings_of_a_scenario_are_laid_over_those_of_the_start_and_not_over_th
     assert client.ask("/Service_MoraiSL", file_name="parked", **ALL)["result"] is True
 
 
-def test_a_scenario_without_network_settings_leaves_them_and_warns() -> None:
+def test_scenario_without_network_settings_keeps_the_present_ones_and_warns() -> None:
     harness = SimHarness()
     client = harness.client()
     assert client.ask("/Service_MoraiSL", file_name="parked", **ALL, **NETWORK)["result"] is True
@@ -81,7 +81,7 @@ def test_network_settings_alone_can_be_loaded() -> None:
         ({"publishers": {"/clock": {"name": "/tf"}}}, "expected different names for /clock and /tf"),
     ],
 )
-def test_settings_that_do_not_fit_refuse_the_whole_load(tables: dict[str, Any], said: str) -> None:
+def test_invalid_network_settings_refuse_the_whole_load(tables: dict[str, Any], said: str) -> None:
     harness = SimHarness()
     harness.networks.tables["parked"] = tables | {"subscribers": {"/lamps": {"on": False}}}
     client = harness.client()
@@ -97,7 +97,7 @@ def test_settings_that_do_not_fit_refuse_the_whole_load(tables: dict[str, Any], 
     assert (harness.world.digest(), set(harness.bus.services), set(harness.bus.topics)) == before
 
 
-def test_a_load_at_a_frame_changes_the_names_within_the_tick_whose_answer_still_comes() -> None:
+def test_load_at_a_frame_renames_within_a_tick_that_is_still_answered() -> None:
     harness = SimHarness()
     harness.networks.tables["parked"] = RENAMED
     client = harness.client()
@@ -118,7 +118,7 @@ def test_a_load_at_a_frame_changes_the_names_within_the_tick_whose_answer_still_
     assert len(client.messages("/car/state")) == 1
 
 
-def test_a_name_that_is_taken_before_the_frame_comes_refuses_the_load_then() -> None:
+def test_load_at_a_frame_is_refused_if_a_new_name_is_taken_by_then() -> None:
     harness = SimHarness()
     harness.networks.tables["parked"] = RENAMED
     client = harness.client()
@@ -138,7 +138,7 @@ def test_a_name_that_is_taken_before_the_frame_comes_refuses_the_load_then() -> 
     assert client.tick()["frame"] == 3
 
 
-def test_a_load_that_drops_egos_and_changes_names_leaves_nothing_of_them() -> None:
+def test_load_that_removes_egos_and_renames_leaves_no_old_names() -> None:
     harness = SimHarness()
     harness.networks.tables["parked"] = RENAMED
     client = harness.client()

@@ -19,7 +19,7 @@ from tests.world.road_factory import MAPS, built_in
 NAMES = ("track", "town", "loop")
 
 
-def test_all_files_are_what_their_script_draws() -> None:
+def test_map_files_equal_the_output_of_their_script() -> None:
     drawn = runpy.run_path(str(ROOT / "scripts" / "draw_maps.py"))["drawn"]()
     data = ROOT / "rosbridge_sim" / "data"
     assert {path: path.read_bytes() for path in data.rglob("*.json")} == drawn
@@ -27,7 +27,7 @@ def test_all_files_are_what_their_script_draws() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_lane_goes_on_where_it_ends_in_the_same_direction(name: str) -> None:
+def test_every_lane_continues_in_the_same_direction(name: str) -> None:
     roads = built_in(name).roads
     for lane in range(len(roads)):
         following = roads.successors(lane).tolist()
@@ -40,19 +40,19 @@ def test_every_lane_goes_on_where_it_ends_in_the_same_direction(name: str) -> No
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_lane_is_led_to_by_another(name: str) -> None:
+def test_every_lane_has_a_predecessor(name: str) -> None:
     roads = built_in(name).roads
     assert set(roads.successor.tolist()) == set(range(len(roads)))
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_maps_are_read_without_a_note(name: str) -> None:
+def test_built_in_maps_are_read_without_notes(name: str) -> None:
     road_map = built_in(name)
     assert road_map.notes == ()
     assert sorted(path.name for path in MAPS.iterdir()) == sorted(NAMES)
 
 
-def test_lanes_of_the_motorway_lie_side_by_side() -> None:
+def test_motorway_lanes_are_neighbours() -> None:
     roads = built_in("loop").roads
     assert roads.left.tolist().count(-1) == roads.right.tolist().count(-1) == len(roads) // 3
     for lane in range(len(roads)):
@@ -73,7 +73,7 @@ def town() -> RoadMap:
     return built_in("town")
 
 
-def test_lights_hang_across_the_crossing_and_look_at_whom_they_serve() -> None:
+def test_traffic_lights_stand_across_the_crossing_and_face_their_lanes() -> None:
     road_map = town()
     roads, plan = road_map.roads, road_map.plan
     assert plan is not None
@@ -87,7 +87,7 @@ def test_lights_hang_across_the_crossing_and_look_at_whom_they_serve() -> None:
             assert abs(math.remainder(light.yaw - yaw[0] - math.pi, math.tau)) < math.radians(5.0)
 
 
-def test_a_light_stands_at_every_stop_line() -> None:
+def test_every_stop_line_has_a_traffic_light() -> None:
     road_map = town()
     roads, plan = road_map.roads, road_map.plan
     assert plan is not None
@@ -100,7 +100,7 @@ def test_a_light_stands_at_every_stop_line() -> None:
     assert len(plan.controllers) == 21
 
 
-def test_no_two_who_cross_have_green() -> None:
+def test_crossing_lanes_are_never_green_together() -> None:
     road_map = town()
     roads, plan = road_map.roads, road_map.plan
     assert plan is not None
@@ -126,7 +126,7 @@ def movement(name: str) -> str:
     return {1: "right", 2: "straight", 3: "left"}[(legs.index(name[-1]) - legs.index(name[3])) % 4]
 
 
-def test_people_walk_where_nobody_turns_left_or_goes_straight() -> None:
+def test_pedestrians_have_green_only_without_crossing_left_or_straight_traffic() -> None:
     road_map = town()
     roads, plan = road_map.roads, road_map.plan
     assert plan is not None

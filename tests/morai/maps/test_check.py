@@ -40,7 +40,7 @@ def told(files: Files, names: tuple[str, ...] = ()) -> dict[str, tuple[bool, boo
 # -- files
 
 
-def test_files_under_their_new_names() -> None:
+def test_new_file_names_are_recognised() -> None:
     files = told(ROADRUNNER, ("my_notes.txt",))
     assert files["link_set.json"] == (True, True, None)
     assert files["lane_boundary_set.json"] == (True, True, None)
@@ -50,7 +50,7 @@ def test_files_under_their_new_names() -> None:
     assert files["traffic_sign_set.json"] == files["my_notes.txt"] == (True, False, None)
 
 
-def test_files_under_their_old_names_and_with_something_else_inside() -> None:
+def test_old_file_names_and_other_contents_are_recognised() -> None:
     files = told(KOREAN)
     assert files["lane_marking_set.json"] == (True, True, None)
     assert files["synced_traffic_light_set.json"] == (True, True, "schedules")
@@ -61,7 +61,7 @@ def test_files_under_their_old_names_and_with_something_else_inside() -> None:
 # -- figures
 
 
-def test_figures_of_a_map() -> None:
+def test_check_reports_the_figures_of_a_map() -> None:
     account = described(ROADRUNNER)
     assert (account["name"], account["version"], account["projection"]["kind"]) == ("tiny", "2.9", "UTM 52N")
     assert account["extent"] == {"x": [0.0, 120.0], "y": [0.0, 17.0], "z": [0.0, 0.0]}
@@ -93,7 +93,7 @@ def test_figures_of_a_map() -> None:
     json.dumps(account)
 
 
-def test_figures_of_maps_that_have_next_to_nothing() -> None:
+def test_check_reports_figures_of_nearly_empty_maps() -> None:
     needed = ("global_info.json", "node_set.json", "link_set.json")
     small = {name: KOREAN[name] for name in needed}
     assert described(small)["lights"]["num"] == 0
@@ -105,7 +105,7 @@ def test_figures_of_maps_that_have_next_to_nothing() -> None:
 
 
 @pytest.mark.parametrize("idx", [5, 5.0, -0.0, 1e30, 2.5])
-def test_numbers_serve_as_ids(idx: float) -> None:
+def test_ids_may_be_numbers(idx: float) -> None:
     points = [[0, 0, 0], [9, 0, 0]]
     link = {"idx": idx, "from_node_idx": 1.0, "to_node_idx": 2, "points": points, "left_lane_change_dst_link_idx": idx}
     files = {**ROADRUNNER, "node_set.json": [{"idx": 1.0}, {"idx": 2.0}], "link_set.json": [link]}
@@ -117,7 +117,7 @@ def test_numbers_serve_as_ids(idx: float) -> None:
 # -- gaps
 
 
-def test_gaps_of_a_map_without_any_but_its_ends() -> None:
+def test_ends_of_the_map_are_the_only_gaps() -> None:
     assert gaps(ROADRUNNER) == {
         "lanes that lead nowhere": ("B1C1", "B2C2", "B2D"),
         "lanes that no lane leads to": ("A1B1", "A2B2"),
@@ -176,12 +176,12 @@ LINKS, LIGHTS, GROUPS = "link_set.json", "traffic_light_set.json", "synced_traff
         (KOREAN, "schedules without an intersection controller", ("IntTL13",)),
     ],
 )
-def test_each_gap_is_told_by_name(files: Files, what: str, names: tuple[str, ...]) -> None:
+def test_each_gap_is_reported_with_its_links(files: Files, what: str, names: tuple[str, ...]) -> None:
     assert gaps(files)[what] == names
     assert what not in gaps(ROADRUNNER)
 
 
-def test_many_of_one_kind_are_counted() -> None:
+def test_many_remarks_of_one_kind_are_summarised() -> None:
     nodes = [*ROADRUNNER["node_set.json"], *(node(f"n{i}", i, 9) for i in range(50))]
     found = described({**ROADRUNNER, "node_set.json": nodes})["gaps"]
     (gap,) = [gap for gap in found if gap["what"] == "nodes without a link"]
@@ -191,11 +191,11 @@ def test_many_of_one_kind_are_counted() -> None:
 # -- mistakes
 
 
-def test_good_maps_have_no_mistake() -> None:
+def test_good_maps_have_no_errors() -> None:
     assert mistakes(ROADRUNNER) == mistakes(KOREAN) == []
 
 
-def test_all_mistakes_of_all_files_are_told() -> None:
+def test_all_errors_of_all_files_are_reported() -> None:
     files = changed(changed(ROADRUNNER, LINKS, 0, max_speed="fast"), LINKS, 3, points=[[0, 0]])
     files = changed(files, LIGHTS, 1, heading="north")
     files["lane_boundary_set.json"] = [{"points": []}]
@@ -211,7 +211,7 @@ def test_all_mistakes_of_all_files_are_told() -> None:
     ]
 
 
-def test_mistakes_of_meaning_and_missing_files_are_told_one_by_one() -> None:
+def test_semantic_errors_and_missing_files_are_reported_separately() -> None:
     assert mistakes(changed(ROADRUNNER, LINKS, 0, from_node_idx="gone")) == [
         "tiny/link_set.json: [0].from_node_idx: node_set.json has no node 'gone'"
     ]
@@ -220,7 +220,7 @@ def test_mistakes_of_meaning_and_missing_files_are_told_one_by_one() -> None:
     assert find_map_mistakes(torn, "maps/tiny") == ["tiny/node_set.json:1:3: not JSON: key must be a string"]
 
 
-def test_thousands_of_mistakes_are_cut_short() -> None:
+def test_number_of_reported_errors_is_bounded() -> None:
     lines = mistakes({**ROADRUNNER, LINKS: [{}] * 5_000})
     assert len(lines) == 101
     assert lines[-1] == "tiny/link_set.json: ... and 9,900 more"

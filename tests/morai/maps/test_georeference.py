@@ -38,12 +38,12 @@ def there_and_back(road_map: RoadMap, proj: Proj, x: float, y: float) -> tuple[f
     ],
 )
 @pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (1_234.5678, -987.6543), (-50_000.0, 80_000.0)])
-def test_a_client_with_utm_finds_the_maps_own_metres(projection: Projection | str, x: float, y: float) -> None:
+def test_utm_projection_of_a_fix_gives_map_coordinates(projection: Projection | str, x: float, y: float) -> None:
     utm = Proj(proj="utm", zone=52, ellps="WGS84")
     assert there_and_back(make_map(projection), utm, x, y) == pytest.approx((x, y), abs=1e-4)
 
 
-def test_on_the_southern_half_northings_count_from_ten_million() -> None:
+def test_southern_hemisphere_has_a_false_northing_of_ten_million() -> None:
     road_map = make_map("UTM23S", (330_000.0, 7_390_000.0, 0.0))
     utm = Proj(proj="utm", zone=23, south=True, ellps="WGS84")
     assert there_and_back(road_map, utm, 12.5, -3.25) == pytest.approx((12.5, -3.25), abs=1e-4)
@@ -61,7 +61,7 @@ def test_on_the_southern_half_northings_count_from_ten_million() -> None:
     ],
 )
 @pytest.mark.parametrize("is_by_figures", [False, True])
-def test_a_transverse_mercator_of_its_own(text: str, *, is_by_figures: bool) -> None:
+def test_custom_transverse_mercator_is_supported(text: str, *, is_by_figures: bool) -> None:
     road_map = make_map(text, (100.0, 200.0, 0.0))
     if is_by_figures:
         figures = {name: getattr(road_map.projection, name) for name in Projection.__slots__}
@@ -69,7 +69,7 @@ def test_a_transverse_mercator_of_its_own(text: str, *, is_by_figures: bool) -> 
     assert there_and_back(road_map, Proj(text), 321.0, 654.0) == pytest.approx((321.0, 654.0), abs=1e-4)
 
 
-def test_latitude_and_longitude_are_wgs_84_whatever_the_map_is_drawn_on() -> None:
+def test_latitude_and_longitude_are_wgs_84_for_every_map_datum() -> None:
     shifted = "+proj=tmerc +lat_0=38 +lon_0=127 +ellps=bessel +towgs84=-146.43,507.89,681.46 +units=m +no_defs"
     plain = "+proj=tmerc +lat_0=38 +lon_0=127 +ellps=WGS84 +units=m +no_defs"
     one, other = (Georeference().locate(make_map(text, (0.0, 0.0, 0.0)), 0.0, 0.0) for text in (shifted, plain))
@@ -78,7 +78,7 @@ def test_latitude_and_longitude_are_wgs_84_whatever_the_map_is_drawn_on() -> Non
     assert 0.001 < abs(one[1] - other[1]) < 0.01  # some 200 m, by the shift of the datum
 
 
-def test_a_projection_that_pyproj_refuses_is_no_place_and_one_line(caplog: pytest.LogCaptureFixture) -> None:
+def test_invalid_projection_gives_no_fix_and_one_log_line(caplog: pytest.LogCaptureFixture) -> None:
     globe, road_map = Georeference(), make_map("+proj=utm +zone=52 +ellps=bogus")
     with caplog.at_level(logging.WARNING):
         assert globe.locate(road_map, 0.0, 0.0) is None
@@ -88,11 +88,11 @@ def test_a_projection_that_pyproj_refuses_is_no_place_and_one_line(caplog: pytes
     assert globe.locate(make_map("UTM52N"), 0.0, 0.0) is not None, "another map comes"
 
 
-def test_beyond_the_projection_there_is_no_place() -> None:
+def test_position_outside_the_projection_gives_no_fix() -> None:
     assert Georeference().locate(make_map("UTM52N"), 1e9, 0.0) is None
 
 
-def test_the_maps_own_words_come_before_our_figures() -> None:
+def test_projection_text_of_the_map_is_kept_unchanged() -> None:
     text = "+proj=utm +zone=52 +ellps=WGS84 +units=m"
     assert proj_text(read_projection(text, "map")) == text
     assert proj_text(read_projection("UTM52N", "map")) == "+proj=utm +zone=52 +ellps=WGS84 +units=m +no_defs"

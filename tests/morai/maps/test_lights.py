@@ -29,7 +29,7 @@ def shown(plan: SignalPlan, *seconds: float) -> list[list[int]]:
     return out
 
 
-def test_a_whole_map() -> None:
+def test_complete_light_files_are_read() -> None:
     tiny = read(ROADRUNNER)
     plan = tiny.plan
     assert plan is not None
@@ -44,7 +44,7 @@ def test_a_whole_map() -> None:
     assert plan.controller_of_lane.tolist() == [-1, -1, 0, 0, 0]
 
 
-def test_the_schedule_in_seconds_with_yellow_after_the_phase() -> None:
+def test_schedule_is_in_seconds_with_yellow_after_the_phase() -> None:
     plan = plan_of(ROADRUNNER)
     assert plan.cycle.tolist() == [50 * (10 + 3) + 275 + 100]
     # C1, C2 (three yellows), the arrow, the people's light
@@ -57,7 +57,7 @@ EMPTY = "the set of intersection controllers is empty; lights are run by their g
 NO_CONTROLLER = "schedule 'IntTL13': the map has no such intersection controller"
 
 
-def test_without_groups_nobody_runs_the_lights() -> None:
+def test_lights_without_groups_have_no_schedule() -> None:
     tiny = read(KOREAN)
     assert tiny.plan is not None
     assert shown(tiny.plan, 0.0, 100.0) == [[UNSET, Y, UNSET, UNSET]] * 2
@@ -98,7 +98,7 @@ THEY_ARE_NAMED = f"{NO_CONTROLLER}; it runs the groups that it names, SSN000000,
     ],
     ids=["people", "colours"],
 )
-def test_a_schedule_without_a_controller_runs_the_groups_that_it_names(state: dict[str, Any]) -> None:
+def test_schedule_without_a_controller_runs_its_named_groups(state: dict[str, Any]) -> None:
     tiny = read(without_controllers(state))
     assert tiny.notes == (EMPTY, THEY_ARE_NAMED)
     plan = tiny.plan
@@ -108,13 +108,13 @@ def test_a_schedule_without_a_controller_runs_the_groups_that_it_names(state: di
     assert plan.controller_of_lane.tolist() == [-1, -1, 0, 0, 0]
 
 
-def test_a_schedule_may_be_a_groups_own() -> None:
+def test_schedule_may_belong_to_one_group() -> None:
     phases = [{"duration": 10, "lightcolor": ["SG"]}, {"duration": 5, "lightcolor": ["R"]}]
     plan = plan_of(without_controllers({"idx": "SSN000000", "TLState": phases, "PSState": None}))
     assert shown(plan, 0.0, 9.98, 13.0) == [[G, Y, UNSET, UNSET], [G, Y, UNSET, UNSET], [R, Y, UNSET, UNSET]]
 
 
-def test_a_set_of_controllers_that_lacks_one_is_made_up_by_the_groups() -> None:
+def test_missing_controller_is_derived_from_the_groups() -> None:
     files = dict(ROADRUNNER)
     files["intersection_controller_set.json"] = [{"idx": "IntTL99", "TL": []}]
     tiny = read(files)
@@ -123,19 +123,19 @@ def test_a_set_of_controllers_that_lacks_one_is_made_up_by_the_groups() -> None:
     assert THEY_ARE_NAMED in tiny.notes
 
 
-def test_names_of_people_that_are_fewer_than_the_colours_say_nothing() -> None:
+def test_too_few_pedestrian_names_are_ignored() -> None:
     tiny = read(without_controllers({"PSState": [[1, "SSN000002", 1, 3, 1.5]]}))
     assert tiny.notes[1] == f"{NO_CONTROLLER} and no group of lights that the schedule names; it runs nothing"
     assert tiny.plan is not None
     assert shown(tiny.plan, 13.0) == [[UNSET, Y, UNSET, UNSET]]
 
 
-def test_schedules_without_lights_are_read() -> None:
+def test_schedule_without_lights_is_read() -> None:
     tiny = read({**ROADRUNNER, "traffic_light_set.json": []})
     assert tiny.plan is None
 
 
-def test_the_file_of_the_groups_may_hold_the_schedule() -> None:
+def test_group_file_may_contain_the_schedule() -> None:
     controllers = ROADRUNNER["intersection_controller_set.json"]
     files = {**KOREAN, "intersection_controller_set.json": controllers}
     del files["intersection_controller_data.json"]
@@ -143,23 +143,23 @@ def test_the_file_of_the_groups_may_hold_the_schedule() -> None:
 
 
 @pytest.mark.parametrize("name", ["intersection_controller_data.json", "synced_traffic_light_state.json"])
-def test_the_schedule_has_three_names(name: str) -> None:
+def test_schedule_file_may_have_three_names(name: str) -> None:
     files = {key: value for key, value in ROADRUNNER.items() if key != "intersection_controller_state.json"}
     assert shown(plan_of({**files, name: ROADRUNNER["intersection_controller_state.json"]}), 13.0) == [[R, Y, L, R]]
 
 
-def test_an_empty_file_stands_back_behind_a_full_one() -> None:
+def test_full_file_takes_precedence_over_an_empty_one() -> None:
     files = {**ROADRUNNER, "intersection_controller_state.json": []}
     files["intersection_controller_data.json"] = ROADRUNNER["intersection_controller_state.json"]
     assert shown(plan_of(files), 13.0) == [[R, Y, L, R]]
 
 
-def test_groups_name_their_controller_where_there_is_no_set_of_them() -> None:
+def test_groups_may_name_their_controller() -> None:
     files = {key: value for key, value in ROADRUNNER.items() if key != "intersection_controller_set.json"}
     assert shown(plan_of(files), 13.0) == [[R, Y, L, R]]
 
 
-def test_synced_lights_hang_together_without_a_controller() -> None:
+def test_synced_lights_form_a_group_without_a_controller() -> None:
     files = {key: value for key, value in ROADRUNNER.items() if "controller" not in key}
     groups = [{**group, "intersection_controller_id": None} for group in files["synced_traffic_light_set.json"]]
     plan = plan_of({**files, "synced_traffic_light_set.json": groups})
@@ -168,12 +168,12 @@ def test_synced_lights_hang_together_without_a_controller() -> None:
 
 
 @pytest.mark.parametrize("missing", [name for name in ROADRUNNER if "light" in name or "controller" in name])
-def test_any_file_of_the_lights_may_be_missing(missing: str) -> None:
+def test_every_light_file_is_optional(missing: str) -> None:
     tiny = read({name: value for name, value in ROADRUNNER.items() if name != missing})
     assert (tiny.plan is None) == (missing == "traffic_light_set.json")
 
 
-def test_a_map_without_lights_has_no_plan() -> None:
+def test_map_without_lights_has_no_signal_plan() -> None:
     assert read({**ROADRUNNER, "traffic_light_set.json": []}).plan is None
 
 
@@ -182,7 +182,7 @@ def schedule(**changes: Any) -> Files:  # noqa: ANN401 - keys of a schedule
     return {**ROADRUNNER, "intersection_controller_state.json": [{**entry, **changes}]}
 
 
-def test_a_schedule_that_says_too_little_is_filled_up() -> None:
+def test_incomplete_schedule_is_completed() -> None:
     short = schedule(
         TLState=[{"duration": 10, "lightcolor": ["SG"]}, {"duration": 10, "lightcolor": []}], yelloduration=[]
     )
@@ -194,7 +194,7 @@ def test_a_schedule_that_says_too_little_is_filled_up() -> None:
     assert nothing.notes == ("intersection controller 'IntTL13' has no schedule; its lights are not lit",)
 
 
-def test_people_are_told_by_the_number_or_the_name_of_their_group() -> None:
+def test_pedestrian_lights_are_found_by_group_number_or_name() -> None:
     for target in (2, "2", 2.0, "SSN000002"):
         assert shown(plan_of(schedule(PSState=[[1, target, 1, 3, 1.5]])), 14.0) == [[R, Y, L, G]]
     lost = read(schedule(PSState=[[1, 9, 1, 3, 1], [7, 2, 1, 3, 1], [1, "SSN9", 1, 3, 1]]))
@@ -202,12 +202,12 @@ def test_people_are_told_by_the_number_or_the_name_of_their_group() -> None:
     assert lost.notes[0] == "schedule 'IntTL13': PSState of phase 1 and group '9', which are not there"
 
 
-def test_many_notes_are_cut_short() -> None:
+def test_number_of_notes_is_bounded() -> None:
     notes = read(schedule(PSState=[[1, 9, 1, 3, 1]] * 50)).notes
     assert (len(notes), notes[-1]) == (21, "... and 30 more of that kind")
 
 
-def test_a_light_that_comes_twice_counts_once() -> None:
+def test_duplicate_light_counts_once() -> None:
     tiny = read({**ROADRUNNER, "traffic_light_set.json": [*ROADRUNNER["traffic_light_set.json"], light("C1", ["B2D"])]})
     assert tiny.plan is not None
     assert len(tiny.plan.lights) == 4
@@ -227,7 +227,7 @@ def test_a_light_that_comes_twice_counts_once() -> None:
         (["blue"], 0),
     ],
 )
-def test_the_type_is_told_by_the_lamps(sub_type: object, number: int) -> None:
+def test_light_type_follows_from_its_lamps(sub_type: object, number: int) -> None:
     plan = plan_of({**ROADRUNNER, "traffic_light_set.json": [light("X", [], sub_type=sub_type)]})
     assert light_type(plan.lights[0]) == number
 
@@ -240,11 +240,11 @@ def test_the_type_is_told_by_the_lamps(sub_type: object, number: int) -> None:
         *(("ULG_with_URG", None), ("2", None), ("99999", None), ("-1", None), ("purple", None), ("R_with_", 1)),
     ],
 )
-def test_colours_by_name_or_number(name: str, value: int | None) -> None:
+def test_colours_may_be_names_or_numbers(name: str, value: int | None) -> None:
     assert colour_of(name) == value
 
 
-def test_left_turns_want_the_arrow_unless_they_are_unprotected() -> None:
+def test_protected_left_turns_need_the_arrow() -> None:
     def passes(signal: str | None) -> int:
         links = [
             {**entry, "related_signal": signal} if entry["idx"] == "B2D" else entry
@@ -259,7 +259,7 @@ def test_left_turns_want_the_arrow_unless_they_are_unprotected() -> None:
     assert passes("straight") & G
 
 
-def test_links_that_the_map_lacks_are_passed_over() -> None:
+def test_unknown_links_are_skipped() -> None:
     lights = [light("X", ["B1C1", "A1B1-A2B2", "no such link"])]
     assert plan_of({**ROADRUNNER, "traffic_light_set.json": lights}).lights[0].lanes == (2,)
 
@@ -297,7 +297,7 @@ def test_links_that_the_map_lacks_are_passed_over() -> None:
         ("crosswalk_set.json", [{}], "tiny/crosswalk_set.json: [0].idx: missing"),
     ],
 )
-def test_errors_name_the_file_and_the_place(name: str, content: object, message: str) -> None:
+def test_errors_name_file_and_path(name: str, content: object, message: str) -> None:
     with pytest.raises(DocumentError) as caught:
         read({**ROADRUNNER, name: content})
     assert str(caught.value).startswith(message)
@@ -313,7 +313,7 @@ def test_crosswalks_have_outlines_and_lights() -> None:
     assert crosswalks[0].outlines[0].tolist()[0] == [102.0, -4.0, 0.0]
 
 
-def test_a_part_may_name_its_crosswalk_or_be_named_by_it() -> None:
+def test_crosswalk_parts_may_be_linked_from_either_side() -> None:
     files = {**ROADRUNNER, "crosswalk_set.json": [{"idx": "CW1", "single_crosswalk_list": None}]}
     assert [c.name for c in read(files).crosswalks] == ["CW1", "SCW2"]
     files = {**ROADRUNNER, "crosswalk_set.json": [{"idx": "other", "single_crosswalk_list": ["SCW2", "gone"]}]}

@@ -37,7 +37,7 @@ def test_links_are_lanes_and_lane_changes_are_not(files: Files) -> None:
 
 
 @pytest.mark.parametrize("files", [ROADRUNNER, KOREAN])
-def test_edges_are_where_the_map_draws_them_under_either_name(files: Files) -> None:
+def test_lane_borders_are_read_under_either_name(files: Files) -> None:
     roads = read(files).roads
     assert edges(roads, "A1B1", 0.0, 50.0) == pytest.approx([1.6, 1.5, 1.6, 2.333], abs=0.01)
     # The edge's line ends 40 m before the lane does: there, and where nothing is drawn, it is half a width away.
@@ -46,19 +46,19 @@ def test_edges_are_where_the_map_draws_them_under_either_name(files: Files) -> N
     assert edges(roads, "B2D", 5.0) == [1.75, 1.75]
 
 
-def test_of_both_names_the_old_one_counts() -> None:
+def test_old_border_name_takes_precedence() -> None:
     files = {**KOREAN, "lane_boundary_set.json": []}
     assert edges(read(files).roads, "A1B1", 0.0)[0] == 1.6
     files = {**ROADRUNNER, "lane_marking_set.json": []}
     assert edges(read(files).roads, "A1B1", 0.0) == [1.75, 1.75]
 
 
-def test_edges_far_away_or_on_the_wrong_side_do_not_count() -> None:
+def test_borders_far_away_or_on_the_wrong_side_are_ignored() -> None:
     far = [{"idx": "middle", "points": [[0, 30, 0], [100, 30, 0]]}, {"idx": "edge", "points": [[0, 1, 0], [100, 1, 0]]}]
     assert edges(read({**ROADRUNNER, "lane_boundary_set.json": far}).roads, "A1B1", 50.0) == [1.75, 1.75]
 
 
-def test_neighbours_are_told_by_the_links_for_changes_where_the_lanes_do_not() -> None:
+def test_lane_change_links_define_neighbours_if_lanes_do_not() -> None:
     silent = {"left_lane_change_dst_link_idx": None, "right_lane_change_dst_link_idx": None}
     free = {**silent, "can_move_left_lane": True, "can_move_right_lane": True}
     files = changed(ROADRUNNER, links={"A1B1": free, "A2B2": free})
@@ -71,12 +71,12 @@ def test_neighbours_are_told_by_the_links_for_changes_where_the_lanes_do_not() -
     assert read(files).roads.right.tolist() == [-1, 0, -1, -1, -1]
 
 
-def test_neighbours_that_are_not_there_are_none() -> None:
+def test_missing_neighbours_are_ignored() -> None:
     files = changed(ROADRUNNER, links={"A2B2": {"right_lane_change_dst_link_idx": "gone"}})
     assert read(files).roads.right.tolist() == [-1] * 5
 
 
-def test_what_older_maps_lack_has_a_meaning() -> None:
+def test_missing_keys_of_older_maps_have_defaults() -> None:
     keep = ("idx", "from_node_idx", "to_node_idx", "points", "lazy_init")
     bare = [{key: entry[key] for key in keep} for entry in ROADRUNNER["link_set.json"]]
     nodes = [{"idx": entry["idx"]} for entry in ROADRUNNER["node_set.json"]]
@@ -98,13 +98,13 @@ def test_what_older_maps_lack_has_a_meaning() -> None:
         ),
     ],
 )
-def test_edges_that_cannot_be_read_are_named(borders: object, message: str) -> None:
+def test_unreadable_borders_are_named(borders: object, message: str) -> None:
     with pytest.raises(DocumentError) as caught:
         read({**ROADRUNNER, "lane_boundary_set.json": borders})
     assert str(caught.value) == message
 
 
-def test_a_lane_with_repeated_points_keeps_its_edges() -> None:
+def test_lane_with_repeated_points_keeps_its_borders() -> None:
     points = [[0, 0, 0], [0, 0, 0], [50, 0, 0], [100, 0, 0]]
     roads = read(changed(ROADRUNNER, links={"A1B1": {"points": points}})).roads
     assert np.allclose(roads.border[:3, 0], 1.6)

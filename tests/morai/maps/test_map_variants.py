@@ -46,7 +46,7 @@ def shown(road_map: RoadMap, *seconds: float) -> list[list[int]] | None:
     return out
 
 
-def test_the_old_names_and_the_new_ones_give_the_same_map() -> None:
+def test_old_and_new_file_names_give_the_same_map() -> None:
     old, new = read({**KOREAN, **CONTROLLERS}), read(ROADRUNNER)
     assert lanes(old) == lanes(new)
     assert old.roads.border.tolist() == new.roads.border.tolist()
@@ -56,13 +56,13 @@ def test_the_old_names_and_the_new_ones_give_the_same_map() -> None:
 
 @pytest.mark.parametrize("name", OPTIONAL)
 @pytest.mark.parametrize("files", [ROADRUNNER, KOREAN], ids=["new", "old"])
-def test_any_other_file_may_be_empty_or_missing(files: Files, name: str) -> None:
+def test_optional_files_may_be_empty_or_missing(files: Files, name: str) -> None:
     whole = lanes(read(files))
     assert lanes(read({key: value for key, value in files.items() if key != name})) == whole
     assert lanes(read({**files, name: []})) == whole
 
 
-def test_nothing_but_the_three_files_is_needed() -> None:
+def test_only_three_files_are_required() -> None:
     bare = read({name: KOREAN[name] for name in FILES})
     assert lanes(bare) == lanes(read(KOREAN))
     assert (bare.plan, bare.crosswalks, bare.notes) == (None, (), ())
@@ -83,7 +83,7 @@ def test_nothing_but_the_three_files_is_needed() -> None:
         ("traffic_light_set.json", {"orientation": "+", "dynamic": False, "z_offset": None, "ref_crosswalk_id": None}),
     ],
 )
-def test_keys_that_come_and_go_make_no_difference(name: str, keys: dict[str, Any]) -> None:
+def test_optional_keys_make_no_difference(name: str, keys: dict[str, Any]) -> None:
     files = without(ROADRUNNER, "link_set.json", "opp_traffic", "geometry", "road_id", "ego_lane", "link_type")
     if "related_signal" in keys:  # without it the bends tell
         files = edited(files, "link_set.json", related_signal=None)
@@ -105,7 +105,7 @@ def test_keys_that_come_and_go_make_no_difference(name: str, keys: dict[str, Any
         ("singlecrosswalk_set.json", ("ref_crosswalk_id",)),
     ],
 )
-def test_null_is_the_same_as_nothing(name: str, keys: tuple[str, ...]) -> None:
+def test_null_equals_a_missing_key(name: str, keys: tuple[str, ...]) -> None:
     missing = read(without(ROADRUNNER, name, *keys))
     null = read(edited(ROADRUNNER, name, **dict.fromkeys(keys)))
     assert lanes(missing) == lanes(null)
@@ -114,7 +114,7 @@ def test_null_is_the_same_as_nothing(name: str, keys: tuple[str, ...]) -> None:
     assert (missing.plan and missing.plan.digest) == (null.plan and null.plan.digest)
 
 
-def test_links_for_lane_changes_need_no_line() -> None:
+def test_lane_change_links_need_no_points() -> None:
     *ways, change = ROADRUNNER["link_set.json"]
     for points in ([], [[0, 0, 0]], [[0, 0, 0], [0, 0, 0]]):
         assert lanes(read({**ROADRUNNER, "link_set.json": [*ways, {**change, "points": points}]})) == lanes(
@@ -122,7 +122,7 @@ def test_links_for_lane_changes_need_no_line() -> None:
         )
 
 
-def test_a_width_counts_where_it_is_forced() -> None:
+def test_forced_lane_width_is_used() -> None:
     wide = edited(ROADRUNNER, "link_set.json", width_start=5.0, lane_mark_left=[], lane_mark_right=[])
     assert read(wide).roads.width.tolist() == [LANE_WIDTH] * 5
     forced = read(edited(wide, "link_set.json", force_width_start=True)).roads
@@ -130,7 +130,7 @@ def test_a_width_counts_where_it_is_forced() -> None:
     assert (forced.border == 2.5).all()
 
 
-def test_a_folder_of_the_users_is_read_from_the_disk(tmp_path: Path) -> None:
+def test_user_folder_is_read_from_the_disk(tmp_path: Path) -> None:
     folder = tmp_path / "R_KR_Somewhere"
     folder.mkdir()
     for name, content in {**KOREAN, **CONTROLLERS}.items():  # as a Windows editor leaves them
@@ -144,7 +144,7 @@ def test_a_folder_of_the_users_is_read_from_the_disk(tmp_path: Path) -> None:
     assert DiskLibrary(own_map=str(folder)).map("x").name == "R_KR_Somewhere"
 
 
-def test_files_that_are_no_json_are_named(tmp_path: Path) -> None:
+def test_files_that_are_not_json_are_named(tmp_path: Path) -> None:
     for name in (*FILES, "traffic_light_set.json", "crosswalk_set.json"):
         files = {key: json.dumps(value).encode() for key, value in ROADRUNNER.items()} | {name: b"[{]"}
         with pytest.raises(DocumentError, match=rf"^{tmp_path.name}/{name}:1:3: not JSON: "):

@@ -51,7 +51,7 @@ def refusal(**files: object) -> str:
     return text
 
 
-def test_a_tiny_map() -> None:
+def test_minimal_map_is_read() -> None:
     tiny = read()
     assert tiny.name == "tiny"
     assert tiny.origin == (300000.0, 4000000.0, 12.5)
@@ -70,7 +70,7 @@ def test_a_map_without_links_is_refused() -> None:
         read(links=[])
 
 
-def test_other_files_are_not_looked_at() -> None:
+def test_other_files_are_ignored() -> None:
     files = {"traffic_sign_set.json": b"\xff", **TRACK}
     assert read_map(files, "x").name == "x"
 
@@ -87,7 +87,7 @@ def test_other_files_are_not_looked_at() -> None:
         ("+proj=UTM +zone=5", 5, False, "WGS84"),
     ],
 )
-def test_utm_projections(text: str, zone: int, is_south: bool, ellipse: str) -> None:  # noqa: FBT001  # a column
+def test_utm_projections_are_recognised(text: str, zone: int, is_south: bool, ellipse: str) -> None:  # noqa: FBT001  # a column
     projection = read_projection(text, "x")
     assert (projection.is_tm, projection.zone, projection.is_south, projection.ellipse) == (
         False,
@@ -102,7 +102,7 @@ def test_utm_projections(text: str, zone: int, is_south: bool, ellipse: str) -> 
     assert projection.false_northing == (10_000_000.0 if is_south else 0.0)
 
 
-def test_a_transverse_mercator() -> None:
+def test_transverse_mercator_is_recognised() -> None:
     text = "+proj=tmerc +lat_0=38 +lon_0=127.5 +k=0.9996 +x_0=1e6 +y_0=-2000000 +ellps=GRS80 +geoidgrids=egm96.gtx"
     projection = read_projection(text, "x")
     assert (projection.is_tm, projection.zone, projection.ellipse) == (True, 0, "GRS80")
@@ -128,7 +128,7 @@ def test_a_transverse_mercator() -> None:
         ("+proj=tmerc +k=" + "9" * 400, "expected a number for +k, got '" + "9" * 40 + "'"),
     ],
 )
-def test_projections_that_are_not_known(text: str, message: str) -> None:
+def test_unknown_projections_are_noted(text: str, message: str) -> None:
     with pytest.raises(DocumentError) as caught:
         read_projection(text, "tiny/global_info.json")
     assert str(caught.value) == f"tiny/global_info.json: global_coordinate_system: {message}"
@@ -182,11 +182,11 @@ def with_points(*points: object) -> list[object]:
         ),
     ],
 )
-def test_errors_name_the_file_and_the_place(files: dict[str, object], message: str) -> None:
+def test_errors_name_file_and_path(files: dict[str, object], message: str) -> None:
     assert refusal(**files).startswith(message)
 
 
-def test_numbers_serve_as_ids() -> None:
+def test_ids_may_be_numbers() -> None:
     tiny = read(nodes=[{"idx": 1}, {"idx": 2}], links=[{**LINKS[0], "idx": 5, "from_node_idx": 1, "to_node_idx": 2}])
     assert tiny.roads.ids == ("5",)
 
@@ -194,7 +194,7 @@ def test_numbers_serve_as_ids() -> None:
 # -- what ships
 
 
-def test_the_track_is_what_its_script_draws() -> None:
+def test_track_files_equal_the_output_of_their_script() -> None:
     assert runpy.run_path(str(ROOT / "scripts" / "draw_maps.py"))["track_files"]() == TRACK
 
 

@@ -66,7 +66,7 @@ def ego_at(recording: Recording, since: float, column: str = "x") -> float:
 
 
 @pytest.mark.parametrize("factor", [DEGREES, MPS_TO_KMH])
-def test_what_was_converted_comes_back_to_the_last_bit(factor: float) -> None:
+def test_converted_values_are_restored_to_the_last_bit(factor: float) -> None:
     rng = np.random.Generator(np.random.PCG64(1))
     values = np.concatenate([rng.uniform(-math.pi, math.pi, 10_000), [math.pi, 0.0, -0.0, 1e-9]])
     products = values * factor
@@ -74,35 +74,35 @@ def test_what_was_converted_comes_back_to_the_last_bit(factor: float) -> None:
 
 
 @pytest.mark.parametrize("has_jump", [False, True])
-def test_bag_of_simulated_time_counts_by_it_though_messages_have_the_time_of_day(*, has_jump: bool) -> None:
+def test_bag_in_simulated_time_ignores_wall_clock_headers(*, has_jump: bool) -> None:
     """The second is of a drive in which the time of day was chosen after its beginning."""
     day = 1_700_000_000 * SECOND
-    take = reading()
+    builder = reading()
     for i in range(5):
         said = i * SECOND // 50 if has_jump and i < 2 else day + i * 1_000
-        take.take_ego(0, ego(float(i)), (said, i * SECOND // 50))
-        take.take_objects(
+        builder.take_ego(0, ego(float(i)), (said, i * SECOND // 50))
+        builder.take_objects(
             Struct(npc_list=[thing(3, float(i))], pedestrian_list=[], obstacle_list=[]), (said, i * SECOND // 50)
         )
-    recording = take.finish()
+    recording = builder.finish()
     assert recording.duration_ns == 4 * SECOND // 50
     assert [ego_at(recording, 0.02 * i) for i in range(5)] == [0.0, 1.0, 2.0, 3.0, 4.0]
 
 
-def test_bag_of_the_time_of_day_counts_by_the_stamps_in_its_messages() -> None:
+def test_bag_in_wall_clock_time_uses_message_stamps() -> None:
     day = 1_700_000_000 * SECOND
-    take = reading()
+    builder = reading()
     for i, came in enumerate([0.013, 0.021, 0.055]):
-        take.take_ego(0, ego(float(i)), (day + i * SECOND // 50, day + round(came * SECOND)))
-    recording = take.finish()
+        builder.take_ego(0, ego(float(i)), (day + i * SECOND // 50, day + round(came * SECOND)))
+    recording = builder.finish()
     assert recording.duration_ns == 2 * SECOND // 50
 
 
-def test_between_stamps_is_what_lies_between() -> None:
-    take = reading()
+def test_values_between_stamps_are_interpolated() -> None:
+    builder = reading()
     for i, (x, heading) in enumerate([(0.0, 170.0), (1.0, -170.0), (2.0, -170.0)]):
-        take.take_ego(0, ego(x, heading), both(SECOND + i * SECOND // 10))
-    recording = take.finish()
+        builder.take_ego(0, ego(x, heading), both(SECOND + i * SECOND // 10))
+    recording = builder.finish()
     assert recording.duration_ns == SECOND // 5
     assert ego_at(recording, 0.025) == 0.25
     assert ego_at(recording, 0.075, "yaw") == pytest.approx(math.radians(185.0))
@@ -111,71 +111,73 @@ def test_between_stamps_is_what_lies_between() -> None:
     assert ego_at(recording, 99.0) == 2.0
 
 
-def test_jumps_and_gaps_are_not_driven_through() -> None:
-    take = reading()
+def test_jumps_and_gaps_are_not_interpolated() -> None:
+    builder = reading()
     for x, stamp in ((0.0, 1.0), (500.0, 1.1), (501.0, 3.0), (502.0, 3.1)):
-        take.take_ego(0, ego(x), both(round(stamp * SECOND)))
-    recording = take.finish()
+        builder.take_ego(0, ego(x), both(round(stamp * SECOND)))
+    recording = builder.finish()
     assert [ego_at(recording, since) for since in (0.05, 0.1, 1.0, 2.05)] == [0.0, 500.0, 500.0, 501.5]
 
 
-def test_objects_between_stamps_and_those_who_leave() -> None:
-    take = reading()
-    take.take_ego(0, ego(0.0), both(SECOND))
+def test_objects_are_interpolated_until_they_leave() -> None:
+    builder = reading()
+    builder.take_ego(0, ego(0.0), both(SECOND))
     for i, xs in enumerate([{3: 0.0, 5: 7.0}, {5: 8.0, 9: 1.0}]):
         npcs = [thing(uid, x) for uid, x in xs.items()]
-        take.take_objects(Struct(npc_list=npcs, pedestrian_list=[], obstacle_list=[]), both(SECOND + i * SECOND // 10))
-    scene = take.finish().moment(SECOND // 20)
-    assert [actor.uid for actor in scene.actors] == [3, 5]
-    assert scene.values[0].tolist() == [0.0, 7.5]
-    assert scene.values[OBJECT_COLUMNS.index("speed")].tolist() == [10.0, 10.0]
-    assert scene.actors[0].size == (5.0, 2.0, 3.0)
-    assert scene.actors[0].kind is Kind.VEHICLE
+        builder.take_objects(
+            Struct(npc_list=npcs, pedestrian_list=[], obstacle_list=[]), both(SECOND + i * SECOND // 10)
+        )
+    moment = builder.finish().moment(SECOND // 20)
+    assert [actor.uid for actor in moment.actors] == [3, 5]
+    assert moment.values[0].tolist() == [0.0, 7.5]
+    assert moment.values[OBJECT_COLUMNS.index("speed")].tolist() == [10.0, 10.0]
+    assert moment.actors[0].size == (5.0, 2.0, 3.0)
+    assert moment.actors[0].kind is Kind.VEHICLE
 
 
-def test_profile_says_what_units_are() -> None:
-    take = reading(FIELD)
-    take.take_ego(0, ego(0.0, wheel_angle=90.0), both(1))
-    take.take_objects(Struct(npc_list=[thing(1, 0.0)]), both(1))
-    scene = take.finish().moment(0)
-    assert scene.egos[0][EGO_COLUMNS.index("steer")] == pytest.approx(math.pi / 2)
-    assert scene.actors[0].size == (2.0, 5.0, 3.0)
+def test_profile_gives_the_units() -> None:
+    builder = reading(FIELD)
+    builder.take_ego(0, ego(0.0, wheel_angle=90.0), both(1))
+    builder.take_objects(Struct(npc_list=[thing(1, 0.0)]), both(1))
+    moment = builder.finish().moment(0)
+    assert moment.egos[0][EGO_COLUMNS.index("steer")] == pytest.approx(math.pi / 2)
+    assert moment.actors[0].size == (2.0, 5.0, 3.0)
 
 
 @pytest.mark.parametrize("profile", [MANUAL, FIELD])
-def test_newer_name_of_the_steering_is_degrees(profile: Profile) -> None:
-    take = reading(profile)
+def test_front_steer_angle_is_in_degrees(profile: Profile) -> None:
+    builder = reading(profile)
     message = ego(0.0, front_steer_angle=90.0)
     del message.wheel_angle
-    take.take_ego(0, message, both(1))
-    assert take.finish().moment(0).egos[0][EGO_COLUMNS.index("steer")] == pytest.approx(math.pi / 2)
+    builder.take_ego(0, message, both(1))
+    assert builder.finish().moment(0).egos[0][EGO_COLUMNS.index("steer")] == pytest.approx(math.pi / 2)
 
 
-def test_own_stamps_count_where_they_are_a_clock() -> None:
+def test_header_stamps_are_used_if_they_increase() -> None:
     for said, duration in (([5, 6, 7], 2), ([0, 0, 0], 20), ([7, 6, 5], 20)):
-        take = reading()
+        builder = reading()
         for stamp, came in zip(said, (10, 20, 30), strict=True):
-            take.take_ego(0, ego(0.0), (stamp, came))
-        assert take.finish().duration_ns == duration
+            builder.take_ego(0, ego(0.0), (stamp, came))
+        assert builder.finish().duration_ns == duration
 
 
-def test_repeated_stamp_counts_once_and_order_is_that_of_time() -> None:
-    take = reading()
+def test_entries_are_sorted_by_time_and_repeated_stamps_dropped() -> None:
+    builder = reading()
     for x, came in ((1.0, 30), (2.0, 10), (3.0, 30)):
-        take.take_ego(0, ego(x), (0, came))
-        take.take_objects(Struct(npc_list=[thing(1, x), thing(1, 99.0)]), (0, came))
-    recording = take.finish()
+        builder.take_ego(0, ego(x), (0, came))
+        builder.take_objects(Struct(npc_list=[thing(1, x), thing(1, 99.0)]), (0, came))
+    recording = builder.finish()
     assert recording.egos[0].values[0].tolist() == [2.0, 3.0]
     assert recording.objects is not None
     assert recording.objects.values[0].tolist() == [2.0, 3.0]
 
 
-def test_figures_that_are_none_are_left_out_and_told() -> None:
-    take = reading()
+def test_invalid_numbers_are_left_out_and_noted() -> None:
+    builder = reading()
     for i, x in enumerate((1.0, math.nan, 3.0)):
-        take.take_ego(0, ego(x), both(10 + i))
-        take.take_objects(Struct(npc_list=[thing(1, x), thing(2, 0.0, heading_deg=math.inf)]), both(10 + i))
-    recording = take.finish()
+        builder.take_ego(0, ego(x), both(10 + i))
+        builder.take_objects(Struct(npc_list=[thing(1, x), thing(2, 0.0, heading_deg=math.inf)]), both(10 + i))
+    recording = builder.finish()
     assert recording.egos[0].values[0].tolist() == [1.0, 3.0]
     assert recording.objects is not None
     assert recording.objects.starts.tolist() == [0, 1, 1, 2]
@@ -185,32 +187,32 @@ def test_figures_that_are_none_are_left_out_and_told() -> None:
     )
 
 
-def test_nothing_is_empty() -> None:
+def test_recording_without_messages_is_empty() -> None:
     assert reading().finish().is_empty
-    take = reading()
-    take.take_ego(0, ego(math.nan), both(1))
-    assert take.finish().is_empty
+    builder = reading()
+    builder.take_ego(0, ego(math.nan), both(1))
+    assert builder.finish().is_empty
 
 
-def test_too_much_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_recording_beyond_the_limit_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recorded, "MAX_RECORDED_ENTRIES", 3)
-    take = reading()
-    take.take_objects(Struct(npc_list=[thing(1, 0.0)]), both(1))
+    builder = reading()
+    builder.take_objects(Struct(npc_list=[thing(1, 0.0)]), both(1))
     with pytest.raises(DocumentError, match="a: more than 3 states in it; cut it into shorter ones"):
-        take.take_objects(Struct(npc_list=[thing(1, 0.0)]), both(2))
+        builder.take_objects(Struct(npc_list=[thing(1, 0.0)]), both(2))
 
 
-def test_many_random_states_are_found_by_hand_as_well() -> None:
+def test_random_recordings_agree_with_a_simple_reference() -> None:
     rng = np.random.Generator(np.random.PCG64(7))
-    take = reading()
+    builder = reading()
     frames = [{uid: rng.uniform(-9, 9) for uid in range(6) if rng.random() < 0.5} for _ in range(30)]
     for i, xs in enumerate(frames):
         npcs = [thing(uid, x) for uid, x in xs.items()]
         if i % 2:
             npcs.reverse()
-        take.take_objects(Struct(npc_list=npcs), both((i + 1) * SECOND // 50))
-    recording = take.finish()
+        builder.take_objects(Struct(npc_list=npcs), both((i + 1) * SECOND // 50))
+    recording = builder.finish()
     for i, xs in enumerate(frames):
-        scene = recording.moment(i * SECOND // 50)
-        found = {actor.uid: x for actor, x in zip(scene.actors, scene.values[0].tolist(), strict=True)}
+        moment = recording.moment(i * SECOND // 50)
+        found = {actor.uid: x for actor, x in zip(moment.actors, moment.values[0].tolist(), strict=True)}
         assert found == xs

@@ -32,14 +32,14 @@ def oddities(roads: Roads | None = None, **parts: object) -> list[str]:
 # -- mistakes
 
 
-def test_a_good_file_has_none() -> None:
+def test_good_file_has_no_remarks() -> None:
     found = draft(egoVehicle={"initPosition": AT})
     assert found.mistakes == ()
     assert found.scenario is not None
     assert len(found.scenario.egos) == 1
 
 
-def test_all_mistakes_are_told_each_with_its_place() -> None:
+def test_all_errors_are_reported_with_their_paths() -> None:
     found = draft(
         egoVehicle={"initPosition": {"pos": {"x": "a"}}},
         vehicleList=[{"initPosition": AT}, {}, {"initPosition": {**AT, "initPositionMode": "Link"}}],
@@ -70,7 +70,7 @@ def test_all_mistakes_are_told_each_with_its_place() -> None:
     assert scenario.phases == ()
 
 
-def test_who_follows_a_bad_path_makes_no_mistake() -> None:
+def test_reference_to_an_invalid_path_is_not_a_second_error() -> None:
     walker = {"pos": {"x": 1, "y": 2}, "pathName": "bad"}
     for points in ([{"pos": 1}], FAR):
         paths = [{"pathName": "bad", "waypointData": points}]
@@ -89,14 +89,14 @@ def test_who_follows_a_bad_path_makes_no_mistake() -> None:
     ],
     ids=["nothing", "torn", "list", "deep", "other"],
 )
-def test_what_is_no_scenario_has_one_mistake(text: bytes, line: str) -> None:
+def test_document_that_is_no_scenario_has_one_error(text: bytes, line: str) -> None:
     found = read_draft(text, "mine.json")
     assert len(found.mistakes) == 1
     assert found.mistakes[0].startswith(line)
     assert found.scenario is None
 
 
-def test_mistakes_that_only_the_map_shows() -> None:
+def test_errors_that_need_the_map_are_found() -> None:
     found = draft(
         egoVehicle={"initPosition": LINK},
         vehicleList=[
@@ -124,7 +124,7 @@ def test_mistakes_that_only_the_map_shows() -> None:
 # -- keys
 
 
-def test_keys_are_sorted_into_what_is_read_and_what_is_passed_over() -> None:
+def test_keys_are_sorted_into_read_and_ignored_ones() -> None:
     vehicle: dict[str, Any] = {"initPosition": {"pos": {"x": 1, "y": 2, "_z": "0", "w": 3}, "rot": {"q": 0}}}
     found = draft(
         version="1.0",
@@ -153,7 +153,7 @@ def test_keys_are_sorted_into_what_is_read_and_what_is_passed_over() -> None:
 # -- oddities
 
 
-def test_vehicles_off_the_road_and_against_their_lane() -> None:
+def test_vehicles_off_the_road_or_against_their_lane_are_reported() -> None:
     roads = read_tiny(ROADRUNNER).roads
     lines = oddities(
         roads,
@@ -173,7 +173,7 @@ def test_vehicles_off_the_road_and_against_their_lane() -> None:
     assert oddities(Roads(), egoVehicle={"initPosition": AT}) == []
 
 
-def test_who_stands_within_another() -> None:
+def test_overlapping_entities_are_reported() -> None:
     # The Ioniq's box reaches from 0.89 m behind its rear axle to 3.58 m before it.
     lines = oddities(
         egoVehicle={"initPosition": {"pos": {"x": 0, "y": 0}}},
@@ -188,7 +188,7 @@ def test_who_stands_within_another() -> None:
     ]
 
 
-def test_a_path_in_the_maps_axes_is_far_away() -> None:
+def test_path_in_map_axes_is_reported_as_far_away() -> None:
     car = {"initPosition": {"pos": {"x": 100, "y": 50}}, "pathName": "way"}
     enu = [{"pos": {"x": 100, "y": 0, "z": 50}}, {"pos": {"x": 120, "y": 0, "z": 50}}]
     (line,) = oddities(vehicleList=[car], waypointDataList=[{"pathName": "way", "waypointData": enu}])
@@ -197,7 +197,7 @@ def test_a_path_in_the_maps_axes_is_far_away() -> None:
     assert oddities(vehicleList=[car], waypointDataList=[{"pathName": "way", "waypointData": right}]) == []
 
 
-def test_many_of_one_kind_are_cut_short() -> None:
+def test_number_of_remarks_of_one_kind_is_bounded() -> None:
     lines = oddities(objectList=[{"pos": {"x": 0, "y": 0}}] * 20)
     assert len(lines) == 51
     assert lines[-1] == "... and 140 more of that kind"

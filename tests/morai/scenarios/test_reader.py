@@ -119,7 +119,7 @@ def changed(path: str, value: object) -> dict[str, Any]:
 # -- what is read
 
 
-def test_ego_of_a_saved_file() -> None:
+def test_ego_of_a_saved_file_is_read() -> None:
     (ego,) = read(SAVED).egos
     assert (ego.kind, ego.name, ego.uid, ego.gear) == (Kind.EGO, "Hyundai_Ioniq_5", 0, Gear.DRIVE)
     assert (ego.x, ego.y, ego.z) == (1043.5, -20.25, 3.5)
@@ -128,25 +128,25 @@ def test_ego_of_a_saved_file() -> None:
     assert ego.path is None
 
 
-def test_texts_with_thousands_commas_stand_in_for_missing_numbers() -> None:
+def test_texts_with_thousands_separators_replace_missing_numbers() -> None:
     vehicle = read(SAVED).vehicles[0]
     assert (vehicle.x, vehicle.y, vehicle.z) == (-1234567.5, 8.0, 0.0)
 
 
-def test_waypoints_are_in_the_engines_axes() -> None:
+def test_waypoints_are_converted_from_engine_axes() -> None:
     path = read(SAVED).vehicles[0].path
     assert path is not None
     assert path.tolist() == [[1000.5, 30.0, 2.0], [1010.5, 40.0, 2.5]]
 
 
-def test_a_vehicles_speed_is_by_link_or_its_own() -> None:
+def test_vehicle_speed_is_its_own_or_the_links() -> None:
     by_link, own = read(SAVED).vehicles
     assert by_link.speed == pytest.approx(20.0)
     assert own.speed == pytest.approx(5.0)
     assert (by_link.is_loop, own.is_loop) == (True, False)
 
 
-def test_a_single_waypoint_is_walked_to_from_where_one_is() -> None:
+def test_single_waypoint_is_a_path_from_the_start_position() -> None:
     (walker,) = read(SAVED).pedestrians
     assert (walker.kind, walker.is_loop) == (Kind.PEDESTRIAN, True)
     assert walker.speed == pytest.approx(1.5)
@@ -154,20 +154,20 @@ def test_a_single_waypoint_is_walked_to_from_where_one_is() -> None:
     assert walker.path.tolist() == [[5, 5, 0], [5, 25, 0]]
 
 
-def test_an_obstacle_stands_where_it_is_put() -> None:
+def test_obstacle_stands_at_its_position() -> None:
     (cone,) = read(SAVED).obstacles
     assert (cone.kind, cone.name, cone.uid, cone.x, cone.y) == (Kind.OBSTACLE, "Traffic_Cone", 10, 6.0, 7.0)
     assert cone.yaw == pytest.approx(math.pi / 6)
     assert (cone.speed, cone.path) == (0.0, None)
 
 
-def test_names_of_scenario_and_map() -> None:
+def test_names_of_scenario_and_map_are_read() -> None:
     scenario = read(SAVED)
     assert (scenario.name, scenario.map_name) == ("mine", "Somewhere")
     assert read({"egoVehicle": None}).map_name is None
 
 
-def test_a_number_that_is_not_in_the_catalogue_is_noted_once() -> None:
+def test_unknown_model_number_is_noted_once() -> None:
     notes = read(SAVED).notes
     assert [note for note in notes if "30200001" in note] == [
         (
@@ -183,7 +183,7 @@ def test_a_number_that_is_not_in_the_catalogue_is_noted_once() -> None:
     assert "is not in the catalogue, and its number is that of an obstacle; it has" in note
 
 
-def test_a_model_may_be_named() -> None:
+def test_model_may_be_given_by_name() -> None:
     document = changed("vehicleList.0.modelName", "kia k5")
     assert read(document).vehicles[0].name == "2015_Kia_K5"
     text = refusal(changed("vehicleList.0.modelName", "Traffic_Cone"))
@@ -192,7 +192,7 @@ def test_a_model_may_be_named() -> None:
     assert text == "mine.json: objectList[0].modelName: expected one of the catalogue's obstacles, got 'Rocket'"
 
 
-def test_a_path_may_be_named() -> None:
+def test_path_may_be_given_by_name() -> None:
     document = changed("vehicleList.1.pathName", "ObstaclePath - 7")
     first, second = read(document).vehicles
     assert second.path is first.path
@@ -201,18 +201,18 @@ def test_a_path_may_be_named() -> None:
     )
 
 
-def test_a_path_is_not_followed_outside_waypoint_mode() -> None:
+def test_path_is_ignored_outside_waypoint_mode() -> None:
     assert read(changed("vehicleList.0.isWaypointMode", value=False)).vehicles[0].path is None
     scenario = read(changed("vehicleList.1.isWaypointMode", value=True))
     assert scenario.vehicles[1].path is None
     assert any("waypointDataList has no path ' - 8'" in note for note in scenario.notes)
 
 
-def test_a_pedestrians_path_is_no_vehicles() -> None:
+def test_vehicle_does_not_follow_a_pedestrian_path() -> None:
     assert read(changed("waypointDataList.0.pathName", "PedPath - 7")).vehicles[0].path is None
 
 
-def test_a_pedestrian_without_a_path_goes_some_way_ahead() -> None:
+def test_pedestrian_without_a_path_walks_straight_ahead() -> None:
     walker = {"pos": {"x": 1, "y": 1}, "rot": {"yaw": 90}, "speed": 3.6, "loop": True, "movingDistance": 10}
     (spawn,) = read({"pedestrianList": [walker]}).pedestrians
     assert spawn.path is not None
@@ -220,7 +220,7 @@ def test_a_pedestrian_without_a_path_goes_some_way_ahead() -> None:
     assert spawn.is_loop
 
 
-def test_a_path_without_length_is_noted_and_nobody_moves() -> None:
+def test_path_without_length_is_noted_and_moves_nothing() -> None:
     here = {"pos": {"x": -5, "y": 0, "z": -5}}
     scenario = read(changed("waypointDataList.1.waypointData", [here, here]))
     assert (scenario.pedestrians[0].path, scenario.pedestrians[0].speed) == (None, 0.0)
@@ -230,20 +230,20 @@ def test_a_path_without_length_is_noted_and_nobody_moves() -> None:
 @pytest.mark.parametrize(
     ("gear", "meant"), [(1, Gear.PARK), (2, Gear.REVERSE), (3, Gear.NEUTRAL), (4, Gear.DRIVE), (-1, 4), (0, 4), (5, 4)]
 )
-def test_gears(gear: int, meant: int) -> None:
+def test_gears_are_read(gear: int, meant: int) -> None:
     assert read({"egoVehicle": {**EGO, "gear": gear}}).egos[0].gear == meant
 
 
 @pytest.mark.parametrize(
     ("within", "beside", "meant"), [(1, 4, Gear.PARK), (None, 2, Gear.REVERSE), (0, 3, Gear.NEUTRAL), ("2", ..., 2)]
 )
-def test_the_gear_of_the_place_goes_before_the_cars(within: object, beside: object, meant: int) -> None:
+def test_gear_of_the_start_position_takes_precedence(within: object, beside: object, meant: int) -> None:
     ego: dict[str, Any] = {"initPosition": {**EGO["initPosition"], "gear": within}}
     ego |= {} if beside is ... else {"gear": beside}
     assert read({"egoVehicle": ego}).egos[0].gear == meant
 
 
-def test_roll_and_pitch_are_kept_within_half_a_turn() -> None:
+def test_roll_and_pitch_are_wrapped_to_half_a_turn() -> None:
     tilt = {"roll": "90.0", "pitch": "-358.491", "yaw": "-358.491"}
     ego = {"initPosition": {"pos": {"x": 0, "y": 0}, "rot": tilt}}
     scenario = read({"egoVehicle": ego, "objectList": [{"pos": {"x": 1, "y": 2}, "rot": tilt}]})
@@ -251,7 +251,7 @@ def test_roll_and_pitch_are_kept_within_half_a_turn() -> None:
         assert [spawn.roll, spawn.pitch, spawn.yaw] == pytest.approx([math.pi / 2, *[math.radians(1.509)] * 2])
 
 
-def test_the_scale_of_a_thing_is_of_its_width_height_and_length() -> None:
+def test_obstacle_scale_applies_to_width_height_and_length() -> None:
     box = {"DataID": 40100002, "pos": {"x": 1, "y": 2}}
     plain, large, empty = read(
         {"objectList": [box, {**box, "scale": {"x": 2, "y": "0.5", "z": 3}}, {**box, "scale": {}}]}
@@ -263,7 +263,7 @@ def test_the_scale_of_a_thing_is_of_its_width_height_and_length() -> None:
 
 
 @pytest.mark.parametrize("scale", [{"x": 0, "y": 1, "z": 1}, {"x": 1, "y": -1, "z": 1}, {"z": 1001}, {"y": 5e-324}])
-def test_a_scale_that_makes_no_size_is_a_remark(scale: dict[str, float]) -> None:
+def test_invalid_scale_is_a_remark(scale: dict[str, float]) -> None:
     scenario = read({"objectList": [{"pos": {"x": 1, "y": 2}, "scale": scale}]})
     assert scenario.obstacles[0].model.body.length == 0.6
     (note,) = scenario.notes
@@ -271,7 +271,7 @@ def test_a_scale_that_makes_no_size_is_a_remark(scale: dict[str, float]) -> None
 
 
 @pytest.mark.parametrize(("distance", "meant"), [(25, 25.0), ("1,000.5", 1000.5), (0, 0.0), (-1, 0.0), (None, 0.0)])
-def test_the_active_distance_of_people_and_things(distance: object, meant: float) -> None:
+def test_active_distance_of_pedestrians_and_obstacles_is_read(distance: object, meant: float) -> None:
     walker = {"pos": {"x": 1, "y": 1}, "speed": 3.6, "activeDistance": distance}
     ball = {"pos": {"x": 1, "y": 1}, "moveSpeed": 3.6, "activeDistance": distance}
     scenario = read({"pedestrianList": [walker], "objectList": [ball]})
@@ -282,13 +282,13 @@ def test_the_active_distance_of_people_and_things(distance: object, meant: float
     ("desired", "constant", "kmh"),
     [(50, 18, 50), (0, 18, 18), (None, 18, 18), (50, None, 50), (0, None, 0), (None, None, 72)],
 )
-def test_the_own_speed_is_the_desired_one(desired: object, constant: object, kmh: float) -> None:
+def test_own_speed_is_the_desired_speed(desired: object, constant: object, kmh: float) -> None:
     document = changed("vehicleList.1.desiredVelocity", desired)
     document["vehicleList"][1]["constantVelocity"] = constant
     assert read(document).vehicles[1].speed * 3.6 == pytest.approx(kmh)
 
 
-def test_a_vehicle_that_was_on_a_link_keeps_to_the_lanes() -> None:
+def test_vehicle_saved_on_a_link_follows_the_lanes() -> None:
     car: dict[str, Any] = {**EGO, "velocityType": 2, "desiredVelocity": 36, "currentVelocity": 18}
     named = {**car, "currentLinkInfo": {"linkIdx": "A1B1", "pointIdx": 3}}
     also = {**car, "currentLinkInfo": None, "startPointLinkInfo": {"linkIdx": "A1B1"}}
@@ -308,14 +308,14 @@ def test_a_vehicle_that_was_on_a_link_keeps_to_the_lanes() -> None:
 NO_WAY: dict[str, Any] = {"pathName": "ObstaclePath - 7", "waypointData": []}
 
 
-def test_a_thing_in_waypoint_mode_without_waypoints_stands() -> None:
+def test_obstacle_in_waypoint_mode_without_waypoints_stands() -> None:
     thing = {"UNIQUEID": 7, "pos": {"x": 3, "y": 4}, "moveSpeed": 9, "isWaypointMode": True}
     scenario = read({"objectList": [thing], "waypointDataList": [NO_WAY, {**NO_WAY, "pathName": "PedPath - 999"}]})
     (spawn,) = scenario.obstacles
     assert (spawn.path, spawn.speed, spawn.x, spawn.y, scenario.notes) == (None, 0.0, 3.0, 4.0, ())
 
 
-def test_outside_waypoint_mode_an_empty_path_says_nothing() -> None:
+def test_empty_path_is_ignored_outside_waypoint_mode() -> None:
     walker = {"UNIQUEID": 7, "pos": {"x": 0, "y": 0}, "speed": 3.6, "movingDistance": 10}
     paths = [{**NO_WAY, "pathName": "PedPath - 7"}]
     for more in ({}, {"isWaypointMode": False}):
@@ -324,13 +324,13 @@ def test_outside_waypoint_mode_an_empty_path_says_nothing() -> None:
         assert spawn.speed == pytest.approx(1.0)
 
 
-def test_a_named_path_may_be_empty() -> None:
+def test_named_path_without_waypoints_is_accepted() -> None:
     thing = {"pos": {"x": 3, "y": 4}, "moveSpeed": 9, "pathName": "ObstaclePath - 7"}
     (spawn,) = read({"objectList": [thing], "waypointDataList": [NO_WAY]}).obstacles
     assert (spawn.path, spawn.speed) == (None, 0.0)
 
 
-def test_waypoint_mode_without_any_path_is_told_of_what_would_move() -> None:
+def test_missing_path_in_waypoint_mode_is_noted_for_moving_entities() -> None:
     thing = {"UNIQUEID": 8, "pos": {"x": 3, "y": 4}, "isWaypointMode": True}
     scenario = read({"objectList": [{**thing, "moveSpeed": 0}]})
     assert (scenario.notes, scenario.obstacles[0].speed) == ((), 0.0)
@@ -342,7 +342,7 @@ def test_waypoint_mode_without_any_path_is_told_of_what_would_move() -> None:
 # Known without effect
 
 
-def test_what_has_no_effect_yet_is_kept_as_it_is_written() -> None:
+def test_values_without_effect_are_kept_unchanged() -> None:
     generator = {"DataID": 90100001, "anything": [1, {"a": None}]}
     car = {**EGO, "isLaneChange": "perhaps", "latBiasMode": 2, "latBias": "-0.125", "destinationUniqueID": None}
     document = {
@@ -369,24 +369,24 @@ def phases(*indices: object) -> tuple[list[str], list[str]]:
     return [start.controller for start in known], lines
 
 
-def test_a_light_is_told_by_its_position_or_by_its_name() -> None:
+def test_light_is_found_by_position_or_name() -> None:
     assert phases("1", 1, "2", " 1 ", "IntTL1") == (["IntTL2", "IntTL2", "0", "IntTL2", "IntTL1"], [])
 
 
-def test_what_could_be_both_is_a_position() -> None:
+def test_ambiguous_light_reference_is_a_position() -> None:
     (line,) = phases("0")[1]
     assert phases("0")[0] == ["IntTL1"]
     assert line == "index '0' is a position and an id; it is taken for the position, 'IntTL1'"
 
 
 @pytest.mark.parametrize("index", ["3", "-1", "1.5", "", "IntTL3", "9" * 100, "²"])
-def test_an_index_that_is_no_controllers_is_a_remark(index: str) -> None:
+def test_unknown_controller_index_is_a_remark(index: str) -> None:
     known, (line,) = phases(index)
     assert known == []
     assert line.startswith("no intersection ")
 
 
-def test_a_phase_that_the_schedule_lacks_is_a_remark() -> None:
+def test_unknown_phase_is_a_remark() -> None:
     scenario = read({"tlList": [{"index": "0", "state": 7}, {"index": "0", "state": -1}]})
     plan = SignalPlan(Roads(), (), [Controller("IntTL1", 1, (), (Phase(50, ()),))])
     assert sort_phases(scenario, plan) == (
@@ -397,12 +397,12 @@ def test_a_phase_that_the_schedule_lacks_is_a_remark() -> None:
 
 
 @pytest.mark.parametrize(("yaw", "meant"), [("190", -170.0), (-180, 180.0), (540, 180.0), ("1,080.5", 0.5)])
-def test_headings_come_out_within_half_a_turn(yaw: object, meant: float) -> None:
+def test_headings_are_wrapped_to_half_a_turn(yaw: object, meant: float) -> None:
     ego = {"initPosition": {"pos": {"x": 0, "y": 0}, "rot": {"yaw": yaw}}}
     assert read({"egoVehicle": ego}).egos[0].yaw == pytest.approx(math.radians(meant))
 
 
-def test_ids_are_given_once() -> None:
+def test_ids_are_unique() -> None:
     document = changed("vehicleList.1.UNIQUEID", 7)
     document["objectList"][0]["UNIQUEID"] = 0
     document["pedestrianList"][0]["UNIQUEID"] = -5
@@ -412,18 +412,18 @@ def test_ids_are_given_once() -> None:
     assert "objectList[0]: UNIQUEID 0 is that of egoVehicle; it gets the next free one" in scenario.notes
 
 
-def test_notes_are_bounded() -> None:
+def test_number_of_notes_is_bounded() -> None:
     vehicles = [{"DataID": i, "initPosition": EGO["initPosition"]} for i in range(300)]
     notes = read({"vehicleList": vehicles}).notes
     assert len(notes) == 21
     assert notes[-1] == "... and more of that kind"
 
 
-def test_a_byte_order_mark_is_passed_over() -> None:
+def test_byte_order_mark_is_ignored() -> None:
     assert read_scenario(b"\xef\xbb\xbf" + json.dumps(SAVED).encode(), "x.json").name == "x"
 
 
-def test_null_is_absent() -> None:
+def test_null_equals_a_missing_key() -> None:
     document = {key: None for key in SAVED if key != "egoVehicle"} | {"egoVehicle": EGO}
     assert len(read(document).egos) == 1
 
@@ -435,7 +435,7 @@ ROADS = Roads(
 )
 
 
-def test_an_agent_on_a_link_is_placed_by_the_map() -> None:
+def test_agent_on_a_link_is_placed_by_the_map() -> None:
     scenario = read(SAVED)
     assert (scenario.vehicles[1].link, scenario.vehicles[1].is_placed) == ("A1", False)
     placed = place_on_roads(scenario, ROADS).vehicles[1]
@@ -443,7 +443,7 @@ def test_an_agent_on_a_link_is_placed_by_the_map() -> None:
     assert placed.yaw == pytest.approx(math.pi / 2)
 
 
-def test_a_link_that_the_map_lacks() -> None:
+def test_unknown_link_is_an_error_without_a_position_and_a_note_with_one() -> None:
     with pytest.raises(DocumentError) as caught:
         place_on_roads(read(SAVED), Roads())
     assert str(caught.value) == "mine: vehicleList[1].initPosition.initLink: the map has no link 'A1'"
@@ -496,7 +496,7 @@ def test_a_link_that_the_map_lacks() -> None:
         ("mapInfo", "track", "mapInfo: expected an object, got 'track'"),
     ],
 )
-def test_errors_say_where_and_what(path: str, value: object, text: str) -> None:
+def test_errors_name_path_and_expectation(path: str, value: object, text: str) -> None:
     assert refusal(changed(path, value)).startswith(f"mine.json: {text}")
 
 
@@ -517,7 +517,7 @@ def test_errors_say_where_and_what(path: str, value: object, text: str) -> None:
     ],
     ids=lambda value: value[:12] if isinstance(value, bytes) else "",
 )
-def test_what_is_no_scenario_is_told_in_one_line(text: bytes, message: str) -> None:
+def test_document_that_is_no_scenario_gives_one_error_line(text: bytes, message: str) -> None:
     with pytest.raises(DocumentError) as caught:
         read_scenario(text, "mine.json")
     assert str(caught.value).startswith(message)
@@ -562,7 +562,7 @@ places = st.sampled_from(
 
 @settings(max_examples=50)
 @given(place=places, value=junk)
-def test_whatever_stands_there_is_spawned_or_told(place: str, value: object) -> None:
+def test_any_value_is_read_or_reported(place: str, value: object) -> None:
     text = ""
     try:
         scenario = place_on_roads(read(changed(place, value)), ROADS)
@@ -604,16 +604,16 @@ def demo() -> tuple[Scenario, Roads]:
     return place_on_roads(read_scenario(DEMO, "demo.json"), roads), roads
 
 
-def test_the_demo_is_what_its_script_draws() -> None:
+def test_demo_scenario_equals_the_output_of_its_script() -> None:
     assert runpy.run_path(str(ROOT / "scripts" / "draw_maps.py"))["demo_scenario"]() == DEMO
 
 
-def test_the_schema_is_current() -> None:
+def test_json_schema_of_scenarios_is_current() -> None:
     for path, text in runpy.run_path(str(ROOT / "scripts" / "write_schemas.py"))["schema_files"]().items():
         assert path.read_text(encoding="utf-8") == text, "run scripts/write_schemas.py"
 
 
-def test_the_demo_has_somebody_of_every_kind() -> None:
+def test_demo_has_every_kind_of_entity() -> None:
     scenario, _ = demo()
     assert (scenario.name, scenario.map_name, scenario.notes) == ("demo", "track", ())
     assert len(scenario.egos) == 1
@@ -623,7 +623,7 @@ def test_the_demo_has_somebody_of_every_kind() -> None:
     assert all(spawn.speed > 0.0 and spawn.path is not None and spawn.is_loop for spawn in scenario.vehicles)
 
 
-def test_the_demos_vehicles_stand_in_their_lanes_in_driving_direction() -> None:
+def test_demo_vehicles_stand_in_their_lanes_in_driving_direction() -> None:
     scenario, roads = demo()
     for spawn in (*scenario.egos, *scenario.vehicles):
         place = roads.nearest(spawn.x, spawn.y, spawn.yaw)
@@ -632,7 +632,7 @@ def test_the_demos_vehicles_stand_in_their_lanes_in_driving_direction() -> None:
         assert roads.ids[place.lane[0]].startswith("L2" if spawn.kind is Kind.EGO else "L1")
 
 
-def test_the_demos_people_and_things_are_off_the_road() -> None:
+def test_demo_pedestrians_and_obstacles_are_off_the_road() -> None:
     scenario, roads = demo()
 
     def clear(spawn: Spawn, x: float, y: float) -> bool:
@@ -647,7 +647,7 @@ def test_the_demos_people_and_things_are_off_the_road() -> None:
 
 
 @pytest.mark.slow
-def test_nobody_hits_the_ego_of_the_demo_within_two_laps() -> None:
+def test_demo_ego_has_no_collision_within_two_laps() -> None:
     world = populate(demo()[0])
     ego = int(world.rows(Kind.EGO)[0])
     others = world.rows(Kind.VEHICLE)

@@ -30,13 +30,13 @@ def kmh(spawn: Spawn) -> float:
     return round(spawn.speed * 3.6, 6)
 
 
-def test_the_ego() -> None:
+def test_ego_of_a_saved_scenario_is_read() -> None:
     (ego,) = scenario().egos
     assert (ego.name, ego.uid, ego.gear) == ("Hyundai_Ioniq_5", 0, Gear.DRIVE)
     assert (place(ego), kmh(ego)) == ((30.0, 0.25, 0.0, 1.5), 18.0)
 
 
-def test_a_vehicle_on_its_path_whose_numbers_are_texts() -> None:
+def test_vehicle_with_numbers_as_texts_follows_its_path() -> None:
     car = scenario().vehicles[0]
     assert (car.uid, place(car), kmh(car), car.is_loop) == (101, (1030.5, -2000.25, 1.5, 180.0), 27.0, True)
     assert car.path is not None
@@ -45,7 +45,7 @@ def test_a_vehicle_on_its_path_whose_numbers_are_texts() -> None:
     assert (car.driver, car.link) == (None, None)
 
 
-def test_a_vehicle_on_a_link_drives_as_fast_as_is_allowed() -> None:
+def test_vehicle_on_a_link_drives_at_the_speed_limit() -> None:
     car = scenario().vehicles[1]
     assert (car.uid, place(car), kmh(car)) == (102, (25.0, 3.5, 0.0, 0.0), 36.0)
     assert car.driver is not None
@@ -53,7 +53,7 @@ def test_a_vehicle_on_a_link_drives_as_fast_as_is_allowed() -> None:
     assert car.path is None
 
 
-def test_pedestrians_go_ahead_or_along_their_path() -> None:
+def test_pedestrians_walk_ahead_or_along_their_path() -> None:
     ahead, along = scenario().pedestrians
     assert (ahead.uid, place(ahead), kmh(ahead), ahead.is_loop) == (201, (104.0, -3.0, 0.0, 90.0), 5.4, True)
     assert ahead.path is not None
@@ -63,7 +63,7 @@ def test_pedestrians_go_ahead_or_along_their_path() -> None:
     assert (along.uid, kmh(along), along.is_loop) == (202, 3.6, False)
 
 
-def test_obstacles_stand_or_move() -> None:
+def test_obstacles_stand_or_follow_their_path() -> None:
     crate, cone = scenario().obstacles
     assert (crate.name, crate.uid, place(crate), kmh(crate)) == ("Cargo_Box", 301, (40.0, -4.0, 0.0, 0.0), 7.2)
     assert crate.path is not None
@@ -71,7 +71,7 @@ def test_obstacles_stand_or_move() -> None:
     assert (cone.name, cone.path) == ("Traffic_Cone", None)
 
 
-def test_what_is_passed_over_is_kept_quiet_and_can_be_looked_up() -> None:
+def test_ignored_keys_are_listed_and_give_no_remarks() -> None:
     draft = read_draft(TEXT, "saved.json")
     assert draft.mistakes == ()
     assert draft.scenario is not None
@@ -119,7 +119,7 @@ class Shelf:
         raise AssertionError(name)
 
 
-def test_it_takes_the_stage_whole() -> None:
+def test_saved_scenario_loads_completely() -> None:
     world = World(seed=0)
     Scene(world, Shelf(), read_scenario(TEXT, "saved.json"), ego_gear=Gear.DRIVE)
     counts = {kind: len(world.rows(kind)) for kind in Kind}
@@ -130,7 +130,7 @@ def test_it_takes_the_stage_whole() -> None:
 
 
 @pytest.mark.parametrize("key", [key for key in json.loads(TEXT) if key != "egoVehicle"])
-def test_every_part_may_be_missing_null_or_empty(key: str) -> None:
+def test_every_section_may_be_missing_null_or_empty(key: str) -> None:
     document = json.loads(TEXT)
     parts = [{k: v for k, v in document.items() if k != key}, {**document, key: None}]
     parts += [{**document, key: []}] if isinstance(document[key], list) else []
@@ -139,7 +139,7 @@ def test_every_part_may_be_missing_null_or_empty(key: str) -> None:
         assert len(found.egos) == 1
 
 
-def test_line_ends_and_a_byte_order_mark_make_no_difference() -> None:
+def test_line_ends_and_byte_order_mark_make_no_difference() -> None:
     windows = b"\xef\xbb\xbf" + TEXT.replace(b"\n", b"\r\n")
     assert read_draft(windows, "saved.json").mistakes == ()
     assert len(read_scenario(windows, "saved.json").vehicles) == 2
