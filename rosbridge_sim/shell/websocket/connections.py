@@ -11,6 +11,7 @@ from websockets.frames import CloseCode
 from rosbridge_sim.loose_types import LibraryArgument
 from rosbridge_sim.shell.websocket.library_connection import LibraryConnection
 from rosbridge_sim.shell.websocket.limits import MAX_OPENING
+from rosbridge_sim.shell.websocket.receiving_connection import ReceivingConnection
 from rosbridge_sim.shell.websocket.server_connection import DirectConnection
 from rosbridge_sim.shell.websocket.strangers import ConnectionPlaces
 from rosbridge_sim.shell.websocket.tls_door import TlsDoor, TlsRules
@@ -18,6 +19,7 @@ from rosbridge_sim.shell.websocket.tls_door import TlsDoor, TlsRules
 __all__ = [
     "CROWDED",
     "ConnectionTables",
+    "DirectServedConnection",
     "LibraryServedConnection",
     "ServedConnection",
     "address_of",
@@ -49,8 +51,8 @@ class ConnectionTables:
         self.strangers = ConnectionPlaces(max_strangers)
 
 
-class ServedConnection(DirectConnection):
-    """A connection that stands in tables for as long as it is open."""
+class ServedConnection(ReceivingConnection):
+    """A connection that stands in tables for as long as it is open; stands before the kind of reading in the bases."""
 
     def __init__(self, tables: ConnectionTables, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
         super().__init__(*args, **kwargs)
@@ -82,8 +84,12 @@ class ServedConnection(DirectConnection):
             self.transport.close()
 
 
+class DirectServedConnection(ServedConnection, DirectConnection):
+    """A connection of the server that reads frames by our own code."""
+
+
 class LibraryServedConnection(ServedConnection, LibraryConnection):
-    """The same, without the shortcut of `DirectConnection`."""
+    """A connection of the server that reads frames by the library's code."""
 
 
 def make_connection(

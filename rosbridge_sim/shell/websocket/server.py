@@ -37,6 +37,7 @@ from rosbridge_sim.shell.websocket.access import Refusal
 from rosbridge_sim.shell.websocket.client import Client
 from rosbridge_sim.shell.websocket.connections import (
     ConnectionTables,
+    DirectServedConnection,
     LibraryServedConnection,
     ServedConnection,
     address_of,
@@ -119,7 +120,7 @@ class Server:
         self._turns, self._memory = Turns(loop, self._on_change), MemoryReturn(loop)
         if limits.memory_budget is not None:
             self._budget = MemoryBudget(loop, self._bus, lambda: list(self.clients), limits.memory_budget)
-        kind = ServedConnection if limits.is_direct else LibraryServedConnection
+        kind = DirectServedConnection if limits.is_direct else LibraryServedConnection
         rules = None if tls is None else TlsRules(tls, limits.tls_timeout, CLOSE_TIMEOUT)
         self._server = await serve(
             self._serve,

@@ -23,7 +23,7 @@ from rosbridge_sim.errors import Reason
 from rosbridge_sim.protocol.first_op import FirstOp, read_first_op, refusal_frame
 from rosbridge_sim.shell.websocket.access import Access
 from rosbridge_sim.shell.websocket.inflate import Deflated
-from rosbridge_sim.shell.websocket.server_connection import DirectConnection
+from rosbridge_sim.shell.websocket.receiving_connection import ReceivingConnection
 from rosbridge_sim.shell.websocket.turns import Turns
 
 __all__ = [
@@ -108,7 +108,7 @@ class Stranger:
 
     def __init__(
         self,
-        socket: DirectConnection,
+        socket: ReceivingConnection,
         access: Access,
         turns: Turns,
         *,

@@ -24,8 +24,8 @@ from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.shell.websocket.access import Access
 from rosbridge_sim.shell.websocket.limits import MAX_OPENING, ServerLimits
+from rosbridge_sim.shell.websocket.receiving_connection import MAX_EARLY
 from rosbridge_sim.shell.websocket.server import Server
-from rosbridge_sim.shell.websocket.server_connection import MAX_EARLY
 from rosbridge_sim.shell.websocket.strangers import (
     MAX_REFUSED,
     MAX_TRIES,
@@ -457,7 +457,7 @@ async def test_little_is_read_of_a_flood_behind_a_wrong_token(listen: Listen) ->
     port = await listen(delay=FOR_EVER, patience=FOR_EVER)
     _, writer = await open_raw(port.server.port)
     writer.write(mask('{"op": "auth", "token": "wrong"}'))
-    await until(lambda: any(socket._is_paused for socket in port.server._tables.sockets))
+    await until(lambda: any(getattr(one, "_is_paused", False) for one in port.server._tables.sockets))
     (socket,) = port.server._tables.sockets
     writer.write(mask("x" * 1_000) * 10_000)
     await port.is_serving()
