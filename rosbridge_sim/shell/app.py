@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from rosbridge_sim.shell.attach import Attachment
     from rosbridge_sim.shell.bags.recording import Recorder
 
-__all__ = ["AddressError", "Simulator", "list_items"]
+__all__ = ["AddressError", "Simulator", "list_items", "mistakes_of_items"]
 
 _log = logging.getLogger("rosbridge_sim.app")
 
@@ -97,7 +97,7 @@ class Simulator:
             DocumentError: an option that does not exist or that has a bad value.
         """
         assert settings is None or not options, "settings or options, not both"
-        self.settings = check_options(options) if settings is None else settings
+        self.settings = check_options(options, mistakes_of_items) if settings is None else settings
         self.bus: Bus | None = None
         self.node: SimulatorNode | None = None
         self.attachments: tuple[Attachment, ...] = ()
@@ -296,6 +296,21 @@ def list_items(settings: Settings) -> list[ListedInterface]:
     WebRepublisher(bus)
     built_in = replace(settings, scenario=Settings().scenario, scenario_path=(), map=None, catalogue=None)
     return list(_make_node(bus, built_in, None, None).items.listing())
+
+
+def mistakes_of_items(settings: Settings) -> list[str]:
+    """Return the mistakes in what is chosen about topics and services, a line for each.
+
+    For the readers of settings, which tell all mistakes at once. Where there are no others it is not needed, because
+    the simulator itself finds these at its start.
+    """
+    if not (settings.publishers or settings.subscribers or settings.services):
+        return []
+    try:
+        list_items(settings)
+    except DocumentError as error:
+        return str(error).splitlines()
+    return []
 
 
 def _make_node(

@@ -19,8 +19,9 @@ from websockets.exceptions import ConnectionClosed
 import rosbridge_sim
 from rosbridge_sim import DocumentError, Simulator
 from rosbridge_sim.shell.app import AddressError, list_items
-from rosbridge_sim.shell.config.loading import check_options, format_config
+from rosbridge_sim.shell.config.loading import check_options
 from rosbridge_sim.shell.config.settings import Settings
+from rosbridge_sim.shell.config.toml_output import format_config
 from rosbridge_sim.shell.scheduler import WorldFailedError
 from tests.conftest import Connect
 from tests.graph.bus_fixture import Wire

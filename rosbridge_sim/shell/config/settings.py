@@ -2,7 +2,7 @@
 
 `Settings` is the only list. Each field carries its flag's group, check and help, and from that one place come
 the command line, the names of environment variables, the keys of the file and what `--print-config` writes
-(`loading.py` reads and writes those; `value_types.py` has the checks).
+(`loading.py` reads those, `toml_output.py` writes them; `value_types.py` has the checks).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from rosbridge_sim.shell.config.value_types import (
     whole_number,
 )
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # no circle, but a tenth of a second of imports that `--help` does without
     from rosbridge_sim.morai.interfaces.network_settings import InterfaceChoice
 
 __all__ = ["FIELDS", "SHORT_FORMS", "Flag", "Settings", "flag_of"]

@@ -18,7 +18,7 @@ from rosbridge_sim.morai.catalogue import BUILT_IN
 from rosbridge_sim.morai.maps.mgeo import MAP_FILES, RoadMap, read_map
 from rosbridge_sim.morai.scenarios.reader import Scenario, read_scenario
 from rosbridge_sim.schema.parse import parse_action, parse_message, parse_service
-from rosbridge_sim.shell.config.loading import looks_like_path
+from rosbridge_sim.shell.config.settings_file import looks_like_path
 from rosbridge_sim.shell.files.document_cache import DocumentCache
 
 __all__ = [

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.interfaces.network_settings import NetworkSettings
-from rosbridge_sim.shell.config.loading import read_network
+from rosbridge_sim.shell.config.settings_file import read_network
 from rosbridge_sim.shell.files.library import safe_parts
 
 __all__ = ["DiskNetworks"]

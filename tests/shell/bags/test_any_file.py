@@ -26,8 +26,10 @@ from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.bags.bag import open_bag
 from rosbridge_sim.shell.bags.recordings import read_recording
 from rosbridge_sim.shell.bags.repair import repair
-from rosbridge_sim.shell.config.loading import SettingError, read_network, read_settings
+from rosbridge_sim.shell.config.loading import read_settings
+from rosbridge_sim.shell.config.settings_file import read_network
 from rosbridge_sim.shell.config.toml_text import lines_of
+from rosbridge_sim.shell.config.value_types import SettingError
 from rosbridge_sim.shell.files.library import read_definitions
 from tests.mutations import Flip, damage, examples, flips
 
