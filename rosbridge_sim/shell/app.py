@@ -40,7 +40,8 @@ from rosbridge_sim.shell.config.loading import check_options
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.value_types import URLS
 from rosbridge_sim.shell.descriptors import DescriptorWatch
-from rosbridge_sim.shell.files.library import DiskLibrary, Texts, read_definitions
+from rosbridge_sim.shell.files.definitions import Texts, read_definitions
+from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.shell.files.network_files import DiskNetworks
 from rosbridge_sim.shell.files.quota import DataQuota, in_thread
 from rosbridge_sim.shell.files.sensor_data_store import DiskArchive
@@ -393,7 +394,8 @@ def _start_recording(settings: Settings, bus: Bus, node: SimulatorNode | None, t
     if settings.record is None:
         return None
     from rosbridge_sim.shell.bags.bag import open_bag  # noqa: PLC0415 - rosbags' writers are a tenth of a second
-    from rosbridge_sim.shell.bags.recording import BagMessageWriter, Recorder  # noqa: PLC0415
+    from rosbridge_sim.shell.bags.message_writer import BagMessageWriter  # noqa: PLC0415
+    from rosbridge_sim.shell.bags.recording import Recorder  # noqa: PLC0415
 
     path = Path(settings.record)
     if path.resolve().is_relative_to(Path(settings.data_dir).resolve()):  # which is made when it is needed

@@ -20,7 +20,7 @@ from rosbridge_sim.morai.replays.recording_builder import Recordings
 from rosbridge_sim.morai.scenarios.reader import Scenario, read_scenario
 from rosbridge_sim.morai.simulator_node import NodeSettings
 from rosbridge_sim.schema.store import Message, Store
-from rosbridge_sim.shell.files.library import read_definitions
+from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import World
 from tests.morai.maps import ROADRUNNER, read

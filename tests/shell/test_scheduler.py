@@ -18,7 +18,8 @@ from rosbridge_sim.morai.node_factory import make_node
 from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.morai.simulator_node import NodeSettings
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.shell.files.library import DiskLibrary, read_definitions
+from rosbridge_sim.shell.files.definitions import read_definitions
+from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.shell.scheduler import Scheduler
 from rosbridge_sim.world.state import World
 

@@ -1,13 +1,11 @@
-"""A recorder: one more listener on the bus, who writes down what he hears.
+"""The recorder of `--record`: a participant of the bus that writes what it receives into a bag.
 
-Unless patterns choose, he listens to what the simulator publishes and to what it listens to itself: its state and its
-commands. That decides itself when somebody advertises or subscribes, so the bus tells of both. Each message gets the
-simulation's time as its stamp. Bytes are those of the bag's ROS generation: the message's own where the server speaks
-the same one, else these in the other's spelling, which rosbags knows. The few types that differ in more than that are
-read once more from their JSON text, as the other generation's.
+Unless patterns choose, it records what the simulator publishes and what the simulator subscribes to: its state and its
+commands. Which topics these are is known only when a client advertises or subscribes, so the bus reports both. Each
+message gets the simulation's time as its stamp.
 
-A disk that is full ends the recording and nothing else, and so does a file that was deleted or moved, which is noticed
-at the next flush: the world goes on, and the log says so.
+A full disk ends the recording and nothing else, and so does a file that was deleted or moved, which is noticed at the
+next flush: the world goes on, and the log says so.
 """
 
 from __future__ import annotations
@@ -15,22 +13,18 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-from rosbridge_sim.errors import DocumentError, EncodingError, GraphError, PeerError
+from rosbridge_sim.errors import DocumentError, EncodingError, PeerError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.policy import Rule
 from rosbridge_sim.graph.topics_services import Topic
-from rosbridge_sim.schema.compile import MessageType
-from rosbridge_sim.schema.store import Message, Store
-from rosbridge_sim.schema.validate import MessageSpec
-from rosbridge_sim.shell.bags.bag import Bag, BagGoneError, Channel
+from rosbridge_sim.schema.store import Message
+from rosbridge_sim.shell.bags.bag import BagGoneError
+from rosbridge_sim.shell.bags.message_writer import BagMessageWriter
 
-__all__ = ["FLUSH_PERIOD", "BagMessageWriter", "Recorder"]
+__all__ = ["FLUSH_PERIOD", "Recorder"]
 
 MAX_TOPICS = 10_000
 """Topics of one recording. A topic that is recorded is never forgotten: without a bound a client that advertises ever
@@ -40,156 +34,6 @@ FLUSH_PERIOD = 1.0
 """Between two flushes [s]: what a crash may cost."""
 
 _log = logging.getLogger("rosbridge_sim.recording")
-
-
-@dataclass(frozen=True, slots=True)
-class _Track:
-    """A topic in a bag.
-
-    Attributes:
-        type: of the bag's generation.
-        channel: the bag's own name for it.
-        recode: a message's bytes at the source -> those in the bag; None where they must be made from its value.
-    """
-
-    type: MessageType
-    channel: Channel
-    recode: Callable[[bytes], bytes] | None
-
-
-def _layout(shape: MessageSpec) -> list[object]:
-    """What decides in which order a type's bytes stand; equal in both generations for nearly all types."""
-    layout: list[object] = []
-    for slot in shape.slots.values():
-        one = slot.field
-        if shape.name == "std_msgs/Header" and one.name == "seq":
-            continue  # ROS 2 has none, and whoever recodes knows it
-        layout += [one.array, one.is_bounded, one.type if slot.shape is None else _layout(slot.shape)]
-    return layout
-
-
-class BagMessageWriter:
-    """Writes messages of any topics into a bag.
-
-    Attributes:
-        num_messages: written so far.
-        num_bytes: of these messages.
-    """
-
-    def __init__(self, bag: Bag, store: Store, source: Store | None = None) -> None:
-        """A scribe for a bag whose topics are not known yet.
-
-        Args:
-            bag: open; the scribe closes it.
-            store: of the bag's generation.
-            source: whose messages `write` gets; None where that is the same one.
-        """
-        assert bag.ros == store.ros
-        self.num_messages = 0
-        self.num_bytes = 0
-        self._bag = bag
-        self._store = store
-        self._source = source or store
-        self._channels: dict[str, _Track] = {}
-
-    def add(self, topic: str, type_name: str, *, is_latching: bool = False) -> None:
-        """Get ready for a topic.
-
-        Raises:
-            PeerError: its type is not known, or nobody knows how it is written.
-            DocumentError: the disk does not take it.
-        """
-        if topic in self._channels:
-            return
-        message_type = self._store.message(type_name)
-        message_type.encode_raw(message_type.default())  # a type that cannot be written complains now
-        text = self._store.full_text(message_type.name)
-        channel = self._bag.add(topic, message_type.name, text, latching=is_latching)
-        self._channels[topic] = _Track(message_type, channel, self._recoder(message_type))
-
-    def _recoder(self, message_type: MessageType) -> Callable[[bytes], bytes] | None:
-        """What makes the bag's bytes from those of the source; None where that takes more than their order."""
-        if self._source.ros == self._store.ros:
-            return bytes
-        try:
-            other = self._source.message(message_type.name)
-        except PeerError:
-            return None
-        if _layout(other.shape) != _layout(message_type.shape):
-            return None
-        full_name = message_type.name.replace("/", "/msg/")
-        ros2 = self._store if self._store.ros != 1 else self._source  # rosbags goes by the definition of ROS 2
-        types = get_typestore(Stores.EMPTY)
-        types.register(get_types_from_msg(ros2.full_text(message_type.name), full_name))
-        recode = types.cdr_to_ros1 if self._store.ros == 1 else types.ros1_to_cdr
-        return lambda raw: bytes(recode(raw, full_name))
-
-    def write(self, topic: str, message: Message, stamp_ns: int) -> None:
-        """Add a message of the source.
-
-        Raises:
-            PeerError: it cannot be written, or the topic has another type by now: a bag has one for each topic.
-            EncodingError: the same, by a bug of ours or of a library.
-            DocumentError: the disk does not take it.
-        """
-        track = self._channels[topic]
-        if message.type.name != track.type.name:
-            raise GraphError(f"expected {track.type.name}, as the topic began; got {message.type.name}")
-        if track.recode is None:
-            self.write_json(topic, message.json, stamp_ns)
-            return
-        raw = message.raw
-        try:
-            recoded = track.recode(raw)
-        except Exception as error:
-            raise _failure(track.type, error) from error
-        self._write(topic, recoded, stamp_ns)
-
-    def write_json(self, topic: str, body: bytes, stamp_ns: int) -> None:
-        """Add a message that is given as JSON text.
-
-        Raises:
-            PeerError: it does not fit its type.
-            EncodingError: it cannot be written, by a bug of ours or of a library.
-            DocumentError: the disk does not take it.
-        """
-        message_type = self._channels[topic].type
-        try:
-            raw = message_type.encode_raw(message_type.decode_json(body, stamp_ns))
-        except PeerError:
-            raise
-        except Exception as error:
-            raise _failure(message_type, error) from error
-        self._write(topic, raw, stamp_ns)
-
-    def _write(self, topic: str, raw: bytes, stamp_ns: int) -> None:
-        self._bag.write(self._channels[topic].channel, stamp_ns, raw)
-        self.num_messages += 1
-        self.num_bytes += len(raw)
-
-    def flush(self) -> None:
-        """What was written is to survive a crash."""
-        self._bag.flush()
-
-    def close(self) -> None:
-        """Finish the bag.
-
-        Raises:
-            DocumentError: the disk does not take its end; the file is left as it is.
-        """
-        try:
-            self._bag.close()
-        except DocumentError:
-            self._bag.abort()
-            raise
-
-    def abort(self) -> None:
-        """Leave the file as it is."""
-        self._bag.abort()
-
-
-def _failure(message_type: MessageType, error: Exception) -> EncodingError:
-    return EncodingError(f"{message_type.name} cannot be written into the bag: {error!r:.200}")
 
 
 class Recorder:

@@ -7,7 +7,7 @@ from pathlib import Path
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.interfaces.network_settings import NetworkSettings
 from rosbridge_sim.shell.config.settings_file import read_network
-from rosbridge_sim.shell.files.library import safe_parts
+from rosbridge_sim.shell.files.names import safe_parts
 
 __all__ = ["DiskNetworks"]
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.shell.files.library import MAX_NAME, PLAIN_NAME
+from rosbridge_sim.shell.files.names import MAX_NAME, PLAIN_NAME
 
 if TYPE_CHECKING:
     from rosbridge_sim.shell.files.quota import DataQuota

@@ -17,7 +17,8 @@ from rosbridge_sim import DocumentError, Simulator
 from rosbridge_sim.schema.store import Message
 from rosbridge_sim.shell.bags import recording
 from rosbridge_sim.shell.bags.bag import open_bag
-from rosbridge_sim.shell.bags.recording import BagMessageWriter, Recorder
+from rosbridge_sim.shell.bags.message_writer import BagMessageWriter
+from rosbridge_sim.shell.bags.recording import Recorder
 from tests.conftest import Connect
 from tests.graph.bus_fixture import Wire, make_bus
 from tests.shell.bags.bag_reading import Seen, read_bag

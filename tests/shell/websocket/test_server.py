@@ -25,7 +25,7 @@ from rosbridge_sim.protocol import png
 from rosbridge_sim.protocol.outbox import OutboxLimits
 from rosbridge_sim.schema.store import Message, Store
 from rosbridge_sim.shell.app import Simulator
-from rosbridge_sim.shell.files.library import read_definitions
+from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.shell.log_limits import PLACE_BURST, TRACEBACK_COST
 from rosbridge_sim.shell.websocket.access import Access
 from rosbridge_sim.shell.websocket.client import Client as Served
