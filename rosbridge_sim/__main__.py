@@ -7,12 +7,19 @@ wished end is 0.
 
 from __future__ import annotations
 
+import sys
+
+if sys.version_info < (3, 11):  # noqa: UP036 - pip refuses an older Python, `python -m` in a checkout does not
+    sys.exit(
+        f"rosbridge-sim: expected Python 3.11 or newer; this is {sys.version.split()[0]} ({sys.executable}):"
+        " install a newer one and start with it"
+    )
+
 import asyncio
 import gc
 import logging
 import os
 import signal
-import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING

@@ -11,12 +11,22 @@ import asyncio
 import errno
 import logging
 import os
-import sys
 from collections.abc import Callable
 from typing import Any, Final
 
-if sys.platform != "win32":
+try:
     import resource  # now, for it takes a descriptor
+except ImportError:  # on Windows
+
+    def _most() -> int | None:
+        """Return None: the number of descriptors has no limit that could be read."""
+        return None
+else:
+
+    def _most() -> int | None:
+        """Return how many descriptors this process may have."""
+        return resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+
 
 __all__ = ["DescriptorWatch"]
 
@@ -84,6 +94,5 @@ def _limit_of(error: OSError) -> str:
     """The limit that was met, in words."""
     if error.errno == errno.ENFILE:
         return " on this machine"
-    if sys.platform == "win32":
-        return ""
-    return f" (this process may have {resource.getrlimit(resource.RLIMIT_NOFILE)[0]:,})"
+    most = _most()
+    return "" if most is None else f" (this process may have {most:,})"

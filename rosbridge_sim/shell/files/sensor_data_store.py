@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.shell.files.names import MAX_NAME, PLAIN_NAME
+from rosbridge_sim.shell.files.names import MAX_NAME, is_plain_name
 
 if TYPE_CHECKING:
     from rosbridge_sim.shell.files.quota import DataQuota
@@ -58,7 +58,7 @@ class DiskArchive:
             DocumentError: one line for the client: the folder is out of bounds, the name is none, the quota is used up,
                 or the disk says no.
         """
-        if len(name) > MAX_NAME or not PLAIN_NAME.fullmatch(name):
+        if len(name) > MAX_NAME or not is_plain_name(name):
             raise DocumentError(f"expected a plain file name without a folder, got {name[:80]!r}")
         place = self._find(folder)
         for pattern in files:
@@ -93,7 +93,7 @@ class DiskArchive:
         is_full = path.startswith("/")
         if not is_full and parts[:1] == [OWN_NAME]:
             parts = parts[1:]
-        if len(path) > MAX_PATH or not all(map(PLAIN_NAME.fullmatch, parts)):
+        if len(path) > MAX_PATH or not all(map(is_plain_name, parts)):
             raise _out_of_bounds(folder)
         return Path("/", *parts) if is_full else self._root.joinpath(*parts)
 
@@ -144,9 +144,28 @@ def _write(place: Path, name: str, files: Mapping[str, bytes], folders: Sequence
         with part.open("xb") as file:
             made.append(part)
             file.write(content)
-        path.hardlink_to(part)  # unlike a renaming, it never takes the place of a file that is there
+        _name(part, path)
         made.append(path)
-        part.unlink()
+        part.unlink(missing_ok=True)
+
+
+def _name(part: Path, path: Path) -> None:
+    """Give a whole file its name, which no other file may have: a renaming alone would take another file's place.
+
+    Raises:
+        OSError: there is a file of that name, or the disk says no.
+    """
+    try:
+        path.hardlink_to(part)
+    except FileExistsError:
+        raise
+    except OSError:  # FAT and exFAT have no links: take the name first
+        path.touch(exist_ok=False)
+        try:
+            part.replace(path)
+        except OSError:
+            path.unlink()
+            raise
 
 
 def _find_free(place: Path, name: str, patterns: Mapping[str, bytes]) -> str:

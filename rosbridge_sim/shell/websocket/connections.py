@@ -14,7 +14,7 @@ from rosbridge_sim.shell.websocket.limits import MAX_OPENING
 from rosbridge_sim.shell.websocket.receiving_connection import ReceivingConnection
 from rosbridge_sim.shell.websocket.server_connection import DirectConnection
 from rosbridge_sim.shell.websocket.strangers import ConnectionPlaces
-from rosbridge_sim.shell.websocket.tls_door import TlsDoor, TlsRules
+from rosbridge_sim.shell.websocket.tls_handshake import TlsHandshake, TlsRules
 
 __all__ = [
     "CROWDED",
@@ -38,7 +38,7 @@ class ConnectionTables:
 
     Attributes:
         sockets: every open connection.
-        doors: those in their TLS handshake.
+        handshakes: those in their TLS handshake.
         opening: those without a whole request.
         strangers: those that have not shown the token.
     """
@@ -46,7 +46,7 @@ class ConnectionTables:
     def __init__(self, max_strangers: int) -> None:
         """Tables without connections; at most `max_strangers` may be without the token."""
         self.sockets: dict[ServedConnection, None] = {}
-        self.doors: dict[TlsDoor, None] = {}
+        self.handshakes: dict[TlsHandshake, None] = {}
         self.opening = ConnectionPlaces(MAX_OPENING)
         self.strangers = ConnectionPlaces(max_strangers)
 
@@ -101,7 +101,7 @@ def make_connection(
 ) -> asyncio.Protocol:
     """Make the protocol of a connection that was accepted; `rules` are those of TLS, if it is to be encrypted."""
     socket = kind(tables, *args, **kwargs)
-    return socket if rules is None else TlsDoor(socket, rules, tables.opening, tables.doors)
+    return socket if rules is None else TlsHandshake(socket, rules, tables.opening, tables.handshakes)
 
 
 def address_of(connection: ServerConnection) -> str:

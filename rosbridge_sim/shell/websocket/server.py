@@ -53,7 +53,7 @@ from rosbridge_sim.shell.websocket.memory import MemoryReturn
 from rosbridge_sim.shell.websocket.memory_budget import MemoryBudget
 from rosbridge_sim.shell.websocket.origins import MAX_REFUSED_ORIGINS, RefusedOrigins, own_names
 from rosbridge_sim.shell.websocket.strangers import MAX_UNPROVEN_SIZE, WRONG_TOKEN, Stranger
-from rosbridge_sim.shell.websocket.tls_door import TlsRules
+from rosbridge_sim.shell.websocket.tls_handshake import TlsRules
 from rosbridge_sim.shell.websocket.turns import Turns
 from rosbridge_sim.version import __version__
 
@@ -151,16 +151,16 @@ class Server:
                 part.stop()
         if self._server is not None:
             self._server.close()
-            for door in list(self._tables.doors):
-                door.evict()
+            for handshake in list(self._tables.handshakes):
+                handshake.evict()
             try:
                 async with asyncio.timeout(CLOSE_TIMEOUT):
                     await self._server.wait_closed()
             except TimeoutError:  # some do not read, not even that we go; some never said what they want
                 for socket in self._tables.sockets:
                     socket.transport.abort()
-                for door in list(self._tables.doors):  # the system had accepted them already
-                    door.evict()
+                for handshake in list(self._tables.handshakes):  # the system had accepted them already
+                    handshake.evict()
                 await self._server.wait_closed()
 
     async def _serve(self, socket: ServerConnection) -> None:

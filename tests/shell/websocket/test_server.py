@@ -12,7 +12,6 @@ from typing import NoReturn
 
 import pytest
 import pytest_asyncio
-import uvloop
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 from websockets.protocol import State
@@ -31,6 +30,7 @@ from rosbridge_sim.shell.websocket.access import Access
 from rosbridge_sim.shell.websocket.client import Client as Served
 from rosbridge_sim.shell.websocket.limits import ServerLimits
 from rosbridge_sim.shell.websocket.server import Server
+from tests.shell.event_loops import EACH_LOOP, MakeLoop
 from tests.support import PATIENCE, Client, mask, open_raw
 
 
@@ -92,9 +92,9 @@ async def hear_at_many_rates() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("make_loop", [asyncio.new_event_loop, uvloop.new_event_loop], ids=["asyncio", "uvloop"])
+@EACH_LOOP
 def test_many_throttle_rates_at_once_keep_the_server_alive(
-    make_loop: Callable[[], asyncio.AbstractEventLoop],
+    make_loop: MakeLoop,
 ) -> None:
     with asyncio.Runner(loop_factory=make_loop) as runner:
         runner.run(hear_at_many_rates())
