@@ -161,9 +161,9 @@ class Scheduler:
         if self._timer is not None:
             self._timer.cancel()
         self._armed_for = wanted
-        self._timer = None if due is None else self._loop.call_at(wanted, self._ring)
+        self._timer = None if due is None else self._loop.call_at(wanted, self._on_timer)
 
-    def _ring(self) -> None:
+    def _on_timer(self) -> None:
         self._timer = None
         self._armed_for = float("inf")
         self._turn()

@@ -2,7 +2,7 @@
 
 A WebSocket handshake is refused with an HTTP status and a text where the page that asks is none of ours (403), where
 the token that it shows is wrong (401), or where there is no room (503). A client that shows no token may still show it
-in a message; `strangers.py` sees to those.
+in a message; see `unauthenticated.py`.
 
 What clients may do once they are in is `graph/policy.py`. A client needs a `RateGate` only where a rate is set.
 """
@@ -157,7 +157,7 @@ class RateGate:
     """Stands before a client's peer: lets ops through, and not faster than allowed."""
 
     def __init__(self, peer: Peer, max_rate: int, now: float) -> None:
-        """A warden for one client.
+        """Begin with a full bucket.
 
         Args:
             peer: who does what is let through.

@@ -9,11 +9,11 @@ from websockets.asyncio.server import ServerConnection
 from websockets.frames import CloseCode
 
 from rosbridge_sim.loose_types import LibraryArgument
+from rosbridge_sim.shell.websocket.connection_places import ConnectionPlaces
 from rosbridge_sim.shell.websocket.library_connection import LibraryConnection
 from rosbridge_sim.shell.websocket.limits import MAX_OPENING
 from rosbridge_sim.shell.websocket.receiving_connection import ReceivingConnection
 from rosbridge_sim.shell.websocket.server_connection import DirectConnection
-from rosbridge_sim.shell.websocket.strangers import ConnectionPlaces
 from rosbridge_sim.shell.websocket.tls_handshake import TlsHandshake, TlsRules
 
 __all__ = [
@@ -40,7 +40,7 @@ class ConnectionTables:
         sockets: every open connection.
         handshakes: those in their TLS handshake.
         opening: those without a whole request.
-        strangers: those that have not shown the token.
+        unauthenticated: those that have not shown the token.
     """
 
     def __init__(self, max_strangers: int) -> None:
@@ -48,7 +48,7 @@ class ConnectionTables:
         self.sockets: dict[ServedConnection, None] = {}
         self.handshakes: dict[TlsHandshake, None] = {}
         self.opening = ConnectionPlaces(MAX_OPENING)
-        self.strangers = ConnectionPlaces(max_strangers)
+        self.unauthenticated = ConnectionPlaces(max_strangers)
 
 
 class ServedConnection(ReceivingConnection):
@@ -68,7 +68,7 @@ class ServedConnection(ReceivingConnection):
         """Leave all places."""
         self._tables.sockets.pop(self, None)
         self._tables.opening.leave(self)
-        self._tables.strangers.leave(self)
+        self._tables.unauthenticated.leave(self)
         super().connection_lost(exc)
 
     def evict(self) -> None:

@@ -3,8 +3,8 @@
 It is there to be compared with `server_connection.py`.
 
 Messages come from the library's `recv`, in a task, and its core makes the frames that go out. A fault that shows with
-`DirectConnection` and not here is one of our own frame reading, and the difference in CPU time is what the shortcut
-gains (`scripts/bench/wire.py --websocket-io library`). Turns, outboxes and the bounds of a stranger are the same. Some
+`DirectConnection` and not here is one of our own frame reading. The difference in CPU time is what the shortcut gains
+(`scripts/bench/wire.py --websocket-io library`). Turns, outboxes and the bounds without a token are the same. Some
 things differ, because the library reads ahead of us:
 
 - some 16 messages more wait for their turn, and no account counts them;
@@ -108,7 +108,7 @@ class LibraryConnection(ReceivingConnection):
         if not self.is_trusted:
             data = self._read_early(data)
             if self._receiver is not None:
-                self._receiver.begin()  # it counts what a stranger sends; pings come to no other place of ours
+                self._receiver.begin()  # it counts what comes without a token; pings come to no other place of ours
         if data:
             self.feed(data)
             self.cut_off_deaf()

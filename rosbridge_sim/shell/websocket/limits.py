@@ -22,7 +22,7 @@ OPEN_TIMEOUT = 5.0
 MAX_OPENING = 256
 """Connections without a whole request at once, those in a TLS handshake included; the oldest one is cut off for a new
 one. The system hands over some hundred in one go (the backlog), and each has its request read in the next turn of the
-loop. Together with strangers they leave most of the usual 1,024 file descriptors to clients."""
+loop. Together with those that have no token they leave most of the usual 1,024 file descriptors to clients."""
 
 
 @dataclass(frozen=True, slots=True)

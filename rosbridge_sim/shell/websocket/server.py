@@ -52,9 +52,9 @@ from rosbridge_sim.shell.websocket.limits import CLOSE_TIMEOUT, ServerLimits
 from rosbridge_sim.shell.websocket.memory import MemoryReturn
 from rosbridge_sim.shell.websocket.memory_budget import MemoryBudget
 from rosbridge_sim.shell.websocket.origins import MAX_REFUSED_ORIGINS, RefusedOrigins, own_names
-from rosbridge_sim.shell.websocket.strangers import MAX_UNPROVEN_SIZE, WRONG_TOKEN, Stranger
 from rosbridge_sim.shell.websocket.tls_handshake import TlsRules
 from rosbridge_sim.shell.websocket.turns import Turns
+from rosbridge_sim.shell.websocket.unauthenticated import MAX_UNPROVEN_SIZE, WRONG_TOKEN, UnauthenticatedConnection
 from rosbridge_sim.version import __version__
 
 __all__ = ["Server"]
@@ -64,7 +64,7 @@ _log = logging.getLogger("rosbridge_sim.server")
 _VERSION = json.dumps({"name": "rosbridge-sim", "version": __version__, "protocol": "rosbridge v2.0"})
 """Answer of `/version`; the protocol is called as its specification calls itself."""
 
-STRANGERS = "no token"
+UNAUTHENTICATED = "no token"
 """Name under which the log and `/sim/refusals` have all connections that have not shown the token."""
 
 
@@ -183,39 +183,43 @@ class Server:
         await self._serve_client(socket)
 
     async def _let_prove(self, socket: ServedConnection) -> str | None:
-        """Wait until a stranger has shown the token; why it was closed if it has not, or has found no room."""
+        """Wait until a connection has shown the token.
+
+        Returns:
+            None if it has; else the reason for which it was closed, which may be that there are too many clients.
+        """
         assert self._turns is not None, "it listens"
-        note = partial(self._note_stranger, socket)
+        note = partial(self._note_refused_token, socket)
         access, is_talkative = self._limits.access, self._limits.is_talkative
-        stranger = Stranger(socket, access, self._turns, is_talkative=is_talkative, on_refusal=note)
+        waiting = UnauthenticatedConnection(socket, access, self._turns, is_talkative=is_talkative, on_refusal=note)
         try:
-            socket.listen(stranger)
-            why = await stranger.wait_settled()
+            socket.listen(waiting)
+            why = await waiting.wait_settled()
             code = CloseCode.POLICY_VIOLATION
             if why is None and self._limits.access.is_full(len(self.clients)):
                 code, why = CloseCode.TRY_AGAIN_LATER, f"there are {len(self.clients)} clients already; try again later"
             if why is None:
-                self._tables.strangers.leave(socket)
+                self._tables.unauthenticated.leave(socket)
                 self._trust(socket)
-                if stranger.rest:
-                    socket.put_back(stranger.rest)
+                if waiting.rest:
+                    socket.put_back(waiting.rest)
                 return None
-            stranger.let_go()
+            waiting.let_go()
             with suppress(TimeoutError):
                 async with asyncio.timeout(CLOSE_TIMEOUT):
                     await socket.close(code, why)
             socket.transport.abort()
             return why
         finally:
-            stranger.leave()
+            waiting.leave()
 
-    def _note_stranger(self, socket: ServerConnection, reason: Reason, op: str, text: str) -> None:
+    def _note_refused_token(self, socket: ServerConnection, reason: Reason, op: str, text: str) -> None:
         """Tell the log and `/sim/refusals` of a connection without the token.
 
         All of them count as one client there, because each attempt can come from another port or address.
         """
         text = f"{text}; the connection is {address_of(socket)}"
-        refusal = RefusedRequest(STRANGERS, reason, op, "", text)
+        refusal = RefusedRequest(UNAUTHENTICATED, reason, op, "", text)
         self._bus.guard.attempt("the account of a refusal", self._bus.on_refusal, refusal)
 
     def _trust(self, socket: ServedConnection) -> None:
@@ -296,24 +300,24 @@ class Server:
                 self._limit(connection)
             return None
         if refusal.status is HTTPStatus.UNAUTHORIZED:
-            self._note_stranger(connection, Reason.WRONG_TOKEN, "", WRONG_TOKEN)
+            self._note_refused_token(connection, Reason.WRONG_TOKEN, "", WRONG_TOKEN)
         self._log_refusal(address_of(connection), refusal)
         response = connection.respond(refusal.status, refusal.text)
         return self._delay(connection, response) if refusal.status is HTTPStatus.UNAUTHORIZED else response
 
     def _delay(self, connection: ServedConnection, response: Response) -> Awaitable[Response]:
-        """Send the refusal of a token after a while, during which the connection counts as a stranger."""
+        """Send the refusal of a token after a while, during which the connection counts as one without the token."""
         response.headers["WWW-Authenticate"] = "Bearer"
         self._limit(connection)
         return _answer_late(connection, response, self._limits.access.delay)
 
     def _limit(self, connection: ServedConnection) -> None:
-        """Have a connection treated as a stranger's until it is trusted."""
+        """Apply the limits of a connection without the token until it is trusted."""
         connection.limit_message_size(min(MAX_UNPROVEN_SIZE, self._limits.max_frame_size))
         connection.refuse_extensions()  # what cannot come compressed need not be inflated
         self._tables.opening.leave(connection)
         if connection in self._tables.sockets:  # else it is lost already, and would keep its place
-            self._tables.strangers.take(connection)
+            self._tables.unauthenticated.take(connection)
 
     def _log_refusal(self, address: str, refusal: Refusal) -> None:
         """Warn of each web page once, and not of each of its attempts: a page in a tab may try every second."""
@@ -336,7 +340,7 @@ class Server:
         """Answer name, version and protocol; with a token set, only to those who show it."""
         if not self._limits.access.is_shown(request):
             assert isinstance(connection, ServedConnection)
-            self._note_stranger(connection, Reason.NO_TOKEN, "", "/version wants the token")
+            self._note_refused_token(connection, Reason.NO_TOKEN, "", "/version wants the token")
             return self._delay(
                 connection, connection.respond(HTTPStatus.UNAUTHORIZED, "The token is missing or wrong\n")
             )

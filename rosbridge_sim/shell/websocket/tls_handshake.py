@@ -18,7 +18,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import cast
 
-from rosbridge_sim.shell.websocket.strangers import ConnectionPlaces
+from rosbridge_sim.shell.websocket.connection_places import ConnectionPlaces
 
 __all__ = ["TlsHandshake", "TlsRules"]
 
