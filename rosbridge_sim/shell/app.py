@@ -214,9 +214,12 @@ class Simulator:
         self._recordings, self._reader = recordings, reader
         self.bus, self.node, self._server, self._scheduler = bus, node, server, scheduler
         if settings.listen and settings.token is None and not server.is_loopback:
-            _log.warning("%s wants no token: every program that reaches it is let in; --token sets one", self.url)
+            _log.warning("no token is set: every program that can reach %s may connect; set one with --token", self.url)
         for flag in limits.access.origins.open_flags() if settings.listen and settings.token is None else ():
-            _log.warning("%s lets in any website that the user visits, since no token is set; --token sets one", flag)
+            _log.warning(
+                "%s lets every website that the user visits connect, because no token is set; set one with --token",
+                flag,
+            )
         if node is not None:
             self._attach(bus, node, scheduler, stamps)
         scheduler.look()
@@ -229,7 +232,7 @@ class Simulator:
         from rosbridge_sim.shell.attach import AttachLimits, Attachment  # noqa: PLC0415 - most dial nobody
 
         if settings.sync_lease is None:
-            _log.info("without --sync-lease, a master behind a bridge stays master when it dies: nobody sees it go")
+            _log.info("without --sync-lease, a crashed master behind a bridge cannot be detected; set --sync-lease")
         limits = AttachLimits(
             has_line_each=settings.attach_sockets == "per-topic",
             max_wait=settings.attach_retry,
@@ -372,7 +375,7 @@ def _choose_stamps(settings: Settings, node: SimulatorNode) -> Stamps:
     clock = WallClock()
     choice = settings.stamps or ("sim" if settings.listen else "auto")
     if choice == "auto" and not settings.attach:
-        _log.info("--stamps auto asks a bridge, and --attach names none: stamps are simulated time")
+        _log.info("--stamps auto follows a bridge, but no --attach is given: stamps are simulated time")
     return Stamps(choice, lambda now: node.use_wall_time(clock.read_ns, now))
 
 
@@ -447,7 +450,10 @@ def _complete_policy(policy: Policy, node: SimulatorNode | None, *, is_attaching
     for line in policy.left_open():
         _log.warning("%s", line)
     if is_attaching and not policy.is_open:
-        _log.warning("patterns hold for this server's own clients; a bridge judges the programs behind it itself")
+        _log.warning(
+            "--allow and --deny patterns apply to clients of this server only, and not to programs behind a bridge;"
+            " set rules at the bridge"
+        )
 
 
 def _outbox_limits(settings: Settings) -> OutboxLimits:
@@ -463,7 +469,7 @@ def _check_sense(settings: Settings) -> None:
     if settings.attach and not settings.world:
         raise DocumentError("attach: expected a world; without one there is nothing to advertise at a bridge")
     if not settings.attach and not settings.listen:
-        raise DocumentError(f"attach: expected {URLS.expects}; got none, and nobody could come here either")
+        raise DocumentError(f"attach: expected {URLS.expects}; got none, and --no-listen accepts no clients")
 
 
 async def _check_bridges(urls: Sequence[str], server: Server) -> None:

@@ -140,7 +140,7 @@ class Attachment:
 
     def _fail(self, error: Exception) -> None:
         """Something that was done for the bridge has failed by a bug of ours: connect anew, and go on."""
-        _log.error("%s: a failure of ours; its connections are made anew", self.url, exc_info=error)
+        _log.error("%s: internal error; connecting again", self.url, exc_info=error)
         for carrier in self._carriers.values():
             carrier.cut()
 
@@ -237,7 +237,7 @@ class _ConnectionKeeper:
                 was_ready, why = await self._connect_once()
             except Exception:  # noqa: BLE001 - our own bug: this connection is lost, and there will be another
                 self._attachment.num_bugs += 1
-                _log.exception("a connection to %s could not be kept", self._attachment.url)
+                _log.exception("internal error in a connection to %s; it was closed", self._attachment.url)
                 was_ready, why = False, f"{self._attachment.url}: lost"
             if self._is_stopped:
                 return
@@ -346,7 +346,7 @@ class _ConnectionKeeper:
             is_more = work(self._loop.time())
         except Exception:  # noqa: BLE001 - our own bug: this message is lost, everybody goes on
             self._attachment.num_bugs += 1
-            _log.exception("a frame of %s could not be handled", self._attachment.url)
+            _log.exception("internal error in a frame of %s; the frame was dropped", self._attachment.url)
             is_more = True
         if is_more:
             self._schedule()
@@ -383,7 +383,9 @@ class _ConnectionKeeper:
             self._on_change()
         if line.outbox.is_overfull:
             _log.warning(
-                "%s: answers are not taken: %d bytes wait; closing", self._attachment.url, line.outbox.num_bytes
+                "%s: the bridge reads too slowly, %d bytes wait for it: closing",
+                self._attachment.url,
+                line.outbox.num_bytes,
             )
             line.outbox.close()
             dialed.transport.abort()

@@ -79,7 +79,7 @@ class DescriptorWatch:
         if now - self._told_at >= QUIET:
             self._told_at = now
             _log.error(
-                "no file descriptors are left%s: nobody can connect and no file can be opened until some are free;"
+                "no file descriptors are left%s: no client can connect and no file can be opened until some are free;"
                 " close clients, or raise the limit (ulimit -n) and restart",
                 _limit_of(error),
             )

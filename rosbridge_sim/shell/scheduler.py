@@ -170,7 +170,7 @@ class Scheduler:
 
     def _fail(self, error: Exception) -> None:
         self.stop()
-        _log.critical("the world has failed; this is a bug of ours", exc_info=error)
+        _log.critical("internal error: the world has failed", exc_info=error)
         failed = WorldFailedError(f"the world has failed: {error!r}")
         failed.__cause__ = error
         self.failure.set_exception(failed)

@@ -95,7 +95,7 @@ class Recorder:
             except BagGoneError as error:
                 _log.error("the recording has ended: %s", error)
             except DocumentError as error:
-                _log.error("the recording has no index: %s", error)
+                _log.error("the recording has no index: %s; `rosbridge-sim bag repair` makes one", error)
             except Exception as error:  # noqa: BLE001 - our own bug, or the writer's
                 self._bus.guard.note("the end of the recording", error)
                 self.writer.abort()
@@ -107,7 +107,7 @@ class Recorder:
         if not self._is_on:
             return
         _log.error(
-            "the recording has ended by a bug of ours; `rosbridge-sim bag repair` makes it readable", exc_info=error
+            "the recording ended by an internal error; `rosbridge-sim bag repair` makes it readable", exc_info=error
         )
         try:
             self._leave()
@@ -123,7 +123,11 @@ class Recorder:
         if len(self._seen) >= MAX_TOPICS:
             if not self._is_full:
                 self._is_full = True
-                _log.warning("%s: no further topics are recorded: %s are recorded already", self._path, MAX_TOPICS)
+                _log.warning(
+                    "%s: new topics are not recorded, because %s topics are; choose some with --record-topics",
+                    self._path,
+                    MAX_TOPICS,
+                )
             return
         self._seen.add(topic)  # before he subscribes, for that is told too
         if self._guard(lambda: self.writer.add(topic.name, topic.type.name, is_latching=topic.is_latching), topic):
@@ -164,7 +168,7 @@ class Recorder:
         except PeerError as error:
             if topic is not None and topic not in self._given_up:
                 self._given_up.add(topic)
-                _log.warning("%s is not recorded, or not all of it: %s", topic.name, error)
+                _log.warning("topic %s is recorded in part or not at all: %s", topic.name, error)
             return False
         except DocumentError as error:
             self._leave()

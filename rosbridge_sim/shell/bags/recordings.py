@@ -86,7 +86,7 @@ class DiskRecordings:
         except DocumentError as error:
             outcome = error
         except Exception:  # noqa: BLE001 - a bug of ours must not leave the caller without an answer
-            _log.exception("%s could not be read; this is a bug of ours", path)
+            _log.exception("internal error: recording %s could not be read", path)
             outcome, is_bug = DocumentError(f"{reading.name}: cannot be read; the server's log says why"), True
         with suppress(RuntimeError):  # the loop is closed
             self._loop.call_soon_threadsafe(self._deliver, then, outcome, is_bug)
@@ -109,7 +109,7 @@ class DiskRecordings:
             then(outcome, self._loop.time())
         except Exception:  # noqa: BLE001 - our own bug: this replay is lost, everybody goes on
             self.num_bugs += 1
-            _log.exception("a recording could not be used; this is a bug of ours")
+            _log.exception("internal error: a recording could not be replayed")
         self.on_done()
 
 

@@ -21,7 +21,7 @@ class Parser(argparse.ArgumentParser):
     """Raises where the library would print its usage and leave."""
 
     def error(self, message: str) -> NoReturn:
-        """What the library calls at a mistake.
+        """Report a mistake. The library calls this.
 
         Raises:
             SettingError: always.
@@ -111,18 +111,18 @@ def _make_parser(*, is_attaching: bool) -> argparse.ArgumentParser:
 
 _SERVE_TEXT = (
     "A rosbridge v2 server that needs no ROS, with a driving world inside that answers like MORAI SIM: Drive."
-    " rosbridge-sim attach URL has the world stand behind somebody else's rosbridge, as MORAI SIM does. Other commands"
-    " talk to any rosbridge: rosbridge-sim topic, service, tick, wait, schema, record; or look at files: bag, scenario,"
-    " map (--help)."
+    " rosbridge-sim attach URL connects the simulator to an existing rosbridge, as MORAI SIM does. Other commands talk"
+    " to any rosbridge: rosbridge-sim topic, service, tick, wait, schema, record; or read files: bag, scenario, map."
+    " Each has its own --help."
 )
 
 _ATTACH_TEXT = (
-    "The driving world behind somebody else's rosbridge, as MORAI SIM itself stands there: it dials each URL,"
-    " advertises its topics and services there and takes commands from there. It listens on no port of its own."
+    "Connect the simulator to existing rosbridges as a client, the way MORAI SIM does: it advertises its topics and"
+    " services at each URL and takes commands from there. It listens on no port of its own."
 )
 
 _OF_SERVERS = (flag_of("port").group, flag_of("token").group)
-"""Groups of flags about clients of ours: who does not listen has none."""
+"""Groups of flags about clients of this server; a simulator that does not listen has none."""
 
 _ASIDES = {
     "print-config": "print all settings as a TOML file and exit",
@@ -132,7 +132,7 @@ _ASIDES = {
 
 
 def layout(prog: str) -> argparse.HelpFormatter:
-    """How all our help looks."""
+    """Return the formatter of all help texts."""
     return argparse.HelpFormatter(prog, max_help_position=28, width=min(shutil.get_terminal_size().columns, 110))
 
 

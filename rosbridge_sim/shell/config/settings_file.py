@@ -88,7 +88,7 @@ def read_network(path: Path) -> NetworkSettings:
                 f"{hint(name, tables())}"
             )
     if others:
-        _log.info("%s: passed over what is no network setting: %s", path, ", ".join(others))
+        _log.info("%s: ignored keys that are no network settings: %s", path, ", ".join(others))
     return NetworkSettings(**choices)
 
 

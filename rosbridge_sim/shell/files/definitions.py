@@ -71,7 +71,7 @@ def _read_own(root: Path, release: str) -> Texts:
             )
         for key, text, path in _read_package(package, folder):
             if texts.get(key, text) != text:
-                _log.warning("%s: ignored, since %s defines the same type", path, sources[key])
+                _log.warning("ignored %s, because %s defines the same type; remove one of them", path, sources[key])
                 continue
             _, kind, name = key
             _PARSERS[kind](f"{package}/{name}", text, str(path))

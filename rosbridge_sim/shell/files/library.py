@@ -188,7 +188,7 @@ def _find_scenario(folder: Path, parts: tuple[str, ...]) -> Path | None:
     if not found:
         return None
     if len(found) > 1:
-        _log.warning("%s of several scenarios named %s; MAP/NAME asks for one map's", found[0], parts[0])
+        _log.warning("took %s, one of several scenarios named %s; name one with MAP/NAME", found[0], parts[0])
     if not found[0].resolve().is_relative_to(folder.resolve()):
         raise DocumentError(f"{'/'.join(parts)!r} leads out of --scenario-path")
     return found[0]

@@ -130,7 +130,7 @@ class ThreadReader:
         except DocumentError as error:
             outcome = error
         except Exception:  # noqa: BLE001 - a bug of ours must not leave the caller without an answer
-            _log.exception("a document could not be read; this is a bug of ours")
+            _log.exception("internal error: a document could not be read")
             outcome, is_bug = DocumentError("it cannot be read: the server failed, and its log says why"), True
         with suppress(RuntimeError):  # the loop is closed
             self._loop.call_soon_threadsafe(self._hand_over, threading.current_thread(), job, outcome, is_bug)
@@ -160,7 +160,7 @@ class ThreadReader:
             job.then(outcome, self._loop.time())
         except Exception:  # noqa: BLE001 - our own bug: this load is lost, everybody goes on
             self.num_bugs += 1
-            _log.exception("what was read could not be used; this is a bug of ours")
+            _log.exception("internal error: a document that was read could not be used")
         self.on_done()
 
 

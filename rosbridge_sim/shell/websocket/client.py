@@ -190,7 +190,7 @@ class Client:
 
     def _regret_frame(self) -> None:
         self._watch.count_bug()
-        _log.exception("a frame of %s could not be handled", self.peer.address)
+        _log.exception("internal error in a frame of %s; the frame was dropped", self.peer.address)
         if not self.has_failed:
             self.peer.notify("error", "The server failed on a message; its log says why")
 
@@ -281,11 +281,11 @@ class Client:
         if self.has_failed:
             return
         self.has_failed = True  # first of all: the log is a topic, and this client may listen to it
-        _log.error("%s: closed, because of a failure of ours", self.peer.address, exc_info=error)
+        _log.error("%s: closed because of an internal error", self.peer.address, exc_info=error)
         try:
             self._start_closing(CloseCode.INTERNAL_ERROR, "the server failed on this connection; its log says why")
         except Exception:  # noqa: BLE001 - whatever is wrong with it, it is to go
-            _log.exception("%s: it could not be closed; cut off", self.peer.address)
+            _log.exception("%s: cut off, because closing failed", self.peer.address)
             self.socket.transport.abort()
         self.leave()
 

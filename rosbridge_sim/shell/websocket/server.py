@@ -170,7 +170,7 @@ class Server:
             await self._serve_socket(socket)
         except Exception:  # the library closes it with code 1011, and its own words about that are not logged
             self.num_bugs += 1
-            _log.exception("%s could not be served", address_of(socket))
+            _log.exception("internal error: %s could not be served", address_of(socket))
             raise
 
     async def _serve_socket(self, socket: ServedConnection) -> None:
@@ -250,7 +250,7 @@ class Server:
             act()
         except Exception:  # noqa: BLE001 - our own bug, whatever it is
             self.num_bugs += 1
-            _log.exception("something failed as a client came or went; the rest goes on")
+            _log.exception("internal error while a client came or left; the other clients are served")
 
     def count_bug(self) -> None:
         """See `ClientWatch`."""
@@ -269,7 +269,7 @@ class Server:
             return self._judge_request(connection, request)
         except Exception:  # noqa: BLE001 - our own bug; the library would say the same, but not log it
             self.num_bugs += 1
-            _log.exception("a request of %s could not be answered", address_of(connection))
+            _log.exception("internal error: an HTTP request of %s could not be answered", address_of(connection))
             return connection.respond(HTTPStatus.INTERNAL_SERVER_ERROR, "The server failed; its log says why\n")
 
     def _judge_request(
@@ -328,7 +328,9 @@ class Server:
         # A line of its own in the code: the log limits lines by that, and a page in a loop must not hide another page.
         _log.warning("%s refused: %s", address, text)
         if self._refused_origins.is_full:
-            _log.warning("pages of %d origins were refused; further ones are told at level info", MAX_REFUSED_ORIGINS)
+            _log.warning(
+                "web pages of %d origins were refused; further ones are logged at level info", MAX_REFUSED_ORIGINS
+            )
 
     def _tell_health(self, connection: ServerConnection) -> Response:
         why = self.why_unhealthy()

@@ -92,7 +92,9 @@ def test_second_definition_of_a_type_in_one_tree_is_ignored_and_told(
 ) -> None:
     root = lay({"a/p/msg/A.msg": "int8 a\n", "b/p/msg/A.msg": "int8 b\n"})
     assert own(root) == {("p", "msg", "A"): "int8 a\n"}
-    assert caplog.messages == [f"{root}/b/p/msg/A.msg: ignored, since {root}/a/p/msg/A.msg defines the same type"]
+    assert caplog.messages == [
+        f"ignored {root}/b/p/msg/A.msg, because {root}/a/p/msg/A.msg defines the same type; remove one of them"
+    ]
 
 
 def test_old_files_in_latin_1_and_with_a_byte_order_mark_are_read(tmp_path: Path) -> None:

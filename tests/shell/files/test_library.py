@@ -47,7 +47,9 @@ def test_scenario_is_found_below_its_map(lay: Lay, demo: str) -> None:
 def test_scenario_of_two_maps_is_told(lay: Lay, demo: str, caplog: pytest.LogCaptureFixture) -> None:
     root = lay({"A/one.json": demo, "B/one.json": "broken"})
     DiskLibrary([root]).scenario("one")
-    assert caplog.messages == [f"{root}/A/one.json of several scenarios named one.json; MAP/NAME asks for one map's"]
+    assert caplog.messages == [
+        f"took {root}/A/one.json, one of several scenarios named one.json; name one with MAP/NAME"
+    ]
 
 
 @pytest.mark.parametrize(
