@@ -1,4 +1,4 @@
-"""The whole: settings in, a running simulator out.
+"""The simulator and its server, built from settings.
 
 This is the one place that builds the parts and hands them to each other. `Simulator` is the same thing for the
 command line, for a test and for a notebook; two of them share nothing. Where the world fails (see `scheduler.py`),
@@ -70,7 +70,7 @@ _log = logging.getLogger("rosbridge_sim.app")
 
 
 class AddressError(DocumentError):
-    """The host and port cannot be had."""
+    """The server cannot listen on its host and port."""
 
 
 class Simulator:
@@ -80,15 +80,15 @@ class Simulator:
             print(sim.url)
 
     Attributes:
-        settings: what it was made with.
-        bus: where everybody meets; None before the start.
+        settings: as it was made.
+        bus: the topics and services that all participants share; None before the start.
         node: the simulator itself; None before the start, and without a world.
-        attachments: the bridges that it dials, once started.
-        descriptors: tells the log when no file descriptor is left; None before the start.
+        attachments: the bridges that it connects to; empty before the start.
+        descriptors: logs when no file descriptor is left; None before the start.
     """
 
     def __init__(self, settings: Settings | None = None, /, **options: object) -> None:
-        """A simulator that does not run yet.
+        """Read the settings; nothing runs yet.
 
         Args:
             settings: everything at once; None takes the options.
@@ -115,19 +115,19 @@ class Simulator:
 
     @property
     def port(self) -> int:
-        """The port it really listens on; 0 while it does not, or never does."""
+        """The port that it listens on; 0 while it does not listen."""
         return self._server.port if self._server is not None else 0
 
     @property
     def url(self) -> str:
-        """Where clients connect."""
+        """URL for clients."""
         host = self.settings.host
         scheme = "ws" if self.settings.certfile is None else "wss"
         return f"{scheme}://[{host}]:{self.port}" if ":" in host else f"{scheme}://{host}:{self.port}"
 
     @property
     def num_bugs(self) -> int:
-        """Faults of ours: each is in the log with its traceback.
+        """Number of internal errors; each is in the log with its traceback.
 
         Frames, loads and replays that could not be handled, what the bus's guard has counted, and one more if the world
         has failed.
@@ -152,11 +152,11 @@ class Simulator:
             await self.wait()
 
     async def start(self) -> None:
-        """Build everything, listen, and dial; clients are served from now on.
+        """Build everything, listen, and connect to the bridges; clients are served from now on.
 
         Raises:
             DocumentError: a file that cannot be used.
-            AddressError: host and port cannot be had, or they are those of a bridge that is to be dialled.
+            AddressError: the server cannot listen there, or `attach` names the server itself.
         """
         settings = self.settings
         _check_sense(settings)
@@ -225,11 +225,11 @@ class Simulator:
         scheduler.look()
 
     def _attach(self, bus: Bus, node: SimulatorNode, scheduler: Scheduler, stamps: Stamps | None) -> None:
-        """Dial the bridges."""
+        """Connect to the bridges."""
         settings = self.settings
         if not settings.attach:
             return
-        from rosbridge_sim.shell.attach import AttachLimits, Attachment  # noqa: PLC0415 - most dial nobody
+        from rosbridge_sim.shell.attach import AttachLimits, Attachment  # noqa: PLC0415 - most servers attach to no bridge
 
         if settings.sync_lease is None:
             _log.info("without --sync-lease, a crashed master behind a bridge cannot be detected; set --sync-lease")
@@ -285,12 +285,12 @@ class Simulator:
         await asyncio.shield(self._scheduler.failure)
 
     def _give_up(self) -> None:
-        """The world has failed: whoever waits for it is to hear that it is gone."""
+        """Stop, because the world has failed; clients see their connections close."""
         self._stopping = asyncio.get_running_loop().create_task(self.stop())
 
 
 def list_items(settings: Settings) -> list[ListedInterface]:
-    """What a simulator with these settings has on the bus; one is put together for that, in the built-in scene.
+    """List what a simulator with these settings has on the bus; one is built for that, in the built-in scene.
 
     Raises:
         DocumentError: a file that cannot be used, or network settings that do not fit.
@@ -371,7 +371,7 @@ def _make_node(
 
 
 def _choose_stamps(settings: Settings, node: SimulatorNode) -> Stamps:
-    """Which time the simulator stamps with."""
+    """Choose the time for stamps."""
     clock = WallClock()
     choice = settings.stamps or ("sim" if settings.listen else "auto")
     if choice == "auto" and not settings.attach:
@@ -389,7 +389,7 @@ def _taken_names(settings: Settings) -> list[str]:
 
 
 def _start_recording(settings: Settings, bus: Bus, node: SimulatorNode | None, texts: Texts) -> Recorder | None:
-    """Whoever records, if that is wanted.
+    """Begin to record, where `--record` says so.
 
     Raises:
         DocumentError: the file cannot be made.
@@ -473,10 +473,10 @@ def _check_sense(settings: Settings) -> None:
 
 
 async def _check_bridges(urls: Sequence[str], server: Server) -> None:
-    """Refuse to dial ourselves: we would be a client of our own, with every name taken.
+    """Refuse to attach to this server itself, where every name is taken already.
 
     Raises:
-        AddressError: one of the URLs is our own.
+        AddressError: one of the URLs is that of this server.
     """
     if not urls or not server.port:
         return
@@ -491,7 +491,7 @@ async def _check_bridges(urls: Sequence[str], server: Server) -> None:
 
 
 def _why_not(settings: Settings, error: OSError | UnicodeError) -> str:
-    """Why there is no listening there, and what to do about it."""
+    """Return why the server cannot listen there, and what to do about it."""
     where = f"cannot listen on {settings.host} port {settings.port}"
     if isinstance(error, UnicodeError):
         return f"{where}: expected a host name or address"
@@ -511,7 +511,7 @@ class _WallClockBus(Bus):
 
     @time_ns.setter
     def time_ns(self, time_ns: int) -> None:
-        """Nobody sets the time of day."""
+        """Ignore it: the time of day cannot be set."""
 
     @property
     def stamp_ns(self) -> int:
@@ -519,4 +519,4 @@ class _WallClockBus(Bus):
 
     @stamp_ns.setter
     def stamp_ns(self, stamp_ns: int) -> None:
-        """Nobody sets the time of day."""
+        """Ignore it: the time of day cannot be set."""

@@ -1,4 +1,4 @@
-"""Dialling somebody else's rosbridge, and again when it is gone.
+"""Connections to another rosbridge, made again after each loss.
 
 An `Attachment` is one bridge. What is said there is `graph/attach/mirror.py`'s business; here are the sockets: a task
 for each line that the mirror wants dials, carries frames both ways until the socket ends, waits and dials again. The
@@ -59,7 +59,7 @@ _log = logging.getLogger("rosbridge_sim.attach")
 
 @dataclass(frozen=True, slots=True)
 class AttachLimits:
-    """What holds for each connection to a far side.
+    """Limits of each connection to a far side.
 
     Attributes:
         has_line_each: a connection for each topic and service.
@@ -82,7 +82,7 @@ class Attachment:
 
     Attributes:
         url: as people may read it.
-        mirror: who stands for the far side on our bus.
+        mirror: the participant of our bus that stands for the far side.
         attached: done when everything was announced there for the first time.
         connected_at: when the first line got the socket that it has [s], or had last.
         lookup: finds its host, for all lines at once.
@@ -93,7 +93,7 @@ class Attachment:
     def __init__(
         self, bus: Bus, source: Participant, url: str, limits: AttachLimits, on_change: Callable[[], None]
     ) -> None:
-        """Nothing is dialled before `start`.
+        """Prepare; `start` connects.
 
         Args:
             bus: where the simulator is.
@@ -281,7 +281,7 @@ class _ConnectionKeeper:
         Raises:
             OSError: the last of them has none.
             ValueError: the URL is none.
-            WebSocketException: somebody else is there.
+            WebSocketException: what listens there is no WebSocket server.
         """
         limits = self._limits
         addresses = await self._attachment.lookup.addresses(STOP_PATIENCE)
@@ -344,7 +344,7 @@ class _ConnectionKeeper:
         """Do one turn's worth of what came; read nothing more while too much of it waits."""
         try:
             is_more = work(self._loop.time())
-        except Exception:  # noqa: BLE001 - our own bug: this message is lost, everybody goes on
+        except Exception:  # noqa: BLE001 - our own bug: this message is lost, everything else goes on
             self._attachment.num_bugs += 1
             _log.exception("internal error in a frame of %s; the frame was dropped", self._attachment.url)
             is_more = True
@@ -395,7 +395,7 @@ class _ConnectionKeeper:
 
 
 async def is_own_address(url: str, port: int, addresses: Sequence[str]) -> bool:
-    """Whether a URL leads to ourselves.
+    """Tell whether a URL leads to this server.
 
     Args:
         url: what is to be dialled.
@@ -423,7 +423,7 @@ async def is_own_address(url: str, port: int, addresses: Sequence[str]) -> bool:
 
 
 def _is_local(address: ipaddress.IPv4Address | ipaddress.IPv6Address) -> bool:
-    """Whether the address is one of this machine: only those can be bound."""
+    """Tell whether an address is one of this machine: only those can be bound."""
     family = socket.AF_INET if address.version == 4 else socket.AF_INET6  # noqa: PLR2004 - IP's versions
     with socket.socket(family, socket.SOCK_DGRAM) as probe:
         try:

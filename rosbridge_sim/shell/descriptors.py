@@ -1,8 +1,8 @@
 """A watch over file descriptors: one line in the log when none is left, and not one for each connection refused.
 
-Without descriptors nobody can connect and no file can be opened, but all who are connected are served. Event loops say
-so in different ways: asyncio's own reports each attempt to accept with a traceback, a hundred a second; uvloop closes
-new connections in silence. So the watch tries to open a file once a second, and takes the loop's reports as well.
+Without descriptors no client can connect and no file can be opened, but connected clients are served. Event loops
+report that in different ways: asyncio's own logs each attempt to accept with a traceback, a hundred a second; uvloop
+closes new connections in silence. So the watch tries to open a file once a second, and takes the loop's reports, too.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ _log = logging.getLogger("rosbridge_sim.server")
 
 
 class DescriptorWatch:
-    """Tells the log that no descriptor is left, until `stop`."""
+    """Logs when no descriptor is left, until `stop`."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, try_one: Callable[[], None] | None = None) -> None:
         """Begin to watch.
 
         Args:
-            loop: whose timer is used.
+            loop: has the timer.
             try_one: uses a descriptor for a moment; raises OSError where there is none. None opens a file.
         """
         self._loop = loop
@@ -72,7 +72,7 @@ class DescriptorWatch:
             self._tell(error)
 
     def _tell(self, error: OSError) -> bool:
-        """Log it, but not again and again; say whether it was for want of descriptors."""
+        """Log a lack of descriptors, once in a while; return whether the error is one."""
         if error.errno not in {errno.EMFILE, errno.ENFILE}:
             return False
         now = self._loop.time()
@@ -91,7 +91,7 @@ def _open_and_close() -> None:
 
 
 def _limit_of(error: OSError) -> str:
-    """The limit that was met, in words."""
+    """Return the limit that was met, in words."""
     if error.errno == errno.ENFILE:
         return " on this machine"
     most = _most()

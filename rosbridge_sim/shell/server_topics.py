@@ -1,8 +1,8 @@
-"""What the server says of itself on topics: who is connected, what they leave unread, what is in its log.
+"""Topics about the server itself: its clients, what they leave unread, and its log.
 
     /client_count        how many clients are connected; latched, at each change
-    /connected_clients   who they are and since when; latched, at each change
-    /sim/clients         what each has sent, was given and leaves unread; once a second while somebody listens
+    /connected_clients   their addresses and times of connection; latched, at each change
+    /sim/clients         what each has sent, was given and leaves unread; once a second while it has a subscriber
     /sim/refusals        the last mistakes of clients, with reasons; latched, at changes, at most ten times a second
     /rosout              the log lines of this process, from level info on; clients may write there too
 
@@ -69,8 +69,8 @@ class ServerTopics:
 
         Args:
             bus: where the topics are.
-            server: whose clients are reported.
-            loop: whose timers are used.
+            server: has the clients that are reported.
+            loop: has the timers.
             refusals: what clients were refused; None for a log of its own.
         """
         self.bus = bus
@@ -107,14 +107,14 @@ class ServerTopics:
         logging.getLogger("rosbridge_sim").removeHandler(self._log)
 
     def notify(self, level: str, text: str) -> None:
-        """Nobody reads what the server is told; it asks for nothing."""
+        """Ignore a message of the bus: this participant asks for nothing."""
 
     def publish(self, topic: Topic, **fields: Any) -> None:  # noqa: ANN401 - each field of its own type
         """Send a message made from its fields."""
         self.bus.announce(self, topic, Message(topic.type, self._struct(topic)(**fields)), self._loop.time())
 
     def tell_clients_soon(self) -> None:
-        """Tell in the next turn of the loop who is connected: once, however many come and go in this one."""
+        """Publish the clients in the next turn of the loop: once, however many come and go in this one."""
         if self._soon is None:
             self._soon = self._loop.call_soon(self._tell_clients)
 
@@ -232,7 +232,7 @@ class _LogTopic(logging.Handler):
                 function=record.funcName or "",
                 line=record.lineno,
             )
-        except Exception as error:  # noqa: BLE001 - who logs something must not fail by that
+        except Exception as error:  # noqa: BLE001 - the caller only logs something and must not fail
             self._reports.bus.guard.note("/rosout", error)
         finally:
             self._is_sending = False

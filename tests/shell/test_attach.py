@@ -299,7 +299,7 @@ async def test_a_bridge_that_takes_a_few_sockets_only_is_told_of_in_a_few_lines(
         gateway(max_clients=5) as bridge,
         Simulator(attach=bridge.url, attach_sockets="per-topic", listen=False, attach_retry=0.5),
     ):
-        await until(lambda: any("takes nobody now" in line for line in lines()))
+        await until(lambda: any("takes no more clients now" in line for line in lines()))
         assert len(lines()) < 20
 
 

@@ -1,8 +1,8 @@
-"""What a bag holds for a replay: bags of either generation, ours and those of real MORAI users.
+"""The reader of bags for a replay: bags of either generation, ours and those of real MORAI users.
 
-What is looked for goes by type, and by topic where there are several of a type: the egos' states and the objects of the
-first one; of `ReplayInfo` only what these do not tell. Definitions are the bag's own; where it has none that can be
-read (rosbag2 did not store any for years), those of the release in use.
+It takes topics by type, and by name where several have the same type: the states of all egos and the object list of the
+first one; of `ReplayInfo` only what these lack. Definitions are the bag's own; where it has none that can be read
+(rosbag2 did not store any for years), those of the release in use.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _BREATH: Final = 100
 
 
 def read_recording(path: Path, reading: RecordingBuilder, texts: Texts, breathe: Callable[[], None]) -> Recording:
-    """What there is to replay in a bag; an empty recording where there is nothing.
+    """Return the recording in a bag; an empty one where there is nothing to replay.
 
     Args:
         path: `.bag`, `.mcap`, `.db3`, or a folder of rosbag2.
@@ -61,7 +61,7 @@ def read_recording(path: Path, reading: RecordingBuilder, texts: Texts, breathe:
                     take(raw, stamp_ns)
                 except DocumentError:
                     raise
-                except Exception as error:  # noqa: BLE001 - bytes of a stranger, by his definition
+                except Exception as error:  # noqa: BLE001 - bytes from outside, by a definition from outside
                     what = f"{connection.topic}: {_first_line(error)}"
                     raise DocumentError(f"{path.name}: a message does not fit its type: {what}") from None
     return reading.finish()
@@ -70,7 +70,7 @@ def read_recording(path: Path, reading: RecordingBuilder, texts: Texts, breathe:
 def _taker(
     connection: Connection, held: set[str], index: int, reading: RecordingBuilder, texts: Texts, *, is_ros1: bool
 ) -> Callable[[bytes, int], None]:
-    """What takes the bytes of a topic's messages, and the stamps that the bag gives them [ns].
+    """Return a function that takes the bytes of a topic's messages and their stamps in the bag [ns].
 
     Args:
         connection: of the topic.
@@ -78,10 +78,10 @@ def _taker(
         index: number of the ego whose topic it is.
         reading: gets what is in the messages.
         texts: definitions for a bag without its own.
-        is_ros1: whose bytes they are.
+        is_ros1: the bytes are those of ROS 1.
 
     Raises:
-        DocumentError: nobody knows the type.
+        DocumentError: the type is unknown.
     """
     types = _types_of(connection, texts, is_ros1=is_ros1)
     decode = types.deserialize_ros1 if is_ros1 else types.deserialize_cdr
@@ -98,7 +98,7 @@ def _taker(
     is_known = _is_known(types, texts, is_ros1=is_ros1)
 
     def take_lists(raw: bytes, stamp_ns: int) -> None:
-        pedals: Any  # named as in the message, whoever has read it
+        pedals: Any  # fields are named as in the message, whichever way it was read
         if is_known:
             skimmed = decode_object_lists(raw, is_cdr=not is_ros1, has_pedals=has_pedals)
             stamps, pedals = (skimmed.stamp_ns, stamp_ns), skimmed.pedals
@@ -140,7 +140,7 @@ def _choose(connections: list[Connection], egos: Mapping[str, int], reading: Rec
 
 
 def _find_egos(bag: Reader1 | Reader2, path: Path, texts: Texts, *, is_ros1: bool) -> dict[str, int]:
-    """Topic -> number of the ego whose it is: by its prefix, or, where several have names of their own, by messages."""
+    """Return topic -> number of its ego: by the prefix, or by messages where several topics have names of their own."""
     egos: dict[str, int] = {}
     unclear: list[Connection] = []
     for connection in bag.connections:
@@ -151,7 +151,7 @@ def _find_egos(bag: Reader1 | Reader2, path: Path, texts: Texts, *, is_ros1: boo
     if len({one.topic for one in unclear}) < 2 or any(one.topic == _USUAL[_EGO] for one in unclear):  # noqa: PLR2004
         return egos
     for connection in unclear:
-        with suppress(Exception):  # a stranger's bytes: whoever reads them all will tell what is wrong with them
+        with suppress(Exception):  # bytes from outside: what is wrong with them is told when all are read
             types = _types_of(connection, texts, is_ros1=is_ros1)
             decode = types.deserialize_ros1 if is_ros1 else types.deserialize_cdr
             _, raw = next(_messages(bag, connection, path, _ignore))
@@ -175,7 +175,7 @@ def _open(path: Path) -> Iterator[Reader1 | Reader2]:
         reader.open()
     except OSError as error:
         raise DocumentError(f"{path.name}: cannot be read: {error.strerror or error}") from None
-    except Exception as error:  # noqa: BLE001 - a library on a stranger's bytes: whatever it raises says they are bad
+    except Exception as error:  # noqa: BLE001 - a library on bytes from outside: whatever it raises says they are bad
         raise DocumentError(
             f"{path.name}: is no bag, or has no end: {_first_line(error)}"
             " (one that is being written has none yet; `rosbridge-sim bag repair` mends one whose recorder was killed)"
@@ -214,7 +214,7 @@ def _types_of(connection: Connection, texts: Texts, *, is_ros1: bool) -> Typesto
     """A topic's type with those in it, by the bag's own definition if it can be read.
 
     Raises:
-        DocumentError: nobody knows the type.
+        DocumentError: the type is unknown.
     """
     from rosbags.interfaces import MessageDefinitionFormat  # noqa: PLC0415 - see above
 

@@ -37,12 +37,12 @@ class _Track:
 
 
 def _layout(shape: MessageSpec) -> list[object]:
-    """What decides in which order a type's bytes stand; equal in both generations for nearly all types."""
+    """Return what decides the order of a type's bytes; it is equal in both generations for nearly all types."""
     layout: list[object] = []
     for slot in shape.slots.values():
         one = slot.field
         if shape.name == "std_msgs/Header" and one.name == "seq":
-            continue  # ROS 2 has none, and whoever recodes knows it
+            continue  # ROS 2 has none, and rosbags allows for it
         layout += [one.array, one.is_bounded, one.type if slot.shape is None else _layout(slot.shape)]
     return layout
 
@@ -61,7 +61,7 @@ class BagMessageWriter:
         Args:
             bag: open; the writer closes it.
             store: of the bag's generation.
-            source: whose messages `write` gets; None where that is the same one.
+            source: store of the messages that `write` gets; None where that is `store`.
         """
         assert bag.ros == store.ros
         self.num_messages = 0
@@ -75,7 +75,7 @@ class BagMessageWriter:
         """Get ready for a topic.
 
         Raises:
-            PeerError: its type is not known, or nobody knows how it is written.
+            PeerError: its type is unknown, or cannot be written.
             DocumentError: the disk does not take it.
         """
         if topic in self._channels:
@@ -87,7 +87,7 @@ class BagMessageWriter:
         self._channels[topic] = _Track(message_type, channel, self._recoder(message_type))
 
     def _recoder(self, message_type: MessageType) -> Callable[[bytes], bytes] | None:
-        """What makes the bag's bytes from those of the source; None where that takes more than their order."""
+        """Return a function from the source's bytes to the bag's; None where they differ in more than their order."""
         if self._source.ros == self._store.ros:
             return bytes
         try:
@@ -147,7 +147,7 @@ class BagMessageWriter:
         self.num_bytes += len(raw)
 
     def flush(self) -> None:
-        """What was written is to survive a crash."""
+        """Write to the disk what is buffered, so that it survives a crash."""
         self._bag.flush()
 
     def close(self) -> None:

@@ -37,11 +37,11 @@ _log = logging.getLogger("rosbridge_sim.recording")
 
 
 class Recorder:
-    """A listener who writes a bag. An `Participant` on the bus.
+    """A `Participant` of the bus that writes a bag.
 
     Attributes:
         name: as rosapi shows it.
-        writer: what he writes with.
+        writer: of the bag.
     """
 
     name = "/recorder"
@@ -59,12 +59,12 @@ class Recorder:
         """Record from now on, until `stop`.
 
         Args:
-            bus: whose topics.
+            bus: has the topics.
             writer: for an empty bag.
             path: of the bag, for the log.
-            simulator: whose topics and commands are meant where there are no patterns; None means all there are.
+            simulator: its topics and commands are recorded where there are no patterns; None records all topics.
             patterns: of the topics to record.
-            loop: whose time says when to flush.
+            loop: has the timer for flushing.
         """
         self.writer = writer
         self._bus = bus
@@ -83,7 +83,7 @@ class Recorder:
         _log.info("recording into %s", path)
 
     def notify(self, level: str, text: str) -> None:
-        """What the bus has to say to the recorder goes into the log."""
+        """Log what the bus tells the recorder."""
         _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)
 
     def stop(self) -> None:
@@ -114,10 +114,10 @@ class Recorder:
         finally:
             self.writer.abort()
 
-    # What he listens to
+    # Subscribing
 
     def _look(self, topic: Topic) -> None:
-        """Somebody publishes or listens there, perhaps for the first time."""
+        """Subscribe to a topic that has a publisher or subscriber, unless that was done or it is not wanted."""
         if topic in self._seen or not self._is_on or not topic.is_settled or not self._is_wanted(topic):
             return
         if len(self._seen) >= MAX_TOPICS:
@@ -129,7 +129,7 @@ class Recorder:
                     MAX_TOPICS,
                 )
             return
-        self._seen.add(topic)  # before he subscribes, for that is told too
+        self._seen.add(topic)  # before the subscription, which the bus reports as well
         if self._guard(lambda: self.writer.add(topic.name, topic.type.name, is_latching=topic.is_latching), topic):
             self._bus.subscribe(self, topic.name, self._write, is_general=self._rule is None, is_recording=True)
             for message in topic.latched:
@@ -148,7 +148,7 @@ class Recorder:
             or any(subscription.owner is simulator for subscription in topic.subscriptions)
         )
 
-    # What he writes
+    # Writing
 
     def _write(self, topic: Topic, message: Message, _sender: Participant, _now: float) -> None:
         if self._is_on:  # a message of the same delivery, or one of several that are latched, may have ended it
@@ -156,7 +156,7 @@ class Recorder:
             self._guard(lambda: self.writer.write(topic.name, message, time_ns), topic)
 
     def _guard(self, work: Callable[[], None], topic: Topic | None = None) -> bool:
-        """Do it, and return whether it went well. The log says what goes wrong, and nobody else is told.
+        """Do some work; return whether it succeeded. Failures go to the log alone.
 
         Raises:
             EncodingError: a message cannot be written, by a bug of ours: that concerns its publisher too.

@@ -42,20 +42,20 @@ _log = logging.getLogger("rosbridge_sim.replay")
 
 
 class DiskRecordings:
-    """Recordings by name, read without holding anybody up.
+    """Recordings by name, read in threads.
 
     Attributes:
-        on_done: called after whoever asked has been told, since the world may have begun to move.
+        on_done: called after each outcome was handed over, because the world may have begun to move.
         num_bugs: recordings that could not be read or used by a fault of ours; each is in the log with its traceback.
     """
 
     def __init__(self, folder: str | Path, texts: Texts, loop: asyncio.AbstractEventLoop) -> None:
-        """Nothing is read before it is asked for.
+        """Remember the folder; `read` reads.
 
         Args:
             folder: the data folder; it need not be there.
             texts: the definitions in use, for bags that have none.
-            loop: where whoever asked is told.
+            loop: hands over the outcomes.
         """
         self.on_done: Callable[[], None] = _nothing
         self.num_bugs = 0
@@ -74,11 +74,11 @@ class DiskRecordings:
         threading.Thread(target=self._read, args=(path, reading, then), name="replay", daemon=True).start()
 
     def stop(self) -> None:
-        """Nobody wants any of it any more."""
+        """Hand over nothing more, and end the threads soon."""
         self._is_stopped.set()
 
     def _read(self, path: Path, reading: RecordingBuilder, then: Then) -> None:
-        """In a thread of its own."""
+        """Read in a thread, and hand over the outcome."""
         outcome: Recording | DocumentError
         is_bug = False
         try:
@@ -107,14 +107,14 @@ class DiskRecordings:
             return
         try:
             then(outcome, self._loop.time())
-        except Exception:  # noqa: BLE001 - our own bug: this replay is lost, everybody goes on
+        except Exception:  # noqa: BLE001 - our own bug: this replay is lost, everything else goes on
             self.num_bugs += 1
             _log.exception("internal error: a recording could not be replayed")
         self.on_done()
 
 
 def _nothing() -> None:
-    """Nobody wants to know."""
+    """Do nothing: no one waits for outcomes yet."""
 
 
 # Names
@@ -144,7 +144,7 @@ def find_recording(folder: Path, name: str) -> Path:
 
 
 def _places(folder: Path, wanted: str) -> Iterator[Path]:
-    """Where a name is looked for, in this order; it may begin with what MORAI calls the data folder."""
+    """Yield the paths that a name may mean, best first; it may begin with MORAI's name of the data folder."""
     for name in dict.fromkeys((wanted, wanted.removeprefix(OWN_NAME + "/"))):
         for base in (folder / REPLAY_FOLDER, folder):
             for suffix in _SUFFIXES:
@@ -152,7 +152,7 @@ def _places(folder: Path, wanted: str) -> Iterator[Path]:
 
 
 def _is_bag(path: Path) -> bool:
-    """Whether it could be one: any file, or a folder as rosbag2 makes it."""
+    """Tell whether a path may be a bag: any file, or a folder as rosbag2 makes it."""
     with suppress(OSError):
         return path.is_file() or any(next(path.glob(pattern), None) for pattern in ("*.yaml", "*.mcap", "*.db3"))
     return False

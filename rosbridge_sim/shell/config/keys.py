@@ -26,21 +26,21 @@ __all__ = [
 ]
 
 PREFIX = "ROSBRIDGE_SIM_"
-"""What every environment variable of ours begins with."""
+"""Beginning of the name of every environment variable of ours."""
 
 
 def tables() -> list[str]:
-    """The keys that are tables, which only a file has."""
+    """Return the keys that are tables, which only a file has."""
     return [key for key in FIELDS if flag_of(key).kind.is_table]
 
 
 def flags_and_variables() -> list[str]:
-    """What can be a flag or a variable, with the no- form of switches."""
+    """Return the keys that can be a flag or a variable, with the no- form of switches."""
     return [*(key for key in keys() if key not in tables()), *SHORT_FORMS]
 
 
 def keys() -> list[str]:
-    """All keys of a file, with the no- form of switches."""
+    """Return all keys of a file, with the no- form of switches."""
     return [*FIELDS, *(f"no-{key}" for key in FIELDS if flag_of(key).kind is SWITCH)]
 
 
@@ -50,7 +50,7 @@ def variable(key: str) -> str:
 
 
 def read_value(key: str, value: object, where: str) -> object:
-    """The checked value of a setting; `where` names the place that gave it."""
+    """Return the checked value of a setting; errors name the place that gave it, `where`."""
     kind = flag_of(key).kind
     try:
         return _as_choices(kind.read(value), where) if key in SHORT_FORMS else kind.read(value)
@@ -62,14 +62,14 @@ def read_value(key: str, value: object, where: str) -> object:
 
 
 def _as_choices(rates: JsonValue, where: str) -> dict[str, InterfaceChoice]:
-    """What a flag chooses about publishers."""
+    """Return the choices about publishers that a flag makes."""
     from rosbridge_sim.morai.interfaces.network_settings import InterfaceChoice  # noqa: PLC0415 - see above
 
     return {name: InterfaceChoice(rate=rate, where=f"{where} {name}={rate:g}") for name, rate in rates.items()}
 
 
 def read_switchable(key: str, value: object, where: str) -> tuple[str, object]:
-    """The key without its no-, and its checked value."""
+    """Return a key without its no-, and the checked value."""
     if key in FIELDS or key in SHORT_FORMS:
         return key, read_value(key, value, where)
     key = key.removeprefix("no-")
@@ -83,6 +83,6 @@ def show_value(value: object) -> str:
 
 
 def add_value(values: dict[str, object], key: str, value: object, where: str) -> None:
-    """Add what one place says; `world` and `no-world` in one place may agree but not differ."""
+    """Add a value of one place; `world` and `no-world` in one place may agree but not differ."""
     if values.setdefault(key, value) != value:
         raise SettingError(f"{where}: {key} and no-{key} contradict each other")

@@ -50,7 +50,7 @@ def read_settings(
     is_attaching: bool = False,
     find_more: FindMistakes = _find_none,
 ) -> Settings:
-    """The settings of a command line, an environment, and the file that one of them names.
+    """Return the settings of a command line, an environment, and the file that one of them names.
 
     Args:
         argv: flags, without the program's name and the command.
@@ -66,7 +66,7 @@ def read_settings(
 
 
 def check_options(options: Mapping[str, object], find_more: FindMistakes = _find_none) -> Settings:
-    """The settings of keyword arguments. The environment plays no part; a `config` file does.
+    """Return the settings of keyword arguments. The environment plays no part; a `config` file does.
 
     Args:
         options: fields of `Settings` by name.
@@ -87,7 +87,7 @@ def check_options(options: Mapping[str, object], find_more: FindMistakes = _find
 
 
 def strange_variables(environ: Mapping[str, str]) -> list[str]:
-    """A line for each variable that looks like a misspelt one of ours.
+    """Return a line for each variable that looks like a misspelt one of ours.
 
     That is no mistake: Kubernetes gives its pods variables of this form for each service of their namespace.
     """
@@ -103,7 +103,7 @@ def strange_variables(environ: Mapping[str, str]) -> list[str]:
 
 
 def _merge(find_more: FindMistakes, *sources: Mapping[str, object]) -> Settings:
-    """The settings of several sources, the first one strongest; the file that they name is the weakest."""
+    """Return the settings of several sources, the first one strongest; the file that they name is the weakest."""
     values: dict[str, object] = {}
     for source in reversed(sources):
         values.update(source)
@@ -143,8 +143,8 @@ def _all_at_once(config: object, mistakes: Sequence[str]) -> SettingError:
 
 
 def _with_rates(publishers: JsonValue, rates: JsonValue) -> dict[str, InterfaceChoice]:
-    """What is chosen about publishers, with these rates laid over it."""
-    from rosbridge_sim.morai.interfaces.network_settings import NetworkSettings  # noqa: PLC0415 - who has no rates does without
+    """Return the choices about publishers, with rates laid over them."""
+    from rosbridge_sim.morai.interfaces.network_settings import NetworkSettings  # noqa: PLC0415 - only a setting with rates needs it
 
     return dict(NetworkSettings(publishers=rates).over(NetworkSettings(publishers=publishers)).publishers)
 
@@ -158,7 +158,7 @@ def _from_environment(environ: Mapping[str, str]) -> dict[str, object]:
         name = variable(key)
         text = environ.get(name, "").strip()
         if key == "token" and name in environ and not text:
-            # `TOKEN=$SECRET` where SECRET is not set must not open the server to everybody
+            # `TOKEN=$SECRET` where SECRET is not set must not open the server to every client
             raise SettingError(f"{name}: expected a token, or none; got an empty text")
         if not text or (key == "port" and text.startswith("tcp://")):
             continue  # Kubernetes sets ROSBRIDGE_SIM_PORT so for a service named rosbridge-sim

@@ -66,7 +66,7 @@ def _check_key(key: str, where: str) -> None:
 
 
 def read_network(path: Path) -> NetworkSettings:
-    """The network settings in a file; of a whole settings file, these alone, and the log is told so.
+    """Return the network settings in a file. In a whole settings file, other keys are ignored, and logged.
 
     Raises:
         SettingError: the first mistake.
@@ -101,7 +101,7 @@ def _read_table(
     *,
     on_mistake: Callable[[DocumentError], None] | None = None,
 ) -> object:
-    """The choices of one table of a file; errors have their lines.
+    """Return the choices of one table of a file; errors name the line.
 
     Raises:
         SettingError: the first mistake, unless `on_mistake` hears of them.
@@ -121,7 +121,7 @@ def _read_table(
 
 
 def _beside(key: str, value: object, folder: Path) -> object:
-    """The value with its paths taken from `folder`, so that a file means the same wherever the server starts."""
+    """Return a value with its paths relative to `folder`, so that a file means the same wherever the server starts."""
     if flag_of(key).kind is FOLDERS and isinstance(value, tuple):
         return tuple(str(folder / one) for one in value)
     if flag_of(key).kind in (FILE, FOLDER_TYPE) and isinstance(value, str):
@@ -132,5 +132,5 @@ def _beside(key: str, value: object, folder: Path) -> object:
 
 
 def looks_like_path(name: str) -> bool:
-    """Whether a scenario or map is meant as a file and not as a name."""
+    """Tell whether a scenario or map is given as a path and not as a name."""
     return "/" in name or os.sep in name or name.endswith(".json") or name in {".", ".."}

@@ -18,7 +18,7 @@ __all__ = ["format_config"]
 
 
 def format_config(settings: Settings, items: Sequence[ListedInterface]) -> str:
-    """The settings as a TOML file that gives them back, but for what is secret: that is for its owner to fill in.
+    """Return the settings as a TOML file that gives them back, without secrets, which the user has to fill in.
 
     Args:
         settings: those to write.
@@ -55,7 +55,7 @@ def _bare_url(url: str) -> str:
 
 
 def _entries(key: str, settings: Settings, items: Sequence[ListedInterface]) -> list[str]:
-    """The lines of one table: all items, then what is chosen about those that are not there at present."""
+    """Return the lines of one table: all items, then the choices about items that are not there at present."""
     entries = {one.default: (one.name, one.rate, one.is_on) for one in items if one.kind.value == key}
     for default, choice in getattr(settings, key).items():
         entries.setdefault(default, (choice.name, choice.rate, choice.is_on))
@@ -67,7 +67,7 @@ def _entries(key: str, settings: Settings, items: Sequence[ListedInterface]) -> 
 
 
 def _toml(value: object) -> str:
-    """A string, number, bool or list of strings as TOML; a whole number without its point."""
+    """Return a string, number, bool or list of strings as TOML; a whole number without its point."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):

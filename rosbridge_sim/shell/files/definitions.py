@@ -28,7 +28,7 @@ MAX_DEFINITION_SIZE = 2**20
 """The longest real definition has 20 kB [bytes]."""
 
 MAX_FOLDERS = 20_000
-"""Folders looked through for packages: ten times a large workspace; somebody may have named `/`."""
+"""Folders searched for packages: ten times a large workspace. The bound is for a user that names `/`."""
 
 _KINDS = {"msg": ".msg", "srv": ".srv", "action": ".action"}
 _PARSERS = {"msg": parse_message, "srv": parse_service, "action": parse_action}
@@ -38,7 +38,7 @@ _IGNORE_MARKS = ("CATKIN_IGNORE", "COLCON_IGNORE", "AMENT_IGNORE")
 
 
 def read_definitions(release: str, folders: Sequence[str | Path] = ()) -> Texts:
-    """Every message, service and action definition that the server knows of its own, then those of the user's folders.
+    """Return every message, service and action definition of the package, then those of the user's folders.
 
     A folder may be a package (with `msg/` or `srv/` in it), hold packages, or be a whole catkin or colcon tree.
     Where a package holds releases (`morai_msgs/22.R2/msg`), the chosen one is read. What comes later replaces what
@@ -83,7 +83,7 @@ def _read_own(root: Path, release: str) -> Texts:
 
 
 def _find_packages(root: Path, release: str) -> Iterator[tuple[str, Path]]:
-    """Name, and the folder that holds `msg/` or `srv/`, of each package at or below `root`, in order of path."""
+    """Yield name, and the folder that holds `msg/` or `srv/`, of each package at or below `root`, in order of path."""
     waiting = [root]
     seen: set[str] = set()  # real paths: workspaces are full of links, some of them in circles
     while waiting:
@@ -105,7 +105,7 @@ def _find_packages(root: Path, release: str) -> Iterator[tuple[str, Path]]:
 
 
 def _list_folder(folder: Path) -> dict[str, bool]:
-    """Name -> whether it is a folder, of all there is in one, in order of name."""
+    """Return name -> is it a folder, of all entries of a folder, in order of name."""
     try:
         with os.scandir(folder) as entries:
             return dict(sorted((entry.name, entry.is_dir()) for entry in entries))
@@ -122,7 +122,7 @@ def _holds_definitions(folder: Path) -> bool:
 
 
 def _package_name(folder: Path) -> str:
-    """What the manifest says, as ROS takes it; else the folder's name."""
+    """Return the name in the manifest, as ROS takes it; else that of the folder."""
     manifest = folder / "package.xml"
     if manifest.is_file():
         match = _MANIFEST_NAME.search(_decode(read_bounded(manifest, MAX_DEFINITION_SIZE)))
@@ -132,7 +132,7 @@ def _package_name(folder: Path) -> str:
 
 
 def _read_package(package: str, folder: Path) -> Iterator[tuple[tuple[str, str, str], str, Path]]:
-    """Key, text and file of each definition of a package."""
+    """Yield key, text and file of each definition of a package."""
     for kind, suffix in _KINDS.items():
         at = folder / kind
         if not at.is_dir():
@@ -144,7 +144,7 @@ def _read_package(package: str, folder: Path) -> Iterator[tuple[tuple[str, str, 
 
 
 def _decode(content: bytes) -> str:
-    """UTF-8; where it is not, the comments of an old file are in Latin 1 and nothing else matters."""
+    """Decode UTF-8. Where it is not, comments of an old file are in Latin 1, and nothing else matters."""
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:

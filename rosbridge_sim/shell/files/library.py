@@ -55,7 +55,7 @@ class DiskLibrary:
 
         Args:
             scenario_folders: where clients' scenarios are, in order of search.
-            own_map: name or folder of a map that stands in for whichever map is asked for.
+            own_map: name or folder of a map that replaces every other one.
             own_models: file of the user's catalogue.
 
         Raises:
@@ -76,7 +76,7 @@ class DiskLibrary:
                 raise DocumentError(f"{folder}: expected a folder with scenarios; there is none")
 
     def scenario(self, name: str) -> Scenario:
-        """The scenario that a client names.
+        """Return the scenario that a client names.
 
         It is `NAME.json` (the suffix may be given or not) in one of the folders, or, as MORAI keeps them,
         `MAP/NAME.json` there; `MAP/NAME` asks for one map's. After the folders comes the file that the server was
@@ -89,7 +89,7 @@ class DiskLibrary:
         return self._cache.get("scenario", path, [path], lambda: self._understand(path), min_age=MIN_AGE)
 
     def opening_scenario(self, name: str) -> Scenario:
-        """The scenario that the person who starts the server names: as above, or any file.
+        """Return the scenario that the user names at the start: as above, or any file.
 
         Raises:
             DocumentError: as above.
@@ -99,7 +99,7 @@ class DiskLibrary:
         return read_scenario(text, source, catalogue=self.catalogue)
 
     def opening_file(self, name: str) -> tuple[bytes, str]:
-        """Content and path of the file of that scenario.
+        """Return content and path of the file of the scenario that the user names at the start.
 
         Raises:
             DocumentError: there is none, or it cannot be read.
@@ -139,13 +139,13 @@ class DiskLibrary:
         return read_bounded(path, MAX_DOCUMENT_SIZE), str(path)
 
     def scenario_names(self) -> list[str]:
-        """Some of the names that `scenario` takes, in order of search, for a person to read."""
+        """Return some of the names that `scenario` takes, in order of search, for error texts."""
         own = [name for folder in self._folders for name in _names_in(folder)]
         opening = [] if self._opening is None else [self._opening.name.removesuffix(".json")]
         return list(dict.fromkeys([*own, *opening, *_names_in(DATA / "scenarios")]))[:MAX_NAMES_LISTED]
 
     def map(self, name: str) -> RoadMap:
-        """The map that a scenario names, or the one that stands in for all.
+        """Return the map that a scenario names, or the one that replaces all.
 
         Raises:
             DocumentError: no such map, or a file that cannot be used.
@@ -155,7 +155,7 @@ class DiskLibrary:
         return self._cache.get("map", folder, files, lambda: read_map(read_folder(folder), str(folder)))
 
     def map_folder(self, name: str) -> Path:
-        """Where the map of that name is, or the one that stands in for all.
+        """Return the folder of the map of that name, or of the one that replaces all.
 
         Raises:
             DocumentError: there is no such map.
@@ -170,18 +170,18 @@ class DiskLibrary:
 
 
 def map_names() -> list[str]:
-    """The built-in maps."""
+    """Return the names of the built-in maps."""
     return sorted(at.name for at in (DATA / "maps").iterdir() if at.is_dir())
 
 
 def _names_in(folder: Path) -> list[str]:
-    """The names of a folder's scenarios, sorted by path."""
+    """Return the names of the scenarios in a folder, sorted by path."""
     found = sorted([*folder.glob("*.json"), *folder.glob("*/*.json")])
     return [path.relative_to(folder).with_suffix("").as_posix() for path in found]
 
 
 def _find_scenario(folder: Path, parts: tuple[str, ...]) -> Path | None:
-    """The file of that name in a folder or, where no map is named, in one of the folders in it."""
+    """Return the file of that name in a folder or, where no map is named, in one of the folders in it."""
     found = [path for path in [folder.joinpath(*parts)] if path.is_file()]
     if not found and len(parts) == 1:
         found = [path for path in sorted(folder.glob("*/" + escape(parts[0]))) if path.is_file()]
@@ -195,7 +195,7 @@ def _find_scenario(folder: Path, parts: tuple[str, ...]) -> Path | None:
 
 
 def read_folder(folder: Path) -> dict[str, bytes]:
-    """Name -> content of the files of a map that are read; a city's folder holds many more, and large ones."""
+    """Return name -> content of the files of a map that are used; a city's folder holds many more, and large ones."""
     return {name: read_bounded(folder / name, MAX_DOCUMENT_SIZE) for name in _map_files(folder)}
 
 

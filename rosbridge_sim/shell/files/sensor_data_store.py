@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["OWN_NAME", "DiskArchive"]
 
 USUAL_FOLDER = "SensorData"
-"""Where captures go whose client names no folder."""
+"""Folder of captures for clients that name none."""
 
 OWN_NAME = "SaveFile"
 """What MORAI calls the folder of `--data-dir`; a client's path may begin with it."""
@@ -83,7 +83,7 @@ class DiskArchive:
         self._has_saved = True
 
     def _find(self, folder: str) -> Path:
-        """The folder that a client means.
+        """Return the folder that a client means.
 
         Raises:
             DocumentError: the text is no path to a folder in `--data-dir`.
@@ -116,7 +116,7 @@ def _out_of_bounds(folder: str) -> DocumentError:
 
 
 def _missing_folders(wanted: Iterable[Path]) -> list[Path]:
-    """The folders that must be made to have these, the outer ones first."""
+    """Return the folders that have to be made to have these, the outer ones first."""
     missing: dict[Path, None] = {}
     for folder in wanted:
         inner: list[Path] = []
@@ -131,7 +131,7 @@ def _missing_folders(wanted: Iterable[Path]) -> list[Path]:
 def _write(place: Path, name: str, files: Mapping[str, bytes], folders: Sequence[Path], made: list[Path]) -> None:
     """Make the folders and write all files; `made` tells of those that were begun, should one of them fail.
 
-    A file gets its name when it is whole: whoever ends this process meanwhile leaves a hidden part, and no half file.
+    A file gets its name when it is whole: if the process is killed meanwhile, a hidden part is left, and no half file.
     """
     free = _find_free(place, name, files)
     for folder in folders:
@@ -169,10 +169,10 @@ def _name(part: Path, path: Path) -> None:
 
 
 def _find_free(place: Path, name: str, patterns: Mapping[str, bytes]) -> str:
-    """The name itself, or with the first number behind it under which nothing is there.
+    """Return the name, or the name with the first number behind it that is free.
 
     In twice the logarithm of their number steps: a client may save under one name all day long. That takes numbers
-    without gaps; where somebody has made some, it finds a later one that is free.
+    without gaps; where a user has made some, it finds a later one that is free.
     """
 
     def is_taken(number: int) -> bool:

@@ -159,7 +159,7 @@ class Client:
             return self._do_steps()
         try:
             work = self._begin_frame(message, self._clock())
-        except Exception:  # noqa: BLE001 - our own bug: this message is lost, everybody goes on
+        except Exception:  # noqa: BLE001 - our own bug: this message is lost, everything else goes on
             self._regret_frame()
             return True
         if work is None:

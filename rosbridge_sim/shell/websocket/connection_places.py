@@ -1,6 +1,6 @@
 """Bounded numbers of connections that are no clients yet: the oldest one leaves for a new one.
 
-The other way, to refuse the new one, would let anybody keep out all others with a few idle connections.
+Refusing the new one instead would let anyone keep out all others with a few idle connections.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ class ServerLimits:
         outbox: what a client may leave unread.
         client_memory: what one client may make the server hold, apart from its outbox [bytes].
         memory_budget: the same for all clients together, their outboxes included [bytes]; None is no limit.
-        access: who may connect, and how fast a client may talk.
+        access: rules for new connections, and how fast a client may send.
         policy: what a client may do.
         tls_timeout, open_timeout: for the TLS handshake, and for the request after it [s].
     """

@@ -36,7 +36,7 @@ _TOO_LONG = (
 
 
 def _ignore() -> None:
-    """Nobody listens yet."""
+    """Do nothing: no receiver listens yet."""
 
 
 class Receiver(Protocol):
@@ -159,7 +159,7 @@ class ReceivingConnection(MessageConnection, ServerConnection):
         self.fail(CloseCode.INVALID_DATA, fault)
 
     def _end(self) -> None:
-        """Nothing comes any more, and what was whole is handled: send the answers, forget the rest, and close."""
+        """Close after the last byte has come and whole frames were handled: send the answers, forget the rest."""
         self.on_room()
         super().eof_received()
         self.cut_off_unread()  # the transport itself waits without end for its buffer to be read

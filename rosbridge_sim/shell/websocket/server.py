@@ -69,11 +69,11 @@ UNAUTHENTICATED = "no token"
 
 
 class Server:
-    """Listens, and makes each connection a peer of the bus.
+    """A listener that makes each connection a peer of the bus.
 
     Attributes:
-        clients: who is connected now, in order of arrival.
-        on_clients: called when somebody has come or gone.
+        clients: those that are connected, in order of arrival.
+        on_clients: called when a client has come or left.
         why_unhealthy: asked for `/healthz`: why the server does not do all that it should; None where it does.
         num_bugs: frames whose handling failed by a fault of ours, and the like; each is in the log with its traceback.
             What the bus's guard has counted is not among them.
@@ -245,7 +245,7 @@ class Server:
             _log.info("%s left; %d connected now", peer.address, len(self.clients))
 
     def _try(self, act: Callable[[], None]) -> None:
-        """Do something whose failure must not keep the rest from being done."""
+        """Do something; its failure is logged and must not keep the rest from being done."""
         try:
             act()
         except Exception:  # noqa: BLE001 - our own bug, whatever it is
@@ -339,7 +339,7 @@ class Server:
         return connection.respond(HTTPStatus.OK, "ok\n")
 
     def _tell_version(self, connection: ServerConnection, request: Request) -> Response | Awaitable[Response]:
-        """Answer name, version and protocol; with a token set, only to those who show it."""
+        """Answer name, version and protocol; with a token set, only to requests that show it."""
         if not self._limits.access.is_shown(request):
             assert isinstance(connection, ServedConnection)
             self._note_refused_token(connection, Reason.NO_TOKEN, "", "/version wants the token")
@@ -360,6 +360,6 @@ def _extensions(limits: ServerLimits) -> list[ServerExtensionFactory] | None:
 
 
 async def _answer_late(connection: ServedConnection, response: Response, delay: float) -> Response:
-    """Keep a program that tries tokens waiting for its answer, and nobody else [s]."""
+    """Delay the answer to a program that tries tokens, and no other connection [s]."""
     await asyncio.wait([connection.lost], timeout=delay)
     return response

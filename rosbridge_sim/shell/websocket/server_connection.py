@@ -51,7 +51,7 @@ _WHOLE = _TEXT, _BINARY = 0x81, 0x82
 
 
 def head_of(message: bytes, mask_bit: int = 0) -> bytes:
-    """What stands before a whole message in its frame: `BinaryFrame` is binary, all else is text.
+    """Return the head of a frame with a whole message: `BinaryFrame` is binary, all else is text.
 
     Args:
         message: as it is before it is masked.
@@ -300,7 +300,7 @@ class DirectConnection(ReceivingConnection):
                 size = int.from_bytes(view[position + 2 : start - 4], "big")
             stop = start + size
             if size < 0 or size > max_size:  # not masked, or too long: the library says so and closes
-                if not self._takes_more:  # whoever takes it may take longer ones
+                if not self._takes_more:  # a later receiver may take longer ones
                     break
                 need = 2
                 self.on_too_long()

@@ -63,7 +63,7 @@ class UnauthenticatedConnection:
 
     Attributes:
         settled: why it is to be closed, with code 1008; None where it has shown the token. Then nothing more is read
-            from the socket until somebody else listens. A bug of ours is its exception.
+            from the socket until another receiver listens. An internal error is its exception.
         rest: the ops behind the token in the same message.
     """
 
@@ -233,7 +233,7 @@ class UnauthenticatedConnection:
         self._turns.wait(self, had_turn=had_turn)
 
     def _contain(self, act: Callable[..., None], *args: object) -> None:
-        """Do something that concerns this connection alone; a bug of ours ends it and nobody else."""
+        """Do something that concerns this connection alone; an internal error closes it and no other."""
         try:
             act(*args)
         except Exception as error:  # noqa: BLE001 - the server logs and counts it

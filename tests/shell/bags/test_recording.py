@@ -181,7 +181,9 @@ async def test_type_that_nobody_knows_is_told_once_and_left_out(
             await client.send("publish", topic="/odd", msg={"a": 1})
         await client.settle()
     assert [line for line in caplog.messages if line.startswith("topic /odd is recorded in part or not at all")] != []
-    assert len([line for line in caplog.messages if line.startswith("topic /odd is recorded in part or not at all")]) == 1
+    assert (
+        len([line for line in caplog.messages if line.startswith("topic /odd is recorded in part or not at all")]) == 1
+    )
     assert stamps_of(read_bag(tmp_path / "a.bag"), "/odd") == []
 
 
