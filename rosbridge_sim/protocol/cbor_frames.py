@@ -46,7 +46,7 @@ _BUILT_IN_TAGS = (0, 1, 2, 3, 4, 5, 25, 28, 29, 30, 35, 36, 37, 52, 54, 100, 256
 
 
 def is_cbor(frame: bytes) -> bool:
-    """Whether a frame starts as a CBOR map does."""
+    """Tell whether a frame starts as a CBOR map does."""
     return 0xA0 <= frame[0] <= 0xBF if frame else False  # noqa: PLR2004 - RFC 8949: major type 5
 
 
@@ -158,7 +158,7 @@ def _plain(value: object) -> object:
 
 
 def cbor_head(topic: str) -> bytes:
-    """Everything of a CBOR data message that stands before its body; `topic` in the listener's own spelling."""
+    """Return a CBOR data message up to its body; `topic` is in the subscriber's own spelling."""
     return b"\xa3\x62op\x67publish\x65topic" + cbor2.dumps(topic) + b"\x63msg"
 
 

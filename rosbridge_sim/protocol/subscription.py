@@ -1,17 +1,17 @@
-"""When a subscriber gets what: several subscriptions to one topic merged, throttled and queued.
+"""Subscriptions of one client to one topic: merged, throttled and queued.
 
 One client and one spelling of a topic make one feed, whatever the number of subscription ids; each message
 of the topic leaves at most once. The terms of the ids are merged (facts of rosbridge_suite, where it and the
 protocol's text differ we say which side we took):
 
     throttle_rate   the lowest (both)
-    queue_length    the highest (the text; rosbridge_suite takes the lowest, which drops what somebody asked for)
+    queue_length    the highest (the text; rosbridge_suite takes the lowest, which drops what a client asked for)
     fragment_size   the lowest that was given (the text)
     compression     cbor-raw before cbor before png before none (rosbridge_suite)
 
 A throttled feed sends the first message of a burst at once. Without a queue the rest is dropped until the
 interval is over; with one, the newest `queue_length` wait and leave one each interval, so the last value of a
-burst arrives. Time is an argument; whoever calls `deliver` asks `due` when to call `flush`.
+burst arrives. Time is an argument; the caller of `deliver` asks `due` when to call `flush`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class SubscriptionOptions:
-    """What one subscription asks for.
+    """The options of one subscription.
 
     Attributes:
         interval: least time between two messages [s]; 0 is no limit.
@@ -54,7 +54,7 @@ class SubscriptionOptions:
 
 
 def read_options(op: Subscribe) -> SubscriptionOptions:
-    """The terms that a subscribe asks for; an encoding that nobody knows means JSON, as in rosbridge_suite."""
+    """Return the options of a subscribe; an unknown encoding means JSON, as in rosbridge_suite."""
     size = op.fragment_size
     return SubscriptionOptions(
         interval=max(0.0, op.throttle_rate or 0.0) / 1e3,
@@ -66,10 +66,10 @@ def read_options(op: Subscribe) -> SubscriptionOptions:
 
 @dataclass(frozen=True, slots=True)
 class Qos:
-    """What of a quality-of-service object has a meaning in one process.
+    """The parts of a quality-of-service object that have a meaning in one process.
 
     Attributes:
-        depth: messages kept for those who come late.
+        depth: messages kept for subscribers that come late.
         is_latching: durability: transient_local is True, volatile is False, None leaves it open.
     """
 
@@ -92,7 +92,7 @@ def read_qos(qos: dict[str, object] | None) -> Qos:
     """The part of a `qos` object that is honoured: durability and depth (rosbridge_suite of 2026, PR 1150).
 
     Raises:
-        FrameError: a policy or one of its values that nobody knows.
+        FrameError: a policy or one of its values is unknown.
     """
     if qos is None:
         return Qos()
@@ -155,7 +155,7 @@ class MergedOptions:
         )
 
     def _numbers(self, terms: SubscriptionOptions) -> list[tuple[Smallest, float]]:
-        """What the terms add to each bag; negative where the largest counts."""
+        """Return the numbers that the options add to each bag; negative where the largest counts."""
         numbers = [
             (self._intervals, terms.interval),
             (self._lengths, -terms.queue_length),
@@ -181,7 +181,7 @@ class Throttle(Generic[T]):
     __slots__ = ("_free_at", "_interval", "_max_length", "_waiting", "num_dropped")
 
     def __init__(self, account: Account | None = None, size_of: Callable[[T], int] = _nothing) -> None:
-        """Nothing waits, and nothing is throttled.
+        """Begin without messages and without a throttle.
 
         Args:
             account: pays for the messages that wait.
@@ -201,7 +201,7 @@ class Throttle(Generic[T]):
         self.num_dropped += self._waiting.shorten(terms.queue_length)
 
     def admit(self, message: T, now: float) -> bool:
-        """Whether this message leaves now; else it waits or is dropped."""
+        """Tell whether this message leaves now; else it waits or is dropped."""
         if self._interval == 0.0 and not self._waiting:
             return True
         if now >= self._free_at and not self._waiting:
@@ -211,7 +211,7 @@ class Throttle(Generic[T]):
         return False
 
     def due(self) -> float | None:
-        """When `release` has something to give [s]; None if nothing waits."""
+        """Return when `release` has something to give [s]; None if nothing waits."""
         return self._free_at if self._waiting else None
 
     def release(self, now: float) -> T | None:
@@ -223,7 +223,7 @@ class Throttle(Generic[T]):
         return self._waiting.pop()
 
     def forget(self) -> None:
-        """Drop what waits: nobody will ask for it."""
+        """Drop what waits: the subscriptions have ended."""
         self._waiting.shorten(0)
 
     def waiting(self) -> list[T]:
