@@ -13,13 +13,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Generator
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import cbor2
 import numpy as np
 import pybase64
 
 from rosbridge_sim.errors import FrameError
+from rosbridge_sim.loose_types import LibraryArgument
 from rosbridge_sim.weight import LIGHT
 
 __all__ = ["cbor_head", "cbor_raw_frame", "decode_cbor", "is_cbor"]
@@ -119,7 +120,7 @@ _NUM_LOOKED_AT = 2_000
 """Items that are counted in one go: 1 ms."""
 
 
-def _read_tag(*args: Any) -> object:  # noqa: ANN401 - the library passes the decoder too, of no known type
+def _read_tag(*args: LibraryArgument) -> object:  # the library passes the decoder, too
     tag = args[-1] if isinstance(args[-1], cbor2.CBORTag) else args[0]
     kind = _ARRAY_TYPES.get(tag.tag)
     if kind is None or not isinstance(tag.value, bytes):

@@ -60,7 +60,7 @@ from rosbridge_sim.shell.websocket.server import Server
 from rosbridge_sim.shell.websocket.urls import shown_url
 from rosbridge_sim.world.state import World
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # no circle: most servers attach to no bridge and record nothing
     from rosbridge_sim.shell.attach import Attachment
     from rosbridge_sim.shell.bags.recording import Recorder
 

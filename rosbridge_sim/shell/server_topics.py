@@ -14,13 +14,13 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from typing import Any, Literal
+from typing import Literal
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import WEBSOCKET_NODE_NAME
 from rosbridge_sim.graph.policy import PolicyEffect, Use, Way
 from rosbridge_sim.graph.topics_services import Topic
-from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.loose_types import JsonValue, Struct
 from rosbridge_sim.schema.store import Message
 from rosbridge_sim.shell.refusals import RefusalLog, escape
 from rosbridge_sim.shell.websocket.client import Client
@@ -88,7 +88,7 @@ class ServerTopics:
         self._refusals_at = float("-inf")  # when they were told last [s]
         self._refusals_timer: asyncio.TimerHandle | None = None
         bus.on_refusal = self._refusals.note
-        self._entries: dict[Client, Any] = {}  # generated structs
+        self._entries: dict[Client, Struct] = {}
         self._soon: asyncio.Handle | None = None
         server.on_clients = self.tell_clients_soon
         self._timer = loop.call_later(REPORT_PERIOD, self._tick)
@@ -109,7 +109,7 @@ class ServerTopics:
     def notify(self, level: str, text: str) -> None:
         """Ignore a message of the bus: this participant asks for nothing."""
 
-    def publish(self, topic: Topic, **fields: Any) -> None:  # noqa: ANN401 - each field of its own type
+    def publish(self, topic: Topic, **fields: JsonValue) -> None:
         """Send a message made from its fields."""
         self.bus.announce(self, topic, Message(topic.type, self._struct(topic)(**fields)), self._loop.time())
 
@@ -164,7 +164,7 @@ class ServerTopics:
     def _advertise(self, name: str, type_name: str, *, depth: int = 0, is_exclusive: bool = False) -> Topic:
         return self.bus.advertise(self, name, type_name, depth=depth, is_exclusive=is_exclusive)
 
-    def _struct(self, topic: Topic) -> Any:  # noqa: ANN401 - a class that is generated
+    def _struct(self, topic: Topic) -> type[Struct]:
         return self.bus.store.message(topic.type.name).struct
 
     def _tick(self) -> None:

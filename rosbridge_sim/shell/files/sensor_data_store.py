@@ -11,13 +11,10 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.files.names import MAX_NAME, is_plain_name
-
-if TYPE_CHECKING:
-    from rosbridge_sim.shell.files.quota import DataQuota
+from rosbridge_sim.shell.files.quota import DataQuota
 
 __all__ = ["OWN_NAME", "DiskArchive"]
 
