@@ -44,12 +44,12 @@ ARROWS: dict[str, set[str]] = {
     "morai.scenarios": {*_BASE, "morai", "morai.maps", "world"},
     "shell": {*_BELOW_SHELL, *_SHELL, "version"},
     "shell.websocket": {*_BASE, "graph", "protocol", "schema", "shell", "version"},
-    "shell.config": {*_BASE, "morai", "morai.interfaces", "shell", "shell.websocket"},
+    "shell.config": {*_BASE, "morai", "morai.interfaces", "shell.websocket"},
     "shell.files": {*_BASE, *_SCENE, "schema", "shell.config", "world"},
     "shell.bags": {*_BASE, "graph", "morai.replays", "schema", "shell.files"},
     "cli": {"errors", "cli.tools", "shell.config", "shell.websocket"},
     "cli.tools": {*_BELOW_SHELL, *_SHELL},
-    "__main__": {"", "cli", "errors", "shell", "shell.config", "shell.websocket", "version"},
+    "__main__": {"", "cli", "errors", "shell", "shell.config", "shell.websocket", "suggestions", "version"},
     "": {"errors", "shell", "version"},
 }
 """Room -> rooms that it may import, beside itself. The empty name is the package's own `__init__`. A folder within a

@@ -1,4 +1,4 @@
-"""The whole: settings in, a running simulator out.
+"""The simulator and its server, built from settings.
 
 This is the one place that builds the parts and hands them to each other. `Simulator` is the same thing for the
 command line, for a test and for a notebook; two of them share nothing. Where the world fails (see `scheduler.py`),
@@ -40,7 +40,8 @@ from rosbridge_sim.shell.config.loading import check_options
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.value_types import URLS
 from rosbridge_sim.shell.descriptors import DescriptorWatch
-from rosbridge_sim.shell.files.library import DiskLibrary, Texts, read_definitions
+from rosbridge_sim.shell.files.definitions import Texts, read_definitions
+from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.shell.files.network_files import DiskNetworks
 from rosbridge_sim.shell.files.quota import DataQuota, in_thread
 from rosbridge_sim.shell.files.sensor_data_store import DiskArchive
@@ -59,17 +60,17 @@ from rosbridge_sim.shell.websocket.server import Server
 from rosbridge_sim.shell.websocket.urls import shown_url
 from rosbridge_sim.world.state import World
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # no circle: most servers attach to no bridge and record nothing
     from rosbridge_sim.shell.attach import Attachment
     from rosbridge_sim.shell.bags.recording import Recorder
 
-__all__ = ["AddressError", "Simulator", "list_items"]
+__all__ = ["AddressError", "Simulator", "list_items", "mistakes_of_items"]
 
 _log = logging.getLogger("rosbridge_sim.app")
 
 
 class AddressError(DocumentError):
-    """The host and port cannot be had."""
+    """The server cannot listen on its host and port."""
 
 
 class Simulator:
@@ -79,15 +80,15 @@ class Simulator:
             print(sim.url)
 
     Attributes:
-        settings: what it was made with.
-        bus: where everybody meets; None before the start.
+        settings: as it was made.
+        bus: the topics and services that all participants share; None before the start.
         node: the simulator itself; None before the start, and without a world.
-        attachments: the bridges that it dials, once started.
-        descriptors: tells the log when no file descriptor is left; None before the start.
+        attachments: the bridges that it connects to; empty before the start.
+        descriptors: logs when no file descriptor is left; None before the start.
     """
 
     def __init__(self, settings: Settings | None = None, /, **options: object) -> None:
-        """A simulator that does not run yet.
+        """Read the settings; nothing runs yet.
 
         Args:
             settings: everything at once; None takes the options.
@@ -97,7 +98,7 @@ class Simulator:
             DocumentError: an option that does not exist or that has a bad value.
         """
         assert settings is None or not options, "settings or options, not both"
-        self.settings = check_options(options) if settings is None else settings
+        self.settings = check_options(options, mistakes_of_items) if settings is None else settings
         self.bus: Bus | None = None
         self.node: SimulatorNode | None = None
         self.attachments: tuple[Attachment, ...] = ()
@@ -114,19 +115,19 @@ class Simulator:
 
     @property
     def port(self) -> int:
-        """The port it really listens on; 0 while it does not, or never does."""
+        """The port that it listens on; 0 while it does not listen."""
         return self._server.port if self._server is not None else 0
 
     @property
     def url(self) -> str:
-        """Where clients connect."""
+        """URL for clients."""
         host = self.settings.host
         scheme = "ws" if self.settings.certfile is None else "wss"
         return f"{scheme}://[{host}]:{self.port}" if ":" in host else f"{scheme}://{host}:{self.port}"
 
     @property
     def num_bugs(self) -> int:
-        """Faults of ours: each is in the log with its traceback.
+        """Number of internal errors; each is in the log with its traceback.
 
         Frames, loads and replays that could not be handled, what the bus's guard has counted, and one more if the world
         has failed.
@@ -151,11 +152,11 @@ class Simulator:
             await self.wait()
 
     async def start(self) -> None:
-        """Build everything, listen, and dial; clients are served from now on.
+        """Build everything, listen, and connect to the bridges; clients are served from now on.
 
         Raises:
             DocumentError: a file that cannot be used.
-            AddressError: host and port cannot be had, or they are those of a bridge that is to be dialled.
+            AddressError: the server cannot listen there, or `attach` names the server itself.
         """
         settings = self.settings
         _check_sense(settings)
@@ -213,22 +214,25 @@ class Simulator:
         self._recordings, self._reader = recordings, reader
         self.bus, self.node, self._server, self._scheduler = bus, node, server, scheduler
         if settings.listen and settings.token is None and not server.is_loopback:
-            _log.warning("%s wants no token: every program that reaches it is let in; --token sets one", self.url)
+            _log.warning("no token is set: every program that can reach %s may connect; set one with --token", self.url)
         for flag in limits.access.origins.open_flags() if settings.listen and settings.token is None else ():
-            _log.warning("%s lets in any website that the user visits, since no token is set; --token sets one", flag)
+            _log.warning(
+                "%s lets every website that the user visits connect, because no token is set; set one with --token",
+                flag,
+            )
         if node is not None:
             self._attach(bus, node, scheduler, stamps)
         scheduler.look()
 
     def _attach(self, bus: Bus, node: SimulatorNode, scheduler: Scheduler, stamps: Stamps | None) -> None:
-        """Dial the bridges."""
+        """Connect to the bridges."""
         settings = self.settings
         if not settings.attach:
             return
-        from rosbridge_sim.shell.attach import AttachLimits, Attachment  # noqa: PLC0415 - most dial nobody
+        from rosbridge_sim.shell.attach import AttachLimits, Attachment  # noqa: PLC0415 - most servers attach to no bridge
 
         if settings.sync_lease is None:
-            _log.info("without --sync-lease, a master behind a bridge stays master when it dies: nobody sees it go")
+            _log.info("without --sync-lease, a crashed master behind a bridge cannot be detected; set --sync-lease")
         limits = AttachLimits(
             has_connection_each=settings.attach_sockets == "per-topic",
             max_wait=settings.attach_retry,
@@ -283,12 +287,12 @@ class Simulator:
         await asyncio.shield(self._scheduler.failure)
 
     def _give_up(self) -> None:
-        """The world has failed: whoever waits for it is to hear that it is gone."""
+        """Stop, because the world has failed; clients see their connections close."""
         self._stopping = asyncio.get_running_loop().create_task(self.stop())
 
 
 def list_items(settings: Settings) -> list[ListedInterface]:
-    """What a simulator with these settings has on the bus; one is put together for that, in the built-in scene.
+    """List what a simulator with these settings has on the bus; one is built for that, in the built-in scene.
 
     Raises:
         DocumentError: a file that cannot be used, or network settings that do not fit.
@@ -298,6 +302,21 @@ def list_items(settings: Settings) -> list[ListedInterface]:
     WebRepublisher(bus)
     built_in = replace(settings, scenario=Settings().scenario, scenario_path=(), map=None, catalogue=None)
     return list(_make_node(bus, built_in, None, None).interfaces.listing())
+
+
+def mistakes_of_items(settings: Settings) -> list[str]:
+    """Return the mistakes in what is chosen about topics and services, a line for each.
+
+    For the readers of settings, which tell all mistakes at once. Where there are no others it is not needed, because
+    the simulator itself finds these at its start.
+    """
+    if not (settings.publishers or settings.subscribers or settings.services):
+        return []
+    try:
+        list_items(settings)
+    except DocumentError as error:
+        return str(error).splitlines()
+    return []
 
 
 def _make_node(
@@ -354,11 +373,11 @@ def _make_node(
 
 
 def _choose_stamps(settings: Settings, node: SimulatorNode) -> Stamps:
-    """Which time the simulator stamps with."""
+    """Choose the time for stamps."""
     clock = WallClock()
     choice = settings.stamps or ("sim" if settings.listen else "auto")
     if choice == "auto" and not settings.attach:
-        _log.info("--stamps auto asks a bridge, and --attach names none: stamps are simulated time")
+        _log.info("--stamps auto follows a bridge, but no --attach is given: stamps are simulated time")
     return Stamps(choice, lambda now: node.use_wall_time(clock.read_ns, now))
 
 
@@ -372,7 +391,7 @@ def _taken_names(settings: Settings) -> list[str]:
 
 
 def _start_recording(settings: Settings, bus: Bus, node: SimulatorNode | None, texts: Texts) -> Recorder | None:
-    """Whoever records, if that is wanted.
+    """Begin to record, where `--record` says so.
 
     Raises:
         DocumentError: the file cannot be made.
@@ -380,7 +399,8 @@ def _start_recording(settings: Settings, bus: Bus, node: SimulatorNode | None, t
     if settings.record is None:
         return None
     from rosbridge_sim.shell.bags.bag import open_bag  # noqa: PLC0415 - rosbags' writers are a tenth of a second
-    from rosbridge_sim.shell.bags.recording import BagMessageWriter, Recorder  # noqa: PLC0415
+    from rosbridge_sim.shell.bags.message_writer import BagMessageWriter  # noqa: PLC0415
+    from rosbridge_sim.shell.bags.recording import Recorder  # noqa: PLC0415
 
     path = Path(settings.record)
     if path.resolve().is_relative_to(Path(settings.data_dir).resolve()):  # which is made when it is needed
@@ -433,7 +453,10 @@ def _complete_policy(policy: Policy, node: SimulatorNode | None, *, is_attaching
     for line in policy.left_open():
         _log.warning("%s", line)
     if is_attaching and not policy.is_open:
-        _log.warning("patterns hold for this server's own clients; a bridge judges the programs behind it itself")
+        _log.warning(
+            "--allow and --deny patterns apply to clients of this server only, and not to programs behind a bridge;"
+            " set rules at the bridge"
+        )
 
 
 def _outbox_limits(settings: Settings) -> OutboxLimits:
@@ -449,14 +472,14 @@ def _check_sense(settings: Settings) -> None:
     if settings.attach and not settings.world:
         raise DocumentError("attach: expected a world; without one there is nothing to advertise at a bridge")
     if not settings.attach and not settings.listen:
-        raise DocumentError(f"attach: expected {URLS.expects}; got none, and nobody could come here either")
+        raise DocumentError(f"attach: expected {URLS.expects}; got none, and --no-listen accepts no clients")
 
 
 async def _check_bridges(urls: Sequence[str], server: Server) -> None:
-    """Refuse to dial ourselves: we would be a client of our own, with every name taken.
+    """Refuse to attach to this server itself, where every name is taken already.
 
     Raises:
-        AddressError: one of the URLs is our own.
+        AddressError: one of the URLs is that of this server.
     """
     if not urls or not server.port:
         return
@@ -471,7 +494,7 @@ async def _check_bridges(urls: Sequence[str], server: Server) -> None:
 
 
 def _why_not(settings: Settings, error: OSError | UnicodeError) -> str:
-    """Why there is no listening there, and what to do about it."""
+    """Return why the server cannot listen there, and what to do about it."""
     where = f"cannot listen on {settings.host} port {settings.port}"
     if isinstance(error, UnicodeError):
         return f"{where}: expected a host name or address"
@@ -491,7 +514,7 @@ class _WallClockBus(Bus):
 
     @time_ns.setter
     def time_ns(self, time_ns: int) -> None:
-        """Nobody sets the time of day."""
+        """Ignore it: the time of day cannot be set."""
 
     @property
     def stamp_ns(self) -> int:
@@ -499,4 +522,4 @@ class _WallClockBus(Bus):
 
     @stamp_ns.setter
     def stamp_ns(self, stamp_ns: int) -> None:
-        """Nobody sets the time of day."""
+        """Ignore it: the time of day cannot be set."""

@@ -19,8 +19,9 @@ from websockets.exceptions import ConnectionClosed
 import rosbridge_sim
 from rosbridge_sim import DocumentError, Simulator
 from rosbridge_sim.shell.app import AddressError, list_items
-from rosbridge_sim.shell.config.loading import check_options, format_config
+from rosbridge_sim.shell.config.loading import check_options
 from rosbridge_sim.shell.config.settings import Settings
+from rosbridge_sim.shell.config.toml_output import format_config
 from rosbridge_sim.shell.scheduler import WorldFailedError
 from tests.conftest import Connect
 from tests.graph.bus_fixture import Wire
@@ -314,7 +315,7 @@ async def test_failures_of_listeners_within_frames_do_not_end_the_world(
         assert sim.num_bugs > 1
         assert not sim._scheduler.is_failed
     lines = [record.getMessage() for record in caplog.records if record.exc_info]
-    assert [line for line in lines if line.endswith(": closed, because of a failure of ours")] == lines[:1]
+    assert [line for line in lines if line.endswith(": closed because of an internal error")] == lines[:1]
     assert {line[:35] for line in lines[1:]} == {"a listener of /Ego_topic has failed"}
 
 
@@ -521,7 +522,16 @@ async def test_log_says_that_patterns_do_not_hold_behind_a_bridge(caplog: pytest
         bridge = f"ws://127.0.0.1:{nobody.getsockname()[1]}"
         async with Simulator(port=0, attach=[bridge], deny_publish=["/nothing"]):
             pass
-    assert len([line for line in caplog.messages if line.startswith("patterns hold for this server's own")]) == 1
+    assert (
+        len(
+            [
+                line
+                for line in caplog.messages
+                if line.startswith("--allow and --deny patterns apply to clients of this server only")
+            ]
+        )
+        == 1
+    )
 
 
 async def test_names_that_a_scenario_brings_are_judged_at_once(tmp_path: Path, connect: Connect) -> None:

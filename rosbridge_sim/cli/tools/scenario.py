@@ -24,9 +24,13 @@ from rosbridge_sim.morai.scenarios.check import find_oddities, keys_near, place_
 from rosbridge_sim.morai.scenarios.reader import PhaseStart, Scenario, Spawn, sort_phases
 from rosbridge_sim.morai.scene import DEFAULT_MAP
 from rosbridge_sim.morai.units import MPS_TO_KMH
-from rosbridge_sim.shell.config.loading import PREFIX, SettingError, hint, looks_like_path, read_settings
+from rosbridge_sim.shell.config.keys import PREFIX
+from rosbridge_sim.shell.config.loading import read_settings
+from rosbridge_sim.shell.config.settings_file import looks_like_path
+from rosbridge_sim.shell.config.value_types import SettingError
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.shell.terminal_text import safe
+from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.geometry import arc_lengths
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import Kind

@@ -19,7 +19,6 @@ from urllib.parse import quote
 
 import pytest
 import pytest_asyncio
-import uvloop
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
@@ -47,6 +46,7 @@ from rosbridge_sim.shell.websocket.origins import OriginRules, own_names
 from rosbridge_sim.shell.websocket.server import Server
 from tests.conftest import Connect, Serve
 from tests.graph.bus_fixture import make_store
+from tests.shell.event_loops import EACH_LOOP, MakeLoop
 from tests.support import PATIENCE, Client
 
 TOKEN = "s3cret/+="  # noqa: S105 - a test's own
@@ -589,9 +589,9 @@ async def test_who_speaks_plainly_to_a_port_with_a_certificate_disturbs_nobody(
 
 
 @pytest.mark.parametrize("is_tls", [True, False])
-@pytest.mark.parametrize("loop_factory", [asyncio.new_event_loop, uvloop.new_event_loop], ids=["asyncio", "uvloop"])
+@EACH_LOOP
 def test_connection_that_does_not_get_to_its_request_is_closed_in_time(
-    certificate: Certificate, loop_factory: Callable[[], asyncio.AbstractEventLoop], *, is_tls: bool
+    certificate: Certificate, make_loop: MakeLoop, *, is_tls: bool
 ) -> None:
     limits = ServerLimits(tls_timeout=0.05, open_timeout=0.05)
 
@@ -612,13 +612,13 @@ def test_connection_that_does_not_get_to_its_request_is_closed_in_time(
             await asyncio.gather(*(connect_and_wait(server.port, first) for first in (b"", hello) for _ in range(20)))
         await server.stop()
 
-    with asyncio.Runner(loop_factory=loop_factory) as runner:
+    with asyncio.Runner(loop_factory=make_loop) as runner:
         runner.run(check())
 
 
-@pytest.mark.parametrize("loop_factory", [asyncio.new_event_loop, uvloop.new_event_loop], ids=["asyncio", "uvloop"])
+@EACH_LOOP
 def test_tls_handshakes_that_stall_are_bounded_and_keep_nobody_out(
-    certificate: Certificate, loop_factory: Callable[[], asyncio.AbstractEventLoop], monkeypatch: pytest.MonkeyPatch
+    certificate: Certificate, make_loop: MakeLoop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(connections, "MAX_OPENING", 3)
 
@@ -641,10 +641,10 @@ def test_tls_handshakes_that_stall_are_bounded_and_keep_nobody_out(
                 with suppress(ConnectionError):
                     assert await reader.read() == b""
                 writer.close()
-        assert not server._tables.doors
+        assert not server._tables.handshakes
         assert not len(server._tables.opening)
 
-    with asyncio.Runner(loop_factory=loop_factory) as runner:
+    with asyncio.Runner(loop_factory=make_loop) as runner:
         runner.run(check())
 
 
@@ -756,3 +756,38 @@ async def test_what_is_open_without_a_token_is_warned_of_once(caplog: pytest.Log
         warnings = [record.getMessage() for record in caplog.records if record.levelno >= logging.WARNING]
         assert len(warnings) == num_lines, warnings
         assert all("--token" in line for line in warnings)
+
+
+@EACH_LOOP
+def test_request_in_one_packet_with_the_end_of_the_handshake_is_answered(
+    certificate: Certificate, make_loop: MakeLoop
+) -> None:
+    async def check() -> None:
+        server = Server(Bus(make_store()), ServerLimits(), lambda: None)
+        await server.start("127.0.0.1", 0, load_certificate(certificate.certfile, certificate.keyfile))
+        reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        incoming, outgoing = ssl.MemoryBIO(), ssl.MemoryBIO()
+        client = certificate.context.wrap_bio(incoming, outgoing, server_hostname="127.0.0.1")
+        async with asyncio.timeout(PATIENCE):
+            while True:
+                try:
+                    client.do_handshake()
+                    break
+                except ssl.SSLWantReadError:
+                    writer.write(outgoing.read())
+                    incoming.write(await reader.read(2**16))
+            client.write(b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+            writer.write(outgoing.read())  # the client's last flight of TLS 1.3, and the request behind it
+            answer = b""
+            while b"\r\n\r\n" not in answer:
+                incoming.write(await reader.read(2**16))
+                with suppress(ssl.SSLWantReadError):
+                    answer += client.read(2**16)
+        assert answer.startswith(b"HTTP/1.1 200")
+        writer.close()
+        await server.stop()
+        assert not server._tables.handshakes
+        assert not len(server._tables.opening)
+
+    with asyncio.Runner(loop_factory=make_loop) as runner:
+        runner.run(check())
