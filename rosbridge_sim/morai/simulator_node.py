@@ -22,7 +22,7 @@ import logging
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple
+from typing import Final, Literal, NamedTuple, Protocol
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.bus import Bus
@@ -46,7 +46,7 @@ from rosbridge_sim.morai.tf_publisher import TF, Mount, TfPublisher
 from rosbridge_sim.world.state import STEP_NS, Gear, World
 from rosbridge_sim.world.step import step
 
-__all__ = ["SIMULATOR_NAME", "NodeSettings", "SceneCommand", "SimulatorNode", "TickResult"]
+__all__ = ["SIMULATOR_NAME", "FrameMeter", "NodeSettings", "SceneCommand", "SimulatorNode", "TickResult"]
 
 SIMULATOR_NAME: Final = "/morai_sim"
 
@@ -122,6 +122,16 @@ class TickResult(NamedTuple):
 OnTick = Callable[[TickResult], None]
 
 
+class FrameMeter(Protocol):
+    """Measures each frame: its step, and all that is published with it."""
+
+    def begin(self) -> None:
+        """Note that a frame begins."""
+
+    def end(self) -> None:
+        """Note that it has ended."""
+
+
 class SimulatorNode:
     """The simulator. An `Participant` on the bus; its names there are its alone.
 
@@ -132,7 +142,9 @@ class SimulatorNode:
         egos: in order; the first one has the bare names, ego 2 those under `/Ego-2/`.
         camera_index: the ego that a client wants to be looked at, whether there is one or not.
         is_moving: frames are being computed right now.
+        num_frames: frames computed; unlike the world's frame it never goes back.
         num_ticks: ticks carried out.
+        frame_meter: measures what each frame costs; None for none.
         failure: why the world stands still for good; None while it does not.
         afterwards: what is to be done once the frame in hand has gone out; commands put it there, frame by frame.
     """
@@ -187,7 +199,9 @@ class SimulatorNode:
             may_anyone_stop=settings.anyone_may_stop,
         )
         self.is_moving = False
+        self.num_frames = 0
         self.num_ticks = 0
+        self.frame_meter: FrameMeter | None = None
         self.failure: str | None = None
         self._failed_by: Exception | None = None
         self._is_serving_on = settings.on_world_failure == "serve"
@@ -290,6 +304,17 @@ class SimulatorNode:
         """How often real time was lost for good."""
         return self._pace.num_stalls
 
+    @property
+    def lost_time(self) -> float:
+        """Real time that was lost in stalls [s]: the world will not catch up with it."""
+        return self._pace.lost_time
+
+    def real_time_lag(self, now: float) -> float:
+        """How far the world is behind real time at `now` [s]; 0.0 where real time does not move it."""
+        if not (self.sync.is_free and self._pace.is_started) or self.failure is not None:
+            return 0.0
+        return max(0.0, now - self._pace.due_at)
+
     def ask_tick(self, user_id: str, named: int, caller: Participant, on_end: OnTick, now: float) -> None:
         """Move the world by one time step, and publish every frame of it, if the mode allows that.
 
@@ -370,6 +395,9 @@ class SimulatorNode:
 
     def _compute(self, now: float, *, is_tick: bool, is_last: bool) -> None:
         """Move the world by one frame and show it."""
+        meter = self.frame_meter
+        if meter is not None:
+            meter.begin()
         world = self.world
         for command in self.sync.due(world.frame + 1):
             command(now)
@@ -385,6 +413,9 @@ class SimulatorNode:
         while self.afterwards:
             self.afterwards.pop(0)(now)
         self._settle(now)
+        self.num_frames += 1
+        if meter is not None:
+            meter.end()
 
     def use_wall_time(self, read_ns: Callable[[], int], now: float) -> None:
         """Stamp with the time of day from now on: headers, /clock and tf alike. What is latched is published anew.

@@ -261,7 +261,7 @@ async def test_gateway_goes_on_without_a_world_that_has_failed(
         await client.send("subscribe", topic="/rosout", type="rosgraph_msgs/Log")
         await client.message_where("/rosout", lambda line: line["level"] == 16)
         status, body = await get(sim.port, "/healthz")
-        assert (status, body[:21]) == (503, "the world has failed:")
+        assert (status, json.loads(body)["reason"][:21]) == (503, "the world has failed:")
         answer = await client.call("/Service_MoraiVehicleSpec")
         assert (answer["result"], answer["values"][:21]) == (False, "the world has failed:")
         await client.send("publish", topic="/ctrl_cmd", type="morai_msgs/CtrlCmd", msg={}, id="pedal")

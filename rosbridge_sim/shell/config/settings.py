@@ -86,6 +86,12 @@ class Settings:
     certfile: str | None = _flag(None, _LISTEN, FILE, "certificate in PEM: clients then connect to wss://")
     keyfile: str | None = _flag(None, _LISTEN, FILE, "its private key in PEM, if the same file does not hold it")
 
+    port_file: str | None = _flag(
+        None,
+        _LISTEN,
+        FILE,
+        "write the port into this file once the server listens, and remove it at the end; for --port 0",
+    )
     listen: bool = _flag(
         default=True, group=_LISTEN, kind=SWITCH, text="listen at all; without it, it is only to be found by --attach"
     )
@@ -348,6 +354,9 @@ class Settings:
 
     log_level: Literal["debug", "info", "warning", "error"] = _flag(
         "info", _LOG, choice_of("debug", "info", "warning", "error"), "least level of the log on stderr"
+    )
+    log_format: Literal["text", "json"] = _flag(
+        "text", _LOG, choice_of("text", "json"), "lines for people, or one JSON object a line with the date in UTC"
     )
     quiet_clients: bool = _flag(
         default=False, group=_LOG, kind=SWITCH, text="write no log lines about mistakes of clients"

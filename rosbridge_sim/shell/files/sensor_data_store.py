@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.shell.files.access_rights import why_not_writable
 from rosbridge_sim.shell.files.library import MAX_NAME, PLAIN_NAME
 
 if TYPE_CHECKING:
@@ -75,7 +76,8 @@ class DiskArchive:
                 with suppress(OSError):
                     path.rmdir() if path in folders else path.unlink()
             why = (error.strerror if isinstance(error, OSError) else None) or str(error)
-            _log.warning("%s: sensor data cannot be saved: %s", place, why)
+            said = why_not_writable(place, error) if isinstance(error, OSError) else why
+            _log.warning("%s: sensor data cannot be saved: %s", place, said)
             raise DocumentError(f"{name[:80]!r} cannot be saved: {why}") from None
         if self._quota is not None:
             self._quota.add(num_bytes, num_files, source)

@@ -39,6 +39,7 @@ class ConnectionTables:
         doors: those in their TLS handshake.
         opening: those without a whole request.
         strangers: those that have not shown the token.
+        num_bytes_received: bytes that came over connections that are closed by now.
     """
 
     def __init__(self, max_strangers: int) -> None:
@@ -47,6 +48,7 @@ class ConnectionTables:
         self.doors: dict[TlsDoor, None] = {}
         self.opening = ConnectionPlaces(MAX_OPENING)
         self.strangers = ConnectionPlaces(max_strangers)
+        self.num_bytes_received = 0
 
 
 class ServedConnection(DirectConnection):
@@ -64,7 +66,9 @@ class ServedConnection(DirectConnection):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Leave all places."""
-        self._tables.sockets.pop(self, None)
+        if self in self._tables.sockets:
+            del self._tables.sockets[self]
+            self._tables.num_bytes_received += self.num_bytes_received
         self._tables.opening.leave(self)
         self._tables.strangers.leave(self)
         super().connection_lost(exc)

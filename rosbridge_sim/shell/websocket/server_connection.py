@@ -106,6 +106,7 @@ class DirectConnection(MessageConnection, ServerConnection):
         on_too_long: called before a frame is refused for its length, or for having no mask.
         is_trusted: less is kept of what others send. To be set before `listen`, and never taken back.
         num_early: bytes that came behind the HTTP request while it was not trusted.
+        num_bytes_received: bytes that came in all, the HTTP request included.
         is_held: what comes is kept for later.
         unsent: what `send_more` has still to send, compressed.
         is_text: the message that the receiver is handed now was sent as text; later it may say anything.
@@ -117,6 +118,7 @@ class DirectConnection(MessageConnection, ServerConnection):
         self.on_too_long: Callable[[], None] = _ignore
         self.is_trusted = False
         self.num_early = 0
+        self.num_bytes_received = 0
         self._num_head = 0  # bytes of the HTTP request so far
         self._receiver: Receiver | None = None
         self._head = b""  # the last bytes of the HTTP request so far: they may hold the beginning of its end
@@ -257,6 +259,7 @@ class DirectConnection(MessageConnection, ServerConnection):
 
     def data_received(self, data: bytes) -> None:
         """Handle what came, or keep it."""
+        self.num_bytes_received += len(data)
         if not self.is_trusted:
             data = self._read_early(data)
         if self._kept or self.is_held:
