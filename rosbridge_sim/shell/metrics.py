@@ -35,6 +35,10 @@ FRAME_BOUNDS: Final = (0.0001, 0.00025, 0.0005, 0.001, 0.0025, 0.005, 0.01, 0.02
 """Upper bounds of the histogram [s]: from an empty scene (0.1 ms) beyond what real time leaves for a frame (20 ms)."""
 
 
+OPENMETRICS: Final = "application/openmetrics-text"
+"""The format of programs that ask for it; all others get Prometheus's older one."""
+
+
 class FrameHistogram:
     """CPU time of frames, counted into buckets.
 
@@ -102,10 +106,15 @@ class Metrics:
         if self._registry is None:
             # In a thread: the import takes as long as a frame.
             await self._loop.run_in_executor(None, importlib.import_module, "prometheus_client")
-        from prometheus_client.exposition import choose_encoder  # noqa: PLC0415 - see the head of this file
+        import prometheus_client as text  # noqa: PLC0415 - see the head of this file
+        from prometheus_client.openmetrics import exposition as openmetrics  # noqa: PLC0415
 
-        encode, content_type = choose_encoder(accept)
-        return encode(self._open_registry()), content_type
+        registry = self._open_registry()
+        # The library's own choice fails where a program asks for a version that is no number.
+        if OPENMETRICS in (kind.partition(";")[0].strip().lower() for kind in accept.split(",")):
+            body: bytes = openmetrics.generate_latest(registry)  # type: ignore[no-untyped-call] # it has no types
+            return body, f"{OPENMETRICS}; version=1.0.0; charset=utf-8"
+        return text.generate_latest(registry), "text/plain; version=0.0.4; charset=utf-8"
 
     def _open_registry(self) -> CollectorRegistry:
         """Make the registry and start the histogram, the first time."""

@@ -99,6 +99,21 @@ async def test_world_and_clients_are_counted(connect: Connect) -> None:
         assert after[name + key] > before[name + key]
 
 
+@pytest.mark.parametrize("accept", ["", "*/*", "text/plain; version=x", ";;;,,=", "application/json", "é" * 4_000])
+async def test_accept_header_that_asks_for_something_else_gets_text(accept: str) -> None:
+    async with Simulator(port=0, world=False) as sim:
+        page = await scrape(sim, f"Accept: {accept}")
+        assert (page.status, sim.num_bugs) == (200, 0)
+        assert "Content-Type: text/plain; version=0.0.4; charset=utf-8" in page.head
+
+
+async def test_version_that_is_no_number_is_no_fault_of_the_server() -> None:
+    async with Simulator(port=0, world=False) as sim:
+        page = await scrape(sim, "Accept: Application/OpenMetrics-Text; version=new")
+        assert (page.status, sim.num_bugs) == (200, 0)
+        assert page.body.endswith("# EOF\n")
+
+
 async def test_every_reason_of_a_refusal_is_there_from_the_start() -> None:
     async with Simulator(port=0) as sim:
         values = (await scrape(sim)).values
