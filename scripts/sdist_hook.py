@@ -13,7 +13,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 
 class SdistHook(BuildHookInterface[Any]):  # Any: the configuration of a builder, which is not used
-    """Found by hatchling, because it is the only hook in the file that `pyproject.toml` names."""
+    """The hook; hatchling finds it because it is the only one in the file that `pyproject.toml` names."""
 
     def initialize(self, _version: str, build_data: dict[str, Any]) -> None:  # Any: the interface says so
         """Take `.gitignore` out of what is added to the files that were chosen."""

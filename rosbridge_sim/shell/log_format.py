@@ -23,7 +23,7 @@ def formatter_of(log_format: Literal["text", "json"]) -> logging.Formatter:
 
 
 class _OneLine(logging.Formatter):
-    """`12:34:56.789 WARNING server: ...`; what a client wrote cannot begin a line of its own."""
+    """Lines such as `12:34:56.789 WARNING server: ...`; what a client wrote cannot begin a line of its own."""
 
     default_msec_format = "%s.%03d"
 
@@ -37,7 +37,7 @@ class _OneLine(logging.Formatter):
 
 
 class _JsonLine(logging.Formatter):
-    r"""`{"date": "2026-01-31T12:34:56.789Z", "level": "WARNING", "logger": "rosbridge_sim.server", "message": "..."}`.
+    r"""JSON objects such as `{"date": "2026-01-31T12:34:56.789Z", "level": "INFO", "logger": "...", "message": "..."}`.
 
     The date is that of RFC 3339, in UTC. A line about a client has its address as `client`, and one about a failure the
     traceback as `exception`, with `\n` in it. All is ASCII, so no terminal or collector can fail on it.
