@@ -1,9 +1,10 @@
 # The server as an image: docker build -t rosbridge-sim . && docker run -p 9090:9090 rosbridge-sim
-# Arguments after the image's name are the server's flags. Any base with Python 3.11 or newer and its venv module will do.
+# Arguments after the image's name are the server's flags. What clients save goes to /data: mount a volume there, or a
+# folder that belongs to user 10001. Any base with Python 3.11 or newer and its venv module will do.
 ARG BASE_IMAGE=python:3.12-slim
 
 FROM ${BASE_IMAGE} AS build
-COPY pyproject.toml README.md /src/
+COPY pyproject.toml README.md LICENSE /src/
 COPY schemas /src/schemas
 COPY rosbridge_sim /src/rosbridge_sim
 RUN python3 -m venv /opt/rosbridge-sim \
@@ -11,12 +12,24 @@ RUN python3 -m venv /opt/rosbridge-sim \
     && /opt/rosbridge-sim/bin/pip uninstall --quiet --yes setuptools pip
 
 FROM ${BASE_IMAGE}
-RUN useradd --uid 10001 --no-create-home --shell /usr/sbin/nologin rosbridge-sim
+ARG VERSION=dev
+ARG REVISION=unknown
+LABEL org.opencontainers.image.title="rosbridge-sim" \
+    org.opencontainers.image.description="A rosbridge v2 server that needs no ROS, with a driving world inside that answers like MORAI SIM: Drive" \
+    org.opencontainers.image.licenses="Apache-2.0" \
+    org.opencontainers.image.authors="The rosbridge_sim authors" \
+    org.opencontainers.image.url="https://pypi.org/project/rosbridge-sim/" \
+    org.opencontainers.image.version="${VERSION}" \
+    org.opencontainers.image.revision="${REVISION}"
+RUN useradd --uid 10001 --user-group --no-create-home --shell /usr/sbin/nologin rosbridge-sim \
+    && install --directory --owner=10001 --group=10001 /data
 COPY --from=build /opt/rosbridge-sim /opt/rosbridge-sim
 ENV PATH=/opt/rosbridge-sim/bin:$PATH \
     ROSBRIDGE_SIM_HOST=0.0.0.0 \
-    ROSBRIDGE_SIM_PORT=9090
+    ROSBRIDGE_SIM_PORT=9090 \
+    ROSBRIDGE_SIM_DATA_DIR=/data
 USER 10001
+VOLUME /data
 EXPOSE 9090
 HEALTHCHECK --interval=10s --timeout=3s --start-period=5s CMD ["python3", "-c", "import os, ssl, urllib.request; tls = ssl._create_unverified_context() if os.environ.get('ROSBRIDGE_SIM_CERTFILE') else None; urllib.request.urlopen(('https' if tls else 'http') + '://127.0.0.1:' + os.environ['ROSBRIDGE_SIM_PORT'] + '/healthz', timeout=2, context=tls)"]
 ENTRYPOINT ["rosbridge-sim"]

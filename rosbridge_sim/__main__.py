@@ -29,12 +29,14 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.config.loading import read_settings, strange_variables
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.value_types import SettingError
+from rosbridge_sim.shell.log_format import formatter_of
 from rosbridge_sim.shell.signals import on_stop_signals, stop_signals
 from rosbridge_sim.shell.websocket.memory import keep_memory
 from rosbridge_sim.suggestions import hint
 
 if TYPE_CHECKING:
     from rosbridge_sim.shell.app import Simulator
+    from rosbridge_sim.shell.config.settings import Settings
 
 __all__ = ["main"]
 
@@ -82,7 +84,7 @@ def _serve(argv: Sequence[str], *, is_attaching: bool = False) -> int:
 
         print(format_config(settings, list_items(settings)), end="")  # noqa: T201 - what was asked for
         return 0
-    _start_log(settings.log_level)
+    _start_log(settings)
     for line in strange_variables(os.environ):
         _log.warning("%s", line)
     for number in stop_signals():
@@ -92,7 +94,14 @@ def _serve(argv: Sequence[str], *, is_attaching: bool = False) -> int:
     from rosbridge_sim.shell.app import Simulator  # noqa: PLC0415 - --help and a mistake do without the rest of us
 
     with asyncio.Runner(loop_factory=_loop_factory()) as runner:
-        return runner.run(_run(Simulator(settings)))
+        try:
+            return runner.run(_run(Simulator(settings)))
+        except DocumentError as error:
+            if settings.log_format == "text":
+                raise  # `main` prints it
+            for line in str(error).splitlines():
+                _log.critical("%s", line)
+            return 2
 
 
 def _find_more(settings: Settings) -> Sequence[str]:
@@ -184,28 +193,10 @@ _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
 # The log
 
 
-class _OneLine(logging.Formatter):
-    """`12:34:56.789 WARNING server: ...`; what a client wrote cannot begin a line of its own."""
-
-    default_msec_format = "%s.%03d"
-
-    def __init__(self) -> None:
-        super().__init__("%(asctime)s %(levelname)s %(name)s: %(message)s", "%H:%M:%S")
-
-    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's own name
-        record.name = record.name.removeprefix("rosbridge_sim.")
-        record.message = "".join(c if c.isprintable() else repr(c)[1:-1] for c in record.message)[:_MAX_SHOWN]
-        return super().formatMessage(record)
-
-
-_MAX_SHOWN = 1_000
-"""Characters of a line on stderr: one that was cut already (`log_limits.py`) may grow tenfold by what is escaped."""
-
-
-def _start_log(level: str) -> None:
+def _start_log(settings: Settings) -> None:
     handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(_OneLine())
-    logging.basicConfig(level=level.upper(), handlers=[handler])
+    handler.setFormatter(formatter_of(settings.log_format))
+    logging.basicConfig(level=settings.log_level.upper(), handlers=[handler])
 
 
 if __name__ == "__main__":

@@ -8,10 +8,14 @@ import re
 import shutil
 import subprocess
 import sys
+import tarfile
 import tempfile
+import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from email import message_from_bytes
 from pathlib import Path
+from zipfile import ZipFile
 
 import pytest
 
@@ -32,10 +36,14 @@ NOBODY = 65_534
 # The Dockerfile
 
 
+def dockerfile() -> str:
+    """Return the Dockerfile with an instruction a line."""
+    return (ROOT / "Dockerfile").read_text().replace("\\\n", " ")
+
+
 def instruction(name: str) -> str:
     """What stands behind an instruction of the Dockerfile that is there once."""
-    text = (ROOT / "Dockerfile").read_text().replace("\\\n", " ")
-    found = re.findall(rf"^{name}\s+(.*)$", text, re.MULTILINE)
+    found = re.findall(rf"^{name}\s+(.*)$", dockerfile(), re.MULTILINE)
     assert len(found) == 1, f"{name}: {found}"
     return str(found[0])
 
@@ -68,6 +76,41 @@ def test_image_listens_for_everybody_on_the_port_it_names_and_has_an_ordinary_us
     assert settings["ROSBRIDGE_SIM_HOST"] == "0.0.0.0"  # noqa: S104 - an image is of no use otherwise
     assert settings["ROSBRIDGE_SIM_PORT"] == instruction("EXPOSE") == str(Settings().port)
     assert instruction("USER") not in {"root", "0"}
+
+
+def test_image_has_a_volume_that_its_user_owns_and_the_server_writes_to() -> None:
+    (folder,) = instruction("VOLUME").split()
+    assert environment()["ROSBRIDGE_SIM_DATA_DIR"] == folder
+    user = instruction("USER")
+    (made,) = [line for line in dockerfile().splitlines() if "useradd" in line]
+    assert f"--uid {user} " in made
+    assert f"install --directory --owner={user} --group={user} {folder}" in made
+
+
+def test_image_says_what_it_is_in_labels_of_oci() -> None:
+    labels = dict(re.findall(r'org\.opencontainers\.image\.(\w+)="([^"]*)"', instruction("LABEL")))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    assert labels == {
+        "title": project["name"],
+        "description": project["description"],
+        "licenses": project["license"],
+        "authors": project["authors"][0]["name"],
+        "url": project["urls"]["Homepage"],
+        "version": "${VERSION}",
+        "revision": "${REVISION}",
+    }
+    for name in ("VERSION", "REVISION"):
+        assert re.search(rf"^ARG {name}=\w+$", dockerfile(), re.MULTILINE)
+
+
+def test_what_the_image_is_built_from_is_in_its_context() -> None:
+    ignore = (ROOT / ".dockerignore").read_text().splitlines()
+    copied = [
+        word for line in re.findall(r"^COPY (?!--from)(.*) \S+$", dockerfile(), re.MULTILINE) for word in line.split()
+    ]
+    assert {f"!{word}" for word in copied} <= set(ignore)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    assert {project["readme"], *project["license-files"]} <= set(copied)
 
 
 # The wheel
@@ -123,7 +166,7 @@ def place() -> Iterator[Place]:
 
 
 def do(*words: str) -> None:
-    done = subprocess.run(words, capture_output=True, text=True, timeout=10 * MINUTE, check=False)
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=10 * MINUTE, check=False)
     assert done.returncode == 0, f"{' '.join(words)}:\n{done.stdout}{done.stderr}"
 
 
@@ -146,6 +189,55 @@ def test_wheel_holds_what_the_server_reads(place: Place) -> None:
         assert wanted
         assert sorted(str(path.relative_to(at)) for path in at.rglob("*") if path.is_file()) == wanted
     assert (package / "py.typed").is_file()
+
+
+def test_wheel_names_its_licence_and_holds_the_text(place: Place) -> None:
+    (wheel,) = place.folder.glob("*.whl")
+    with ZipFile(wheel) as archive:
+        about = f"rosbridge_sim-{__version__}.dist-info"
+        metadata = message_from_bytes(archive.read(f"{about}/METADATA"))
+        text = archive.read(f"{about}/licenses/LICENSE").decode()
+    assert (metadata["License-Expression"], metadata["License-File"]) == ("Apache-2.0", "LICENSE")
+    assert metadata["Author"] == "The rosbridge_sim authors"
+    assert metadata["Keywords"]
+    assert "Typing :: Typed" in metadata.get_all("Classifier", [])
+    assert "Copyright 2026 The rosbridge_sim authors" in text
+    assert text.count("\n") > 200, "the whole text"
+
+
+# The sdist
+
+
+def names_in_git() -> set[str]:
+    """Return all files of the checkout but those that git ignores; `safe.directory` is for one of another user."""
+    if not (ROOT / ".git").exists():
+        miss("needs a checkout: in an unpacked sdist nothing says which files belong to it")
+    words = ["git", "-c", "safe.directory=*", "ls-files", "--cached", "--others", "--exclude-standard"]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=MINUTE, check=True)
+    return {name for name in done.stdout.splitlines() if (ROOT / name).exists()}
+
+
+def test_sdist_is_complete_and_gives_the_same_wheel(place: Place) -> None:
+    target = place.folder / "sdist"
+    do(sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(target))
+    (sdist,) = target.iterdir()
+    with tarfile.open(sdist) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    assert names == names_in_git() - {".gitignore"} | {"PKG-INFO"}
+    assert names > {
+        "LICENSE",
+        ".dockerignore",
+        "Dockerfile",
+        "docs/operation.md",
+        "tests/test_packaging.py",
+        "scripts/serve",
+    }
+    do(str(place.bin / "pip"), "--disable-pip-version-check", "wheel", "--no-deps", "-w", str(target), str(sdist))
+    (again,) = target.glob("*.whl")
+    (wheel,) = place.folder.glob("*.whl")
+    with ZipFile(wheel) as first, ZipFile(again) as second:
+        contents = [{name: archive.read(name) for name in archive.namelist()} for archive in (first, second)]
+    assert contents[0] == contents[1]
 
 
 def user_of(process: subprocess.Popen[str]) -> int:

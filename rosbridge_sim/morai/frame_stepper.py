@@ -6,6 +6,8 @@ do behind a frame. Real time and synchronous mode differ in which topics go out,
 
 from __future__ import annotations
 
+from typing import Protocol
+
 from rosbridge_sim.morai.egos import EgoRegistry
 from rosbridge_sim.morai.hooks import Hooks
 from rosbridge_sim.morai.interfaces.publishers import Publishers
@@ -16,7 +18,17 @@ from rosbridge_sim.morai.sync_info import SyncInfo
 from rosbridge_sim.world.state import World
 from rosbridge_sim.world.step import step
 
-__all__ = ["FrameStepper"]
+__all__ = ["FrameMeter", "FrameStepper"]
+
+
+class FrameMeter(Protocol):
+    """Measures each frame: its step, and all that is published with it."""
+
+    def begin(self) -> None:
+        """Note that a frame begins."""
+
+    def end(self) -> None:
+        """Note that it has ended."""
 
 
 class FrameStepper:
@@ -24,6 +36,8 @@ class FrameStepper:
 
     Attributes:
         is_moving: frames are being computed right now; set by those who compute several.
+        num_frames: frames computed; unlike the world's frame it never goes back.
+        meter: measures what each frame costs; None for none.
     """
 
     def __init__(
@@ -51,6 +65,8 @@ class FrameStepper:
             sync_info: comes behind all other topics.
         """
         self.is_moving = False
+        self.num_frames = 0
+        self.meter: FrameMeter | None = None
         self._world = world
         self._sync = sync
         self._egos = egos
@@ -68,7 +84,9 @@ class FrameStepper:
             is_tick: a tick has asked for it: every topic goes out. Otherwise real time has, and rates count.
             is_last: no other frame of the same tick follows.
         """
-        world, hooks = self._world, self._hooks
+        world, hooks, meter = self._world, self._hooks, self.meter
+        if meter is not None:
+            meter.begin()
         for command in self._sync.due(world.frame + 1):
             command(now)
         step(world, self._place)
@@ -84,6 +102,9 @@ class FrameStepper:
             hooks.once_after_frame.pop(0)(now)
         for act in hooks.after_frame:
             act(now)
+        self.num_frames += 1
+        if meter is not None:
+            meter.end()
 
     def _place(self) -> None:
         """Within a step: have components put entities where they are to stand."""

@@ -22,10 +22,12 @@ class RealTimePacer:
 
     Attributes:
         num_stalls: how often the anchor had to move.
+        lost_time: real time that was given up by that [s].
     """
 
     def __init__(self) -> None:
         self.num_stalls = 0
+        self.lost_time = 0.0
         self._anchor: float | None = None
         self._num_done = 0
 
@@ -65,5 +67,6 @@ class RealTimePacer:
         if behind <= STALL:
             return 0.0
         self.num_stalls += 1
+        self.lost_time += behind
         self._anchor, self._num_done = now - DT, 0
         return behind

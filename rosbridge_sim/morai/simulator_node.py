@@ -19,6 +19,7 @@ from rosbridge_sim.morai.context import SimulatorContext
 from rosbridge_sim.morai.departures import Departures
 from rosbridge_sim.morai.ego import Ego
 from rosbridge_sim.morai.egos import EgoRegistry
+from rosbridge_sim.morai.frame_stepper import FrameMeter
 from rosbridge_sim.morai.interfaces.network_settings import DEFAULTS, NetworkSettings
 from rosbridge_sim.morai.interfaces.registry import InterfaceRegistry
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
@@ -174,6 +175,27 @@ class SimulatorNode:
     def num_stalls(self) -> int:
         """How often real time was lost for good."""
         return self.context.pacer.num_stalls
+
+    @property
+    def num_frames(self) -> int:
+        """How many frames have been computed; unlike the world's frame it never goes back."""
+        return self.context.stepper.num_frames
+
+    @property
+    def lost_time(self) -> float:
+        """Real time that was lost in stalls [s]: the world will not catch up with it."""
+        return self.context.pacer.lost_time
+
+    def real_time_lag(self, now: float) -> float:
+        """How far the world is behind real time at `now` [s]; 0.0 where real time does not move it."""
+        context = self.context
+        if not (context.sync.is_free and context.pacer.is_started) or self.failure is not None:
+            return 0.0
+        return max(0.0, now - context.pacer.due_at)
+
+    def measure_frames(self, meter: FrameMeter) -> None:
+        """Have a meter called at the begin and at the end of each frame."""
+        self.context.stepper.meter = meter
 
     def _open_ego(self, ego: Ego, bindings: SubscribersServices) -> None:
         """Give a further ego its topics and services."""

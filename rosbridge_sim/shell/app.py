@@ -15,7 +15,9 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from ssl import SSLContext
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
@@ -40,6 +42,7 @@ from rosbridge_sim.shell.config.loading import check_options
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.value_types import URLS
 from rosbridge_sim.shell.descriptors import DescriptorWatch
+from rosbridge_sim.shell.files.access_rights import is_writable, why_not_writable
 from rosbridge_sim.shell.files.definitions import Texts, read_definitions
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.shell.files.network_files import DiskNetworks
@@ -48,6 +51,8 @@ from rosbridge_sim.shell.files.sensor_data_store import DiskArchive
 from rosbridge_sim.shell.files.thread_reader import ThreadReader
 from rosbridge_sim.shell.log_limits import LineLimiter
 from rosbridge_sim.shell.masking import mask_of
+from rosbridge_sim.shell.metrics import Metrics
+from rosbridge_sim.shell.port_file import PortFile
 from rosbridge_sim.shell.refusals import RefusalLog
 from rosbridge_sim.shell.scheduler import Clock, Scheduler
 from rosbridge_sim.shell.server_topics import TOPICS, WHO_IS_CONNECTED, ServerTopics
@@ -108,6 +113,7 @@ class Simulator:
         self._limiter: LineLimiter | None = None
         self._reports: ServerTopics | None = None
         self._recorder: Recorder | None = None
+        self._port_file: PortFile | None = None
         self._recordings: DiskRecordings | None = None
         self._quota: DataQuota | None = None
         self._reader: ThreadReader | None = None
@@ -190,39 +196,59 @@ class Simulator:
         server = Server(bus, limits, scheduler.turn)
         if node is not None:
             server.why_unhealthy = lambda: node.failure
-        if settings.listen:
-            try:
-                await server.start(settings.host, settings.port, certificate)
-            except (OSError, UnicodeError) as error:
-                raise AddressError(_why_not(settings, error)) from None
+        server.describe = partial(_describe, node)
+        await self._listen(server, certificate)
         try:
             await _check_bridges(settings.attach, server)
+            if settings.port_file is not None:
+                self._port_file = PortFile(settings.port_file, server.port)
             self._recorder = _start_recording(settings, bus, node, texts)
         except DocumentError:
+            self._remove_port_file()
             await server.stop()
             raise
         self._limiter = LineLimiter(loop, mask=mask_of(settings.token))
         self._limiter.start()
         self.descriptors = DescriptorWatch(loop)
         frame = (lambda: -1) if node is None else (lambda: node.world.frame)
-        self._reports = ServerTopics(
-            bus,
-            server,
-            loop,
-            RefusalLog(loop, frame, is_quiet=settings.quiet_clients, mask=mask_of(settings.token)),
-        )
+        refusals = RefusalLog(loop, frame, is_quiet=settings.quiet_clients, mask=mask_of(settings.token))
+        self._reports = ServerTopics(bus, server, loop, refusals)
+        server.render_metrics = Metrics(loop, server, node, refusals, lambda: self.num_bugs).render
         self._recordings, self._reader = recordings, reader
         self.bus, self.node, self._server, self._scheduler = bus, node, server, scheduler
-        if settings.listen and settings.token is None and not server.is_loopback:
-            _log.warning("no token is set: every program that can reach %s may connect; set one with --token", self.url)
-        for flag in limits.access.origins.open_flags() if settings.listen and settings.token is None else ():
-            _log.warning(
-                "%s lets every website that the user visits connect, because no token is set; set one with --token",
-                flag,
-            )
+        self._warn(server, limits)
         if node is not None:
             self._attach(bus, node, scheduler, stamps)
         scheduler.look()
+
+    async def _listen(self, server: Server, certificate: SSLContext | None) -> None:
+        """Have the server listen, if that is wanted.
+
+        Raises:
+            AddressError: host and port cannot be had.
+        """
+        settings = self.settings
+        if settings.listen:
+            try:
+                await server.start(settings.host, settings.port, certificate)
+            except (OSError, UnicodeError) as error:
+                raise AddressError(_why_not(settings, error)) from None
+
+    def _warn(self, server: Server, limits: ServerLimits) -> None:
+        """Log what is open to more programs than the user may think, and a data folder that is of no use."""
+        settings = self.settings
+        if settings.listen and settings.token is None:
+            if not server.is_loopback:
+                _log.warning(
+                    "no token is set: every program that can reach %s may connect; set one with --token", self.url
+                )
+            for flag in limits.access.origins.open_flags():
+                _log.warning(
+                    "%s lets every website that the user visits connect, because no token is set; set one with --token",
+                    flag,
+                )
+        if settings.world and not is_writable(folder := Path(settings.data_dir)):
+            _log.warning("--data-dir %s: clients can save nothing there: %s", folder, why_not_writable(folder))
 
     def _attach(self, bus: Bus, node: SimulatorNode, scheduler: Scheduler, stamps: Stamps | None) -> None:
         """Connect to the bridges."""
@@ -252,6 +278,7 @@ class Simulator:
 
     async def stop(self) -> None:
         """Close every connection (code 1001) and stop the world; within two seconds, and twice is no error."""
+        self._remove_port_file()  # while the port is still ours
         if self._scheduler is not None:
             self._scheduler.stop()
         if self._recordings is not None:
@@ -276,6 +303,10 @@ class Simulator:
         """Finish the recording now, whatever else goes on; `stop` does it last. Twice is no error."""
         if self._recorder is not None:
             self._recorder.stop()
+
+    def _remove_port_file(self) -> None:
+        if self._port_file is not None:
+            self._port_file.remove()
 
     async def wait(self) -> None:
         """Wait until the world fails, which it never should; with `on_world_failure="serve"`, for ever.
@@ -370,6 +401,14 @@ def _make_node(
     if mistakes:
         raise DocumentError("\n".join(mistakes))
     return node
+
+
+def _describe(node: SimulatorNode | None) -> dict[str, object]:
+    """Return what `/healthz` tells of the simulator."""
+    if node is None:
+        return {"frame": None, "mode": "gateway", "paused": False}
+    mode = "synchronous" if node.sync.is_on else "real_time"
+    return {"frame": node.world.frame, "mode": mode, "paused": node.sync.is_paused}
 
 
 def _choose_stamps(settings: Settings, node: SimulatorNode) -> Stamps:
@@ -471,6 +510,8 @@ def _check_sense(settings: Settings) -> None:
     """
     if settings.attach and not settings.world:
         raise DocumentError("attach: expected a world; without one there is nothing to advertise at a bridge")
+    if settings.port_file is not None and not settings.listen:
+        raise DocumentError("port-file: expected a server that listens; one that only attaches has no port")
     if not settings.attach and not settings.listen:
         raise DocumentError(f"attach: expected {URLS.expects}; got none, and --no-listen accepts no clients")
 

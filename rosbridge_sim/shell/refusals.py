@@ -86,6 +86,7 @@ class RefusalLog:
     Attributes:
         on_change: called after each refusal.
         total: refusals since the start.
+        counts: the same by reason.
     """
 
     def __init__(
@@ -108,6 +109,7 @@ class RefusalLog:
         """
         self.on_change: Callable[[], None] = lambda: None
         self.total = 0
+        self.counts = dict.fromkeys(Reason, 0)
         self._loop = loop
         self._clock = clock or loop.time
         self._frame = frame
@@ -127,6 +129,7 @@ class RefusalLog:
     def note(self, request: RefusedRequest) -> None:
         """Take note of a refusal."""
         self.total += 1
+        self.counts[request.reason] += 1
         if request.text != (text := self._mask(request.text)) or request.subject != self._mask(request.subject):
             request = request._replace(text=text, subject=self._mask(request.subject))
         request = _shorten(request)  # before it is compared: a long text that comes again is the same one

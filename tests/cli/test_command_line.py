@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import select
 import signal
@@ -125,7 +126,7 @@ def test_first_line_and_health(serve: Serve) -> None:
     server = serve()
     assert server.url == f"ws://127.0.0.1:{server.port}"
     with urlopen(f"http://127.0.0.1:{server.port}/healthz", timeout=PATIENCE) as answer:
-        assert answer.status == 200
+        assert (answer.status, json.load(answer)["mode"]) == (200, "real_time")
 
 
 @pytest.mark.slow
@@ -139,7 +140,7 @@ def test_server_without_its_world_is_unhealthy_and_ends_with_code_0(tmp_path: Pa
         )
     with process:
         status, body = first_unhealthy(int(read_line(process).strip().rpartition(":")[2]))
-        assert (status, body[:31]) == (503, b"the world has failed: TypeError")
+        assert (status, json.loads(body)["reason"][:31]) == (503, "the world has failed: TypeError")
         process.terminate()
         assert process.wait(PATIENCE) == 0
     text = (tmp_path / "log.txt").read_text()

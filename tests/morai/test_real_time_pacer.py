@@ -58,4 +58,5 @@ def test_stall_leaves_one_frame_owed() -> None:
     assert given_up == pytest.approx(3_600.0 - DT)
     assert owed(pace, 3_600.0) == 1
     assert pace.num_stalls == 1
+    assert pace.lost_time == given_up
     assert pace.due_at == pytest.approx(3_600.0 + DT)

@@ -84,6 +84,44 @@ def test_stall_shifts_the_clock_and_is_logged_once(caplog: pytest.LogCaptureFixt
     assert harness.node.next_due(2_000.0) == pytest.approx(2_000.02)
 
 
+def test_lag_is_what_real_time_is_ahead_of_the_world() -> None:
+    harness = SimHarness()
+    node = harness.node
+    assert node.real_time_lag(5.0) == 0.0, "it has not begun"
+    node.advance(0.0)
+    assert node.real_time_lag(0.01) == 0.0
+    assert node.real_time_lag(0.32) == pytest.approx(0.3)
+    node.advance(1_000.0)
+    assert node.real_time_lag(1_000.0) == 0.0
+    assert node.lost_time == pytest.approx(999.98)
+    assert harness.client().ask("/Service_MoraiEventCmd", option=8, set_pause=True)["set_pause"] is True
+    assert node.real_time_lag(2_000.0) == 0.0, "a pause owes nothing"
+
+
+def test_frames_are_measured_and_counted_by_real_time_and_by_ticks() -> None:
+    harness = SimHarness()
+    calls: list[str] = []
+
+    class Meter:
+        def begin(self) -> None:
+            calls.append("begin")
+
+        def end(self) -> None:
+            calls.append(f"end {harness.world.frame}")
+
+    harness.run(0.1)
+    harness.node.measure_frames(Meter())
+    harness.run(0.04)
+    client = harness.client()
+    client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=40)
+    client.ask("/SyncModeWaitForTick", user_id="me", frame=9)
+    assert calls == [word for frame in (6, 7, 8, 9) for word in ("begin", f"end {frame}")]
+    assert harness.node.num_frames == 9
+    harness.client().call("/sim/reset", {"seed": 1})
+    assert harness.world.frame == 0
+    assert harness.node.num_frames == 9, "a counter never goes back"
+
+
 def test_control_topic_drives_and_brakes_the_car_without_setup() -> None:
     harness = SimHarness()
     client = harness.client()

@@ -262,7 +262,8 @@ async def test_gateway_goes_on_without_a_world_that_has_failed(
         await client.send("subscribe", topic="/rosout", type="rosgraph_msgs/Log")
         await client.message_where("/rosout", lambda line: line["level"] == 16)
         status, body = await get(sim.port, "/healthz")
-        assert (status, body[:21]) == (503, "the world has failed:")
+        assert (status, json.loads(body)["reason"][:21]) == (503, "the world has failed:")
+        assert "\nrosbridge_sim_world_failed 1.0\n" in (await get(sim.port, "/metrics"))[1]
         answer = await client.call("/Service_MoraiVehicleSpec")
         assert (answer["result"], answer["values"][:21]) == (False, "the world has failed:")
         await client.send("publish", topic="/ctrl_cmd", type="morai_msgs/CtrlCmd", msg={}, id="pedal")
@@ -338,6 +339,41 @@ async def test_master_that_fails_on_a_topic_of_its_own_tick_is_lost_and_another_
         assert answer["result"] is True
         assert (await good.ask("/SyncModeWaitForTick", user_id="good", frame=0))["tick_status"] is True
         assert sim.num_bugs == 1
+
+
+async def test_data_folder_that_is_of_no_use_is_told_at_the_start(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "file").touch()
+    async with Simulator(port=0, data_dir=tmp_path / "file"):
+        pass
+    async with Simulator(port=0, data_dir=tmp_path / "new"), Simulator(port=0, world=False, data_dir=tmp_path / "file"):
+        pass
+    why = f"clients can save nothing there: {tmp_path / 'file'} is no folder"
+    lines = [record.getMessage() for record in caplog.records if "--data-dir" in record.getMessage()]
+    assert lines == [f"--data-dir {tmp_path / 'file'}: {why}"]
+
+
+async def test_health_tells_frame_and_mode(connect: Connect) -> None:
+    async with Simulator(port=0, start="sync") as sim, Simulator(port=0, world=False) as gateway:
+        client = await connect(sim.url)
+        await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=60)
+        await client.ask("/SyncModeWaitForTick", user_id="me", frame=1)
+        health = json.loads((await get(sim.port, "/healthz"))[1])
+        assert health == {
+            "status": "ok",
+            "version": rosbridge_sim.__version__,
+            "frame": 3,
+            "mode": "synchronous",
+            "paused": False,
+            "clients": 1,
+        }
+        await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=False)
+        await client.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
+        health = json.loads((await get(sim.port, "/healthz"))[1])
+        assert (health["mode"], health["paused"]) == ("real_time", True)
+        health = json.loads((await get(gateway.port, "/healthz"))[1])
+        assert (health["frame"], health["mode"]) == (None, "gateway")
 
 
 async def get(port: int, path: str) -> tuple[int, str]:

@@ -38,6 +38,7 @@ from rosbridge_sim.shell.bags.rosbags_internals import (
     shorten_index1,
     zero_times2,
 )
+from rosbridge_sim.shell.files.access_rights import why_not_writable
 
 __all__ = ["Bag", "BagGoneError", "Channel", "generation_of", "open_bag"]
 
@@ -131,8 +132,16 @@ def _readable(path: Path) -> Iterator[None]:
     except (Writer1Error, Writer2Error, FileExistsError):
         raise DocumentError(f"{path}: exists already; no recording is written over") from None
     except OSError as error:
-        text = "the disk is full" if error.errno in {errno.ENOSPC, errno.EDQUOT} else os.strerror(error.errno or 0)
-        raise DocumentError(f"{path}: cannot be written: {text[0].lower()}{text[1:]}") from None
+        raise DocumentError(f"{path}: cannot be written: {_why_not(path, error)}") from None
+
+
+def _why_not(path: Path, error: OSError) -> str:
+    if error.errno in {errno.ENOSPC, errno.EDQUOT}:
+        return "the disk is full"
+    if error.errno in {errno.EACCES, errno.EPERM, errno.EROFS}:
+        return why_not_writable(path.parent, error)
+    text = os.strerror(error.errno or 0)
+    return f"{text[0].lower()}{text[1:]}"
 
 
 def _why_gone(path: Path, file: BinaryIO) -> str | None:

@@ -93,6 +93,12 @@ class Settings:
         None, _LISTEN, FILE, "private key (PEM) of --certfile, if that file does not contain it"
     )
 
+    port_file: str | None = _flag(
+        None,
+        _LISTEN,
+        FILE,
+        "write the port into this file once the server listens, and remove it at the end; for --port 0",
+    )
     listen: bool = _flag(
         default=True,
         group=_LISTEN,
@@ -410,6 +416,9 @@ class Settings:
 
     log_level: Literal["debug", "info", "warning", "error"] = _flag(
         "info", _LOG, choice_of("debug", "info", "warning", "error"), "lowest level of log lines on stderr"
+    )
+    log_format: Literal["text", "json"] = _flag(
+        "text", _LOG, choice_of("text", "json"), "lines for people, or one JSON object a line with the date in UTC"
     )
     quiet_clients: bool = _flag(default=False, group=_LOG, kind=SWITCH, text="leave mistakes of clients out of the log")
     config: str | None = _flag(

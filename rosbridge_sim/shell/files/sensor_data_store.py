@@ -13,6 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.shell.files.access_rights import why_not_writable
 from rosbridge_sim.shell.files.names import MAX_NAME, is_plain_name
 from rosbridge_sim.shell.files.quota import DataQuota
 
@@ -72,7 +73,8 @@ class DiskArchive:
                 with suppress(OSError):
                     path.rmdir() if path in folders else path.unlink()
             why = (error.strerror if isinstance(error, OSError) else None) or str(error)
-            _log.warning("%s: sensor data cannot be saved: %s", place, why)
+            said = why_not_writable(place, error) if isinstance(error, OSError) else why
+            _log.warning("%s: sensor data cannot be saved: %s", place, said)
             raise DocumentError(f"{name[:80]!r} cannot be saved: {why}") from None
         if self._quota is not None:
             self._quota.add(num_bytes, num_files, source)

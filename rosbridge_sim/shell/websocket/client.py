@@ -128,8 +128,13 @@ class Client:
     @property
     def num_bytes_held(self) -> int:
         """Memory that the server holds for it: in its account, its outbox, its socket, and as parameters [bytes]."""
-        waiting = self.outbox.num_bytes + self.socket.transport.get_write_buffer_size() + self.socket.num_bytes_held
+        waiting = self.num_bytes_waiting + self.socket.num_bytes_held
         return waiting + self.peer.session.account.num_bytes + self._bus.parameters.num_held(self.peer)
+
+    @property
+    def num_bytes_waiting(self) -> int:
+        """Bytes on their way to it: in its outbox, and in its socket."""
+        return self.outbox.num_bytes + self.socket.transport.get_write_buffer_size()
 
     def shared(self) -> Iterator[tuple[int, int]]:
         """The frames and messages that wait, which others may wait for, too."""

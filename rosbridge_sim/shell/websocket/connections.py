@@ -41,6 +41,7 @@ class ConnectionTables:
         handshakes: those in their TLS handshake.
         opening: those without a whole request.
         unauthenticated: those that have not shown the token.
+        num_bytes_received: bytes that came over connections that are closed by now.
     """
 
     def __init__(self, max_strangers: int) -> None:
@@ -49,6 +50,7 @@ class ConnectionTables:
         self.handshakes: dict[TlsHandshake, None] = {}
         self.opening = ConnectionPlaces(MAX_OPENING)
         self.unauthenticated = ConnectionPlaces(max_strangers)
+        self.num_bytes_received = 0
 
 
 class ServedConnection(ReceivingConnection):
@@ -66,7 +68,9 @@ class ServedConnection(ReceivingConnection):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Leave all places."""
-        self._tables.sockets.pop(self, None)
+        if self in self._tables.sockets:
+            del self._tables.sockets[self]
+            self._tables.num_bytes_received += self.num_bytes_received
         self._tables.opening.leave(self)
         self._tables.unauthenticated.leave(self)
         super().connection_lost(exc)

@@ -105,6 +105,7 @@ class LibraryConnection(ReceivingConnection):
 
     def data_received(self, data: bytes) -> None:
         """Give the library what came."""
+        self.num_bytes_received += len(data)
         if not self.is_trusted:
             data = self._read_early(data)
             if self._receiver is not None:

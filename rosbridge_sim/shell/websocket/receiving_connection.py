@@ -59,6 +59,7 @@ class ReceivingConnection(MessageConnection, ServerConnection):
         on_too_long: called before a frame is refused for its length, or for having no mask.
         is_trusted: set before `listen`, and never taken back. While it is False, less is kept of what comes.
         num_early: bytes that came behind the HTTP request while the connection was not trusted.
+        num_bytes_received: bytes that came in all, the HTTP request included.
         is_held: what comes is kept for later.
         unsent: messages that `send_more` has still to compress and send.
         is_text: the message that the receiver is handed now was sent as text. Not to be read at any other time.
@@ -69,6 +70,7 @@ class ReceivingConnection(MessageConnection, ServerConnection):
         self.on_too_long: Callable[[], None] = _ignore
         self.is_trusted = False
         self.num_early = 0
+        self.num_bytes_received = 0
         self.is_held = True
         self.unsent: deque[bytes] = deque()
         self.is_text = True

@@ -17,7 +17,7 @@ import asyncio
 import json
 import logging
 import ssl
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
 from functools import partial
 from http import HTTPStatus
@@ -53,13 +53,17 @@ from rosbridge_sim.shell.websocket.memory import MemoryReturn
 from rosbridge_sim.shell.websocket.memory_budget import MemoryBudget
 from rosbridge_sim.shell.websocket.origins import MAX_REFUSED_ORIGINS, RefusedOrigins, own_names
 from rosbridge_sim.shell.websocket.tls_handshake import TlsRules
+from rosbridge_sim.shell.websocket.traffic import Traffic
 from rosbridge_sim.shell.websocket.turns import Turns
 from rosbridge_sim.shell.websocket.unauthenticated import MAX_UNPROVEN_SIZE, WRONG_TOKEN, UnauthenticatedConnection
 from rosbridge_sim.version import __version__
 
-__all__ = ["Server"]
+__all__ = ["STOPPING", "Server"]
 
 _log = logging.getLogger("rosbridge_sim.server")
+
+STOPPING = "the server is shutting down"
+"""Reason that `/healthz` gives from then on."""
 
 _VERSION = json.dumps({"name": "rosbridge-sim", "version": __version__, "protocol": "rosbridge v2.0"})
 """Answer of `/version`; the protocol is called as its specification calls itself."""
@@ -75,6 +79,9 @@ class Server:
         clients: those that are connected, in order of arrival.
         on_clients: called when a client has come or left.
         why_unhealthy: asked for `/healthz`: why the server does not do all that it should; None where it does.
+        describe: asked for `/healthz`: what it tells of the simulator, by name.
+        render_metrics: asked for `/metrics`, with the `Accept` header: the body and its content type; None where there
+            is no such page.
         num_bugs: frames whose handling failed by a fault of ours, and the like; each is in the log with its traceback.
             What the bus's guard has counted is not among them.
         port: the real port, once started.
@@ -94,6 +101,8 @@ class Server:
         self.clients: dict[Client, None] = {}
         self.on_clients: Callable[[], None] = lambda: None
         self.why_unhealthy: Callable[[], str | None] = lambda: None
+        self.describe: Callable[[], Mapping[str, object]] = dict
+        self.render_metrics: Callable[[str], Awaitable[tuple[bytes, str]]] | None = None
         self.num_bugs = 0
         self.port = 0
         self.addresses: tuple[str, ...] = ()
@@ -108,6 +117,23 @@ class Server:
         self.is_loopback = False
         self.own_names: frozenset[str] = frozenset()
         self._refused_origins = RefusedOrigins()
+        self._left = Traffic()  # of the clients that have left
+        self._is_stopping = False
+
+    @property
+    def traffic(self) -> Traffic:
+        """Totals of all clients since the start, those that have left included."""
+        return self._left.plus(self.clients)
+
+    @property
+    def num_bytes_received(self) -> int:
+        """Bytes that came over all connections since the start."""
+        return self._tables.num_bytes_received + sum(socket.num_bytes_received for socket in self._tables.sockets)
+
+    @property
+    def num_strangers(self) -> int:
+        """Connections that have not shown the token yet, where one is wanted."""
+        return len(self._tables.unauthenticated)
 
     async def start(self, host: str, port: int, tls: ssl.SSLContext | None = None) -> None:
         """Listen, with a certificate at wss://; port 0 takes a free one.
@@ -146,6 +172,7 @@ class Server:
 
     async def stop(self) -> None:
         """Close every connection with code 1001 and stop listening; takes a second and a half at most."""
+        self._is_stopping = True
         for part in (self._memory, self._budget):
             if part is not None:
                 part.stop()
@@ -240,6 +267,7 @@ class Server:
         finally:
             del self.clients[client]
             self._try(client.leave)
+            self._left.add(client)
             self._try(self.on_clients)
             self._on_change()
             _log.info("%s left; %d connected now", peer.address, len(self.clients))
@@ -268,18 +296,24 @@ class Server:
         try:
             return self._judge_request(connection, request)
         except Exception:  # noqa: BLE001 - our own bug; the library would say the same, but not log it
-            self.num_bugs += 1
-            _log.exception("internal error: an HTTP request of %s could not be answered", address_of(connection))
-            return connection.respond(HTTPStatus.INTERNAL_SERVER_ERROR, "The server failed; its log says why\n")
+            return self._regret_request(connection)
+
+    def _regret_request(self, connection: ServerConnection) -> Response:
+        """Count and log the exception in hand; answer that the server has failed."""
+        self.num_bugs += 1
+        _log.exception("internal error: an HTTP request of %s could not be answered", address_of(connection))
+        return connection.respond(HTTPStatus.INTERNAL_SERVER_ERROR, "The server failed; its log says why\n")
 
     def _judge_request(
         self, connection: ServerConnection, request: Request
     ) -> Response | Awaitable[Response | None] | None:
         path = request.path.partition("?")[0]
         if path == "/healthz":
-            return self._tell_health(connection)
+            return self._tell_health(connection, request)
         if path == "/version":
             return self._tell_version(connection, request)
+        if path == "/metrics" and self.render_metrics is not None:
+            return self._tell_metrics(connection, request, self.render_metrics)
         if path not in {"", "/"}:
             return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; rosbridge is at /\n")
         if "Upgrade" not in request.headers:
@@ -332,24 +366,66 @@ class Server:
                 "web pages of %d origins were refused; further ones are logged at level info", MAX_REFUSED_ORIGINS
             )
 
-    def _tell_health(self, connection: ServerConnection) -> Response:
-        why = self.why_unhealthy()
+    def _tell_health(self, connection: ServerConnection, request: Request) -> Response | Awaitable[Response]:
+        """Answer the state of the server as JSON; more than status and reason only to those who show the token."""
+        why = self.why_unhealthy() or (STOPPING if self._is_stopping else None)
+        health: dict[str, object] = {"status": "ok"}
         if why is not None:
-            return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, f"{why}\n")
-        return connection.respond(HTTPStatus.OK, "ok\n")
+            health = {"status": "stopping" if why == STOPPING else "failed", "reason": why}
+        access = self._limits.access
+        if access.is_shown(request):
+            health |= {"version": __version__, **self.describe(), "clients": len(self.clients)}
+        code = HTTPStatus.OK if why is None else HTTPStatus.SERVICE_UNAVAILABLE
+        response = _answer(connection, code, f"{json.dumps(health)}\n".encode(), _JSON)
+        if access.is_shown(request) or not access.shows_any(request):
+            return response
+        assert isinstance(connection, ServedConnection)
+        self._limit(connection)  # else the answer would tell a right token from a wrong one as fast as it is asked
+        return _answer_late(connection, response, access.delay)
 
     def _tell_version(self, connection: ServerConnection, request: Request) -> Response | Awaitable[Response]:
         """Answer name, version and protocol; with a token set, only to requests that show it."""
         if not self._limits.access.is_shown(request):
-            assert isinstance(connection, ServedConnection)
-            self._note_refused_token(connection, Reason.NO_TOKEN, "", "/version wants the token")
-            return self._delay(
-                connection, connection.respond(HTTPStatus.UNAUTHORIZED, "The token is missing or wrong\n")
-            )
-        response = connection.respond(HTTPStatus.OK, _VERSION + "\n")
-        del response.headers["Content-Type"]
-        response.headers["Content-Type"] = "application/json"
-        return response
+            return self._want_token(connection, "/version")
+        return _answer(connection, HTTPStatus.OK, f"{_VERSION}\n".encode(), _JSON)
+
+    def _tell_metrics(
+        self,
+        connection: ServerConnection,
+        request: Request,
+        render: Callable[[str], Awaitable[tuple[bytes, str]]],
+    ) -> Awaitable[Response]:
+        """Answer all counters as Prometheus reads them; with a token set, only to those who show it."""
+        if not self._limits.access.is_shown(request):
+            return self._want_token(connection, "/metrics")
+        return self._answer_metrics(connection, render(", ".join(request.headers.get_all("Accept"))))
+
+    async def _answer_metrics(self, connection: ServerConnection, rendered: Awaitable[tuple[bytes, str]]) -> Response:
+        try:
+            body, content_type = await rendered
+        except Exception:  # noqa: BLE001 - our own bug; see `_process_request`
+            return self._regret_request(connection)
+        return _answer(connection, HTTPStatus.OK, body, content_type)
+
+    def _want_token(self, connection: ServerConnection, page: str) -> Awaitable[Response]:
+        """Refuse a page to those who do not show the token."""
+        assert isinstance(connection, ServedConnection)
+        self._note_refused_token(connection, Reason.NO_TOKEN, "", f"{page} wants the token")
+        response = connection.respond(HTTPStatus.UNAUTHORIZED, "The token is missing or wrong\n")
+        return self._delay(connection, response)
+
+
+_JSON = "application/json"
+
+
+def _answer(connection: ServerConnection, code: HTTPStatus, body: bytes, content_type: str) -> Response:
+    """Return an answer that is no plain text."""
+    response = connection.respond(code, "")
+    for name, value in (("Content-Type", content_type), ("Content-Length", str(len(body)))):
+        del response.headers[name]
+        response.headers[name] = value
+    response.body = body
+    return response
 
 
 def _extensions(limits: ServerLimits) -> list[ServerExtensionFactory] | None:

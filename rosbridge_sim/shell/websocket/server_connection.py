@@ -173,6 +173,7 @@ class DirectConnection(ReceivingConnection):
 
     def data_received(self, data: bytes) -> None:
         """Handle what came, or keep it."""
+        self.num_bytes_received += len(data)
         if not self.is_trusted:
             data = self._read_early(data)
         if self._kept or self.is_held:

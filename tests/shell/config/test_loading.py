@@ -87,6 +87,8 @@ OTHER: dict[str, object] = {
     "record": "/bags/drive.bag",
     "record_topics": ("/clock", "/Ego*"),
     "log_level": "debug",
+    "log_format": "json",
+    "port_file": "/run/port.txt",
 }
 """A value other than the default for every setting that has one."""
 

@@ -310,7 +310,7 @@ async def test_health_can_be_asked_by_any_name(listen: Listen) -> None:
     reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
     writer.write(b"GET /healthz HTTP/1.1\r\nHost: sim\r\nOrigin: http://sim\r\n\r\n")
     async with asyncio.timeout(PATIENCE):
-        assert (await reader.read()).endswith(b"\r\n\r\nok\n")
+        assert b'{"status": "ok"' in await reader.read()
     writer.close()
 
 

@@ -30,7 +30,7 @@ from rosbridge_sim.shell.log_limits import PLACE_BURST, TRACEBACK_COST
 from rosbridge_sim.shell.websocket.access import Access
 from rosbridge_sim.shell.websocket.client import Client as Served
 from rosbridge_sim.shell.websocket.limits import ServerLimits
-from rosbridge_sim.shell.websocket.server import Server
+from rosbridge_sim.shell.websocket.server import STOPPING, Server
 from tests.shell.event_loops import EACH_LOOP, MakeLoop
 from tests.support import PATIENCE, Client, mask, open_raw
 
@@ -356,10 +356,102 @@ async def test_a_client_that_half_closes_behind_a_long_text_has_its_answers(list
     writer.close()
 
 
-async def test_healthz_says_ok(listen: Listen) -> None:
+async def test_healthz_tells_the_state_as_json(listen: Listen) -> None:
     port = await listen()
-    assert await port.http("/healthz") == (200, "ok\n")
-    assert await port.http("/healthz?verbose=1") == (200, "ok\n")
+    port.server.describe = lambda: {"frame": 7}
+    for target in ("/healthz", "/healthz?verbose=1"):
+        status, body = await port.http(target)
+        assert (status, json.loads(body)) == (
+            200,
+            {"status": "ok", "version": __version__, "frame": 7, "clients": 0},
+        )
+        assert '"status": "ok"' in body, "what a probe may look for"
+    async with await Client.open(port.url) as client:
+        await client.settle()
+        assert json.loads((await port.http("/healthz"))[1])["clients"] == 1
+
+
+async def test_healthz_tells_why_the_server_is_of_no_use(listen: Listen) -> None:
+    port = await listen()
+    port.server.why_unhealthy = lambda: "it is Monday"
+    status, body = await port.http("/healthz")
+    health = json.loads(body)
+    assert (status, health["status"], health["reason"]) == (503, "failed", "it is Monday")
+
+
+async def test_healthz_says_so_while_the_server_shuts_down(listen: Listen) -> None:
+    port = await listen()
+    reader, writer = await asyncio.open_connection("127.0.0.1", port.server.port)
+    writer.write(b"GET /healthz HTTP/1.1\r\n")
+    async with asyncio.timeout(PATIENCE):
+        while not port.server.num_bytes_received:  # noqa: ASYNC110 - it has no event for that
+            await asyncio.sleep(0)
+    stopping = asyncio.create_task(port.server.stop())
+    await asyncio.sleep(0)
+    writer.write(b"Host: localhost\r\n\r\n")
+    async with asyncio.timeout(PATIENCE):
+        answer = (await reader.read()).decode()
+        await stopping
+    writer.close()
+    health = json.loads(answer.partition("\r\n\r\n")[2])
+    assert (answer.split()[1], health["status"], health["reason"]) == ("503", "stopping", STOPPING)
+
+
+async def test_healthz_keeps_details_for_those_who_show_the_token(listen: Listen) -> None:
+    port = await listen(ServerLimits(access=Access(token="sesame", delay=0.0)))  # noqa: S106 - no secret
+    assert await port.http("/healthz") == (200, '{"status": "ok"}\n')
+    assert await port.http("/healthz", "Authorization: Bearer wrong") == (200, '{"status": "ok"}\n')
+    status, body = await port.http("/healthz", "Authorization: Bearer sesame")
+    assert (status, json.loads(body)["version"]) == (200, __version__)
+
+
+async def test_health_with_a_wrong_token_is_told_late(listen: Listen) -> None:
+    port = await listen(ServerLimits(access=Access(token="sesame", delay=3600.0)))  # noqa: S106 - as above
+    _, writer = await asyncio.open_connection("127.0.0.1", port.server.port)
+    writer.write(b"GET /healthz?token=guess HTTP/1.1\r\nHost: x\r\n\r\n")
+    async with asyncio.timeout(PATIENCE):
+        while not port.server.num_strangers:  # noqa: ASYNC110 - it has no event for that
+            await asyncio.sleep(0)
+    assert (await port.http("/healthz"))[0] == 200, "others are answered at once"
+    writer.close()
+
+
+# Counters
+
+
+async def test_counters_keep_what_clients_that_have_left_have_counted(listen: Listen) -> None:
+    port = await listen()
+    async with await Client.open(port.url) as client:
+        await client.settle()
+        await client.settle()
+        during = port.server.traffic
+        assert (during.num_clients, during.num_frames_received) == (1, 2)
+        assert during.num_bytes_sent > 0
+        num_bytes_received = port.server.num_bytes_received
+        assert num_bytes_received > 100
+    async with asyncio.timeout(PATIENCE):
+        while port.server.clients or port.server._tables.sockets:  # noqa: ASYNC110 - it has no event for that
+            await asyncio.sleep(0)
+    assert port.server.traffic == during
+    assert port.server.num_bytes_received > num_bytes_received, "its goodbye came, too"
+
+
+async def test_page_of_metrics_is_there_where_it_is_rendered(listen: Listen, caplog: pytest.LogCaptureFixture) -> None:
+    port = await listen()
+    assert (await port.http("/metrics"))[0] == 404
+
+    async def render(accept: str) -> tuple[bytes, str]:
+        return accept.encode(), "text/x-test"
+
+    async def fail(_: str) -> NoReturn:
+        raise ZeroDivisionError
+
+    port.server.render_metrics = render
+    assert await port.http("/metrics?x=1", "Accept: a", "Accept: b") == (200, "a, b")
+    port.server.render_metrics = fail
+    assert await port.http("/metrics") == (500, "The server failed; its log says why\n")
+    assert port.server.num_bugs == 1
+    assert "ZeroDivisionError" in caplog.text
 
 
 async def test_version_is_told_as_json(listen: Listen) -> None:

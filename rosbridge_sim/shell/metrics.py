@@ -1,0 +1,212 @@
+"""Counters of a running simulator as Prometheus reads them, for `/metrics`.
+
+Nothing is counted for a scrape alone: the objects that know have plain integers, and they are read when somebody asks.
+The one exception is the CPU time of frames. Its clock costs half a microsecond for each frame, so it starts with the
+first scrape. `prometheus_client` writes the format; it is imported then, too, because it takes 20 ms.
+
+Names follow Prometheus's rules: base units, which are seconds and bytes, and `_total` behind what never goes back. No
+label has values that clients choose, so a scrape has a bounded length.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import importlib
+import time
+from bisect import bisect_left
+from collections.abc import Iterator
+from itertools import accumulate
+from typing import TYPE_CHECKING, Final
+
+from rosbridge_sim.morai.simulator_node import SimulatorNode
+from rosbridge_sim.shell.refusals import RefusalLog
+from rosbridge_sim.shell.websocket.server import Server
+from rosbridge_sim.version import __version__
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from prometheus_client import CollectorRegistry
+    from prometheus_client.metrics_core import Metric
+
+__all__ = ["FRAME_BOUNDS", "FrameHistogram", "Metrics"]
+
+FRAME_BOUNDS: Final = (0.0001, 0.00025, 0.0005, 0.001, 0.0025, 0.005, 0.01, 0.02, 0.05, 0.1)
+"""Upper bounds of the histogram [s]: from an empty scene (0.1 ms) beyond what real time leaves for a frame (20 ms)."""
+
+
+OPENMETRICS: Final = "application/openmetrics-text"
+"""The format of programs that ask for it; all others get Prometheus's older one."""
+
+
+class FrameHistogram:
+    """CPU time of frames, counted into buckets.
+
+    Attributes:
+        counts: frames for each of `FRAME_BOUNDS`, and at the end those beyond the last one.
+        total: of all frames [s].
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.thread_time) -> None:
+        """A histogram without frames.
+
+        Args:
+            clock: CPU time of this thread, which computes all frames [s].
+        """
+        self.counts = [0] * (len(FRAME_BOUNDS) + 1)
+        self.total = 0.0
+        self._clock = clock
+        self._begun_at = 0.0
+
+    def begin(self) -> None:
+        """Note that a frame begins."""
+        self._begun_at = self._clock()
+
+    def end(self) -> None:
+        """Count the frame that has begun last."""
+        spent = self._clock() - self._begun_at
+        self.total += spent
+        self.counts[bisect_left(FRAME_BOUNDS, spent)] += 1
+
+
+class Metrics:
+    """Metrics of one simulator, in a registry of its own."""
+
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        server: Server,
+        node: SimulatorNode | None,
+        refusals: RefusalLog,
+        num_bugs: Callable[[], int],
+    ) -> None:
+        """Metrics that nobody has asked for yet.
+
+        Args:
+            loop: whose time real time follows.
+            server: whose clients are counted.
+            node: the simulator; None without a world.
+            refusals: counts what clients were refused.
+            num_bugs: tells how many faults of ours were found.
+        """
+        self.frames = FrameHistogram()
+        self._loop = loop
+        self._server = server
+        self._node = node
+        self._refusals = refusals
+        self._num_bugs = num_bugs
+        self._registry: CollectorRegistry | None = None
+
+    async def render(self, accept: str) -> tuple[bytes, str]:
+        """Return all metrics as text, and its content type.
+
+        Args:
+            accept: the formats that the asking program takes, as its `Accept` header says.
+        """
+        if self._registry is None:
+            # In a thread: the import takes as long as a frame.
+            await self._loop.run_in_executor(None, importlib.import_module, "prometheus_client")
+        import prometheus_client as text  # noqa: PLC0415 - see the head of this file
+        from prometheus_client.openmetrics import exposition as openmetrics  # noqa: PLC0415
+
+        registry = self._open_registry()
+        # The library's own choice fails where a program asks for a version that is no number.
+        if OPENMETRICS in (kind.partition(";")[0].strip().lower() for kind in accept.split(",")):
+            body: bytes = openmetrics.generate_latest(registry)  # type: ignore[no-untyped-call] # it has no types
+            return body, f"{OPENMETRICS}; version=1.0.0; charset=utf-8"
+        return text.generate_latest(registry), "text/plain; version=0.0.4; charset=utf-8"
+
+    def _open_registry(self) -> CollectorRegistry:
+        """Make the registry and start the histogram, the first time."""
+        if self._registry is None:
+            from prometheus_client import CollectorRegistry, ProcessCollector  # noqa: PLC0415 - as above
+
+            self._registry = CollectorRegistry()
+            self._registry.register(self)
+            ProcessCollector(registry=self._registry)  # memory, CPU time and descriptors of the whole process
+            if self._node is not None:
+                self._node.measure_frames(self.frames)
+        return self._registry
+
+    def describe(self) -> list[Metric]:
+        """Return no names: the registry is of this simulator alone, so none can be there twice."""
+        return []
+
+    def collect(self) -> Iterator[Metric]:
+        """Read all counters. For the registry."""
+        from prometheus_client.metrics_core import InfoMetricFamily  # noqa: PLC0415 - as above
+
+        yield InfoMetricFamily("rosbridge_sim_build", "Version of the server.", {"version": __version__})
+        yield from self._of_clients()
+        yield _counter("faults", "Faults of the server's own, each with a traceback in its log.", self._num_bugs())
+        if self._node is not None:
+            yield from self._of_world(self._node)
+
+    def _of_clients(self) -> Iterator[Metric]:
+        from prometheus_client.metrics_core import CounterMetricFamily  # noqa: PLC0415 - as above
+
+        server, clients = self._server, list(self._server.clients)
+        traffic = server.traffic
+        yield _gauge("clients", "Clients that are connected now.", len(clients))
+        yield _counter("clients_connected", "Clients that have connected since the start.", traffic.num_clients)
+        yield _gauge("strangers", "Connections that have not shown the token yet.", server.num_strangers)
+        yield _counter(
+            "received_bytes",
+            "Bytes that came over all connections, HTTP requests included.",
+            server.num_bytes_received,
+        )
+        yield _counter("sent_bytes", "Bytes of messages that were handed to sockets.", traffic.num_bytes_sent)
+        yield _counter("received_frames", "WebSocket messages that came from clients.", traffic.num_frames_received)
+        yield _counter("sent_messages", "Messages of topics put into clients' queues.", traffic.num_messages_sent)
+        yield _counter(
+            "dropped_messages",
+            "Messages of topics dropped from queues because their client did not read.",
+            traffic.num_messages_dropped,
+        )
+        waiting = [client.num_bytes_waiting for client in clients]
+        yield _gauge("queue_bytes", "Bytes that wait in clients' send queues.", sum(waiting))
+        yield _gauge("queue_largest_bytes", "The same for the client with the longest queue.", max(waiting, default=0))
+        held = sum(client.num_bytes_held for client in clients)
+        yield _gauge("held_bytes", "Memory held for clients, as --client-memory counts it, queues included.", held)
+        refusals = CounterMetricFamily(
+            "rosbridge_sim_refusals", "Requests of clients that were refused, by reason.", labels=["reason"]
+        )
+        for reason, count in self._refusals.counts.items():
+            refusals.add_metric([reason.value], count)
+        yield refusals
+
+    def _of_world(self, node: SimulatorNode) -> Iterator[Metric]:
+        from prometheus_client.metrics_core import HistogramMetricFamily  # noqa: PLC0415 - as above
+
+        yield _gauge(
+            "world_failed", "1 once a bug of the server's has ended the world, else 0.", node.failure is not None
+        )
+        yield _gauge("frame", "Number of the world's last frame; a reset sets it to 0.", node.world.frame)
+        yield _counter("frames", "Frames of 20 ms computed since the start.", node.num_frames)
+        yield _counter("ticks", "Ticks of synchronous mode carried out.", node.num_ticks)
+        yield _gauge("synchronous_mode", "1 while synchronous mode is on, else 0.", node.sync.is_on)
+        yield _gauge("paused", "1 while the simulation is paused, else 0.", node.sync.is_paused)
+        lag = node.real_time_lag(self._loop.time())
+        yield _gauge("real_time_lag_seconds", "How far the world is behind real time now.", lag)
+        yield _counter("real_time_stalls", "How often real time was given up after a stall.", node.num_stalls)
+        yield _counter("real_time_lost_seconds", "Real time that was given up by that.", node.lost_time)
+        bounds = [*map(str, FRAME_BOUNDS), "+Inf"]
+        yield HistogramMetricFamily(
+            "rosbridge_sim_frame_cpu_seconds",
+            "CPU time of a frame, its step and its messages, since the first scrape.",
+            list(zip(bounds, accumulate(self.frames.counts), strict=True)),
+            self.frames.total,
+        )
+
+
+def _gauge(name: str, text: str, value: float) -> Metric:
+    from prometheus_client.metrics_core import GaugeMetricFamily  # noqa: PLC0415 - as above
+
+    return GaugeMetricFamily(f"rosbridge_sim_{name}", text, float(value))
+
+
+def _counter(name: str, text: str, value: float) -> Metric:
+    """Return a counter; the format appends `_total` to its name."""
+    from prometheus_client.metrics_core import CounterMetricFamily  # noqa: PLC0415 - as above
+
+    return CounterMetricFamily(f"rosbridge_sim_{name}", text, float(value))
