@@ -48,7 +48,7 @@ ARROWS: dict[str, set[str]] = {
     "client": {*_BASE, "protocol", "shell", "shell.websocket"},
     "pytest_plugin": {"", "client", "shell"},
     "__main__": {"", "cli", "errors", "shell", "shell.config", "shell.websocket", "version"},
-    "": {"errors", "shell", "version"},
+    "": {"errors", "shell", "shell.config", "version"},
 }
 """Room -> rooms that it may import, beside itself. The empty name is the package's own `__init__`. A folder within a
 room is a room of its own; the files beside it are the room's."""

@@ -101,6 +101,7 @@ class Bus:
         guard: sees to it that a failure of ours hurts as few as possible.
         unpublished: subscriptions to topics that nobody publishes.
         on_refusal: called with each mistake that a client is told of.
+        on_message: called with each message before it is delivered; None for nothing. It may not raise.
         num_published, num_calls: counters since the start.
     """
 
@@ -126,6 +127,7 @@ class Bus:
         self.guard = Guard()
         self.unpublished = UnpublishedTopics()
         self.on_refusal: Callable[[RefusedRequest], None] = lambda _refusal: None
+        self.on_message: Callable[[Topic, Message], None] | None = None
         self.total = Account()
         self.accounts: dict[Participant, Account] = {}
         self._own_account = Account(total=self.total)
@@ -207,6 +209,8 @@ class Bus:
             Exception: a listener that cannot end alone has failed; the same.
         """
         self.num_published += 1
+        if self.on_message is not None:
+            self.on_message(topic, message)
         problem: PeerError | None = None
         failure: Exception | None = None
         if topic.depth and not topic.keep(sender, message, self.accounts.get(sender)):

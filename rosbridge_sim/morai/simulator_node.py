@@ -27,6 +27,7 @@ from typing import Final, Literal, NamedTuple
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant, hold
+from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.morai.catalogue import BUILT_IN, Catalogue
 from rosbridge_sim.morai.command_parsing import EgoSetting
 from rosbridge_sim.morai.component import Component
@@ -43,6 +44,7 @@ from rosbridge_sim.morai.scenarios.reader import Scenario
 from rosbridge_sim.morai.scene import FIRST_EGO, MAX_EGOS, MAX_ENTITIES, Library, Load, Scene
 from rosbridge_sim.morai.sync import Sync, SyncEffect, SyncOutcome, SyncState
 from rosbridge_sim.morai.tf_publisher import TF, Mount, TfPublisher
+from rosbridge_sim.schema.store import Message
 from rosbridge_sim.world.state import STEP_NS, Gear, World
 from rosbridge_sim.world.step import step
 
@@ -631,6 +633,10 @@ class SimulatorNode:
         self.announce_mounts(now)
         if SyncEffect.REFUSE in outcome.effects:
             self._refuse_ticks(_RESET, now)
+
+    def current_messages(self) -> list[tuple[Topic, Message]]:
+        """Return what each topic of the simulator's would say now, whether anybody listens or not."""
+        return list(self._outputs.current())
 
     def unique_id(self, row: int) -> int:
         """What clients call whoever is in this row."""

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import NoReturn
+from typing import Literal, NoReturn, Unpack
 
 import pytest
 from websockets.exceptions import ConnectionClosed
@@ -20,6 +20,7 @@ import rosbridge_sim
 from rosbridge_sim import DocumentError, Simulator
 from rosbridge_sim.shell.app import AddressError, list_items
 from rosbridge_sim.shell.config.loading import check_options, format_config
+from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.scheduler import WorldFailedError
 from tests.conftest import Connect
@@ -27,10 +28,11 @@ from tests.graph.bus_fixture import Wire
 from tests.support import PATIENCE, ROOT
 
 
-async def start_of(**options: object) -> str:
+async def start_of(**options: Unpack[SimulatorOptions]) -> str:
     """The one line with which a start is refused."""
+    options.setdefault("port", 0)
     with pytest.raises(DocumentError) as caught:
-        await Simulator(port=0, **options).start()
+        await Simulator(**options).start()
     text = str(caught.value)
     assert "\n" not in text
     return text
@@ -411,7 +413,9 @@ async def test_network_settings_that_do_not_fit_are_told_with_their_line(tmp_pat
 
 
 @pytest.mark.parametrize("release", ["22.R2", "26.R1"])
-async def test_printed_config_lists_what_the_node_has_and_gives_it_back(release: str, tmp_path: Path) -> None:
+async def test_printed_config_lists_what_the_node_has_and_gives_it_back(
+    release: Literal["22.R2", "26.R1"], tmp_path: Path
+) -> None:
     settings = check_options({"release": release, "port": 0, "seed": 5})
     text = format_config(settings, list_items(settings))
     file = tmp_path / "s.toml"
@@ -432,7 +436,7 @@ async def test_printed_config_lists_what_the_node_has_and_gives_it_back(release:
 
 def test_option_that_is_none_is_told() -> None:
     with pytest.raises(DocumentError, match=r"no such option: prot \(did you mean port\?\)"):
-        Simulator(prot=0)
+        Simulator(prot=0)  # type: ignore[call-arg]
 
 
 # What a start costs
@@ -494,8 +498,13 @@ async def test_client_can_take_none_of_the_names_that_the_server_has_alone(*, is
 async def test_patterns_hold_for_all_names_and_the_log_names_what_they_leave_open(
     connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
-    settings = {"deny_publish": ["/ctrl_cmd"], "deny_subscribe": ["/tf", "/client_count"], "start": "sync"}
-    async with Simulator(port=0, **settings) as sim:
+    settings: SimulatorOptions = {
+        "deny_publish": ["/ctrl_cmd"],
+        "deny_subscribe": ["/tf", "/client_count"],
+        "start": "sync",
+        "port": 0,
+    }
+    async with Simulator(**settings) as sim:
         client = await connect(sim.url)
         for topic in ("/ctrl_cmd", "/ctrl_cmd_0", "/Ego-2/ctrl_cmd"):
             await client.send("advertise", topic=topic, type="morai_msgs/CtrlCmd")
