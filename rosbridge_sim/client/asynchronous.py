@@ -381,7 +381,7 @@ class AsyncClient:
         try:
             await self._send(call_id, "call_service", fields)
         except BaseException:
-            future.cancel()
+            self._calls.pop(call_id, None)
             raise
         return future
 
@@ -490,7 +490,8 @@ class AsyncClient:
             ConnectionLostError: the connection has ended.
         """
         subscription = AsyncSubscription(self, absolute(topic), Inbox(keep), f"subscribe:{next(self._numbers)}")
-        fields: dict[str, object] = {"topic": topic, "throttle_rate": throttle_ms}
+        # A server sends what is subscribed to under two spellings twice, so all subscriptions have one.
+        fields: dict[str, object] = {"topic": subscription.topic, "throttle_rate": throttle_ms}
         if type_name is not None:
             fields["type"] = type_name
         listeners = self._subscriptions.setdefault(subscription.topic, [])

@@ -9,6 +9,7 @@ import re
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import Literal, NoReturn, Unpack
@@ -18,10 +19,12 @@ from websockets.exceptions import ConnectionClosed
 
 import rosbridge_sim
 from rosbridge_sim import DocumentError, Simulator
+from rosbridge_sim.client import Client, ServiceRefusedError
 from rosbridge_sim.shell.app import AddressError, list_items
 from rosbridge_sim.shell.config.loading import check_options, format_config
 from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.shell.config.settings import Settings
+from rosbridge_sim.shell.config.value_types import SettingError
 from rosbridge_sim.shell.scheduler import WorldFailedError
 from tests.conftest import Connect
 from tests.graph.bus_fixture import Wire
@@ -432,6 +435,83 @@ async def test_printed_config_lists_what_the_node_has_and_gives_it_back(
                 if sim.node in topic.publishers or any(s.owner is sim.node for s in topic.subscriptions):
                     own.add(topic.name)
             assert listed == own
+
+
+# In a thread of its own
+
+
+def test_blocking_form_serves_and_leaves_no_thread() -> None:
+    before = threading.active_count()
+    with Simulator(port=0, start="sync") as sim, Client(sim.url) as client:
+        client.start_sync()
+        assert client.tick(3).frame == sim.run_inside(lambda: sim.node.world.frame if sim.node else -1) == 3
+    assert threading.active_count() == before
+    assert (sim.num_bugs, sim.port) == (0, int(sim.url.rpartition(":")[2]))
+
+
+async def test_blocking_form_runs_within_somebody_elses_event_loop(connect: Connect) -> None:
+    with Simulator(port=0) as sim:
+        client = await connect(sim.url)
+        assert (await client.values("/rosapi/services"))["services"]
+
+
+def test_blocking_close_is_for_any_time() -> None:
+    sim = Simulator(port=0, world=False)
+    sim.close()
+    sim.open()
+    with pytest.raises(RuntimeError, match="expected a simulator that was never started"):
+        sim.open()
+    sim.close()
+    sim.close()
+    with pytest.raises(RuntimeError, match="has been stopped"):
+        sim.run_inside(lambda: None)
+
+
+def test_blocking_start_that_fails_leaves_no_thread_and_can_be_tried_again() -> None:
+    before = threading.active_count()
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        sim = Simulator(port=taken.getsockname()[1], world=False)
+        with pytest.raises(AddressError, match="the port is taken"):
+            sim.open()
+        assert threading.active_count() == before
+    with sim:
+        assert sim.port
+
+
+async def test_what_belongs_to_a_thread_is_refused_without_one() -> None:
+    async with Simulator(port=0, world=False) as sim:
+        with pytest.raises(RuntimeError, match=r"runs in a thread of its own; use `with` or open\(\)"):
+            sim.run_inside(lambda: None)
+        with pytest.raises(RuntimeError, match="never started"):
+            sim.open()
+
+
+def test_blocking_form_tells_that_the_world_has_failed() -> None:
+    sim = Simulator(port=0, start="sync").open()
+    assert sim.node is not None
+    placing = sim.node._placing
+    with Client(sim.url) as client:
+        client.start_sync()
+        sim.run_inside(lambda: placing.append(lambda: 1 // 0))  # type: ignore[arg-type] # as good a bug as any
+        with pytest.raises(ServiceRefusedError, match="the world has failed"):
+            client.tick()
+    with pytest.raises(WorldFailedError):
+        sim.__exit__(None, None, None)
+    sim.__exit__(KeyError, KeyError(), None)  # an error that is on its way is not replaced
+
+
+def test_repr_tells_place_world_and_state_and_no_secret() -> None:
+    sim = Simulator(port=0, seed=7, token="sesame")  # noqa: S106 - opens nothing
+    assert repr(sim) == "<Simulator 127.0.0.1 port 0 scenario='demo' seed=7 not started>"
+    with sim:
+        assert repr(sim) == f"<Simulator {sim.url} scenario='demo' seed=7 running>"
+    assert repr(sim) == f"<Simulator {sim.url} scenario='demo' seed=7 stopped>"
+    assert "without a world" in repr(Simulator(world=False))
+
+
+def test_settings_and_options_together_are_a_mistake() -> None:
+    with pytest.raises(SettingError, match="expected settings or options; got both, with port, seed"):
+        Simulator(Settings(), port=0, seed=1)
 
 
 def test_option_that_is_none_is_told() -> None:
