@@ -25,6 +25,7 @@ SECTION = "rosbridge_sim"
 """Title of the section in the report of a failed test."""
 
 _REPORTS: pytest.StashKey[list[FailureReport]] = pytest.StashKey()
+_FOLDER: pytest.StashKey[Path] = pytest.StashKey()
 
 _MARKERS = (
     "rosbridge_scenario(name): scenario of the simulators that the test's fixtures start: a name or a file",
@@ -67,6 +68,7 @@ def rosbridge_simulator_factory(request: pytest.FixtureRequest, tmp_path: Path) 
     from rosbridge_sim.shell.failure_report import FailureReport  # noqa: PLC0415 - the same
 
     item = request.node
+    item.stash[_FOLDER] = tmp_path
     simulators: list[Simulator] = []
     ending = ExitStack()  # each is closed, whatever goes wrong with another one
     reports = item.stash.setdefault(_REPORTS, [])
@@ -162,10 +164,8 @@ def pytest_runtest_makereport(
 
 def _picture_of(item: pytest.Item, number: int) -> Path:
     """Return where the picture of one of a test's simulators goes."""
-    folder = item.config.getoption("--rosbridge-pictures")
+    folder = item.config.getoption("--rosbridge-pictures") or item.stash[_FOLDER]
     name = re.sub(r"[^\w.-]+", "_", item.nodeid)[-MAX_NAME:].strip("_")
-    if folder is None:
-        folder = item.funcargs["tmp_path"] if isinstance(item, pytest.Function) else "."
     return Path(folder).absolute() / f"{name}-{number}.png"
 
 

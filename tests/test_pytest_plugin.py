@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -208,6 +209,12 @@ def test_failed_test_is_told_messages_picture_and_command(run_tests: RunTests, f
     with Image.open(path) as picture:
         assert picture.format == "PNG"
     assert "picture: none, since the simulator was closed" in "".join(sections)
+
+
+def test_pytest_finds_the_plugin_by_an_entry_point() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    assert project["entry-points"]["pytest11"] == {"rosbridge_sim": PLUGINS[0]}
+    assert not [one for one in project["dependencies"] if one.startswith("pytest")]
 
 
 def test_pictures_go_where_the_run_wants_them(run_tests: RunTests) -> None:

@@ -240,11 +240,11 @@ class AsyncClient:
 
     async def close(self) -> None:
         """Disconnect in order: the server forgets what it held for this client. Twice is no error."""
-        if self._connection is None:
+        if self._connection is None or self._reading is None:
             return
         self._end(ConnectionLostError(f"{shown_url(self.url)}: this client was closed"))
-        await self._connection.close()
-        if self._reading is not None:
+        if not self._reading.done():  # else the other side has closed it, and the library fails where it was cut off
+            await self._connection.close()
             await asyncio.wait({self._reading})
 
     def _end(self, error: ConnectionLostError) -> None:
@@ -489,6 +489,8 @@ class AsyncClient:
             AnswerTimeoutError: no answer in time.
             ConnectionLostError: the connection has ended.
         """
+        if keep < 1:
+            raise ValueError(f"keep: expected a number from 1 on; got {keep}")
         subscription = AsyncSubscription(self, absolute(topic), Inbox(keep), f"subscribe:{next(self._numbers)}")
         # A server sends what is subscribed to under two spellings twice, so all subscriptions have one.
         fields: dict[str, object] = {"topic": subscription.topic, "throttle_rate": throttle_ms}

@@ -64,8 +64,8 @@ def _parse(data: str | bytes) -> Frame:
 
 
 def absolute(name: str) -> str:
-    """Return the name with its leading slash: `chatter` and `/chatter` are one topic."""
-    return name if name.startswith("/") else f"/{name}"
+    """Return the name with its leading slash: `chatter` and `/chatter` are one topic. An empty name stays one."""
+    return name if name.startswith("/") or not name else f"/{name}"
 
 
 class Inbox:

@@ -136,6 +136,10 @@ async def test_subscription_to_what_is_not_there_is_refused_and_forgotten(client
         await client.subscribe("/Ego_topicc")
     with pytest.raises(OpRefusedError, match="already established with type morai_msgs/EgoVehicleStatus"):
         await client.wait_for("/Ego_topic", type_name="std_msgs/String")
+    with pytest.raises(OpRefusedError, match="not a valid graph name"):
+        await client.subscribe("", "std_msgs/String")
+    with pytest.raises(ValueError, match="keep: expected a number from 1 on; got 0"):
+        await client.subscribe("/Ego_topic", keep=0)
     await client.confirm()  # whoever was told need not be told again
     assert client._subscriptions == {}
 
@@ -328,6 +332,13 @@ async def test_connection_that_ends_is_told_to_all_who_wait(
         assert not client.is_connected
         await chatter.close()
     assert "not connected" in repr(client)
+
+
+async def test_close_after_the_server_has_cut_the_connection_is_no_error() -> None:
+    async with Simulator(port=0, world=False, max_frame_size=1024) as sim, AsyncClient(sim.url) as client:
+        await client.publish("/chatter", {"data": 100_000 * "x"}, "std_msgs/String")
+        with pytest.raises(ConnectionLostError):  # a reset may overtake the reason
+            await client.confirm()
 
 
 async def test_client_that_is_closed_ends_all_that_wait(client: AsyncClient) -> None:
