@@ -567,8 +567,10 @@ class AsyncClient:
             num += 1
         if subscription.inbox.is_ended:
             raise ClientError(f"{subscription.topic}: expected an open subscription; this one was closed")
-        came = f"; of {num:,} that came none fits" if num else ""
-        raise AnswerTimeoutError(f"{subscription.topic}: no message within {self._limit(timeout):g} s{came}")
+        why = f"; of {num:,} that came none fits" if num else ""
+        if self._sync is not None and not num:
+            why = "; in synchronous mode the world stands until tick()"
+        raise AnswerTimeoutError(f"{subscription.topic}: no message within {self._limit(timeout):g} s{why}")
 
     # Synchronous mode
 
