@@ -79,4 +79,4 @@ def test_table_of_methods_is_complete() -> None:
     text = CLIENT.read_text("utf-8")
     named = set(re.findall(r"^\| `(\w+)", text[text.index("## Methods") :], re.MULTILINE))
     methods = {name for name in vars(Client) if not name.startswith("_")}
-    assert named >= methods - {"open", "close", "run", "url", "timeout", "is_connected"}
+    assert named >= methods - {"close", "run", "url", "timeout", "is_connected"}

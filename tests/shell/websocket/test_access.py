@@ -28,6 +28,7 @@ from websockets.asyncio.client import connect as connect_socket
 from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
 
 from rosbridge_sim import DocumentError, Simulator
+from rosbridge_sim.client import AsyncClient, ConnectError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.graph.rosapi import Rosapi
@@ -559,6 +560,16 @@ async def test_with_a_certificate_it_is_wss(certificate: Certificate) -> None:
             text = "x" * 1_000_000
             await client.send("publish", topic="/t", msg={"data": text})
             assert (await client.message("/t"))["data"] == text
+
+
+async def test_python_client_trusts_the_certificate_that_it_is_given(certificate: Certificate) -> None:
+    options: SimulatorOptions = {"certfile": certificate.certfile, "keyfile": certificate.keyfile, "token": TOKEN}
+    options |= {"port": 0, "world": False}
+    async with Simulator(**options) as sim:
+        async with AsyncClient(sim.url, token=TOKEN, tls=certificate.context) as client:
+            await client.confirm()
+        with pytest.raises(ConnectError, match="certificate"):
+            await AsyncClient(sim.url, token=TOKEN).open()
 
 
 async def test_a_simulator_dials_a_bridge_with_a_certificate(
