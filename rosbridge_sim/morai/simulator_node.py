@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.morai.catalogue import BUILT_IN, Catalogue
 from rosbridge_sim.morai.component import Component
 from rosbridge_sim.morai.context import SimulatorContext
@@ -29,6 +30,7 @@ from rosbridge_sim.morai.real_time import RealTime
 from rosbridge_sim.morai.releases import MANUAL, Profile, SpeedLimits
 from rosbridge_sim.morai.scene import Scene
 from rosbridge_sim.morai.sync import SceneCommand, Sync
+from rosbridge_sim.schema.message import Message
 from rosbridge_sim.world.state import World
 
 __all__ = ["NodeSettings", "SimulatorNode"]
@@ -196,6 +198,10 @@ class SimulatorNode:
     def measure_frames(self, meter: FrameMeter) -> None:
         """Have a meter called at the begin and at the end of each frame."""
         self.context.stepper.meter = meter
+
+    def current_messages(self) -> list[tuple[Topic, Message]]:
+        """Return the message that each topic of the simulator would publish now, with and without subscribers."""
+        return list(self.context.publishers.current())
 
     def _open_ego(self, ego: Ego, bindings: SubscribersServices) -> None:
         """Give a further ego its topics and services."""

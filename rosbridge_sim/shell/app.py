@@ -12,14 +12,14 @@ import errno
 import logging
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from ssl import SSLContext
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Self, TypeVar, Unpack
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
@@ -39,8 +39,9 @@ from rosbridge_sim.protocol.outbox import OutboxLimits
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.bags.recordings import DiskRecordings
 from rosbridge_sim.shell.config.loading import check_options
+from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.shell.config.settings import Settings
-from rosbridge_sim.shell.config.value_types import URLS
+from rosbridge_sim.shell.config.value_types import URLS, SettingError
 from rosbridge_sim.shell.descriptors import DescriptorWatch
 from rosbridge_sim.shell.files.access_rights import is_writable, why_not_writable
 from rosbridge_sim.shell.files.definitions import Texts, read_definitions
@@ -50,6 +51,7 @@ from rosbridge_sim.shell.files.quota import DataQuota, in_thread
 from rosbridge_sim.shell.files.sensor_data_store import DiskArchive
 from rosbridge_sim.shell.files.thread_reader import ThreadReader
 from rosbridge_sim.shell.log_limits import LineLimiter
+from rosbridge_sim.shell.loop_thread import LoopStoppedError, LoopThread
 from rosbridge_sim.shell.masking import mask_of
 from rosbridge_sim.shell.metrics import Metrics
 from rosbridge_sim.shell.port_file import PortFile
@@ -63,6 +65,7 @@ from rosbridge_sim.shell.websocket.memory_budget import default_budget
 from rosbridge_sim.shell.websocket.origins import OriginRules
 from rosbridge_sim.shell.websocket.server import Server
 from rosbridge_sim.shell.websocket.urls import shown_url
+from rosbridge_sim.suggestions import listing
 from rosbridge_sim.world.state import World
 
 if TYPE_CHECKING:  # no circle: most servers attach to no bridge and record nothing
@@ -70,6 +73,8 @@ if TYPE_CHECKING:  # no circle: most servers attach to no bridge and record noth
     from rosbridge_sim.shell.bags.recording import Recorder
 
 __all__ = ["AddressError", "Simulator", "list_items", "mistakes_of_items"]
+
+T = TypeVar("T")
 
 _log = logging.getLogger("rosbridge_sim.app")
 
@@ -84,6 +89,10 @@ class Simulator:
         async with Simulator(port=0, scenario="demo") as sim:
             print(sim.url)
 
+    In a program that blocks, `with Simulator(port=0) as sim:` does the same in a thread of its own, and so do `open`
+    and `close`. What belongs to a simulator in another thread may be touched by `run_inside` alone; `url`, `port` and
+    `settings` may be read anywhere.
+
     Attributes:
         settings: as it was made.
         bus: the topics and services that all participants share; None before the start.
@@ -92,17 +101,19 @@ class Simulator:
         descriptors: logs when no file descriptor is left; None before the start.
     """
 
-    def __init__(self, settings: Settings | None = None, /, **options: object) -> None:
+    def __init__(self, settings: Settings | None = None, /, **options: Unpack[SimulatorOptions]) -> None:
         """Read the settings; nothing runs yet.
 
         Args:
             settings: everything at once; None takes the options.
-            options: fields of `Settings` by name. The environment plays no part.
+            options: fields of `Settings` by name, and `rate`. The environment plays no part.
 
         Raises:
-            DocumentError: an option that does not exist or that has a bad value.
+            SettingError: an option that does not exist or that has a bad value, or settings and options together. It is
+                a DocumentError.
         """
-        assert settings is None or not options, "settings or options, not both"
+        if settings is not None and options:
+            raise SettingError(f"Simulator: expected settings or options; got both, with {listing(options)}")
         self.settings = check_options(options, mistakes_of_items) if settings is None else settings
         self.bus: Bus | None = None
         self.node: SimulatorNode | None = None
@@ -118,6 +129,16 @@ class Simulator:
         self._quota: DataQuota | None = None
         self._reader: ThreadReader | None = None
         self._stopping: asyncio.Task[None] | None = None
+        self._thread: LoopThread | None = None
+        self._is_stopped = False
+
+    def __repr__(self) -> str:
+        """Return where it listens, what it simulates and whether it runs."""
+        settings = self.settings
+        state = "stopped" if self._is_stopped else "not started" if self.bus is None else "running"
+        where = self.url if self.port else f"{settings.host} port {settings.port}"
+        world = f"scenario={settings.scenario!r} seed={settings.seed}" if settings.world else "without a world"
+        return f"<Simulator {where} {world} {state}>"
 
     @property
     def port(self) -> int:
@@ -145,6 +166,56 @@ class Simulator:
         is_standing = self.node is not None and self.node.failure is not None
         num_guarded = self.bus.guard.num_faults if self.bus is not None else 0
         return num_frames + num_loads + num_guarded + (self._scheduler.is_failed or is_standing)
+
+    def __enter__(self) -> Self:
+        return self.open()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+        if error is None and self._scheduler is not None and self._scheduler.is_failed:
+            self._scheduler.failure.result()
+
+    def open(self) -> Self:
+        """Start in a thread of its own, with its own event loop; return the simulator itself once clients are served.
+
+        Raises:
+            DocumentError: as for `start`; nothing is left of the thread then.
+            RuntimeError: it was started before.
+        """
+        if self._thread is not None or self.bus is not None:
+            raise RuntimeError(f"{self!r}: expected a simulator that was never started; make another one")
+        self._thread = LoopThread("rosbridge_sim.simulator")
+        try:
+            self._thread.run(self.start())
+        except BaseException:
+            self._thread.stop()
+            self._thread = None
+            raise
+        return self
+
+    def close(self) -> None:
+        """Stop what `open` has started, and end its thread; within two seconds, and twice is no error."""
+        if self._thread is not None and self._thread.is_alive:
+            try:
+                with suppress(LoopStoppedError):  # another thread closes it as well
+                    self._thread.run(self.stop())
+            finally:
+                self._thread.stop()
+
+    def run_inside(self, function: Callable[[], T]) -> T:
+        """Run a function in the simulator's own thread, between two frames, and return its result.
+
+        Args:
+            function: may look at `bus` and `node`; the world and all clients wait for it.
+
+        Raises:
+            RuntimeError: no `open` or `with` has started it, it was closed, or the caller is in that thread already.
+        """
+        if self._thread is None:
+            raise RuntimeError(f"{self!r}: expected a simulator that runs in a thread of its own; use `with` or open()")
+        return self._thread.call(function)
 
     async def __aenter__(self) -> Self:
         await self.start()
@@ -279,6 +350,7 @@ class Simulator:
     async def stop(self) -> None:
         """Close every connection (code 1001) and stop the world; within two seconds, and twice is no error."""
         self._remove_port_file()  # while the port is still ours
+        self._is_stopped = self.bus is not None
         if self._scheduler is not None:
             self._scheduler.stop()
         if self._recordings is not None:

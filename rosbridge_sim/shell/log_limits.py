@@ -24,7 +24,7 @@ __all__ = ["LOGGERS", "LineLimiter"]
 LOGGERS: Final = tuple(
     f"rosbridge_sim{name}"
     for name in (
-        *("", ".access", ".app", ".attach", ".graph", ".morai"),
+        *("", ".access", ".app", ".attach", ".client", ".graph", ".morai"),
         *(".recording", ".replay", ".server", ".storage", ".websockets"),
     )
 )

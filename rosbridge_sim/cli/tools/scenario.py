@@ -132,7 +132,7 @@ def _expand(name: str, library: DiskLibrary) -> list[str]:
 
 
 def _draw(scenario: Scenario, road_map: RoadMap | None, path: Path) -> None:
-    from rosbridge_sim.cli.tools.map_picture import draw_map  # noqa: PLC0415 - with Pillow, for this alone
+    from rosbridge_sim.shell.map_picture import draw_map  # noqa: PLC0415 - with Pillow, for this alone
 
     ground = road_map or RoadMap(scenario.map_name or "", Projection(is_tm=False), (0.0, 0.0, 0.0), Roads())
     draw_map(ground, path, (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles))

@@ -27,11 +27,13 @@ from websockets.asyncio.client import connect as connect_socket
 from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
 
 from rosbridge_sim import DocumentError, Simulator
+from rosbridge_sim.client import AsyncClient, ConnectError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
+from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.shell.websocket import connections
 from rosbridge_sim.shell.websocket.access import (
     LEAST_BURST,
@@ -549,8 +551,9 @@ def certificate(tmp_path_factory: pytest.TempPathFactory) -> Certificate:
 
 
 async def test_with_a_certificate_it_is_wss(certificate: Certificate) -> None:
-    options: dict[str, object] = {"certfile": certificate.certfile, "keyfile": certificate.keyfile, "token": TOKEN}
-    async with Simulator(port=0, world=False, **options) as sim:
+    options: SimulatorOptions = {"certfile": certificate.certfile, "keyfile": certificate.keyfile, "token": TOKEN}
+    options |= {"port": 0, "world": False}
+    async with Simulator(**options) as sim:
         assert sim.url == f"wss://127.0.0.1:{sim.port}"
         async with await enter(sim.url, headers=BEARER, context=certificate.context) as client:
             await client.subscribe("/t", type="std_msgs/String")
@@ -559,13 +562,24 @@ async def test_with_a_certificate_it_is_wss(certificate: Certificate) -> None:
             assert (await client.message("/t"))["data"] == text
 
 
+async def test_python_client_trusts_the_certificate_that_it_is_given(certificate: Certificate) -> None:
+    options: SimulatorOptions = {"certfile": certificate.certfile, "keyfile": certificate.keyfile, "token": TOKEN}
+    options |= {"port": 0, "world": False}
+    async with Simulator(**options) as sim:
+        async with AsyncClient(sim.url, token=TOKEN, tls=certificate.context) as client:
+            await client.confirm()
+        with pytest.raises(ConnectError, match="certificate"):
+            await AsyncClient(sim.url, token=TOKEN).open()
+
+
 async def test_a_simulator_dials_a_bridge_with_a_certificate(
     certificate: Certificate, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("SSL_CERT_FILE", certificate.certfile)
-    options: dict[str, object] = {"certfile": certificate.certfile, "keyfile": certificate.keyfile, "token": TOKEN}
+    options: SimulatorOptions = {"certfile": certificate.certfile, "keyfile": certificate.keyfile, "token": TOKEN}
+    options |= {"port": 0, "world": False}
     async with (
-        Simulator(port=0, world=False, **options) as bridge,
+        Simulator(**options) as bridge,
         Simulator(listen=False, attach=f"{bridge.url}/?token={quote(TOKEN)}") as sim,
     ):
         await asyncio.wait_for(asyncio.shield(sim.attachments[0].attached), PATIENCE)
@@ -751,7 +765,7 @@ async def test_what_is_open_without_a_token_is_warned_of_once(caplog: pytest.Log
         ({"allow_origin": ["https://*.example.org"], "allow_host": ["*.example.org"]}, 0),
     ):
         caplog.clear()
-        async with Simulator(port=0, world=False, **options):
+        async with Simulator(**options):
             pass
         warnings = [record.getMessage() for record in caplog.records if record.levelno >= logging.WARNING]
         assert len(warnings) == num_lines, warnings
