@@ -43,7 +43,6 @@ class BusState:
         on_topic: called with a topic after an owner has begun to publish or to listen there.
         on_holdings: called with an owner after it has begun or ceased to publish, to listen or to serve somewhere.
         on_refusal: called with each mistake that a client is told of.
-        num_published: messages since the start.
     """
 
     def __init__(self, store: Store) -> None:
@@ -57,7 +56,6 @@ class BusState:
         self.on_topic: list[Callable[[Topic], None]] = []
         self.on_holdings: list[Callable[[Participant], None]] = []
         self.on_refusal: Callable[[RefusedRequest], None] = lambda _refusal: None
-        self.num_published = 0
         self._own_account = Account(total=self.total)
         self._holdings: dict[Participant, Holdings] = {}
 

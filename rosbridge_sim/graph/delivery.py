@@ -21,10 +21,14 @@ _log = logging.getLogger("rosbridge_sim.graph")
 
 
 class Delivery:
-    """Delivery of the messages of one bus."""
+    """Delivery of the messages of one bus.
+
+    Attributes:
+        num_published: messages since the start.
+    """
 
     def __init__(self, state: BusState) -> None:
-        self._state = state
+        self.num_published = 0
         self._guard = state.guard
         self._accounts = state.accounts
 
@@ -36,7 +40,7 @@ class Delivery:
                 have it all the same.
             Exception: a listener that cannot end alone has failed; the same.
         """
-        self._state.num_published += 1
+        self.num_published += 1
         problem: PeerError | None = None
         failure: Exception | None = None
         if topic.depth and not topic.keep(sender, message, self._accounts.get(sender)):

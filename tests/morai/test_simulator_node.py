@@ -124,9 +124,9 @@ def test_a_pause_stops_real_time_and_nothing_is_made_up_for_afterwards() -> None
 
 def test_nothing_is_made_for_topics_without_listeners() -> None:
     harness = SimHarness()
-    published = harness.bus.num_published
+    published = harness.bus.delivery.num_published
     harness.run(0.2)
-    assert harness.bus.num_published == published + 10  # /SyncModeInfo, latched
+    assert harness.bus.delivery.num_published == published + 10  # /SyncModeInfo, latched
 
 
 # Synchronous mode
