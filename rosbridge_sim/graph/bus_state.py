@@ -14,7 +14,6 @@ from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.topics_services import Call, Service, Subscription, Topic
 from rosbridge_sim.protocol.account import Account
-from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.store import Store
 
 __all__ = ["BusState", "Holdings"]
@@ -44,8 +43,6 @@ class BusState:
         on_topic: called with a topic after an owner has begun to publish or to listen there.
         on_holdings: called with an owner after it has begun or ceased to publish, to listen or to serve somewhere.
         on_refusal: called with each mistake that a client is told of.
-        on_message: called with each message before it is delivered; None for nothing. It may not raise.
-        num_published: messages since the start.
     """
 
     def __init__(self, store: Store) -> None:
@@ -59,8 +56,6 @@ class BusState:
         self.on_topic: list[Callable[[Topic], None]] = []
         self.on_holdings: list[Callable[[Participant], None]] = []
         self.on_refusal: Callable[[RefusedRequest], None] = lambda _refusal: None
-        self.on_message: Callable[[Topic, Message], None] | None = None
-        self.num_published = 0
         self._own_account = Account(total=self.total)
         self._holdings: dict[Participant, Holdings] = {}
 

@@ -7,7 +7,7 @@ is the sender's to hear; a failure of one of them hurts that one alone.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from rosbridge_sim.errors import EncodingError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.bus_state import BusState
@@ -21,10 +21,16 @@ _log = logging.getLogger("rosbridge_sim.graph")
 
 
 class Delivery:
-    """Delivery of the messages of one bus."""
+    """Delivery of the messages of one bus.
+
+    Attributes:
+        num_published: messages since the start.
+        on_message: called with each message before it is delivered; None for nothing. It may not raise.
+    """
 
     def __init__(self, state: BusState) -> None:
-        self._state = state
+        self.num_published = 0
+        self.on_message: Callable[[Topic, Message], None] | None = None
         self._guard = state.guard
         self._accounts = state.accounts
 
@@ -36,10 +42,9 @@ class Delivery:
                 have it all the same.
             Exception: a listener that cannot end alone has failed; the same.
         """
-        state = self._state
-        state.num_published += 1
-        if state.on_message is not None:
-            state.on_message(topic, message)
+        self.num_published += 1
+        if self.on_message is not None:
+            self.on_message(topic, message)
         problem: PeerError | None = None
         failure: Exception | None = None
         if topic.depth and not topic.keep(sender, message, self._accounts.get(sender)):

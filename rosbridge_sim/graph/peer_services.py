@@ -39,6 +39,9 @@ class PeerServices:
             check_room: called before it offers one more.
         """
         self._peer = peer
+        self._bus = peer.bus
+        self._session = peer.session
+        self._policy = peer.policy
         self._check_room = check_room
         self._provided: dict[str, PendingWork[Call]] = {}
 
@@ -51,7 +54,7 @@ class PeerServices:
         """Call a service; a mistake is the answer."""
         service, op_id = split_id(op)
         try:
-            self._peer.policy.check_call(service)
+            self._policy.check_call(service)
         except GraphError as error:
             self._peer.refuse(op, str(error), error.reason)
             return
@@ -61,33 +64,33 @@ class PeerServices:
             if answer.reason is not None:
                 values = f"{values}{self._peer.suggest(answer.reason, op)}"
                 self._peer.note(answer.reason, values, op)
-            self._peer.session.answer(op.service, op_id, values, is_ok=answer.is_ok, fragment_size=op.fragment_size)
+            self._session.answer(op.service, op_id, values, is_ok=answer.is_ok, fragment_size=op.fragment_size)
 
-        self._peer.bus.call(self._peer, service, op.args, on_answer, now=now, timeout=op.timeout)
+        self._bus.call(self._peer, service, op.args, on_answer, now=now, timeout=op.timeout)
 
     def advertise(self, op: ops.AdvertiseService, _now: float) -> None:
         """Offer a service."""
-        self._peer.policy.check_offer(op.service)
+        self._policy.check_offer(op.service)
         self._check_room(None)
         provided = PendingWork[Call]("service_request", op.service)
         name = resolve(op.service)
 
         def handle(call: Call, _now: float) -> None:
-            limit = self._peer.bus.max_calls
+            limit = self._bus.max_calls
             provided.tidy()
             if len(call.service.calls) > limit:  # this one is among them
                 text = f"Service {name} has {limit} calls waiting already"
                 raise GraphError(text, reason=Reason.TOO_MUCH)
             call_id = provided.add(call)
             args = Message(call.service.type.request, call.request)
-            self._peer.session.say("call_service", {"args": args}, service=provided.spelling, id=call_id)
+            self._session.say("call_service", {"args": args}, service=provided.spelling, id=call_id)
 
-        service = self._peer.bus.provide(self._peer, op.service, op.type, handle)
+        service = self._bus.provide(self._peer, op.service, op.type, handle)
         self._provided[service.name] = provided
 
     def unadvertise(self, op: ops.UnadvertiseService, _now: float) -> None:
         """Stop offering it."""
-        self._peer.bus.withdraw(self._peer, op.service)
+        self._bus.withdraw(self._peer, op.service)
         self._provided.pop(resolve(op.service), None)
 
     def respond(self, op: ops.ServiceResponse, _now: float) -> None:
@@ -100,7 +103,7 @@ class PeerServices:
         call = provided.pop(op.id)
         if call is None:
             text = f"Nobody waits for an answer of {op.service} with this id"
-            self._peer.session.remark("warning", text, op.id)
+            self._session.remark("warning", text, op.id)
             self._peer.note(Reason.STRAY_ANSWER, text, op)
             return
         if call.is_done:  # timed out, or the caller has left
@@ -111,11 +114,11 @@ class PeerServices:
                 # what roslib sends for a provider whose function forgets to return true
                 text = f"{name}: the answer has neither a result nor values, so its call has failed."
                 text += ' Send "result": true (with roslib, return true)'
-                self._peer.session.remark("warning", text, op.id)
+                self._session.remark("warning", text, op.id)
                 self._peer.note(Reason.BAD_OP, text, op)
             return
         try:
-            values = decode_body(call.service.type.response, op.values, self._peer.bus.stamp_ns)
+            values = decode_body(call.service.type.response, op.values, self._bus.stamp_ns)
         except PeerError as error:
             if op.result is False:  # an object of the provider's own that says why not
                 call.refuse(_read_refusal(op.values, name))
@@ -126,7 +129,7 @@ class PeerServices:
         if not op.result:
             said = "no result" if op.result is None else "result false"
             text = f'{name}: the answer has {said}; its values were passed on. Send "result": true'
-            self._peer.session.remark("warning", text, op.id)
+            self._session.remark("warning", text, op.id)
 
     def fail_unreadable(self, error: FrameError, why: str) -> None:
         """Fail the call whose answer cannot be read: its caller would wait for ever.

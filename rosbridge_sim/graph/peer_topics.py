@@ -60,6 +60,7 @@ class PeerTopics:
         self.num_held = 0
         self._peer = peer
         self._bus = peer.bus
+        self._deliver = peer.bus.publish
         self._session = peer.session
         self._check_room = check_room
         self._publications: dict[str, Topic] = {}
@@ -108,7 +109,7 @@ class PeerTopics:
             # The id of this publish alone: roslib gives each one another, and all of them would be kept.
             key = _IMPLICIT if op.id is None else op.id
             topic = self._publications[op.topic] = self._begin_publishing(op, message_type.name, key)
-        bus.publish(self._peer, topic, Message(message_type, value, self._session.frame_length), now)
+        self._deliver(self._peer, topic, Message(message_type, value, self._session.frame_length), now)
 
     def _type_to_publish(self, op: ops.Publish) -> MessageType | OpaqueType:
         """A publish without an advertise is one, where the type is known or given."""

@@ -43,7 +43,7 @@ class PendingWork(Generic[W]):
         """
         self.spelling = spelling
         self.num_given = 0
-        self._prefix = prefix
+        self._prefix = f"{prefix}:{spelling}:"
         self._by_id: dict[str, W] = {}
         self._tidy_at = 0
 
@@ -58,7 +58,7 @@ class PendingWork(Generic[W]):
     def add(self, work: W) -> str:
         """Have one more wait; return its id."""
         self.num_given += 1
-        work_id = f"{self._prefix}:{self.spelling}:{self.num_given}"
+        work_id = f"{self._prefix}{self.num_given}"
         self._by_id[work_id] = work
         return work_id
 

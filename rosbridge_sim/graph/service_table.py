@@ -114,17 +114,18 @@ class ServiceTable:
             now: monotonic time [s].
             timeout: give up after so long [s]; None takes the default of all services, 0 or less waits for ever.
         """
+        state = self._state
         try:
             service = self.by_name.get(resolve(name))
             if service is None:
                 raise GraphError(f"Service {name} does not exist", reason=Reason.NO_SUCH_SERVICE)
-            request = decode_body(service.type.request, args, self._state.stamp_ns)
-            held = self._state.held_by(caller).calls
+            request = decode_body(service.type.request, args, state.stamp_ns)
+            held = state.held_by(caller).calls
             if len(held) >= self.max_calls:
                 raise GraphError(f"Too many calls in flight: at most {self.max_calls}", reason=Reason.TOO_MUCH)
             # The simulator's own services answer at once, or hold their caller.
             size = 0 if service.is_exclusive else size_of_body(request, args)
-            if size and not self._state.account_of(caller).take(size):
+            if size and not state.account_of(caller).take(size):
                 text = "Too much in flight: this client makes the server hold too much"
                 raise GraphError(text, reason=Reason.TOO_MUCH)
         except PeerError as error:
@@ -139,11 +140,11 @@ class ServiceTable:
             service.handle(call, now)
         except PeerError as error:
             if isinstance(error, EncodingError):
-                self._state.guard.note_encoding(service.name, error)
+                state.guard.note_encoding(service.name, error)
             call.refuse(str(error), error.reason)
         except Exception as error:  # noqa: BLE001 - a bug of ours in the provider's own state
             call.refuse("The provider failed; the server's log says why")
-            self._state.guard.blame(service.owner, error)
+            state.guard.blame(service.owner, error)
         if timeout is not None and timeout > 0 and not call.is_done:
             call.deadline = now + timeout
             heapq.heappush(self._deadlines, (call.deadline, next(self._ticket), call))

@@ -53,6 +53,11 @@ def test_next_deadline_is_that_of_a_listener_without_a_publisher_where_it_comes_
     assert bus.next_deadline() == UNPUBLISHED_AFTER + 1.0
 
 
+def test_bus_has_no_more_attributes_than_an_object_that_is_read_fast() -> None:
+    """CPython 3.11 gives an object with more than 30 attributes a slower dict; a relayed message was 3 % dearer."""
+    assert len(vars(make_bus())) <= 30
+
+
 def test_account_of_an_owner_that_has_left_is_forgotten() -> None:
     bus, client = make_bus(), Somebody()
     account = bus.accounts[client] = Account(10)

@@ -162,9 +162,9 @@ def test_pause_stops_real_time_without_catching_up_later() -> None:
 
 def test_topics_without_subscribers_are_not_computed() -> None:
     harness = SimHarness()
-    published = harness.bus.num_published
+    published = harness.bus.delivery.num_published
     harness.run(0.2)
-    assert harness.bus.num_published == published + 10  # /SyncModeInfo, latched
+    assert harness.bus.delivery.num_published == published + 10  # /SyncModeInfo, latched
 
 
 # Synchronous mode

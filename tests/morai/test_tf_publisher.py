@@ -91,9 +91,9 @@ def test_a_vehicle_on_a_slope_is_tilted_in_tf() -> None:
 
 def test_tf_has_its_own_rate_and_is_not_computed_without_subscribers() -> None:
     harness = SimHarness(network=rates({"/tf": 10.0}))
-    num_published = harness.bus.num_published
+    num_published = harness.bus.delivery.num_published
     harness.run(1.0)
-    assert harness.bus.num_published == num_published + 50  # /SyncModeInfo alone
+    assert harness.bus.delivery.num_published == num_published + 50  # /SyncModeInfo alone
     client = harness.client()
     client.listen("/tf")
     harness.run(1.0)

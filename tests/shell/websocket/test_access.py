@@ -435,12 +435,12 @@ def test_too_fast_is_told_once_a_second_and_what_is_above_is_refused() -> None:
 
     assert client.says(0.0, HELLO) == told(1)
     assert [client.says(0.0, HELLO) for _ in range(99)] == [[]] * 99
-    assert client.bus.num_published == 200
+    assert client.bus.delivery.num_published == 200
     assert client.says(0.5, *[HELLO] * 101) == []  # half a second's worth, and one above
-    assert client.bus.num_published == 300
+    assert client.bus.delivery.num_published == 300
     (status,) = client.says(1.0, *[HELLO] * 101)
     assert status["msg"] == f"{why}; refused so far: 102"
-    assert client.bus.num_published == 400
+    assert client.bus.delivery.num_published == 400
 
 
 def test_a_frame_that_comes_too_fast_is_not_decoded() -> None:
