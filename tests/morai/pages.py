@@ -1,4 +1,4 @@
-"""What MORAI's two manual pages on ROS hold: every topic, every service and every table of fields, as spelt there.
+"""Content of MORAI's two manual pages on ROS: every topic, service and table of fields, as spelt there.
 
 Where the pages and the messages on the wire disagree, `SLIPS` and `RENAMED` say so; nothing else may.
 """

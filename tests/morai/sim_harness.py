@@ -1,4 +1,4 @@
-"""A test stand: the simulator on a bare bus, with clients that are a few lines and time that is a number."""
+"""Test harness: the simulator on a bus without sockets, with simple clients and a time that tests set."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from tests.morai.small_maps import ROADRUNNER, read
 __all__ = [
     "ALL",
     "SCENARIOS",
-    "ByHand",
     "Client",
-    "Drawer",
-    "Networks",
-    "Shelf",
+    "ManualReader",
+    "MemoryDataStore",
+    "MemoryLibrary",
+    "MemoryNetworks",
     "SimHarness",
     "make_store",
     "network_settings",
@@ -99,7 +99,7 @@ def _roads(name: str) -> Roads:
     return Roads(["up"], [line], [[]], [3.5], [10.0]) if name == "hills" else Roads()
 
 
-class Shelf:
+class MemoryLibrary:
     """A library in memory."""
 
     def __init__(self) -> None:
@@ -127,7 +127,7 @@ class Shelf:
 T = TypeVar("T")
 
 
-class ByHand:
+class ManualReader:
     """A reader whose outcomes are handed over when a test says so.
 
     Attributes:
@@ -167,7 +167,7 @@ def put_egos(*indices: int) -> dict[str, Any]:
     }
 
 
-class Networks:
+class MemoryNetworks:
     """Scenarios' network settings in memory.
 
     Attributes:
@@ -181,7 +181,7 @@ class Networks:
         return network_settings(self.tables[scenario]) if scenario in self.tables else None
 
 
-class Drawer:
+class MemoryDataStore:
     """An archive in memory.
 
     Attributes:
@@ -309,9 +309,9 @@ class SimHarness:
         """A simulator with its opening scene; `network` is what a TOML file would say of it."""
         self.bus = Bus(make_store(release))
         self.world = World(seed=0)
-        self.shelf = Shelf()
-        self.drawer = Drawer()
-        self.networks = Networks()
+        self.shelf = MemoryLibrary()
+        self.drawer = MemoryDataStore()
+        self.networks = MemoryNetworks()
         chosen = NodeSettings(network=network_settings(network or {}), **settings)
         self.node = make_node(
             self.bus,

@@ -1,4 +1,4 @@
-"""Scenarios and maps with something wrong in them: read, or told in one line; never another end."""
+"""Damaged scenarios and maps: read, or refused in one error line."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def test_undamaged_maps_are_valid(name: str) -> None:
 # In a simulator that runs
 
 
-class Shelf:
+class OneScenarioLibrary:
     """Whatever scenario is put there, under every name; the map of it is the small one."""
 
     def __init__(self) -> None:
@@ -153,7 +153,7 @@ class Shelf:
 @examples(15)
 @given(name=st.sampled_from(sorted(SCENARIOS)), changes=edits())
 def test_load_of_an_odd_scenario_is_complete_or_changes_nothing(name: str, changes: list[Edit]) -> None:
-    shelf = Shelf()
+    shelf = OneScenarioLibrary()
     shelf.text = json.dumps({"egoVehicle": {"initPosition": {"pos": {"x": 1.0, "y": 2.0, "z": 0.0}}}}).encode()
     bus, world = Bus(make_store()), World(seed=0)
     node = make_node(bus, world, shelf, shelf.scenario("first"), NodeSettings())

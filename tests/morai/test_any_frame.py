@@ -1,4 +1,4 @@
-"""A simulator and three clients that send whatever the fuzzer makes: nothing is raised, and an honest one is answered.
+"""A simulator and three fuzzed clients: nothing is raised, and an honest client is answered.
 
 This is `scripts/soak/fuzz.py` without sockets and processes: a failing seed fails again at once, with its traceback.
 """
@@ -31,7 +31,7 @@ from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.world.state import World
 from scripts.soak.fuzz_frames import FrameMaker, Interface
 from tests.morai.memory_recordings import MemoryRecordings
-from tests.morai.sim_harness import Drawer, Networks, Shelf
+from tests.morai.sim_harness import MemoryDataStore, MemoryLibrary, MemoryNetworks
 from tests.mutations import examples
 
 RELEASES: dict[Generation, str] = {1: "22.R2", 2: "26.R1"}
@@ -52,7 +52,7 @@ def make_store(ros: Generation) -> Store:
     return Store(read_definitions(RELEASES[ros]), leniency=LENIENCY, ros=ros)
 
 
-class OwnShelf(Shelf):
+class FuzzLibrary(MemoryLibrary):
     """Scenarios in memory, under the names that the fuzzer has for those on the disk."""
 
     def scenario(self, name: str) -> Scenario:
@@ -62,7 +62,7 @@ class OwnShelf(Shelf):
         return super().map("tiny" if name == "town" else name)
 
 
-class Place:
+class FuzzedSimulator:
     """A simulator with all that a server has but its sockets, and clients whose frames are looked at."""
 
     def __init__(self, ros: Generation) -> None:
@@ -70,12 +70,12 @@ class Place:
         Rosapi(self.bus)
         self.republisher = WebRepublisher(self.bus)
         self.world = World(seed=0)
-        shelf, recordings = OwnShelf(), MemoryRecordings()
-        self.networks = Networks()
+        shelf, recordings = FuzzLibrary(), MemoryRecordings()
+        self.networks = MemoryNetworks()
         self.networks.tables["busy"] = {"publishers": {"/Ego_topic": {"name": "/car/state"}}}
         self.node = make_node(
             *(self.bus, self.world, shelf, shelf.scenario("demo"), NodeSettings()),
-            archive=Drawer(),
+            archive=MemoryDataStore(),
             recordings=recordings,
             networks=self.networks,
         )
@@ -99,10 +99,10 @@ class Place:
         return Interface(self.bus.store, topics, services)
 
 
-class Visitor:
+class FuzzedClient:
     """One client: a peer whose outbox is emptied after each act."""
 
-    def __init__(self, place: Place) -> None:
+    def __init__(self, place: FuzzedSimulator) -> None:
         self.place = place
         self.outbox = Outbox(OutboxLimits(), lambda: None, lambda: None)
         self.peer = Peer(place.bus, Session(self.outbox, lambda _due: None))
@@ -147,11 +147,11 @@ def is_refused(data: bytes, heard: list[dict[str, object]]) -> bool:
 @examples(12)
 @given(seed=st.integers(0, 2**32), ros=st.sampled_from(get_args(Generation)))
 def test_any_frames_raise_nothing_and_an_honest_client_is_answered(seed: int, ros: Generation) -> None:
-    place = Place(ros)
-    honest = Visitor(place)
+    place = FuzzedSimulator(ros)
+    honest = FuzzedClient(place)
     honest.send(b'{"op":"subscribe","topic":"/Ego_topic"}')
     maker = FrameMaker(str(seed), place.interface())
-    visitors = [Visitor(place) for _ in range(3)]
+    visitors = [FuzzedClient(place) for _ in range(3)]
     for act in maker.acts(80):
         visitor = maker.chance.choice(visitors)
         if act.form == "wait":
@@ -162,7 +162,7 @@ def test_any_frames_raise_nothing_and_an_honest_client_is_answered(seed: int, ro
             place.pass_time()
         if maker.chance.random() < 0.02:
             visitor.peer.leave(place.now)
-            visitors[visitors.index(visitor)] = Visitor(place)
+            visitors[visitors.index(visitor)] = FuzzedClient(place)
     heard = honest.send(b'{"op":"call_service","service":"/rosapi/get_time","id":"honest"}')
     (answer_frame,) = (frame for frame in heard if frame["op"] == "service_response")
     assert (answer_frame["id"], answer_frame["result"]) == ("honest", True)

@@ -1,4 +1,4 @@
-"""Any calls in any order, with the worst of values: everything is answered, nothing is raised, the rules hold."""
+"""Any calls in any order, with extreme values: all are answered, nothing is raised, the invariants hold."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the ego and the others run into, as clients hear it."""
+"""Collision topics of egos and vehicles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Units, orders and names: what goes out for a world that we know, and what comes in under other names."""
+"""Units, orders and names of messages in both directions."""
 
 from __future__ import annotations
 

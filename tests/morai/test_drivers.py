@@ -1,4 +1,4 @@
-"""Vehicles of scenarios that keep to the lanes, and the phases that intersections begin in."""
+"""Scenario vehicles that follow lanes, and initial phases of intersections."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ class TinyLibrary:
         return built_in("loop") if name == "loop" else self.tiny
 
 
-def stage_of(scenario: Scenario) -> Scene:
+def scene_of(scenario: Scenario) -> Scene:
     return Scene(World(), TinyLibrary(), scenario, ego_gear=Gear.DRIVE)
 
 
@@ -145,7 +145,7 @@ def test_vehicle_on_a_link_follows_its_route_and_another_goes_straight() -> None
     scenario = scenario_of(
         {"initPosition": LINK, "route": ["A1B1", "B1C1"]}, {"initPosition": at(0, 50), "constantVelocity": 36}
     )
-    world = stage_of(scenario).world
+    world = scene_of(scenario).world
     driver, other = world.rows(Kind.VEHICLE).tolist()
     assert (bool(world.has_lane[driver]), bool(world.has_lane[other])) == (True, False)
     for _ in range(200):
@@ -157,17 +157,17 @@ def test_vehicle_on_a_link_follows_its_route_and_another_goes_straight() -> None
 def test_lights_begin_in_the_phase_of_the_scenario(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
     phases = [{"index": "IntTL13", "state": 1, "deltaTime": 2.0}, {"index": "IntTL9"}, {"index": "IntTL13", "state": 7}]
-    scene = stage_of(scenario_of(tlList=phases))
+    scene = scene_of(scenario_of(tlList=phases))
     signals = scene.world.signals
     assert (signals.phase.tolist(), signals.elapsed(0)) == ([1], 100)
     assert "scenario drive: no intersection 'IntTL9' has a phase 0" in caplog.text
     assert "scenario drive: no intersection 'IntTL13' has a phase 7" in caplog.text
-    late = stage_of(scenario_of(tlList=[{"index": "IntTL13", "state": 0, "deltaTime": 1000.0}])).world.signals
+    late = scene_of(scenario_of(tlList=[{"index": "IntTL13", "state": 0, "deltaTime": 1000.0}])).world.signals
     assert late.remaining(0) == 1
 
 
 def test_load_keeps_the_lights_unless_it_sets_phases_or_changes_the_map() -> None:
-    scene = stage_of(scenario_of())
+    scene = scene_of(scenario_of())
     world = scene.world
     for _ in range(700):
         step(world)
@@ -180,7 +180,7 @@ def test_load_keeps_the_lights_unless_it_sets_phases_or_changes_the_map() -> Non
 
 
 def test_vehicles_of_an_old_map_stand_after_a_map_change() -> None:
-    scene = stage_of(scenario_of({"initPosition": LINK, "currentVelocity": 36}))
+    scene = scene_of(scenario_of({"initPosition": LINK, "currentVelocity": 36}))
     keep = LoadOptions(delete_all=False, ego=False, vehicles=True, pedestrians=False, obstacles=False)
     scene.carry_out(scene.prepare(scenario_of(mapInfo={"mapName": "loop"}), keep))
     world = scene.world
@@ -189,7 +189,7 @@ def test_vehicles_of_an_old_map_stand_after_a_map_change() -> None:
 
 
 def test_load_uses_the_map_it_was_prepared_for() -> None:
-    scene = stage_of(scenario_of())
+    scene = scene_of(scenario_of())
     load = scene.prepare(scenario_of({"initPosition": LINK}), WHOLE)
     scene.carry_out(scene.prepare(scenario_of(mapInfo={"mapName": "loop"}), WHOLE))
     scene.carry_out(load)
@@ -200,7 +200,7 @@ def test_load_uses_the_map_it_was_prepared_for() -> None:
 
 def test_reset_restores_the_beginning() -> None:
     phases = [{"index": "IntTL13", "state": 1, "deltaTime": 2.0}]
-    scene = stage_of(scenario_of({"initPosition": LINK}, tlList=phases))
+    scene = scene_of(scenario_of({"initPosition": LINK}, tlList=phases))
     before = scene.world.digest()
     for _ in range(123):
         step(scene.world)
@@ -209,7 +209,7 @@ def test_reset_restores_the_beginning() -> None:
 
 
 def test_failed_load_keeps_roads_and_lights(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = stage_of(scenario_of({"initPosition": LINK}))
+    scene = scene_of(scenario_of({"initPosition": LINK}))
     load = scene.prepare(scenario_of({"initPosition": at(0, 0)}, mapInfo={"mapName": "loop"}), WHOLE)
     for _ in range(50):
         step(scene.world)

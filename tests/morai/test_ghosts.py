@@ -1,4 +1,4 @@
-"""Egos and vehicles that a client places itself."""
+"""Ghosts: egos and vehicles that a client places."""
 
 from __future__ import annotations
 

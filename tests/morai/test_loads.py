@@ -1,4 +1,4 @@
-"""Loads that take their time: in their place in their client's order, while everybody else goes on."""
+"""Slow loads: in order for their client, while other clients go on."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from rosbridge_sim.morai.reading import AtOnce, Reader
 from rosbridge_sim.morai.sync_table import SyncState
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
-from tests.morai.sim_harness import ALL, SCENARIOS, ByHand, SimHarness
+from tests.morai.sim_harness import ALL, SCENARIOS, ManualReader, SimHarness
 
 Frame = dict[str, Any]
 
@@ -84,11 +84,11 @@ class Wire:
         return found
 
 
-class Set:
+class LoadFixture:
     """A simulator, a reader that is worked by hand, and clients."""
 
     def __init__(self, reader: Reader | None = None, **options: Any) -> None:  # noqa: ANN401 - the stand's own
-        self.reader = ByHand()
+        self.reader = ManualReader()
         self.harness = SimHarness(reader=reader or self.reader, **options)
         self.world, self.sync = self.harness.world, self.harness.node.sync
 
@@ -110,7 +110,7 @@ TICK = "/SyncModeWaitForTick"
 
 @pytest.mark.parametrize("way", ["service", "topic"])
 def test_messages_after_a_load_act_on_the_new_scene(way: str) -> None:
-    one = Set()
+    one = LoadFixture()
     client = one.master()
     if way == "service":
         client.load()
@@ -128,7 +128,7 @@ def test_messages_after_a_load_act_on_the_new_scene(way: str) -> None:
 
 
 def test_other_clients_go_on_while_a_scenario_is_read() -> None:
-    one = Set()
+    one = LoadFixture()
     loader, other = one.wire(), one.wire()
     loader.load()
     one.harness.run(0.1)
@@ -144,7 +144,7 @@ def test_other_clients_go_on_while_a_scenario_is_read() -> None:
 
 
 def test_loads_of_one_client_are_read_in_order() -> None:
-    one = Set()
+    one = LoadFixture()
     client = one.wire()
     client.load("parked")
     client.load("elsewhere")
@@ -159,7 +159,7 @@ def test_loads_of_one_client_are_read_in_order() -> None:
 
 @pytest.mark.parametrize("way", ["service", "topic"])
 def test_failed_load_gives_the_reason_and_releases_its_client(way: str) -> None:
-    one = Set()
+    one = LoadFixture()
     client = one.wire()
     before = one.world.digest()
     if way == "service":
@@ -181,7 +181,7 @@ def test_failed_load_gives_the_reason_and_releases_its_client(way: str) -> None:
 
 @pytest.mark.parametrize("way", ["service", "topic"])
 def test_load_of_a_departed_client_takes_effect(way: str) -> None:
-    one = Set()
+    one = LoadFixture()
     client = one.wire()
     if way == "service":
         client.load()
@@ -198,7 +198,7 @@ def test_load_of_a_departed_client_takes_effect(way: str) -> None:
 
 
 def test_load_overtaken_by_a_reset_fails() -> None:
-    one = Set()
+    one = LoadFixture()
     client, other = one.wire(), one.wire()
     client.load()
     client.call("/Service_MoraiEventCmd", option=0)
@@ -213,7 +213,7 @@ def test_load_overtaken_by_a_reset_fails() -> None:
 
 
 def test_scenario_without_a_map_uses_the_map_of_its_load_time() -> None:
-    one = Set()
+    one = LoadFixture()
     first, second = one.wire(), one.wire()
     first.load("parked")  # names no map
     second.load("elsewhere")
@@ -226,7 +226,7 @@ def test_scenario_without_a_map_uses_the_map_of_its_load_time() -> None:
 
 
 def test_load_whose_call_timed_out_still_delays_later_messages() -> None:
-    one = Set()
+    one = LoadFixture()
     client = one.master()
     client.send(op="call_service", service=LOAD, timeout=1.0, args={"request": {"file_name": "parked", **ALL}})
     client.tick()
@@ -247,7 +247,7 @@ class Broken:
 
 @pytest.mark.parametrize("load", [Wire.load, lambda wire: wire.load_at(1)], ids=["now", "at a frame"])
 def test_internal_failure_answers_the_caller_and_releases_it(load: Callable[[Wire], None]) -> None:
-    one = Set(Broken())
+    one = LoadFixture(Broken())
     client = one.master()
     with pytest.raises(AttributeError):
         load(client)
@@ -257,7 +257,7 @@ def test_internal_failure_answers_the_caller_and_releases_it(load: Callable[[Wir
 
 
 def test_held_master_does_not_lose_its_lease() -> None:
-    one = Set(sync_lease=1.0)
+    one = LoadFixture(sync_lease=1.0)
     client = one.master()
     client.load()
     client.now = 30.0
@@ -275,7 +275,7 @@ def test_held_master_does_not_lose_its_lease() -> None:
 
 
 def test_load_at_a_frame_is_answered_when_it_is_checked() -> None:
-    one = Set()
+    one = LoadFixture()
     client = one.master()
     client.load_at(1)
     client.load_at(2, "lost")
@@ -296,7 +296,7 @@ def test_load_at_a_frame_is_answered_when_it_is_checked() -> None:
 
 
 def test_tick_and_its_caller_wait_for_the_load_of_its_frame() -> None:
-    one = Set()
+    one = LoadFixture()
     master, loader, other = one.master(), one.wire(), one.wire()
     loader.load_at(2)
     master.tick()
@@ -314,7 +314,7 @@ def test_tick_and_its_caller_wait_for_the_load_of_its_frame() -> None:
 
 
 def test_tick_of_many_frames_waits_before_its_first_frame() -> None:
-    one = Set()
+    one = LoadFixture()
     master, loader = one.master(time_step=100), one.wire()
     loader.load_at(4)
     master.tick()
@@ -325,7 +325,7 @@ def test_tick_of_many_frames_waits_before_its_first_frame() -> None:
 
 
 def test_tick_goes_on_after_a_failed_load() -> None:
-    one = Set()
+    one = LoadFixture()
     master, loader = one.master(), one.wire()
     loader.load_at(1, "lost")
     master.tick()
@@ -338,7 +338,7 @@ def test_tick_goes_on_after_a_failed_load() -> None:
 
 
 def test_tick_waits_for_all_loads_of_its_frame_in_order_of_arrival() -> None:
-    one = Set()
+    one = LoadFixture()
     master, first, second = one.master(), one.wire(), one.wire()
     first.load_at(1, "elsewhere")
     second.load_at(1, "crowd")
@@ -352,7 +352,7 @@ def test_tick_waits_for_all_loads_of_its_frame_in_order_of_arrival() -> None:
 
 
 def test_ticks_of_all_holders_of_the_master_id_wait_in_order() -> None:
-    one = Set()
+    one = LoadFixture()
     masters, loader = [one.master(), one.wire(), one.wire()], one.wire()
     loader.load_at(1)
     loader_2 = one.wire()
@@ -368,7 +368,7 @@ def test_ticks_of_all_holders_of_the_master_id_wait_in_order() -> None:
 
 
 def test_tick_of_a_departed_caller_runs_if_its_id_has_another_holder() -> None:
-    one = Set()
+    one = LoadFixture()
     first, second, loader = one.master(), one.wire(), one.wire()
     second.tick()
     second.answers()
@@ -382,7 +382,7 @@ def test_tick_of_a_departed_caller_runs_if_its_id_has_another_holder() -> None:
 
 
 def test_departure_of_the_last_holder_during_a_waiting_tick_ends_the_mode() -> None:
-    one = Set(sync_on_loss="wait")
+    one = LoadFixture(sync_on_loss="wait")
     master, loader = one.master(), one.wire()
     loader.load_at(1)
     master.tick()
@@ -411,7 +411,7 @@ def reset(wire: Wire) -> None:
     ],
 )
 def test_pause_stop_and_reset_refuse_a_waiting_tick(act: Callable[[Wire], None], state: SyncState, why: str) -> None:
-    one = Set()
+    one = LoadFixture()
     master, loader, other = one.master(), one.wire(), one.wire()
     master.tick()
     loader.load_at(2)
@@ -434,7 +434,7 @@ def test_pause_stop_and_reset_refuse_a_waiting_tick(act: Callable[[Wire], None],
 
 
 def test_lease_does_not_end_while_a_tick_waits() -> None:
-    one = Set(sync_lease=1.0)
+    one = LoadFixture(sync_lease=1.0)
     master, loader = one.master(), one.wire()
     loader.load_at(1)
     master.tick()
@@ -445,7 +445,7 @@ def test_lease_does_not_end_while_a_tick_waits() -> None:
 
 
 def test_scenario_for_the_first_frame_may_be_loaded_before_a_master() -> None:
-    one = Set(start="sync")
+    one = LoadFixture(start="sync")
     loader, master = one.wire(), one.wire()
     loader.load_at(1)
     master.start()
@@ -458,7 +458,7 @@ def test_scenario_for_the_first_frame_may_be_loaded_before_a_master() -> None:
 
 
 def test_load_at_an_impossible_frame_is_refused_without_reading() -> None:
-    one = Set()
+    one = LoadFixture()
     client = one.wire()
     client.load_at(1)
     client.start()
@@ -468,7 +468,7 @@ def test_load_at_an_impossible_frame_is_refused_without_reading() -> None:
 
 
 def test_command_during_a_waiting_tick_is_for_a_later_frame() -> None:
-    one = Set()
+    one = LoadFixture()
     master, loader, other = one.master(), one.wire(), one.wire()
     loader.load_at(1, "crowd")
     master.tick()
@@ -482,7 +482,7 @@ def test_command_during_a_waiting_tick_is_for_a_later_frame() -> None:
 
 @pytest.mark.parametrize("mode", ["exit", "serve"])
 def test_waiting_ticks_are_refused_if_the_first_fails(mode: str) -> None:
-    one = Set(on_world_failure=mode)
+    one = LoadFixture(on_world_failure=mode)
     first, second, loader = one.master(), one.wire(), one.wire()
     loader.load_at(1)
     first.tick()
@@ -499,7 +499,7 @@ def test_waiting_ticks_are_refused_if_the_first_fails(mode: str) -> None:
 
 @pytest.mark.parametrize("load", [Wire.load, lambda wire: wire.load_at(1)], ids=["now", "at a frame"])
 def test_load_into_a_failed_world_is_refused(load: Callable[[Wire], None]) -> None:
-    one = Set(on_world_failure="serve")
+    one = LoadFixture(on_world_failure="serve")
     master, loader = one.master(), one.wire()
     load(loader)
     one.harness.node.context.failure.note(ZeroDivisionError("planted"))
@@ -532,7 +532,7 @@ ACTS: dict[str, Callable[[Wire, int], None]] = {
 
 def run(acts: list[tuple[str, int]], reader: Reader) -> tuple[list[bytes], str]:
     """All that a client hears that does one thing after the other, and the state in the end."""
-    one = Set(reader, start="sync")
+    one = LoadFixture(reader, start="sync")
     client = one.wire()
     for topic in ("/Ego_topic", "/Object_topic", "/SyncModeInfo"):
         client.send(op="subscribe", topic=topic)
@@ -540,7 +540,7 @@ def run(acts: list[tuple[str, int]], reader: Reader) -> tuple[list[bytes], str]:
     client.start()
     for name, n in acts:
         ACTS[name](client, n)
-    if isinstance(reader, ByHand):
+    if isinstance(reader, ManualReader):
         while reader.waiting:
             reader.hand_over()
     return client.frames, one.world.digest()
@@ -552,14 +552,14 @@ def run(acts: list[tuple[str, int]], reader: Reader) -> tuple[list[bytes], str]:
 def test_slow_disk_changes_no_byte_for_one_client(acts: list[tuple[str, int]]) -> None:
     logging.disable(logging.ERROR)
     try:
-        assert run(acts, ByHand()) == run(acts, AtOnce())
+        assert run(acts, ManualReader()) == run(acts, AtOnce())
     finally:
         logging.disable(logging.NOTSET)
 
 
 def test_slow_disk_changes_no_byte_for_a_subscriber_beside_a_master_and_a_loader() -> None:
     def heard(reader: Reader) -> tuple[list[bytes], str]:
-        one = Set(reader, start="sync")
+        one = LoadFixture(reader, start="sync")
         listener = one.harness.client()
         listener.listen("/Ego_topic", "/Object_topic", "/SyncModeInfo")
         master = one.master(time_step=60)
@@ -568,12 +568,12 @@ def test_slow_disk_changes_no_byte_for_a_subscriber_beside_a_master_and_a_loader
             for j, loader in enumerate(loaders):
                 loader.load_at(3 * i + j + i % 4, ["parked", "elsewhere", "lost", "crowd"][(i + j) % 4])
             master.tick()
-            if isinstance(reader, ByHand):
+            if isinstance(reader, ManualReader):
                 while reader.waiting:
                     reader.hand_over(-1)
             master.call("/SyncModeCtrlCmd", frame=3 * i, command={"longlCmdType": 1, "accel": 0.5})
         return listener.raw, one.world.digest()
 
-    slow = heard(ByHand())
+    slow = heard(ManualReader())
     assert len(slow[0]) > 18
     assert slow == heard(AtOnce())

@@ -27,7 +27,7 @@ from tests.morai.small_maps import KOREAN, ROADRUNNER, read
 MAPS = {"track": KOREAN, "town": ROADRUNNER}
 
 
-class Shelf:
+class SoakLibrary:
     """The scenes of the soak on two small maps, read anew each time."""
 
     def scenario(self, name: str) -> Scenario:
@@ -49,7 +49,7 @@ class Run:
     def __init__(self) -> None:
         self.bus = Bus(make_store())
         self.world = World(seed=0)
-        shelf = Shelf()
+        shelf = SoakLibrary()
         self.node = make_node(self.bus, self.world, shelf, shelf.scenario("things"), NodeSettings())
         self.client, self.listener = Client(self.bus, "/loader"), Client(self.bus, "/listener")
         self.listener.listen("/Ego_topic", "/Object_topic", "/CollisionData", "/IntscnTL_topic", "/SyncModeInfo")

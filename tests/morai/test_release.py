@@ -1,4 +1,4 @@
-"""What is different under the newer release; everything else is tested under the older one."""
+"""Differences of the newer release; everything else is tested with the older one."""
 
 from __future__ import annotations
 

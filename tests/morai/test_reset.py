@@ -1,4 +1,4 @@
-"""/sim/reset: the world begins anew, and what comes after is to the byte what came after the start."""
+"""/sim/reset: afterwards the bytes are the same as after the start."""
 
 from __future__ import annotations
 

@@ -11,18 +11,18 @@ from rosbridge_sim.morai.catalogue import Model, find_model
 from rosbridge_sim.morai.scenarios.reader import Scenario, Spawn
 from rosbridge_sim.morai.scene import WHOLE, LoadOptions, Scene
 from rosbridge_sim.world.state import Gear, Kind, World
-from tests.morai.sim_harness import Shelf
+from tests.morai.sim_harness import MemoryLibrary
 
 NOTHING = LoadOptions(delete_all=False, ego=False, vehicles=False, pedestrians=False, obstacles=False)
 
 
-def a_stage(name: str = "crowd") -> Scene:
-    shelf = Shelf()
+def make_scene(name: str = "crowd") -> Scene:
+    shelf = MemoryLibrary()
     return Scene(World(), shelf, shelf.scenario(name), ego_gear=Gear.DRIVE)
 
 
 def load(scene: Scene, name: str, options: LoadOptions = WHOLE) -> None:
-    scene.carry_out(scene.prepare(Shelf().scenario(name), options))
+    scene.carry_out(scene.prepare(MemoryLibrary().scenario(name), options))
 
 
 def uids(scene: Scene, kind: Kind) -> list[int]:
@@ -40,7 +40,7 @@ def model(name: str) -> Model:
 
 
 def test_opening_scene_keeps_the_ids_of_its_document() -> None:
-    scene = a_stage()
+    scene = make_scene()
     assert population(scene) == {Kind.EGO: [0], Kind.VEHICLE: [7, 10], Kind.PEDESTRIAN: [9], Kind.OBSTACLE: [3, 4]}
     world = scene.world
     assert (world.x[world.row(0)], world.y[world.row(0)]) == (10.0, 20.0)
@@ -49,20 +49,20 @@ def test_opening_scene_keeps_the_ids_of_its_document() -> None:
 
 
 def test_opening_gear_takes_precedence_over_the_documents() -> None:
-    scene = a_stage("parked")
+    scene = make_scene("parked")
     assert scene.world.gear[scene.world.row(0)] == Gear.DRIVE
     load(scene, "parked")
     assert scene.world.gear[scene.world.row(0)] == Gear.PARK
 
 
 def test_a_scene_without_an_ego_gets_one_at_the_origin() -> None:
-    scene = a_stage("empty")
+    scene = make_scene("empty")
     assert population(scene)[Kind.EGO] == [0]
     assert scene.world.x[scene.world.row(0)] == 0.0
 
 
 def test_second_load_replaces_everything_and_repeats_no_id() -> None:
-    scene = a_stage()
+    scene = make_scene()
     seen = {uid for kind in (Kind.VEHICLE, Kind.PEDESTRIAN, Kind.OBSTACLE) for uid in uids(scene, kind)}
     for _ in range(3):
         load(scene, "crowd")
@@ -74,7 +74,7 @@ def test_second_load_replaces_everything_and_repeats_no_id() -> None:
 
 
 def test_loads_keep_the_frame_count_and_free_their_memory() -> None:
-    scene = a_stage()
+    scene = make_scene()
     scene.world.frame = 123
     for _ in range(50):
         load(scene, "crowd")
@@ -83,14 +83,14 @@ def test_loads_keep_the_frame_count_and_free_their_memory() -> None:
 
 
 def test_load_without_delete_all_adds_entities() -> None:
-    scene = a_stage()
+    scene = make_scene()
     load(scene, "crowd", LoadOptions(delete_all=False, ego=False, vehicles=True, pedestrians=False, obstacles=False))
     assert len(uids(scene, Kind.VEHICLE)) == 4
     assert len(uids(scene, Kind.OBSTACLE)) == 2
 
 
 def test_delete_all_keeps_the_ego_unless_a_new_one_comes() -> None:
-    scene = a_stage()
+    scene = make_scene()
     world = scene.world
     world.x[world.row(0)] = 77.0
     load(scene, "crowd", LoadOptions(delete_all=True, ego=False, vehicles=False, pedestrians=True, obstacles=False))
@@ -104,7 +104,7 @@ def test_delete_all_keeps_the_ego_unless_a_new_one_comes() -> None:
 
 
 def test_a_new_ego_alone_replaces_the_old_one() -> None:
-    scene = a_stage()
+    scene = make_scene()
     load(scene, "parked", LoadOptions(delete_all=False, ego=True, vehicles=True, pedestrians=True, obstacles=True))
     assert uids(scene, Kind.EGO) == [0]
     assert scene.world.x[scene.world.row(0)] == -5.0
@@ -112,20 +112,20 @@ def test_a_new_ego_alone_replaces_the_old_one() -> None:
 
 
 def test_a_load_of_nothing_changes_nothing() -> None:
-    scene = a_stage()
+    scene = make_scene()
     before = scene.world.digest()
     load(scene, "parked", NOTHING)
     assert scene.world.digest() == before
 
 
 def test_load_without_an_ego_keeps_the_present_one() -> None:
-    scene = a_stage()
+    scene = make_scene()
     load(scene, "empty")
     assert population(scene) == {Kind.EGO: [0], Kind.VEHICLE: [], Kind.PEDESTRIAN: [], Kind.OBSTACLE: []}
 
 
 def test_a_scenario_brings_its_map_and_is_placed_on_it() -> None:
-    scene = a_stage()
+    scene = make_scene()
     load(scene, "elsewhere")
     assert scene.road_map.name == "hills"
     world = scene.world
@@ -136,7 +136,7 @@ def test_a_scenario_brings_its_map_and_is_placed_on_it() -> None:
 
 
 def test_a_map_is_read_once_for_all_loads_that_name_it() -> None:
-    shelf = Shelf()
+    shelf = MemoryLibrary()
     scene = Scene(World(), shelf, shelf.scenario("crowd"), ego_gear=Gear.DRIVE)
     for _ in range(3):
         load(scene, "crowd")
@@ -144,17 +144,17 @@ def test_a_map_is_read_once_for_all_loads_that_name_it() -> None:
 
 
 def test_missing_map_is_not_replaced_by_another() -> None:
-    scene = a_stage("elsewhere")
+    scene = make_scene("elsewhere")
     before = scene.world.digest()
     with pytest.raises(DocumentError, match="no map 'R_KR_PG_K-City'"):
         load(scene, "nowhere")
     assert (scene.road_map.name, scene.world.digest()) == ("hills", before)
     with pytest.raises(DocumentError, match="no map 'R_KR_PG_K-City'"):
-        a_stage("nowhere")
+        make_scene("nowhere")
 
 
 def test_unplaceable_entity_is_found_before_anything_changes() -> None:
-    scene = a_stage()
+    scene = make_scene()
     before = scene.world.digest()
     with pytest.raises(DocumentError, match="no such link"):
         load(scene, "lost")
@@ -167,7 +167,7 @@ def spawn(name: str, uid: int | None, x: float) -> Spawn:
 
 
 def test_load_refused_half_way_changes_nothing() -> None:
-    scene = a_stage()
+    scene = make_scene()
     before, road_map = scene.world.digest(), scene.road_map
     bad = Scenario("bad", obstacles=(spawn("Box", None, 1.0), spawn("Box", None, 1e12)))
     with pytest.raises(DocumentError, match="bad: x: expected"):
@@ -177,7 +177,7 @@ def test_load_refused_half_way_changes_nothing() -> None:
 
 
 def test_number_of_entities_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = a_stage()
+    scene = make_scene()
     monkeypatch.setattr(stage_module, "MAX_ENTITIES", 8)
     vehicles = LoadOptions(delete_all=False, ego=False, vehicles=True, pedestrians=False, obstacles=False)
     with pytest.raises(DocumentError, match="crowd: the world holds 8 at most"):
@@ -189,14 +189,14 @@ def test_number_of_entities_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_one_huge_id_does_not_exhaust_the_ids() -> None:
-    scene = a_stage()
+    scene = make_scene()
     many = Scenario("many", obstacles=(spawn("Box", 2**31 - 1, 0.0), spawn("Box", 500, 0.0), spawn("Box", None, 0.0)))
     scene.carry_out(scene.prepare(many, WHOLE))
     assert uids(scene, Kind.OBSTACLE) == [501, 500, 502]
 
 
 def test_single_objects_can_be_added_and_removed() -> None:
-    scene = a_stage()
+    scene = make_scene()
     uid = scene.add(model("Truck"), x=1.0, y=2.0, z=3.0, yaw=0.5)
     row = scene.world.row(uid)
     assert (scene.world.kind[row], scene.world.z[row], scene.world.speed[row]) == (Kind.VEHICLE, 3.0, 0.0)
@@ -211,7 +211,7 @@ def test_single_objects_can_be_added_and_removed() -> None:
 
 
 def test_vehicle_specifications_are_found_by_id() -> None:
-    scene = a_stage()
+    scene = make_scene()
     ego = scene.world.bodies[scene.world.row(0)]
     assert scene.vehicle(0) is scene.vehicle(-1) is ego
     assert scene.vehicle(7) is not None

@@ -1,4 +1,4 @@
-"""What each service and input topic does, on what is right, wrong, early, late and too much."""
+"""Services and input topics: valid, invalid, early, late and excessive requests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the world moves: by real time, by ticks, not at all; and that the same calls give the same bytes."""
+"""The simulator node: real time, ticks, pauses, and reproducible bytes."""
 
 from __future__ import annotations
 
@@ -478,7 +478,7 @@ def test_pending_call_is_refused_when_the_world_fails() -> None:
 # A failure that is not the world's
 
 
-class Frail(Client):
+class FailingClient(Client):
     """A client that leaves at once when something that is done for it fails, as one with a socket does."""
 
     def fail(self, _error: Exception) -> None:
@@ -500,7 +500,7 @@ def break_down(*_: object) -> None:
 @pytest.mark.parametrize("start", ["run", "sync"])
 def test_failing_subscriber_is_not_a_failure_of_the_world(start: str) -> None:
     harness = SimHarness(start=start)
-    frail, good, part = Frail(harness.bus, "/frail"), harness.client(), harness.client()
+    frail, good, part = FailingClient(harness.bus, "/frail"), harness.client(), harness.client()
     frail.break_down("/Ego_topic")
     harness.bus.subscribe(part, "/Ego_topic", break_down)  # this one cannot end alone
     good.listen("/Ego_topic")
@@ -537,7 +537,7 @@ def test_unencodable_message_is_not_a_failure_of_the_world(
 @pytest.mark.parametrize(("on_loss", "status"), [("run", False), ("pause", False), ("wait", True)])
 def test_master_that_fails_during_its_tick_is_lost_after_its_last_frame(on_loss: str, status: bool) -> None:  # noqa: FBT001
     harness = SimHarness(sync_on_loss=on_loss)
-    master, watcher = Frail(harness.bus, "/master"), harness.client()
+    master, watcher = FailingClient(harness.bus, "/master"), harness.client()
     watcher.listen("/SyncModeInfo")
     master.start("a", time_step=100)
     master.break_down("/Ego_topic")
@@ -755,7 +755,7 @@ def test_synchronous_mode_can_be_used_for_gear_changes_only() -> None:
 DAY_NS = 1_700_000_000 * 10**9
 
 
-class Day:
+class FakeWallClock:
     """A clock that the shell would have.
 
     Attributes:
@@ -804,7 +804,7 @@ EVERYTHING = (
 @pytest.mark.parametrize("is_synchronous", [False, True])
 def test_all_topics_of_a_frame_have_one_wall_clock_stamp(*, is_synchronous: bool) -> None:
     harness = SimHarness("crossing")
-    day = Day()
+    day = FakeWallClock()
     harness.node.use_wall_time(day.read_ns, harness.now)
     client = harness.client()
     client.listen(*EVERYTHING)
@@ -831,14 +831,14 @@ def test_wall_clock_stamps_renew_latched_messages() -> None:
     harness = SimHarness()
     client = harness.client()
     client.listen(*EVERYTHING)
-    harness.node.use_wall_time(Day().read_ns, 0.0)
+    harness.node.use_wall_time(FakeWallClock().read_ns, 0.0)
     assert {topic for topic, _ in client.heard} == {"/tf_static", "/sim/process/state/msg/MoraiSimProcStatus"}
     assert all(stamps_in(message.get("header", message))[0] == DAY_NS + 1_000 for _, message in client.heard)
 
 
 def test_messages_and_answers_without_a_stamp_get_the_frames() -> None:
     harness = SimHarness()
-    harness.node.use_wall_time(Day().read_ns, 0.0)
+    harness.node.use_wall_time(FakeWallClock().read_ns, 0.0)
     client = harness.client()
     client.send("/mine", "geometry_msgs/PointStamped")
     client.listen("/mine")
@@ -856,7 +856,7 @@ def drive_all(*, has_wall: bool) -> tuple[list[Any], str]:
     """All that a drive gives, but for its stamps, and the world's hash at its end."""
     harness = SimHarness("crossing", start="sync")
     if has_wall:
-        harness.node.use_wall_time(Day().read_ns, 0.0)
+        harness.node.use_wall_time(FakeWallClock().read_ns, 0.0)
     client = harness.client()
     client.listen(*EVERYTHING)
     client.start(time_step=40)

@@ -1,4 +1,4 @@
-"""The table row by row, the rules that hold after any order of events, and the sentences of the design one by one."""
+"""Synchronous mode: the table row by row, and invariants under any order of events."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The other names of the simulator's topics and services: a pattern for one holds for all."""
+"""Aliases of the simulator's topics and services: a pattern for one holds for all."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ from tests.morai.sim_harness import Client, make_store
 from tests.morai.small_maps import ROADRUNNER, read
 from tests.world.polylines import point_at
 
-__all__ = ["Crossroads", "Driver", "Judge", "Town", "Way"]
+__all__ = ["Crossroads", "Driver", "RouteLine", "StopLineObserver", "Town"]
 
 
 class TinyLibrary(DiskLibrary):
@@ -82,7 +82,7 @@ class Crossroads:
 Town = Crossroads
 
 
-class Way:
+class RouteLine:
     """A way along links of a map, as one line.
 
     Attributes:
@@ -112,7 +112,7 @@ class Driver:
         is_done: he has come round.
     """
 
-    def __init__(self, client: Client, road_map: RoadMap, way: Way, *, heeds_lights: bool) -> None:
+    def __init__(self, client: Client, road_map: RoadMap, way: RouteLine, *, heeds_lights: bool) -> None:
         self._client = client
         self._line, self._arcs = way.line, way.arcs
         self._way = way
@@ -178,7 +178,7 @@ class Driver:
         return room
 
 
-class Judge:
+class StopLineObserver:
     """Sees how the ego comes over the stop lines of its way; knows nothing but the world.
 
     It is the front bumper that counts, and what the light of the lane beyond the line shows in that frame.
@@ -188,7 +188,7 @@ class Judge:
         red: names of those that were red, with nothing beside it that lets pass.
     """
 
-    def __init__(self, world: World, way: Way) -> None:
+    def __init__(self, world: World, way: RouteLine) -> None:
         self._world = world
         self._way = way
         self._nose = 10.0

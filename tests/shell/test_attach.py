@@ -24,7 +24,7 @@ from rosbridge_sim.shell.config.options import SimulatorOptions
 from tests.conftest import Connect
 from tests.far_side import graph as far_graph
 from tests.far_side.server import FarSide
-from tests.morai.sim_harness import ByHand, put_egos
+from tests.morai.sim_harness import ManualReader, put_egos
 from tests.support import PATIENCE, Client
 
 TOKEN = "sesame"  # noqa: S105 - opens nothing
@@ -158,7 +158,7 @@ async def test_flood_behind_a_load_is_not_read_before_the_load_has_taken_effect(
     async with gateway() as bridge, attached(bridge.url) as sim:
         assert sim.node is not None
         loads = next(each for each in sim.node.components if isinstance(each, Loads))
-        reader = loads._reader = ByHand()
+        reader = loads._reader = ManualReader()
         (line,) = sim.attachments[0].mirror.connections.values()
         client = await connect(bridge.url)
         await lead(client)

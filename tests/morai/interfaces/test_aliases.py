@@ -1,4 +1,4 @@
-"""Each name and shape that MORAI's documents or another release have in place of the wire's, through the wire, in both.
+"""Each alias that MORAI's documents or another release use, over the wire, in both releases.
 
 A row says what a client sends, in its documented and in its plain spelling, and what is seen of it. The first must do
 what the second does, without a word; and a wrong spelling of the same must do nothing, and be told.
@@ -37,7 +37,7 @@ SCENE: Frame = {
 THINGS: Frame = {**SCENE, "objectList": [{"pos": {"x": i, "y": 50}} for i in range(3)]}
 
 
-class Shelf:
+class CrossingLibrary:
     """The hand-written crossing, empty and with three things beside it."""
 
     def scenario(self, name: str) -> Scenario:
@@ -89,7 +89,7 @@ class Wire(Client):
 
     def __init__(self, release: str) -> None:
         self.bus = Bus(make_store(release))
-        shelf = Shelf()
+        shelf = CrossingLibrary()
         make_node(self.bus, World(seed=0), shelf, shelf.scenario("scene"), NodeSettings(start="sync"))
         super().__init__(self.bus)
         self.told: list[str] = []

@@ -1,4 +1,4 @@
-"""What can be said about the simulator's topics and services, and what is a mistake in it."""
+"""Network settings: valid values and errors."""
 
 from __future__ import annotations
 

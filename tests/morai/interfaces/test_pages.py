@@ -1,4 +1,4 @@
-"""Every field of every table of the manual pages is there: under its own name on the wire, or taken by that name."""
+"""Every documented field exists on the wire, or is accepted under its documented name."""
 
 from __future__ import annotations
 

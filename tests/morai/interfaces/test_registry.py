@@ -34,7 +34,7 @@ class PartOfServer:
         pass
 
 
-class Rig:
+class RegistryFixture:
     """A publisher, a topic that is kept, a subscriber and two services of an owner, and somebody else."""
 
     def __init__(self, **tables: JsonValue) -> None:
@@ -76,8 +76,8 @@ class Rig:
         return out | into | {s.name for s in self.bus.services.values() if s.owner is self.owner}
 
 
-def opened(**tables: JsonValue) -> Rig:
-    rig = Rig(**tables)
+def opened(**tables: JsonValue) -> RegistryFixture:
+    rig = RegistryFixture(**tables)
     assert rig.names() == set(), "nothing is there before all is known"
     rig.items.open()
     return rig
@@ -211,7 +211,7 @@ def test_renamed_topic_leaves_nothing_under_its_old_name() -> None:
 
 
 def test_topics_of_different_types_can_swap_names_with_subscribers() -> None:
-    rig = Rig()
+    rig = RegistryFixture()
     rig.outputs.add("/text", "std_msgs/String", lambda: None)
     rig.items.open()
     swapped = {"/text": {"name": "/out"}, "/out": {"name": "/text"}}
@@ -323,7 +323,7 @@ def test_any_sequence_of_changes_ends_with_the_last_valid_settings(changes: list
     ],
 )
 def test_invalid_settings_are_refused_at_the_start_and_later(tables: dict[str, Any], said: str) -> None:
-    rig = Rig(**tables)
+    rig = RegistryFixture(**tables)
     with pytest.raises(DocumentError) as caught:
         rig.items.open()
     assert str(caught.value) == said
@@ -339,7 +339,7 @@ def test_topic_service_and_disabled_service_may_share_a_name() -> None:
 
 
 def test_a_publisher_and_a_subscriber_of_one_default_name_share_it() -> None:
-    rig = Rig()
+    rig = RegistryFixture()
     rig.bindings.listen("out", INT, lambda *_: None)
     rig.items.open()
     both = {"publishers": {"/out": {"name": "/o"}}, "subscribers": {"/out": {"name": "/o"}}}
@@ -396,14 +396,14 @@ def test_topic_with_client_publishers_can_become_an_input() -> None:
 
 
 def test_name_of_a_rosapi_service_is_refused_at_the_start() -> None:
-    rig = Rig(services={"/ask": {"name": "/rosapi/topics"}})
+    rig = RegistryFixture(services={"/ask": {"name": "/rosapi/topics"}})
     Rosapi(rig.bus)
     with pytest.raises(DocumentError, match=r'^services."/ask": service /rosapi/topics is provided by /rosapi$'):
         rig.items.open()
 
 
 def test_type_missing_in_a_release_has_no_interface_and_its_settings_are_ignored() -> None:
-    rig = Rig(services={"/new": {"name": "/n"}}, publishers={"/newer": {"rate": 5}})
+    rig = RegistryFixture(services={"/new": {"name": "/n"}}, publishers={"/newer": {"rate": 5}})
     rig.bindings.provide("new", "OnlyThereSrv", rig.hold, is_everywhere=False)
     rig.outputs.add("/newer", "morai_msgs/OnlyThere", rig.count, is_everywhere=False)
     rig.items.open()

@@ -1,4 +1,4 @@
-"""The built-in maps: what the script draws is what ships, and it hangs together."""
+"""The built-in maps: equal to the script's output, and consistent."""
 
 from __future__ import annotations
 

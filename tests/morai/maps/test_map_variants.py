@@ -1,4 +1,4 @@
-"""Maps as they come: names of files and keys of several years, sets that are empty, null or not there."""
+"""Variants of maps: old and new file names and keys; empty, null and missing sets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Object lists out of bytes: the same as the library finds, whatever is in them, and a clear no for anything else."""
+"""Object lists decoded from bytes: equal to the library's result, and an error for anything else."""
 
 from __future__ import annotations
 

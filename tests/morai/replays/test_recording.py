@@ -1,4 +1,4 @@
-"""What a recording shows between its stamps, and what is read from messages of any kind."""
+"""Recordings: interpolation between stamps, and conversion of messages."""
 
 from __future__ import annotations
 

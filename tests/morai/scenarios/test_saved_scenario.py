@@ -1,4 +1,4 @@
-"""A scenario as MORAI saves it, written by hand from what is known of the format: read, checked, loaded, driven."""
+"""A hand-written scenario in MORAI's saved format: read, checked, loaded and driven."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_ignored_keys_are_listed_and_give_no_remarks() -> None:
         assert draft.keys.idle[key] == 1
 
 
-class Shelf:
+class SavedLibrary:
     def map(self, name: str) -> RoadMap:
         assert name == "tiny"
         return read(ROADRUNNER)
@@ -121,7 +121,7 @@ class Shelf:
 
 def test_saved_scenario_loads_completely() -> None:
     world = World(seed=0)
-    Scene(world, Shelf(), read_scenario(TEXT, "saved.json"), ego_gear=Gear.DRIVE)
+    Scene(world, SavedLibrary(), read_scenario(TEXT, "saved.json"), ego_gear=Gear.DRIVE)
     counts = {kind: len(world.rows(kind)) for kind in Kind}
     assert counts == {Kind.EGO: 1, Kind.VEHICLE: 2, Kind.PEDESTRIAN: 2, Kind.OBSTACLE: 2}
     assert sorted(int(world.uid[row]) for row in world.placed()) == [0, 101, 102, 201, 202, 301, 302]

@@ -1,4 +1,4 @@
-"""What is told of places and motion, on the wire: whose point it is, and that the figures belong together."""
+"""Published poses and motion: reference points, and consistency of the values."""
 
 from __future__ import annotations
 

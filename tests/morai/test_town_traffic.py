@@ -1,4 +1,4 @@
-"""Who drives through the town by its lights, over the bus, and who does not; and how everybody else drives there."""
+"""Drives through the town over the bus, with and without regard to lights; and its traffic."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.schema.message import Message
 from tests.morai.sim_harness import Client
-from tests.morai.town import Crossroads, Driver, Judge, Way
+from tests.morai.town import Crossroads, Driver, RouteLine, StopLineObserver
 from tests.world.traffic_observers import RedRuns, Waits
 
 pytestmark = pytest.mark.slow
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.slow
 LEFT_ROUND = "R1222L1 J22W1N R2223L1 J23S1W R2313L1 J13E1S R1312L1 J12N1E"
 
 
-class Ears(Client):
+class LatestMessages(Client):
     """A client that hears only what is said last, and reads it only when asked."""
 
     def __init__(self, bus: Bus, name: str) -> None:
@@ -44,10 +44,10 @@ class Rounds:
     def __init__(self, *, heeds_lights: bool) -> None:
         self.town = Crossroads.built_in("town")
         self._road_map = self.town.node.scene.road_map
-        self._way = Way(self._road_map, LEFT_ROUND.split())
+        self._way = RouteLine(self._road_map, LEFT_ROUND.split())
         self._heeds_lights = heeds_lights
         self.town.put(-86.0, -1.75)
-        self._ears = Ears(self.town.bus, "/ears")
+        self._ears = LatestMessages(self.town.bus, "/ears")
         self._ears.listen("/GetTrafficLightStatus", "/Object_topic")
         self.watchers: list[Callable[[], None]] = []
         self.start()
@@ -58,7 +58,7 @@ class Rounds:
     def start(self) -> None:
         """Begin a round."""
         self.driver = Driver(self.town.client, self._road_map, self._way, heeds_lights=self._heeds_lights)
-        self.judge = Judge(self.town.world, self._way)
+        self.judge = StopLineObserver(self.town.world, self._way)
 
     def _watch(self, *_: object) -> None:
         """After each frame."""
