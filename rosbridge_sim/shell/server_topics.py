@@ -195,7 +195,7 @@ class ServerTopics:
             messages_sent=session.num_sent,
             bytes_sent=client.num_bytes_sent,
             bytes_held=client.num_bytes_held,
-            bytes_waiting=outbox.num_bytes + client.socket.transport.get_write_buffer_size(),
+            bytes_waiting=outbox.num_bytes + client.socket.num_bytes_unsent,
             dropped_topics=[topic for topic, _ in dropped],
             dropped_counts=[count for _, count in dropped],
         )

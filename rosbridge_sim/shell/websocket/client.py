@@ -128,7 +128,7 @@ class Client:
     @property
     def num_bytes_held(self) -> int:
         """Memory that the server holds for it: in its account, its outbox, its socket, and as parameters [bytes]."""
-        waiting = self.outbox.num_bytes + self.socket.transport.get_write_buffer_size() + self.socket.num_bytes_held
+        waiting = self.outbox.num_bytes + self.socket.num_bytes_unsent + self.socket.num_bytes_held
         return waiting + self.peer.session.account.num_bytes + self._bus.parameters.num_held(self.peer)
 
     def shared(self) -> Iterator[tuple[int, int]]:
