@@ -134,7 +134,7 @@ class Client:
     @property
     def num_bytes_waiting(self) -> int:
         """Bytes on their way to it: in its outbox, and in its socket."""
-        return self.outbox.num_bytes + self.socket.transport.get_write_buffer_size()
+        return self.outbox.num_bytes + self.socket.num_bytes_unsent
 
     def shared(self) -> Iterator[tuple[int, int]]:
         """The frames and messages that wait, which others may wait for, too."""

@@ -82,7 +82,7 @@ class ServedConnection(ReceivingConnection):
         if self.is_open:
             self.core.fail(CloseCode.TRY_AGAIN_LATER, CROWDED)
             self.flush()
-        if self.transport.get_write_buffer_size():
+        if self.num_bytes_unsent:
             self.transport.abort()
         else:
             self.transport.close()

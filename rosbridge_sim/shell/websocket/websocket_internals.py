@@ -124,6 +124,14 @@ class MessageConnection(Connection):
         assert isinstance(self.core, ServerProtocol), "a client offers what it likes"
         self.core.available_extensions = None
 
+    @property
+    def num_bytes_unsent(self) -> int:
+        """Bytes that the transport has taken and the system has not."""
+        try:
+            return self.transport.get_write_buffer_size()
+        except AttributeError:  # asyncio's TLS transport forgets its buffer when it is closed twice
+            return 0
+
     # What can be done with it
 
     def flush(self) -> int:
@@ -148,7 +156,7 @@ class MessageConnection(Connection):
         super().data_received(data)
         if self.core.close_expected():
             is_broken = self.core.close_rcvd is None
-            is_read = not self.transport.get_write_buffer_size()
+            is_read = not self.num_bytes_unsent
             if is_broken or is_read:
                 self.cut_off_later()
             else:
@@ -169,7 +177,7 @@ class MessageConnection(Connection):
 
     def cut_off_deaf(self) -> None:
         """Abort a connection if the other side reads no answers and goes on sending."""
-        if self.is_full and self.transport.get_write_buffer_size() > MAX_UNREAD:
+        if self.is_full and self.num_bytes_unsent > MAX_UNREAD:
             self.transport.abort()
 
     def take_message(self, message: bytes, *, is_text: bool, last: object) -> None:

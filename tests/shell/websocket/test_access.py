@@ -805,3 +805,19 @@ def test_request_in_one_packet_with_the_end_of_the_handshake_is_answered(
 
     with asyncio.Runner(loop_factory=make_loop) as runner:
         runner.run(check())
+
+
+async def test_encrypted_connection_that_is_closed_twice_can_still_be_measured(certificate: Certificate) -> None:
+    async with (
+        Simulator(port=0, world=False, certfile=certificate.certfile, keyfile=certificate.keyfile) as sim,
+        await enter(sim.url, context=certificate.context) as client,
+    ):
+        assert await client.settle() == []
+        assert sim._server is not None
+        (served,) = sim._server.clients
+        assert served.num_bytes_held == 0
+        for _ in range(2):  # asyncio's transport has no buffer after this
+            served.socket.transport.close()
+        assert served.num_bytes_held == 0
+        assert sim._server._budget is not None
+        sim._server._budget.look()
