@@ -22,7 +22,7 @@ BoolArray = npt.NDArray[np.bool_]
 MIN_ROWS: Final = 32
 """Rows that memory is taken for at least: a small world then never grows its blocks."""
 
-NOBODY: Final = Body()
+NO_BODY: Final = Body()
 """The body of a free row."""
 
 # Columns of float64. The order matters: the columns that `dynamics` reads are one run, those that it writes are a run
@@ -229,7 +229,7 @@ class EntityArrays:
         """Set the number of rows, and renew the named views."""
         self.n = n
         self.names[n:] = [""] * (n - len(self.names))
-        self.bodies[n:] = [NOBODY] * (n - len(self.bodies))
+        self.bodies[n:] = [NO_BODY] * (n - len(self.bodies))
         for block, columns in ((self._floats, FLOATS), (self._ints, INTS), (self._bools, BOOLS)):
             for i, column in enumerate(columns):
                 setattr(self, column, block[i, :n])

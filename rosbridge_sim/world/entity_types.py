@@ -105,5 +105,5 @@ class Body:
 
     @property
     def centre(self) -> float:
-        """How far the centre of the box is in front of the reference point [m]."""
+        """Distance from the reference point forward to the centre of the box [m]."""
         return self.length / 2 - self.rear_overhang

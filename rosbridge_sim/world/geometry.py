@@ -48,7 +48,7 @@ memory of a query of any size."""
 
 
 class Nearest(NamedTuple):
-    """Where points are relative to a polyline; (q,) each, one entry for each query.
+    """Places of points relative to a polyline; (q,) each, one entry for each query.
 
     Attributes:
         segment: int64, index of the nearest segment, the first of equals.

@@ -39,7 +39,7 @@ SPAN: Final = {Kind.VEHICLE: 2.0, Kind.PEDESTRIAN: 0.5, Kind.OBSTACLE: 0.5}
 4 m radius and more; a pedestrian turns within a step."""
 
 TURNING_ROUND: Final = 0.7
-"""Where a span has a corner sharper than 90 deg, its ends are nearer to each other than this share of it."""
+"""The ends of a span are nearer to each other than this share of it, if it has a corner sharper than 90 deg."""
 
 ALIGNED: Final = 1e-9
 """A share of the speed below this is rounding: two ways to compute a direction differ by so much."""

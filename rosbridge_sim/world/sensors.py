@@ -47,7 +47,7 @@ GRAVITY: Final = 9.80665
 """The standard acceleration of free fall [m/s^2] (CGPM 1901); maps do not give their own."""
 
 STEER_ROUNDING: Final = 1e-9
-"""What rounding can add to the turn of the wheels in one step [rad]."""
+"""The most that rounding can add to the turn of the wheels in one step [rad]."""
 
 
 @dataclass(frozen=True, slots=True)

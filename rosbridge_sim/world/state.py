@@ -21,7 +21,7 @@ from typing import Any, Final, TypeVar, cast
 import numpy as np
 
 from rosbridge_sim.world.control_columns import update_control_columns
-from rosbridge_sim.world.entity_arrays import INTS, LEG_COLUMNS, NOBODY, BoolArray, EntityArrays
+from rosbridge_sim.world.entity_arrays import INTS, LEG_COLUMNS, NO_BODY, BoolArray, EntityArrays
 from rosbridge_sim.world.entity_types import MAX_COORDINATE, MAX_SPEED, Body, Gear, Kind, Mode
 from rosbridge_sim.world.geometry import FloatArray, IntArray, nearest_on_polyline, wrap_angle
 from rosbridge_sim.world.paths import (
@@ -269,7 +269,7 @@ class World(EntityArrays):
         self._floats[:, row] = 0.0
         self._ints[:, row] = 0
         self._bools[:, row] = False
-        self.names[row], self.bodies[row] = "", NOBODY
+        self.names[row], self.bodies[row] = "", NO_BODY
         if len(self.contacts):
             self.contacts = self.contacts[(self.contacts != uid).all(axis=1)]
         if row == self.n - 1:
