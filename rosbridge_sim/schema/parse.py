@@ -92,7 +92,7 @@ class Field:
 
     @property
     def is_bytes(self) -> bool:
-        """Whether it is an array of bytes, which is base64 in JSON and `bytes` here."""
+        """True for an array of bytes, which is base64 in JSON and `bytes` here."""
         return self.array is not None and self.type in {"uint8", "char"}
 
     @property

@@ -60,12 +60,12 @@ class _Plan:
 
     @property
     def is_nested(self) -> bool:
-        """Whether elements of a list have lists themselves."""
+        """True if elements of a list have lists themselves."""
         return any(plan is not None for _, _, plan in self.lists) or any(plan.is_nested for _, plan in self.inner)
 
     @property
     def has_lists(self) -> bool:
-        """Whether there is anything to count."""
+        """True if there is anything to count."""
         return bool(self.lists or self.inner)
 
     def cost(self, value: Struct) -> int:

@@ -45,7 +45,7 @@ class Lamp(IntFlag):
 GREENS: Final = sum(int(lamp) for lamp in Lamp if lamp > Lamp.YELLOW)
 
 UNSET: Final = -1
-"""What a light shows that has no controller and is not forced."""
+"""The value of a light that has no controller and is not forced."""
 
 FLASH: Final = 25
 """A flashing light is lit for so long and dark for as long [frames]: one flash a second."""
@@ -77,7 +77,7 @@ class Light:
 
     @property
     def is_warning(self) -> bool:
-        """Whether all its lamps are yellow: it then only warns, whatever the other lights of its group show."""
+        """True if all its lamps are yellow: it then only warns, for any value of its group."""
         return self.lamps == _YELLOW
 
 
@@ -96,7 +96,7 @@ class Phase:
 
 @dataclass(frozen=True, slots=True)
 class Walk:
-    """When the pedestrian lights of a group are green in a phase.
+    """The green time of the pedestrian lights of a group in a phase.
 
     Attributes:
         phase: number of the phase.
