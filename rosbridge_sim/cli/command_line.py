@@ -30,7 +30,7 @@ __all__ = [
     "Options",
     "add_definitions",
     "add_json",
-    "choice_of",
+    "definition_sources_of",
     "drop_output",
     "group_of",
     "make_number",
@@ -124,7 +124,7 @@ def add_definitions(parser: Parser) -> None:
     )
 
 
-def choice_of(options: Options) -> DefinitionSources:
+def definition_sources_of(options: Options) -> DefinitionSources:
     """What these flags have decided; a command without `--ros` leaves that open."""
     from rosbridge_sim.cli.tools.schema import DefinitionSources  # noqa: PLC0415 - with all that knows definitions
 

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rosbridge_sim.cli.command_line import Options, add_definitions, add_json, choice_of, group_of, run_command
+from rosbridge_sim.cli.command_line import (
+    Options,
+    add_definitions,
+    add_json,
+    definition_sources_of,
+    group_of,
+    run_command,
+)
 from rosbridge_sim.shell.config.command_flags import Parser
 
 __all__ = ["run_bag", "run_map", "run_scenario", "run_schema"]
@@ -37,13 +44,13 @@ def _add_folders(parser: Parser) -> None:
 def _list_types(options: Options) -> int:
     from rosbridge_sim.cli.tools import schema  # noqa: PLC0415
 
-    return schema.list_types(options.package, choice_of(options), is_json=options.json)
+    return schema.list_types(options.package, definition_sources_of(options), is_json=options.json)
 
 
 def _show_type(options: Options) -> int:
     from rosbridge_sim.cli.tools import schema  # noqa: PLC0415
 
-    return schema.show_type(options.type, choice_of(options), is_full=options.full, is_json=options.json)
+    return schema.show_type(options.type, definition_sources_of(options), is_full=options.full, is_json=options.json)
 
 
 # bag

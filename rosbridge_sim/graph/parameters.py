@@ -40,7 +40,7 @@ MAX_MERGED_BYTES: Final = 2**20
 MAX_REMOVED_SINGLY: Final = 100
 """So many names are taken out of the list one by one, at 30 us each in the longest; for more it is made anew."""
 
-PARAMETER_OVERHEAD: Final = 400
+VALUE_OVERHEAD: Final = 400
 """Memory of a parameter beside its name and its text: the entries of the tables, measured [bytes]."""
 
 
@@ -106,7 +106,7 @@ class Parameters:
     def num_held(self, owner: Participant) -> int:
         """Memory of the parameters that an owner has set [bytes]."""
         account = self._accounts.get(owner)
-        return account.num_bytes + PARAMETER_OVERHEAD * (account.num + account.num_namespaces) if account else 0
+        return account.num_bytes + VALUE_OVERHEAD * (account.num + account.num_namespaces) if account else 0
 
     def put(self, name: str, value: str, owner: Participant) -> None:
         """Set a parameter.

@@ -1,9 +1,9 @@
-"""Values to CBOR (RFC 8949, typed arrays RFC 8746), by a function that is made once for each type.
+"""Encoding of values as CBOR (RFC 8949; typed arrays RFC 8746), by a function that is generated for each type.
 
-The spec is the one that roslib decodes: maps with the wire's field names, floats always of 64 bits (NaN and
-infinities kept), uint8[] and char[] as byte strings, other numeric arrays as a tag over little-endian bytes.
-cbor2 was measured and turned down for this direction: it knows no numpy, wraps each array in an object, and writes NaN
-as a half float, which roslib cannot read; the few head bytes that we need are written here.
+The form is the one that roslib decodes: maps with the wire's field names, floats always of 64 bits (NaN and infinity
+are kept), uint8[] and char[] as byte strings, other numeric arrays as a tag over little-endian bytes. cbor2 was
+measured and not taken for this direction: it does not know numpy, wraps each array in an object, and writes NaN as a
+half float, which roslib cannot read. The few head bytes that are needed are written here.
 """
 
 from __future__ import annotations
@@ -24,34 +24,42 @@ from rosbridge_sim.schema.message_spec import FieldSpec, MessageSpec
 __all__ = ["CborWriters", "encode_plain", "head"]
 
 _Write = Callable[[Any, list[bytes]], None]
-"""Appends a value's bytes; Any: a generated struct."""
+"""`(value, out)`: appends the bytes of a value, which is a generated struct."""
 
 _UNSIGNED, _NEGATIVE, _BYTES, _TEXT, _ARRAY, _MAP, _TAG = range(7)
 """The major types."""
 
 _ARRAY_TAGS: Final = {"B": 64, "H": 69, "I": 70, "Q": 71, "b": 72, "h": 77, "i": 78, "q": 79, "f": 85, "d": 86}
-"""The tags of little-endian arrays, by `struct`'s letters."""
+"""The tags of little-endian arrays, by the letters of `struct` (RFC 8746, section 2)."""
 
-_CODES: Final = {
+_DTYPE_CODES: Final = {
     **{f"{kind}{2**i}": letter for kind, letters in (("u", "BHIQ"), ("i", "bhiq")) for i, letter in enumerate(letters)},
     "f2": "f",
     "f4": "f",
     "f8": "d",
 }
-"""The letter that numbers of a numpy dtype (kind and bytes) are written with."""
+"""The letter of `struct` for a numpy dtype, given by kind and bytes."""
 
 _HEADS: Final = tuple(
     (struct.Struct(">B" + letter).pack, code, 1 << bits)
     for letter, code, bits in (("H", 25, 16), ("I", 26, 32), ("Q", 27, 64))
 )
-"""How the longer heads are packed, the code of their length, and the first number that is too large."""
+"""For each longer head: its packing function, the code of its length, and the first number that is too large."""
 
 _FLOAT: Final = struct.Struct(">Bd")
 _FALSE, _TRUE, _NULL = b"\xf4", b"\xf5", b"\xf6"
 
 
 def head(major: int, number: int) -> bytes:
-    """The first bytes of an item: its major type and its number, length or count."""
+    """Return the first bytes of an item.
+
+    Args:
+        major: the major type.
+        number: the item's number, length or count.
+
+    Raises:
+        ValueError: the number has more than 64 bits.
+    """
     first = major << 5
     if number < 24:  # noqa: PLR2004 - the bounds are the RFC's
         return bytes((first | number,))
@@ -64,10 +72,10 @@ def head(major: int, number: int) -> bytes:
 
 
 def encode_plain(value: object) -> bytes:
-    """The CBOR item of what JSON can hold, and of bytes; for values of types that nobody knows.
+    """Return the CBOR item of plain Python objects: all that JSON can hold, bytes, and arrays. For unknown types.
 
     Raises:
-        FieldError: it holds something else.
+        FieldError: the value holds something else.
     """
     out: list[bytes] = []
     try:
@@ -78,16 +86,20 @@ def encode_plain(value: object) -> bytes:
 
 
 class CborWriters:
-    """The writers of all types that were asked for; one for each store."""
+    """The CBOR encoders of the types of one store, each made at its first use."""
 
     def __init__(self) -> None:
         self._writers: dict[str, _Write] = {}
 
     def encode(self, spec: MessageSpec, value: msgspec.Struct) -> bytes:
-        """The CBOR map of a value.
+        """Return the CBOR map of a value.
+
+        Args:
+            spec: its type.
+            value: a checked struct of the type.
 
         Raises:
-            EncodingError: the value does not fit its type: a bug, since whoever sends one has it checked.
+            EncodingError: the value does not fit its type: a bug, because values are checked before.
         """
         out: list[bytes] = []
         try:
@@ -97,7 +109,7 @@ class CborWriters:
         return b"".join(out)
 
     def writer(self, spec: MessageSpec) -> _Write:
-        """The writer of a message type, made at its first use."""
+        """Return the encoder of a message type."""
         writer = self._writers.get(spec.name)
         if writer is None:
             writer = self._writers[spec.name] = _compile(spec, self.writer)
@@ -105,16 +117,16 @@ class CborWriters:
 
 
 class _CborSource(Source):
-    """Collects constants and doubles that stand side by side into one call of `struct`."""
+    """Source of a CBOR encoder; it collects neighbouring constants and doubles into one call of `struct`."""
 
     def __init__(self, nested: Callable[[MessageSpec], _Write]) -> None:
         super().__init__()
-        self.names.update(ints=_INTS, text=_text, bools=_bools, texts=_texts, head=head)
+        self.names.update(ints=_INT_ITEMS, text=_text, bools=_bools, texts=_texts, head=head)
         self._nested = nested
         self._run: list[bytes | str] = []
 
     def constant(self, data: bytes) -> None:
-        """Bytes that are always the same."""
+        """Add bytes that are always the same."""
         last = self._run[-1] if self._run else None
         if isinstance(last, bytes):
             self._run[-1] = last + data
@@ -122,7 +134,7 @@ class _CborSource(Source):
             self._run.append(data)
 
     def double(self, expression: str) -> None:
-        """A number of 64 bits."""
+        """Add a float of 64 bits."""
         self.constant(b"\xfb")
         self._run.append(expression)
 
@@ -215,14 +227,14 @@ def _compile(spec: MessageSpec, nested: Callable[[MessageSpec], _Write]) -> _Wri
 
 
 class _Ints(dict[int, bytes]):
-    """Integers to their bytes: the small ones are there, the others are written when they are asked for."""
+    """The bytes of integers: those of small ones are kept, others are made when they are asked for."""
 
     def __missing__(self, number: int) -> bytes:
         return head(_UNSIGNED, number) if number >= 0 else head(_NEGATIVE, -1 - number)
 
 
-_INTS: Final = _Ints()
-_INTS.update((number, _INTS[number]) for number in range(-24, 256))
+_INT_ITEMS: Final = _Ints()
+_INT_ITEMS.update((number, _INT_ITEMS[number]) for number in range(-24, 256))
 
 _TEXT_HEADS: Final = [head(_TEXT, length) for length in range(256)]
 
@@ -243,7 +255,7 @@ def _bools(values: Sequence[bool]) -> bytes:
 def _times(names: tuple[str, ...], values: Sequence[msgspec.Struct]) -> bytes:
     first, second = (head(_MAP, len(names)) + _text(names[0]), _text(names[1]))
     pairs = [msgspec.structs.astuple(value) for value in values]
-    return head(_ARRAY, len(values)) + b"".join([first + _INTS[a] + second + _INTS[b] for a, b in pairs])
+    return head(_ARRAY, len(values)) + b"".join([first + _INT_ITEMS[a] + second + _INT_ITEMS[b] for a, b in pairs])
 
 
 def _numbers(code: str, values: Any) -> bytes:  # noqa: ANN401 - a list or an array
@@ -255,7 +267,7 @@ def _write_plain(value: object, out: list[bytes]) -> None:
     if value is None or isinstance(value, bool):
         out.append(_NULL if value is None else _TRUE if value else _FALSE)
     elif isinstance(value, int):
-        out.append(_INTS[value])
+        out.append(_INT_ITEMS[value])
     elif isinstance(value, float):
         out.append(_FLOAT.pack(0xFB, value))
     elif isinstance(value, str):
@@ -275,7 +287,7 @@ def _write_plain(value: object, out: list[bytes]) -> None:
 
 def _write_list(values: Sequence[Any], out: list[bytes]) -> None:
     out.append(head(_ARRAY, len(values)))
-    numbers = _plain_numbers(values) if len(values) >= _MANY else None
+    numbers = _plain_numbers(values) if len(values) >= _NUMPY_FROM else None
     if numbers is not None:
         out.append(numbers)
         return
@@ -283,12 +295,12 @@ def _write_list(values: Sequence[Any], out: list[bytes]) -> None:
         _write_plain(item, out)
 
 
-_MANY: Final = 64
-"""From so many numbers on, numpy writes them ten times as fast as a loop does."""
+_NUMPY_FROM: Final = 64
+"""From this length on, numpy encodes a list of numbers ten times as fast as a loop."""
 
 
 def _plain_numbers(values: Sequence[Any]) -> bytes | None:
-    """The items of a long list of integers or of floats, all of one width; None where it holds anything else."""
+    """Return the items of a long list of integers or of floats, all of one width; None if it holds anything else."""
     kinds = set(map(type, values))
     if kinds == {float}:
         return _items(0xFB, np.array(values, ">f8"))
@@ -308,7 +320,7 @@ def _plain_numbers(values: Sequence[Any]) -> bytes | None:
 
 
 def _items(heads: Any, numbers: npt.NDArray[Any]) -> bytes:  # noqa: ANN401 - one for all, or an array
-    """Each number behind its first byte."""
+    """Return all numbers as bytes, each after its first byte."""
     items = np.empty(len(numbers), np.dtype([("head", np.uint8), ("number", numbers.dtype)]))
     items["head"] = heads
     items["number"] = numbers
@@ -318,5 +330,5 @@ def _items(heads: Any, numbers: npt.NDArray[Any]) -> bytes:  # noqa: ANN401 - on
 def _write_array(value: object, out: list[bytes]) -> None:
     if not isinstance(value, np.ndarray):
         raise ValueError(f"{type(value)} is no JSON")  # noqa: TRY004 - as what else cannot be written
-    code = _CODES[value.dtype.kind + str(value.dtype.itemsize)]
+    code = _DTYPE_CODES[value.dtype.kind + str(value.dtype.itemsize)]
     out += (head(_TAG, _ARRAY_TAGS[code]), _numbers(code, value))

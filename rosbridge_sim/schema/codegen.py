@@ -1,9 +1,9 @@
-"""Python source that is written for one type: what `cbor` and `wire` have in common.
+"""Generation of Python source for one message type, as `cbor` and `ros_serialization` need it.
 
-Both make a function for each type, without any loop over descriptions of fields, that writes a value as a list of
-pieces. What has a fixed size is packed by one call of `struct` as far as it goes, nested messages included; only text,
-arrays and the like are pieces of their own. Nothing of a definition gets into the source but field names, which the
-parser has matched against [A-Za-z_][A-Za-z0-9_]*.
+Both generate a function for each type that writes a value as a list of pieces, without a loop over field specs. Fields
+of fixed size are packed together by one call of `struct`, nested messages included; text, arrays and the like are
+pieces of their own. Of a definition only field names get into the source. The parser has matched them with
+[A-Za-z_][A-Za-z0-9_]*.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from rosbridge_sim.schema.names import Generation
 __all__ = ["MAX_INLINE", "MAX_STARRED", "Source", "code_of", "count_fields", "pack_numbers"]
 
 MAX_INLINE = 100
-"""Fields of a nested message that are written in the function of the outer one; the longest of the standard packages
-has 49, and definitions that multiply would make endless functions."""
+"""A nested message with at most so many fields is written in the function of the outer one. The longest message of the
+standard packages has 49; without a bound, definitions that multiply would make endless functions."""
 
 MAX_STARRED = 64
-"""Elements of an array of fixed length that are packed by a layout of their own."""
+"""Arrays of a fixed length up to this are packed by a `struct` layout of their own."""
 
 _MAX_PACKED = 100
-"""Elements up to which `struct` is faster than numpy, from a list."""
+"""Lists shorter than this are packed faster by `struct` than by numpy."""
 
-_CODES = {
+_STRUCT_CODES = {
     "bool": "?",
     "char": "B",
     "float32": "f",
@@ -41,26 +41,26 @@ _CODES = {
 } | {f"uint{bits}": code for bits, code in ((8, "B"), (16, "H"), (32, "I"), (64, "Q"))}
 
 _BYTE_CODES: Mapping[Generation, str] = {1: "b", 2: "B"}
-"""`byte` has a sign in ROS 1."""
+"""The letter of `byte`, which has a sign in ROS 1 alone."""
 
 
 def code_of(kind: str, ros: Generation = 1) -> str:
-    """The letter of `struct`, and of numpy, for a number."""
-    return _BYTE_CODES[ros] if kind == "byte" else _CODES[kind]
+    """Return the letter of `struct` and of numpy for a number type."""
+    return _BYTE_CODES[ros] if kind == "byte" else _STRUCT_CODES[kind]
 
 
 def pack_numbers(code: str, values: Any) -> bytes:  # noqa: ANN401 - a list or an array
-    """The little-endian bytes of numbers."""
+    """Return the little-endian bytes of numbers; `code` is their letter."""
     if type(values) is list and len(values) < _MAX_PACKED:
         return struct.pack(f"<{len(values)}{code}", *values)
     return np.asarray(values, "<" + code).tobytes()
 
 
 class Source:
-    """The body of a function that appends pieces of bytes to a list `out`.
+    """The source of a function that appends pieces of bytes to a list `out`.
 
     Attributes:
-        names: what the body refers to, by name.
+        names: global names of the function, with their values.
     """
 
     def __init__(self) -> None:
@@ -70,47 +70,52 @@ class Source:
         self._count = 0
 
     def new(self, prefix: str) -> str:
-        """A name that nobody has yet."""
+        """Return a name that is not in use."""
         self._count += 1
         return f"{prefix}{self._count}"
 
     def bind(self, prefix: str, value: object) -> str:
-        """A new name for a value."""
+        """Return a new global name for a value."""
         name = self.new(prefix)
         self.names[name] = value
         return name
 
     def keep(self, expression: str) -> str:
-        """A local name for what is asked for more than once."""
+        """Return a local name for an expression that is used more than once."""
         name = self.new("v")
         self.line(f"{name} = {expression}")
         return name
 
     def line(self, text: str) -> None:
-        """A statement; the pieces that wait are not out yet when it runs."""
+        """Add a statement. It runs before the waiting pieces are put out."""
         self._lines.append(text)
 
     def piece(self, expression: str) -> None:
-        """An expression whose bytes come next."""
+        """Add an expression whose bytes come next; it waits for `flush`."""
         self._pieces.append(expression)
 
     def flush(self) -> None:
-        """A statement that puts out the pieces that wait."""
+        """Add a statement that puts out the waiting pieces."""
         if self._pieces:
             self.line(f"out += ({', '.join(self._pieces)},)")
             self._pieces = []
 
     def build(self, arguments: str, label: str) -> Callable[..., Any]:
-        """The function; Any: a generated function of `arguments`, the last line of whose body may be a return."""
+        """Return the generated function.
+
+        Args:
+            arguments: its parameters.
+            label: its name in tracebacks.
+        """
         self.flush()
         source = f"def write({arguments}):\n" + "".join(f"    {line}\n" for line in self._lines or ["pass"])
-        exec(compile(source, f"<{label}>", "exec"), self.names)  # noqa: S102 - see above
+        exec(compile(source, f"<{label}>", "exec"), self.names)  # noqa: S102 - see the head of this file
         function: Callable[..., Any] = self.names["write"]  # type: ignore[assignment] # made by the line above
         return function
 
 
 def count_fields(spec: MessageSpec) -> int:
-    """The fields of a message and of all in it that are no arrays; no more than needed to know it is large."""
+    """Count the fields of a message and of its nested messages outside arrays, up to just above `MAX_INLINE`."""
     total = 0
     for field_spec in spec.fields.values():
         is_inline = field_spec.nested is not None and field_spec.definition.array is None

@@ -1,13 +1,13 @@
-"""Definitions to functions that are made once: decode a JSON body, check it, fill it, encode it.
+"""Compile definitions into message types: a struct class, its defaults, and a function that completes its values.
 
-Each message type gets a struct class of its own whose fields bear the wire's names, and a decoder that reads JSON
-straight into it and refuses what is plainly wrong. That alone does for nearly every body that real clients send (0.5 us
-for a CtrlCmd). What the decoder cannot see is done by a small function that is generated for those types alone that
-need it: headers without a stamp, float32 rounding, the upper bound of uint64. Whatever is refused on the way gets its
-second chance, and its error text, from `check`.
+Each message type gets its own `msgspec` struct class, whose fields have the wire's names. The decoder reads JSON
+straight into it and refuses what is plainly wrong. That is enough for nearly every body that real clients send (0.5 us
+for a CtrlCmd). A small function, generated only for types that need it, does what the decoder cannot: it stamps
+headers without a stamp, rounds float32, and checks the upper bound of uint64. A body that is refused here goes to
+`validate.check`, which accepts more and writes the error texts.
 
-The structs take any trick of `msgspec` but one: nothing is renamed on the wire. Field names that Python cannot have
-(`from`, `class`, `__init__`) get another attribute name, never another wire name.
+Nothing is renamed on the wire. Field names that Python does not allow (`from`, `class`, `__init__`) get another
+attribute name, but keep their wire name.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ __all__ = ["compile_message"]
 _MAX_UINT64: Final = 2**64 - 1
 
 _NO_LENGTH_LIMIT: Final = 2**63
-"""More bytes than any array has."""
+"""A length beyond that of any array."""
 
 
 def compile_message(
@@ -44,14 +44,14 @@ def compile_message(
     leniency: Leniency,
     encoders: Encoders,
 ) -> MessageType:
-    """The compiled type of a definition.
+    """Return the compiled type of a definition.
 
     Args:
-        definition: what it is made from.
-        nested: gives the compiled type of a field's nested message; raises DefinitionError when there is none.
-        dialect: the personality.
-        leniency: other names and shapes that it accepts.
-        encoders: what the types of its store share.
+        definition: the parsed definition.
+        nested: returns the compiled type of a field's nested message; raises DefinitionError when there is none.
+        dialect: of the ROS generation.
+        leniency: other names and forms to accept.
+        encoders: shared by the types of one store.
 
     Raises:
         DefinitionError: a nested type is unknown or contains itself.
@@ -80,7 +80,7 @@ def compile_message(
         )
         annotation = _annotation(f, inner, dialect)
         if is_header and f.name == "stamp":
-            # `null` passes the fast way, as roslibpy's empty header has it; `finalize` finds it, and the default.
+            # The decoder accepts `null`, which roslibpy's empty header has; `finalize` replaces it, and the default.
             annotation, default = annotation | None, dialect.no_stamp
         columns.append(
             (attribute, annotation, msgspec.field(default_factory=default) if callable(default) else default)
@@ -104,11 +104,12 @@ def compile_message(
 
 
 def _same(value: object) -> object:
+    """Return the argument; it makes defaults that may be shared."""
     return value
 
 
 def _attribute(name: str, definition: Definition) -> str:
-    """The name of a field in Python: its own, unless Python needs that name."""
+    """Return the name of a field in Python: its wire name, unless Python reserves that."""
     if not keyword.iskeyword(name) and not name.startswith("__"):
         return name
     taken = {f.name for f in definition.fields}
@@ -121,7 +122,7 @@ def _attribute(name: str, definition: Definition) -> str:
 def _default(
     f: Field, inner: MessageType | None, definition: Definition, dialect: Dialect
 ) -> object | Callable[[], object]:
-    """A field's default: the value itself when it may be shared, else what makes a new one."""
+    """Return a field's default: the value itself if it may be shared, else a function that makes a new one."""
     count = 0 if f.array is None or f.is_bounded else f.array
     if inner is not None:
         struct_type = inner.struct_type
@@ -154,13 +155,13 @@ def _zero(kind: str, dialect: Dialect) -> object:
 
 
 def _annotation(f: Field, inner: MessageType | None, dialect: Dialect) -> Any:  # noqa: ANN401 - a type form
-    """The type that `msgspec` shall hold a field to."""
+    """Return the type by which `msgspec` checks a field."""
     element: Any
     if inner is not None:
         element = inner.struct_type
     elif f.type in dialect.ints:
         low, high = dialect.ints[f.type]
-        # Bounds beyond int64 are not supported by msgspec 0.22; `finalize` closes the gap.
+        # msgspec (0.22) does not support bounds beyond int64; `finalize` checks the rest.
         element = _annotate[int, msgspec.Meta(ge=low, le=high) if high < 2**63 else msgspec.Meta(ge=low)]
     elif f.type in dialect.times:
         element = dialect.times[f.type]
@@ -171,7 +172,7 @@ def _annotation(f: Field, inner: MessageType | None, dialect: Dialect) -> Any:  
     if f.array is None:
         return element
     if f.is_bytes:
-        # `finalize` reads the base64, five times as fast as msgspec would, and makes bytes of a list.
+        # `finalize` reads the base64, five times as fast as msgspec does, and makes bytes of a list.
         return str | GenericAlias(list, (element,))
     form = GenericAlias(list, (element,))
     if f.array == 0:
@@ -180,7 +181,7 @@ def _annotation(f: Field, inner: MessageType | None, dialect: Dialect) -> Any:  
 
 
 _annotate: Any = Annotated
-"""`Annotated`, with types that are known at run time only."""
+"""`Annotated`, for types that are known only at run time."""
 
 
 def _make_finalize(
@@ -191,10 +192,10 @@ def _make_finalize(
     is_header: bool,
     finalizers: Mapping[str, Finalize],
 ) -> Finalize | None:
-    """The function that does to a decoded value what `msgspec` cannot; None where there is nothing to do.
+    """Return the function that does to a decoded value what `msgspec` cannot; None where nothing is left to do.
 
-    It is generated, one line for each field that needs it: a loop over descriptions of the fields would cost more than
-    the decoder does. It raises ValueError or OverflowError for what does not fit; `check` then finds the words.
+    It is generated, with one line for each field that needs it: a loop over field specs would cost more than the
+    decoder itself. It raises ValueError or OverflowError for a value that does not fit; `check` then writes the text.
     """
     names: dict[str, object] = {
         "no_stamp": dialect.no_stamp,
@@ -226,14 +227,18 @@ def _make_finalize(
     if not lines:
         return None
     source = "def finalize(value, stamp_ns):\n" + "".join(f"    {line}\n" for line in lines)
-    # Nothing of a definition gets into the source but names that the parser has matched against [A-Za-z_][A-Za-z0-9_]*.
+    # Of a definition only field names get into the source. The parser has matched them with [A-Za-z_][A-Za-z0-9_]*.
     exec(compile(source, f"<finalize {name}>", "exec"), names)  # noqa: S102
     finalize: Finalize = names["finalize"]  # type: ignore[assignment] # made by the line above
     return finalize
 
 
 def _read_bytes(given: str | list[int], low: int, high: int) -> JsonBytes:
-    """The bytes of a base64 text, or of a list of them; there must be so many."""
+    """Return the bytes of a base64 text or of a list.
+
+    Raises:
+        ValueError: it is no base64, or there are fewer than `low` or more than `high` bytes.
+    """
     value = JsonBytes(pybase64.b64decode(given, validate=True) if given.__class__ is str else given)  # type: ignore[arg-type] # the checker does not see it
     if not low <= len(value) <= high:
         raise ValueError
@@ -241,5 +246,6 @@ def _read_bytes(given: str | list[int], low: int, high: int) -> JsonBytes:
 
 
 def _check_uint64(values: list[int]) -> None:
+    """Raise OverflowError if a number is beyond uint64."""
     if values and max(values) > _MAX_UINT64:
         raise OverflowError

@@ -1,4 +1,4 @@
-"""What differs between the two ROS generations, and the names that documents use in place of the wire's."""
+"""Differences between the two ROS generations, and other names and forms that a store accepts."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ _Int32 = Annotated[int, msgspec.Meta(ge=-(2**31), le=2**31 - 1)]
 
 
 class Time(msgspec.Struct, frozen=True, forbid_unknown_fields=True, gc=False):
-    """A point in time as ROS 1 writes it [s, ns]."""
+    """A point in time in the form of ROS 1 [s, ns]."""
 
     secs: _UInt32 = 0
     nsecs: _UInt32 = 0
 
 
 class Duration(msgspec.Struct, frozen=True, forbid_unknown_fields=True, gc=False):
-    """A span of time as ROS 1 writes it [s, ns]."""
+    """A span of time in the form of ROS 1 [s, ns]."""
 
     secs: _Int32 = 0
     nsecs: _Int32 = 0
 
 
 class Time2(msgspec.Struct, frozen=True, forbid_unknown_fields=True, gc=False):
-    """A point in time, or a span of it, as ROS 2 writes both [s, ns]."""
+    """A point in time or a span of time, in the form of ROS 2 [s, ns]."""
 
     sec: _Int32 = 0
     nanosec: _UInt32 = 0
@@ -41,14 +41,14 @@ class Time2(msgspec.Struct, frozen=True, forbid_unknown_fields=True, gc=False):
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """What differs between the personalities of the two ROS generations.
+    """Types and ranges that differ between the two ROS generations.
 
     Attributes:
         ros: the generation.
-        times: the structs of `time` and `duration`; their two fields are the spelling that goes out.
+        times: the structs of `time` and `duration`; their two fields have the names that go out.
         time_parts: the integer types of their two fields.
         ints: least and greatest value of each integer type, `byte` and `char` included.
-        no_stamp: the default of a header's stamp, known by identity: it stands until the time of now takes its place.
+        no_stamp: the default of a header's stamp, recognized by identity, until the present time replaces it.
     """
 
     ros: Generation
@@ -58,7 +58,7 @@ class Dialect:
     no_stamp: msgspec.Struct
 
     def time(self, stamp_ns: int) -> msgspec.Struct:
-        """The value of a `time` field at that time [ns]."""
+        """Return the value of a `time` field at a time [ns]."""
         return self.times["time"](*divmod(stamp_ns, 1_000_000_000))
 
 
@@ -75,7 +75,7 @@ ROS2 = Dialect(
     ros=2,
     times={"time": Time2, "duration": Time2},
     time_parts={"time": ("int32", "uint32"), "duration": ("int32", "uint32")},
-    # In ROS 2 both are a byte without a sign.
+    # In ROS 2 both are unsigned bytes.
     ints={**INT_RANGES, "byte": INT_RANGES["uint8"], "char": INT_RANGES["uint8"]},
     no_stamp=Time2(),
 )
@@ -83,13 +83,14 @@ ROS2 = Dialect(
 
 @dataclass(frozen=True, slots=True)
 class Leniency:
-    """Names and shapes that documents use in place of the wire's.
+    """Names and forms that documents use in place of those on the wire; they are accepted, and never sent.
 
     Attributes:
-        types: accepted type name -> the type's own name.
+        types: accepted type name -> name of the type.
         fields: type -> {accepted field name: wire name}.
         scalars: type -> array fields that may come as a single element.
-        numerals: type -> integer fields that may come as text: `"13"`, or `"IntTL13"` with the digits at its end.
+        numerals: type -> integer fields that may come as text, such as `"13"` or, with the digits at its end,
+            `"IntTL13"`.
     """
 
     types: Mapping[str, str] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""Rounding to float32, by numbers and by lists."""
+"""Rounding to float32, of single numbers and of lists."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ NumberArray: TypeAlias = npt.NDArray[Any]
 """A typed array of CBOR: any numeric dtype of native byte order."""
 
 LONG_ARRAY = 4_096
-"""From so many elements on, a typed array stays one: as a list it would take four to eight times its memory."""
+"""From this length on, a typed array stays one: as a list it would take four to eight times its memory."""
 
 _MIN32 = 1.2e-38
-"""A little above the least number that float32 holds with full precision."""
+"""A little above the smallest number that float32 holds with full precision."""
 
 
 def round32(value: float) -> float:
-    """The shortest decimal that stands for the same float32: what 0.1 was before it went through four bytes.
+    """Return the shortest decimal that stands for the same float32, so that 0.1 is 0.1 again after four bytes.
 
     Raises:
-        OverflowError: the number is finite and float32 has none so large.
+        OverflowError: the number is finite but beyond the range of float32.
     """
     size = abs(value)
     if _MIN32 < size < MAX_FLOAT32:
@@ -43,12 +43,12 @@ def round32(value: float) -> float:
 
 
 def round32_list(values: list[float]) -> list[float] | NumberArray:
-    """`round32` of every element, all at once; the elements are finite. A long list becomes an array of float32.
+    """Return `round32` of every element; the elements are finite. A long list becomes an array of float32.
 
     Raises:
-        OverflowError: an element is too large.
+        OverflowError: an element is beyond the range of float32.
     """
-    if len(values) <= 2:  # noqa: PLR2004 - numpy's own cost is that of about three
+    if len(values) <= 2:  # noqa: PLR2004 - numpy's call overhead is the cost of about three
         return [round32(value) for value in values]
     wide = np.array(values, np.float64)
     if wide.max() >= MAX_FLOAT32 or wide.min() <= -MAX_FLOAT32:

@@ -14,22 +14,22 @@ from rosbridge_sim.weight import LIGHT, weigh
 __all__ = ["parse_json"]
 
 _WEIGHED = 4 * 1024
-"""A text from here on is weighed before it is read by Python's own decoder [bytes]; less is light in any case."""
+"""From this size on, a text is weighed before Python's own decoder reads it [bytes]; a smaller one is always light."""
 
 _HUGE_NUMBER = re.compile(r"[eE]\+?[0-9]{3}|[0-9]{300}")
-"""What a number must hold to be beyond what float64 has."""
+"""Part of any number that is beyond the range of float64."""
 
 
 def parse_json(name: str, body: bytes | msgspec.Raw, refusal: Exception) -> object:
-    """The Python objects of a JSON text, the words NaN and Infinity included.
+    """Return the Python objects of a JSON text; the words NaN and Infinity are accepted.
 
     Args:
-        name: of the type.
+        name: name of the type, for error texts.
         body: the text.
-        refusal: what was wrong with it, for an error: a heavy text is not looked at any closer.
+        refusal: the error of the fast decoder, for the error text of a heavy body, which is not read again.
 
     Raises:
-        FieldError: it is no JSON, or heavy.
+        FieldError: it is no JSON, or a heavy body.
     """
     if len(body) >= _WEIGHED:
         too_much = LIGHT.excess(weigh(memoryview(body)))
@@ -39,9 +39,9 @@ def parse_json(name: str, body: bytes | msgspec.Raw, refusal: Exception) -> obje
                 f" the right kind, no NaN; of others {too_much}"
             )
     try:
-        # `json` would guess UTF-16 and 32 from bytes: decoded by us, it is UTF-8 or nothing.
+        # `json` would accept UTF-16 and UTF-32 as well. JSON on the wire is UTF-8 alone.
         text = bytes(body).decode()
-        # A function for each number costs more than all the rest: only where one may be out of range.
+        # A function for each number costs more than the rest, so it is used only where one may be out of range.
         parse_float = _parse_float if _HUGE_NUMBER.search(text) is not None else None
         return json.loads(text, parse_float=parse_float)
     except (ValueError, OverflowError) as error:
@@ -51,8 +51,9 @@ def parse_json(name: str, body: bytes | msgspec.Raw, refusal: Exception) -> obje
 
 
 def _parse_float(text: str) -> float:
+    """Return the number that a text stands for; raise OverflowError if float64 has none so large."""
     value = float(text)
     if math.isinf(value):
-        # Only the word Infinity means infinity; 1e400 is a mistake.
+        # Only the word Infinity means infinity; 1e400 is an error.
         raise OverflowError(f"the number {text[:40]} is out of range")
     return value

@@ -17,17 +17,17 @@ T = TypeVar("T")
 
 
 class Message:
-    """One value of a type, encoded at most once however many listeners it has.
+    """One value of a message type. Each encoding is made at most once, for any number of listeners.
 
     Attributes:
         type: its type.
-        value: a struct of it, or the bare object of an unknown type; not changed any more.
-        text_length: of the JSON text that it was decoded from [bytes]; 0 for one that was made here, or is short.
+        value: a struct of the type, or a plain object of an unknown type; it must not change any more.
+        text_length: length of the JSON text that it was decoded from [bytes]; 0 if it was made here, or is short.
 
     Args:
         message_type: its type.
         value: see above.
-        text_length: of the JSON text that it was decoded from, if it was [bytes].
+        text_length: see above.
     """
 
     __slots__ = (
@@ -59,7 +59,7 @@ class Message:
 
     @property
     def num_bytes(self) -> int:
-        """An estimate of what holding it costs [bytes]."""
+        """An estimate of the memory that it takes [bytes]."""
         if not self._size:
             self._size = size_of(self.value, self.text_length)
         return self._size
@@ -69,7 +69,7 @@ class Message:
         """The JSON text of the value.
 
         Raises:
-            EncodingError: it cannot be written.
+            EncodingError: the value cannot be written.
         """
         if self._json is None:
             self._json = self._write("JSON", self.type.encode_json)
@@ -80,8 +80,8 @@ class Message:
         """The value as a CBOR map.
 
         Raises:
-            FieldError: the type is unknown here, and CBOR has nothing for the value.
-            EncodingError: it cannot be written.
+            FieldError: the type is unknown, and CBOR cannot hold the value.
+            EncodingError: the value cannot be written.
         """
         if self._cbor is None:
             self._cbor = self._write("CBOR", self.type.encode_cbor)
@@ -89,21 +89,21 @@ class Message:
 
     @property
     def raw(self) -> bytes:
-        """The value as ROS itself sends it: ROS 1 bytes, or CDR.
+        """The bytes that ROS itself sends: those of ROS 1, or CDR.
 
         Raises:
-            FieldError: the type is unknown here, so its bytes are too.
-            EncodingError: it cannot be written.
+            FieldError: the type is unknown, so its bytes are unknown too.
+            EncodingError: the value cannot be written.
         """
         if self._raw is None:
             self._raw = self._write("cbor-raw", self.type.encode_raw)
         return self._raw
 
     def _write(self, encoding: str, encode: Callable[[Any], bytes]) -> bytes:
-        """The value in an encoding. One that has failed is not tried again: a thousand listeners would each pay for it.
+        """Return the value in an encoding. A failed one is not tried again for other listeners.
 
         Raises:
-            PeerError: what `encode` says.
+            PeerError: the error of `encode`.
             EncodingError: `encode` has failed, now or before.
         """
         failure = None if self._failures is None else self._failures.get(encoding)
@@ -114,21 +114,29 @@ class Message:
                 failure = error
             except PeerError:
                 raise
-            except Exception as error:  # noqa: BLE001 - a bug of ours or of a library, whatever it is
+            except Exception as error:  # noqa: BLE001 - any bug of ours or of a library
                 failure = EncodingError(f"{self.type.name}: cannot be written as {encoding}: {error!r:.200}")
                 failure.__cause__ = error
             self._failures = {**(self._failures or {}), encoding: failure}
         raise EncodingError(str(failure)) from failure.__cause__
 
     def framed(self, head: bytes) -> bytes:
-        """`head`, the JSON text, and a closing brace; kept for the next listener, who mostly wants the same."""
+        """Return `head`, the JSON text, and a closing brace; kept for the next listener.
+
+        Raises:
+            EncodingError: the value cannot be written.
+        """
         if head != self._head:
             self._framed = b"".join((head, self.json, b"}"))
             self._head = head
         return self._framed
 
     def shared(self, key: object, make: Callable[[], T]) -> T:
-        """Return what `make` gives, made once for all who ask with this key: a form in which some listeners want it.
+        """Return `make()`, made once for each key: a form of the message that several listeners want.
+
+        Args:
+            key: names the form.
+            make: makes it at the first call.
 
         Raises:
             EncodingError: `make` has failed.

@@ -1,4 +1,4 @@
-"""A message type as tables: its fields with all that is needed to check, fill and encode them."""
+"""Message types as tables: the fields, with all that is needed to check, fill and encode them."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ __all__ = ["FieldSpec", "MessageSpec"]
 
 @dataclass(frozen=True, slots=True)
 class FieldSpec:
-    """A field with all that is needed to fill it.
+    """A field of a message type.
 
     Attributes:
-        attribute: its name in the struct: the wire name, unless Python cannot have it.
+        definition: the parsed field.
+        attribute: its name in the struct: the wire name, unless Python reserves that.
         make: makes the default value.
-        zero: what `null` means as an element of an array; None where the type has no such value of its own.
-        nested: the nested message, or None.
-        is_single: may come as a single element instead of an array.
-        is_numeral: may come as text.
+        zero: the value of `null` as an element of an array; None for nested messages, which have none.
+        nested: the nested message type, or None.
+        is_single: a single element is accepted instead of an array.
+        is_numeral: text is accepted instead of an integer.
     """
 
     definition: Field
@@ -38,12 +39,16 @@ class FieldSpec:
 
 @dataclass(frozen=True, slots=True)
 class MessageSpec:
-    """A message type as `check` sees it.
+    """A message type: its fields and rules.
 
     Attributes:
+        name: `pkg/Type`.
+        definition: the parsed definition.
+        dialect: of the ROS generation.
+        struct_type: the class of its values.
         fields: by wire name, in wire order.
         aliases: accepted name -> wire name.
-        is_header: its stamp is set to the time of now where none is given.
+        is_header: a missing stamp becomes the present time.
         finalize: `(value, stamp_ns)`: completes in place a struct that was made with its defaults; None where nothing
             is left to do.
     """

@@ -24,26 +24,32 @@ from rosbridge_sim.weight import claim
 __all__ = ["REFUSALS", "ActionType", "Encoders", "Finalize", "JsonBytes", "MessageType", "ServiceType"]
 
 Finalize = Callable[[Any, int], None]
-"""`(value, stamp_ns)`: finishes a decoded value in place."""
+"""`(value, stamp_ns)`: completes a decoded value in place."""
 
 REFUSALS = (msgspec.DecodeError, ValueError, OverflowError, RecursionError)
-"""What the fast way may raise; bad UTF-8 is a ValueError."""
+"""Errors of the fast decoder; bad UTF-8 is a ValueError."""
 
 _CLAIMED: Final = 2**20
-"""A body from here on may hold a text for which no memory is left [bytes]; below, Python itself has hardly any more."""
+"""From this size on, memory for a body is claimed before it is decoded [bytes]: it may hold a text for which no memory
+is left. Below, Python itself would fail as well."""
 
 _COUNTED = 32 * 1024
-"""The elements of a body from here on are counted before it is decoded [bytes]; less costs 20 ms at most."""
+"""From this size on, the elements of a body are counted before it is decoded [bytes]; a smaller one costs at most
+20 ms."""
 
 
 class MessageType:
-    """A message type: checks, fills and encodes its values. Made by `compile_message`, once for each type.
+    """A message type: it decodes, checks, fills and encodes its values. `compile_message` makes it.
 
     Attributes:
         name: `pkg/Type`.
-        definition: what it was made from.
-        struct_type: the class of its values; takes the fields by keyword and fills in the defaults.
-        spec: the same as the slow rules see it.
+        definition: the parsed definition.
+        struct_type: the class of its values; it takes the fields by keyword and fills in the defaults.
+        spec: the fields as tables, for `validate.check`.
+
+    Args:
+        spec: the fields as tables.
+        encoders: shared by the types of one store.
     """
 
     __slots__ = ("_decode", "_encoders", "_finalize", "_skeleton", "definition", "name", "spec", "struct_type")
@@ -63,19 +69,19 @@ class MessageType:
 
     @property
     def finalize(self) -> Finalize | None:
-        """What is left to do on a decoded value, `(value, stamp_ns)`; None where nothing is."""
+        """The function that completes a decoded value, `(value, stamp_ns)`; None where nothing is left to do."""
         return self._finalize
 
     def decode_json(self, body: bytes | msgspec.Raw, stamp_ns: int) -> Struct:
-        """The checked and filled value of a JSON body.
+        """Return the checked and filled value of a JSON body.
 
         Args:
             body: the text of one JSON object.
-            stamp_ns: the time that headers without a stamp get [ns].
+            stamp_ns: the time for headers without a stamp [ns].
 
         Raises:
-            FieldError: it is no JSON, or does not fit the type.
-            MemoryError: there is none for it.
+            FieldError: the body is no JSON, or does not fit the type.
+            MemoryError: there is not enough memory for it.
         """
         try:
             if len(body) >= _COUNTED:
@@ -88,7 +94,7 @@ class MessageType:
         return value
 
     def _count(self, body: bytes | msgspec.Raw) -> None:
-        """Refuse a long body that stands for too much, or for which there is no memory."""
+        """Raise FieldError for a long body that would cost too much, and MemoryError if there is no memory for it."""
         if len(body) > _CLAIMED:
             claim(len(body))
         if self._skeleton is None:
@@ -96,27 +102,27 @@ class MessageType:
         self._skeleton.check(self.name, body)
 
     def check(self, value: object, stamp_ns: int, root: str | None = None) -> Struct:
-        """The checked and filled value of a body that is there as Python objects; see `check.check`.
+        """Return the checked and filled value of a body that is given as Python objects; see `validate.check`.
 
         Raises:
-            FieldError: it does not fit the type.
+            FieldError: the body does not fit the type.
         """
         return check(self.spec, value, stamp_ns, root)
 
     def encode_json(self, value: Struct) -> bytes:
-        """The JSON text of a value; NaN and infinity are `null`, bytes are base64, numpy arrays are lists."""
+        """Return the JSON text of a value: NaN and infinity are `null`, bytes are base64, numpy arrays are lists."""
         return _encode(value)
 
     def encode_cbor(self, value: Struct) -> bytes:
-        """The CBOR map of a value: NaN and infinity stay, numeric arrays are typed arrays."""
+        """Return the CBOR map of a value: NaN and infinity are kept, numeric arrays are typed arrays."""
         return self._encoders.cbor.encode(self.spec, value)
 
     def encode_raw(self, value: Struct) -> bytes:
-        """The bytes that ROS itself sends: ROS 1's, or CDR with its four bytes in front."""
+        """Return the bytes that ROS itself sends: those of ROS 1, or CDR after its four bytes of encapsulation."""
         return self._encoders.ros.serialize(self.spec, value)
 
     def default(self) -> Struct:
-        """A value whose fields all have their defaults."""
+        """Return a value whose fields all have their defaults."""
         return self.struct_type()
 
 
@@ -156,13 +162,13 @@ class ActionType:
 
 
 class JsonBytes(bytes):
-    """Bytes that came from JSON; `msgspec` leaves the writing of a class that it does not know to us."""
+    """Bytes that came from JSON. `msgspec` passes a class that it does not know to our own hook, which is faster."""
 
     __slots__ = ()
 
 
 def _encode_other(value: object) -> object:
-    """What `msgspec` does not know: our bytes, and numpy's arrays and scalars, which the world's own code may use."""
+    """Encode what `msgspec` does not know: our bytes, and numpy arrays and scalars, which the simulator itself uses."""
     if isinstance(value, JsonBytes):
         return msgspec.Raw(b'"' + pybase64.b64encode(value) + b'"')
     if isinstance(value, np.ndarray) and value.dtype == np.uint8:

@@ -16,15 +16,15 @@ from rosbridge_sim.schema.json_text import parse_json
 __all__ = ["OpaqueActionType", "OpaqueServiceType", "OpaqueType"]
 
 _MAX_ORJSON_DEPTH = 250
-"""orjson writes 254 levels, but reads 1,024."""
+"""Brackets of a text that is certainly not nested too deeply: orjson writes 254 levels, but reads 1,024."""
 
 
 class OpaqueType:
-    """A type of a package that nobody knows: any JSON object passes, nothing is checked or filled.
+    """A type of an unknown package: any JSON object passes, nothing is checked or filled.
 
     Attributes:
         name: `pkg/Type`.
-        struct_type: makes a value from fields by keyword, as `MessageType.struct_type` does.
+        struct_type: makes a value from fields by keyword, like `MessageType.struct_type`.
     """
 
     __slots__ = ("name",)
@@ -38,7 +38,11 @@ class OpaqueType:
         return f"OpaqueType({self.name})"
 
     def decode_json(self, body: bytes | msgspec.Raw, stamp_ns: int) -> dict[str, Any]:
-        """The object that the text holds.
+        """Return the object that a JSON text holds.
+
+        Args:
+            body: the text of one JSON object.
+            stamp_ns: not used; as in `MessageType.decode_json`.
 
         Raises:
             FieldError: it is no JSON object, or nested too deeply to be sent on.
@@ -54,7 +58,7 @@ class OpaqueType:
         return self.check(value, stamp_ns)
 
     def check(self, value: object, stamp_ns: int, root: str | None = None) -> dict[str, Any]:  # noqa: ARG002 - as MessageType
-        """The object itself.
+        """Return the object itself.
 
         Raises:
             FieldError: it is no object, or JSON cannot hold it.
@@ -68,15 +72,15 @@ class OpaqueType:
         return value
 
     def encode_json(self, value: Mapping[str, Any]) -> bytes:
-        """The JSON text of an object that was accepted."""
+        """Return the JSON text of an object that was accepted."""
         return orjson.dumps(value, option=orjson.OPT_SERIALIZE_NUMPY)
 
     def encode_cbor(self, value: Mapping[str, Any]) -> bytes:
-        """The CBOR map of an object that was accepted; nothing is known of arrays, so none is typed."""
+        """Return the CBOR map of an object that was accepted. The types of arrays are unknown, so none is typed."""
         return encode_plain(value)
 
     def encode_raw(self, value: Mapping[str, Any]) -> bytes:  # noqa: ARG002 - as MessageType
-        """Nobody knows its bytes.
+        """Refuse: the bytes of an unknown type are unknown.
 
         Raises:
             FieldError: always.
@@ -84,12 +88,12 @@ class OpaqueType:
         raise FieldError(f"{self.name} is not known here, so it cannot be sent as cbor-raw")
 
     def default(self) -> dict[str, Any]:
-        """The empty object: nothing is known of any field."""
+        """Return the empty object, because no field is known."""
         return {}
 
 
 class OpaqueServiceType:
-    """A service type of a package that nobody knows: requests and responses are any JSON objects.
+    """A service type of an unknown package: requests and responses are any JSON objects.
 
     Attributes:
         name: `pkg/Type`.
@@ -105,7 +109,7 @@ class OpaqueServiceType:
 
 
 class OpaqueActionType:
-    """An action type of a package that nobody knows: goals, results and feedback are any JSON objects.
+    """An action type of an unknown package: goals, results and feedback are any JSON objects.
 
     Attributes:
         name: `pkg/Type`.
@@ -122,12 +126,12 @@ class OpaqueActionType:
 
 
 def _is_shallow(body: bytes) -> bool:
-    """Whether a text cannot be nested more deeply than orjson writes: brackets in strings are counted too."""
+    """Tell whether a text is certainly not nested too deeply for orjson; brackets in strings count too."""
     return body.count(b"{") + body.count(b"[") <= _MAX_ORJSON_DEPTH
 
 
 def _no_array(value: object) -> None:
-    """Pass over a typed array.
+    """Accept a typed array, as a hook of orjson.
 
     Raises:
         TypeError: it is something else.

@@ -1,9 +1,9 @@
-"""Definition text to fields and constants: the grammar of .msg, .srv and .action files.
+"""Parser of definition texts: the grammar of .msg, .srv and .action files.
 
-It reads the ROS 1 grammar, and of the ROS 2 one whatever ROS 1 text cannot mean otherwise: bounded arrays and
-strings, default values, three-part type names. The one thing that both say and mean differently is a text constant:
-quotes around it belong to it in ROS 1. Every type name comes out as `pkg/Type`; the old short names `Header`, `time`
-and `duration` are understood here and nowhere else. What is wrong with a text is said with its line and column.
+It reads the grammar of ROS 1, and from that of ROS 2 everything that has no other meaning in ROS 1: bounded arrays and
+strings, default values, three-part type names. Only text constants have a different meaning in both: in ROS 1 the
+quotes around one belong to it. Every type name comes out as `pkg/Type`; the old short names `Header`, `time` and
+`duration` are accepted only here. Errors name line and column.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ INT_RANGES = {f"int{n}": (-(2 ** (n - 1)), 2 ** (n - 1) - 1) for n in (8, 16, 32
 """Least and greatest value of each integer type."""
 
 _WORD_RANGES = {"byte": (-128, 255), "char": (-128, 255)}
-"""`byte` and `char` change their sign between ROS 1 and 2: in a constant either reading passes."""
+"""The sign of `byte` and `char` differs between ROS 1 and ROS 2: a constant may have the range of either."""
 
 BASE_TYPES = frozenset(
     {*INT_RANGES, "bool", "float32", "float64", "string", "wstring", "byte", "char", "time", "duration"}
@@ -47,13 +47,13 @@ MAX_FLOAT32 = 3.4028235677973366e38
 """The first number that float32 rounds to infinity: half a step above its greatest one."""
 
 MAX_ARRAY_LENGTH = 1 << 24
-"""The longest fixed array: its default value alone would take 128 MB."""
+"""The longest fixed array [elements]: its default value alone takes 128 MB."""
 
 MAX_DIGITS = 18
-"""Of a length in a type: any such number fits an int64; Python refuses to read thousands of digits."""
+"""Most digits of a length in a type: such a number fits an int64. Python refuses to read thousands of digits."""
 
 MAX_LINE_SHOWN = 300
-"""Characters of an error: it quotes the text, and a line of that may be a megabyte long."""
+"""Longest error text [characters]: it quotes a line, which may be a megabyte long."""
 
 TYPE_TOKEN = re.compile(
     r"(?P<base>[A-Za-z]\w*(?:/\w+)*)(?:<=(?P<chars>\d+))?(?P<array>\[(?P<bound><=)?(?P<count>\d*)\])?(?=\s)", re.ASCII
@@ -75,11 +75,11 @@ class Field:
     Attributes:
         type: the base type, e.g. `float64`, `time`, or `pkg/Type`; never with an array suffix.
         name: as on the wire.
-        array: None for a scalar, 0 for any length, N for exactly N (or at most N, see `is_bounded`).
-        default: what the text gives (already converted, a tuple for arrays), or None.
-        is_bounded: `array` is the greatest length and not the exact one.
-        max_chars: the longest text of a bounded string, or None.
-        line: where it stands, counted from 1.
+        array: None for a scalar, 0 for any length, N for exactly N elements (or at most N, see `is_bounded`).
+        default: the default in the text, converted, a tuple for arrays; None if there is none.
+        is_bounded: `array` is the greatest length, not the exact one.
+        max_chars: the longest text of a bounded string [characters], or None.
+        line: number of its line, from 1.
     """
 
     type: str
@@ -92,12 +92,12 @@ class Field:
 
     @property
     def is_bytes(self) -> bool:
-        """Whether it is an array of bytes: base64 on the wire, `bytes` here."""
+        """True for an array of bytes, which is base64 in JSON and `bytes` here."""
         return self.array is not None and self.type in {"uint8", "char"}
 
     @property
     def full_type(self) -> str:
-        """The type as the text writes it: `float64[36]`, `string<=8[<=4]`."""
+        """The type with its array suffix, such as `float64[36]` or `string<=8[<=4]`."""
         chars = "" if self.max_chars is None else f"<={self.max_chars}"
         if self.array is None:
             return self.type + chars
@@ -110,8 +110,10 @@ class Constant:
 
     Attributes:
         type: a base type.
-        value: converted; `text` is how the definition writes it.
-        line: where it stands, counted from 1.
+        name: its name.
+        value: converted.
+        text: the value as the definition writes it.
+        line: number of its line, from 1.
     """
 
     type: str
@@ -123,12 +125,14 @@ class Constant:
 
 @dataclass(frozen=True, slots=True)
 class Definition:
-    """A parsed message, or one half of a service.
+    """A parsed message, or one part of a service or an action.
 
     Attributes:
         name: `pkg/Type`.
-        text: what was parsed.
-        source: where the text came from, and `first_line` its first line there: for error messages.
+        fields, constants: in the order of the text.
+        text: the parsed text.
+        source: where the text came from, for error texts.
+        first_line: number of its first line there.
     """
 
     name: str
@@ -145,16 +149,16 @@ class Definition:
 
 
 def parse_message(name: str, text: str, source: str | None = None, ros: Generation = 1) -> Definition:
-    """The definition that a .msg text holds.
+    """Return the definition in a .msg text.
 
     Args:
         name: `pkg/Type`; unqualified names in the text belong to its package.
         text: the whole file.
-        source: what error messages call the text; the name when None.
-        ros: the generation whose rule counts where the two differ.
+        source: name of the text in error texts; None for `name`.
+        ros: the generation whose rule counts where both differ.
 
     Raises:
-        DefinitionError: the text breaks the grammar; with line and column.
+        DefinitionError: the text is wrong; it names line and column.
     """
     return _parse(name, text, source or name, 1, ros)
 
@@ -162,10 +166,10 @@ def parse_message(name: str, text: str, source: str | None = None, ros: Generati
 def parse_service(
     name: str, text: str, source: str | None = None, ros: Generation = 1
 ) -> tuple[Definition, Definition]:
-    """The request `<name>Request` and the response `<name>Response` that a .srv text holds.
+    """Return the request `<name>Request` and the response `<name>Response` of a .srv text; see `parse_message`.
 
     Raises:
-        DefinitionError: the text breaks the grammar, or has not exactly one `---` line.
+        DefinitionError: the text is wrong, or has not exactly one `---` line.
     """
     request, response = _parse_parts(
         name, text, source or name, ros, what="a service", suffixes=("Request", "Response")
@@ -176,10 +180,12 @@ def parse_service(
 def parse_action(
     name: str, text: str, source: str | None = None, ros: Generation = 1
 ) -> tuple[Definition, Definition, Definition]:
-    """The goal `<name>Goal`, the result `<name>Result` and the feedback `<name>Feedback` of a .action text.
+    """Return goal `<name>Goal`, result `<name>Result` and feedback `<name>Feedback` of a .action text.
+
+    The arguments are those of `parse_message`.
 
     Raises:
-        DefinitionError: the text breaks the grammar, or has not exactly two `---` lines.
+        DefinitionError: the text is wrong, or has not exactly two `---` lines.
     """
     goal, result, feedback = _parse_parts(
         name, text, source or name, ros, what="an action", suffixes=("Goal", "Result", "Feedback")
@@ -190,7 +196,7 @@ def parse_action(
 def _parse_parts(
     name: str, text: str, source: str, ros: Generation, *, what: str, suffixes: tuple[str, ...]
 ) -> list[Definition]:
-    """The definitions between the `---` lines, named by the suffixes."""
+    """Return the definitions between the `---` lines, named by the suffixes."""
     lines = text.split("\n")
     borders = [i for i, line in enumerate(lines) if line.strip() == "---"]
     wanted = len(suffixes) - 1
@@ -232,7 +238,7 @@ def _parse(name: str, text: str, source: str, first_line: int, ros: Generation) 
 
 @dataclass(frozen=True, slots=True)
 class _Line:
-    """One line of a definition, and where to say that it is wrong."""
+    """One line of a definition, with its place for error texts."""
 
     source: str
     number: int
@@ -246,7 +252,7 @@ class _Line:
         raise DefinitionError(self.source, self.number, at + 1, text)
 
     def parse(self) -> Field | Constant | None:
-        """What the line defines: `type name`, `type name = value` or `type name default`, then a comment."""
+        """Return what the line defines: `type name`, `type name = value` or `type name default`, and a comment."""
         line = self.line
         start = _skip_space(line, 0)
         if line[start : start + 1] in {"", "#"}:
@@ -294,7 +300,7 @@ class _Line:
         )
 
     def resolve(self, match: re.Match[str]) -> str:
-        """The base type, or the full name of a nested one."""
+        """Return the base type, or the full name of a nested type."""
         base = match["base"]
         if base in BASE_TYPES:
             return base
@@ -311,7 +317,7 @@ class _Line:
         if base not in BASE_TYPES - {"time", "duration"} or match["array"] or match["chars"]:
             self.fail(match.start(), f"a constant cannot be of type {match[0]}")
         if base in {"string", "wstring"}:
-            # Everything behind the sign belongs to the text, `#` too; quotes are part of it, as in ROS 1.
+            # Everything after `=` belongs to the text in ROS 1, also quotes and `#`.
             text = self.line[at:].strip()
             value: object = self.quoted(base, text, at) if self.ros != 1 else text
         else:
@@ -320,14 +326,14 @@ class _Line:
         return Constant(base, name, value, text, line=self.number)
 
     def quoted(self, base: str, text: str, at: int) -> str:
-        """A text constant as ROS 2 reads it: without quotes and comment; with quotes that do not match, as it is."""
+        """Return a text constant by the rule of ROS 2: without quotes and comment, unless quotes do not match."""
         try:
             return self.literal(base, at) if text else ""
         except DefinitionError:
             return text
 
     def default(self, plain: Field, at: int) -> object:
-        """The value behind a field's name, as ROS 2 text may have it."""
+        """Return the default value after a field's name, which ROS 2 text may have."""
         base = plain.type
         if base not in BASE_TYPES - {"time", "duration"}:
             self.fail(at, f"a field of type {plain.full_type} cannot have a default value")
@@ -351,7 +357,7 @@ class _Line:
         return values
 
     def literal(self, base: str, at: int) -> str:
-        """The text of a single default value, without its quotes and the comment behind it."""
+        """Return the text of a single default value, without quotes and comment."""
         text = self.line[at:].strip()
         if base not in {"string", "wstring"}:
             return text.partition("#")[0].strip()
@@ -363,7 +369,7 @@ class _Line:
         return values[0]
 
     def texts(self, text: str, at: int) -> list[str]:
-        """Quoted texts, separated by commas; Python's own rules for quotes and escapes, and for comments."""
+        """Return quoted texts that are separated by commas, by Python's rules for quotes, escapes and comments."""
         try:
             values = ast.literal_eval(f"[{text}\n]")
         except (ValueError, SyntaxError, MemoryError, RecursionError):
@@ -377,7 +383,7 @@ class _Line:
             self.fail(at, f"{value!r} is longer than {plain.full_type} allows")
 
     def convert(self, base: str, text: str, at: int) -> object:
-        """The value that a literal stands for, checked against the range of its type."""
+        """Return the value that a literal stands for, checked against the range of its type."""
         if base in {"string", "wstring"}:
             return text
         if base == "bool":

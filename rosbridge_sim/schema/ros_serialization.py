@@ -1,9 +1,9 @@
-"""Values to the bytes that ROS itself sends: ROS 1's serialization, and CDR as ROS 2 has it.
+"""Encoding of values as the bytes that ROS itself sends: the serialization of ROS 1, and CDR of ROS 2.
 
-Both are numbers in little-endian order one after the other, and before text and arrays of any length their length. CDR
-puts each number at a multiple of its size, text ends with a zero that counts, and an empty message has one byte.
-A function is made for each type; rosbags' serialisers want dataclasses of their own, which alone took twice as long,
-and are the judges in the tests.
+Both are little-endian numbers one after the other; before text and arrays of any length stands their length. In CDR
+each number is at a multiple of its size, text ends with a zero that is counted, and an empty message has one byte. A
+function is generated for each type. The serializers of rosbags need dataclasses of their own, which alone takes twice
+as long; the tests use them as reference.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from rosbridge_sim.schema.names import Generation
 __all__ = ["RosWriters"]
 
 _Write = Callable[..., Any]
-"""`(value, out)`, or `(value, out, at)` to the new `at` for CDR; Any: a generated struct."""
+"""`(value, out)`, or for CDR `(value, out, at)`, which returns the new position; the value is a struct."""
 
 _ENCAPSULATION: Final = b"\0\1\0\0"
-"""CDR, little-endian; positions are counted from behind it."""
+"""The four bytes before CDR: little-endian. Positions are counted from after them."""
 
 _PADS: Final = [bytes(length) for length in range(8)]
 
 
 class RosWriters:
-    """The writers of all types that were asked for; one for each store.
+    """The ROS encoders of the types of one store, each made at its first use.
 
     Args:
         ros: the generation whose bytes are written.
@@ -43,11 +43,15 @@ class RosWriters:
         self._writers: dict[str, _Write] = {}
 
     def serialize(self, spec: MessageSpec, value: msgspec.Struct) -> bytes:
-        """The bytes of a value; CDR begins with its four bytes of encapsulation.
+        """Return the bytes of a value; CDR begins with its four bytes of encapsulation.
+
+        Args:
+            spec: its type.
+            value: a checked struct of the type.
 
         Raises:
-            FieldError: nobody agrees on the type's bytes.
-            EncodingError: the value does not fit its type: a bug, since whoever sends one has it checked.
+            FieldError: the bytes of the type differ between ROS 2 implementations.
+            EncodingError: the value does not fit its type: a bug, because values are checked before.
         """
         write = self._writers.get(spec.name) or self._writer(spec)
         out: list[bytes] = []
@@ -71,9 +75,9 @@ class RosWriters:
 
 
 class _RosSource(Source):
-    """Collects fields of fixed size that stand side by side into one call of `struct`.
+    """Source of a ROS encoder; it collects neighbouring fields of fixed size into one call of `struct`.
 
-    In CDR a run's layout depends on where it starts: there is one for each position modulo 8, and the function
+    In CDR the layout of such a run depends on its start: there is one for each position modulo 8, and the function
     counts its position `at`.
     """
 
@@ -93,7 +97,7 @@ class _RosSource(Source):
     # Pieces
 
     def fixed(self, code: str, expression: str) -> None:
-        """One or more numbers of one kind: `struct`'s letter, with a count before it."""
+        """Add one or more numbers of one type; `code` is the letter of `struct`, with a count before it."""
         self._run.append((struct.calcsize("<" + code[-1]), code, expression))
 
     def flush(self) -> None:
@@ -101,7 +105,7 @@ class _RosSource(Source):
         super().flush()
 
     def data(self, expression: str, align: int = 1) -> None:
-        """Bytes of any length; `align` is the size of the numbers in them."""
+        """Add bytes of any length; `align` is the size of the numbers in them [bytes]."""
         self._end_run()
         if self._is_cdr:
             if align > 1:
@@ -112,7 +116,7 @@ class _RosSource(Source):
         self.piece(expression)
 
     def call(self, function: str, expression: str) -> None:
-        """A writer of its own for something within."""
+        """Add a call of another encoder."""
         self.flush()
         self.line(f"at = {function}({expression}, out, at)" if self._is_cdr else f"{function}({expression}, out)")
 
@@ -134,7 +138,7 @@ class _RosSource(Source):
     # Fields
 
     def message(self, spec: MessageSpec, value: str) -> None:
-        """All fields of a message that `value` stands for."""
+        """Add all fields of the message that the expression `value` stands for."""
         for field_spec in spec.fields.values():
             item = f"{value}.{field_spec.attribute}"
             if field_spec.definition.array is not None:
@@ -200,7 +204,7 @@ class _RosSource(Source):
 
 
 def _layout(run: list[tuple[int, str, str]], start: int) -> struct.Struct:
-    """The layout of a run that starts at a position, with the padding that CDR wants."""
+    """Return the layout of a run that starts at a position, with the padding of CDR."""
     at = start
     codes = ["<"]
     for size, code, _ in run:

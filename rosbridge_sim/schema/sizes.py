@@ -1,8 +1,7 @@
-"""Memory that a decoded message takes, estimated in a microsecond or two.
+"""An estimate of the memory that a decoded message takes, made in a microsecond or two.
 
-A list is judged by a few of its elements, because they are of one type; so the estimate is made from the shape of a
-value and not from all of it. It is at least twice the length of the text that the value came from, which bounds what
-unequal elements can hide.
+Of a list a few elements are looked at, because they are of one type. The estimate is at least twice the length of the
+text that the value came from, which bounds the error of unequal elements.
 """
 
 from __future__ import annotations
@@ -17,13 +16,13 @@ from rosbridge_sim.loose_types import JsonValue, Struct
 __all__ = ["size_of"]
 
 _STRUCT, _FIELD, _LIST, _ITEM, _TEXT, _BYTES, _NUMBER, _DICT, _ENTRY = 16, 8, 56, 8, 49, 33, 28, 64, 100
-"""Memory of CPython's objects beside what they hold [bytes]; an entry of a dict has a key of its own."""
+"""Memory of CPython's own objects, without their content [bytes]; an entry of a dict has a key of its own."""
 
 _SAMPLES: Final = 8
-"""Elements of a list that are looked at, evenly spread."""
+"""Elements of a list that are looked at, evenly spread: unequal elements are rare."""
 
 _MAX_DEPTH: Final = 20
-"""Below that, an unknown type's value counts by its text alone."""
+"""Below this depth, a value of an unknown type counts by its text alone."""
 
 
 def size_of(value: Struct | JsonValue, text_length: int = 0) -> int:
@@ -31,7 +30,7 @@ def size_of(value: Struct | JsonValue, text_length: int = 0) -> int:
 
     Args:
         value: a struct of a message type, or the objects of an unknown one.
-        text_length: of the body that it was decoded from, if there was one [bytes].
+        text_length: length of the body that it was decoded from; 0 if there was none [bytes].
     """
     return max(_size(value, 0), 2 * text_length)
 

@@ -1,8 +1,8 @@
 """Cost of a long JSON body: its elements are counted before they are decoded.
 
-`{}` is two characters, and as an element of a MarkerArray it stands for nine structs and four float32, with 400 bytes
-of text for each listener. So the length of a text says little of what it costs. A skeleton of a type has nothing but
-its lists of messages; msgspec skips all else without making it, at a gigabyte a second.
+`{}` is two characters. As an element of a MarkerArray it stands for nine structs and four float32, with 400 bytes of
+text for each listener. So the length of a text says little about its cost. The skeleton of a type has only its lists of
+messages; msgspec skips everything else without decoding it, at a gigabyte a second.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from rosbridge_sim.schema.message_spec import MessageSpec
 __all__ = ["MAX_COST", "Skeleton"]
 
 MAX_COST: Final = 300_000
-"""The most that one message may cost: a struct counts 1, a float32 that must be rounded 2. 5,000 markers with two
-points and two colours each cost 185,000; 300,000 take 20 to 60 ms to decode, and as much for each encoding."""
+"""The highest cost of one message: a struct counts 1, a float32 that must be rounded 2. 5,000 markers with two points
+and two colours each cost 185,000. 300,000 take 20 to 60 ms to decode, and as much for each encoding."""
 
 _ROUNDING: Final = 2
 
@@ -60,16 +60,16 @@ class _Plan:
 
     @property
     def is_nested(self) -> bool:
-        """Whether elements have lists of their own."""
+        """True if elements of a list have lists themselves."""
         return any(plan is not None for _, _, plan in self.lists) or any(plan.is_nested for _, plan in self.inner)
 
     @property
     def has_lists(self) -> bool:
-        """True where there is anything to count."""
+        """True if there is anything to count."""
         return bool(self.lists or self.inner)
 
     def cost(self, value: Struct) -> int:
-        """Cost of the elements of all lists."""
+        """Return the cost of the elements of all lists."""
         total = 0
         for name, each, plan in self.lists:
             elements = getattr(value, name)
@@ -84,7 +84,7 @@ class _Plan:
 
 
 def _cost_of(spec: MessageSpec) -> int:
-    """Cost of a message with nothing but defaults."""
+    """Return the cost of a message that has only defaults."""
     cost = 1
     for field_spec in spec.fields.values():
         count = (
@@ -102,15 +102,15 @@ def _cost_of(spec: MessageSpec) -> int:
 
 
 class Skeleton:
-    """Counts what the bodies of one type cost."""
+    """The cost of the bodies of one type."""
 
     __slots__ = ("_counts",)
 
     def __init__(self, spec: MessageSpec) -> None:
-        """Made at a type's first long body.
+        """Prepare the counting.
 
         Args:
-            spec: the type.
+            spec: the message type.
         """
         plan = _Plan(spec)
         # The elements alone come first: 150,000 `{}` are too many, and looking into each takes 0.1 s and 25 MB.
@@ -118,10 +118,14 @@ class Skeleton:
         self._counts = [(msgspec.json.Decoder(each.struct_type).decode, each.cost) for each in plans]
 
     def check(self, name: str, body: bytes | msgspec.Raw) -> None:
-        """Refuse a body that would cost too much.
+        """Check that a body does not cost too much.
+
+        Args:
+            name: name of the type, for the error text.
+            body: a JSON text.
 
         Raises:
-            FieldError: it would.
+            FieldError: it costs too much.
             msgspec.DecodeError, UnicodeDecodeError, RecursionError: a list holds something else than messages.
         """
         for cost in self.costs(body):
@@ -132,7 +136,9 @@ class Skeleton:
                 )
 
     def costs(self, body: bytes | msgspec.Raw) -> Iterator[int]:
-        """What the lists of a body cost: first without those in elements, then all; nothing where there can be none.
+        """Yield the cost of the lists of a body, first without the lists in elements, then with them.
+
+        Nothing comes where the type has no lists.
 
         Raises:
             msgspec.DecodeError, UnicodeDecodeError, RecursionError: as in `check`.

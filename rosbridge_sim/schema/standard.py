@@ -1,7 +1,8 @@
-"""The standard packages, as definition texts: what rosbags knows of either ROS generation, read when it is needed.
+"""The standard packages as definition texts, from rosbags, which has those of both ROS generations.
 
-Each import costs some 80 ms, and a session that sticks to the types in `schemas/` never pays it. A type that only the
-other generation has is found there (`rcl_interfaces/Log` where ROS 1 is spoken): its clients come too.
+rosbags is imported at the first need, because that takes about 80 ms; a server that uses only the types in `schemas/`
+never imports it. A type that only the other generation has is found too (such as `rcl_interfaces/Log` under ROS 1),
+because its clients connect as well.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from rosbridge_sim.schema.names import Generation
 __all__ = ["PACKAGES", "WITHOUT_SERVICES", "ros2_text", "standard_names", "standard_text"]
 
 _Fielddefs: TypeAlias = tuple[list[Any], list[Any]]
-"""What rosbags holds of a message: constants and fields."""
+"""A message in rosbags: constants and fields."""
 
 _FieldDesc: TypeAlias = tuple[Any, Any]
-"""What rosbags holds of a field's type: the kind of node, and what that kind needs."""
+"""The type of a field in rosbags: the kind of node, and its details."""
 
 _SHARED: Final = frozenset(
     {"actionlib_msgs", "diagnostic_msgs", "geometry_msgs", "nav_msgs", "rosgraph_msgs", "sensor_msgs", "shape_msgs"}
@@ -31,10 +32,11 @@ PACKAGES: Final[Mapping[Generation, frozenset[str]]] = {
     | {"action_msgs", "builtin_interfaces", "lifecycle_msgs", "rcl_interfaces", "rmw_dds_common", "rosbag2_interfaces"}
     | {"service_msgs", "statistics_msgs", "tf2_msgs", "type_description_interfaces", "unique_identifier_msgs"},
 }
-"""Written down, so that a name that nobody knows does not cost an import; a test compares."""
+"""The packages of each generation. They are listed here so that an unknown name does not cost an import; a test
+compares the list with rosbags."""
 
 WITHOUT_SERVICES: Final = frozenset({"rosbag2_interfaces"})
-"""Packages whose services exist and are not in `schemas/`, so that they count as unknown."""
+"""Packages whose services exist but are not in `schemas/`; they count as unknown."""
 
 _TEXTS_OF_ROS2: Final[Mapping[str, str]] = {
     "std_msgs/Header": "# When and where a message was made.\n\n"
@@ -42,16 +44,16 @@ _TEXTS_OF_ROS2: Final[Mapping[str, str]] = {
     # rosbags leaves default values out; these are the only ones in a package of everyday
     "geometry_msgs/Quaternion": "# An orientation.\n\nfloat64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n",
 }
-"""What differs from the text of ROS 1 in `schemas/`, and counts instead of it."""
+"""Texts of ROS 2 that count instead of the ROS 1 texts in `schemas/`."""
 
 _EXAMPLES: Final = "example_interfaces"
-"""A package whose messages are copies of those in std_msgs, for ROS 2's tutorials."""
+"""A package with copies of the messages in std_msgs, which the tutorials of ROS 2 use."""
 
 _NOT_EXAMPLES: Final = frozenset({"ColorRGBA", "Duration", "Header", "Time"})
 
 
 def standard_text(ros: Generation, package: str, name: str) -> str | None:
-    """The definition text of a standard message; None when there is no such message."""
+    """Return the definition text of a standard message; None if there is no such message."""
     for generation in (ros, _OTHER[ros]):
         if package in PACKAGES[generation]:
             text = _text(generation, package, name)
@@ -61,12 +63,12 @@ def standard_text(ros: Generation, package: str, name: str) -> str | None:
 
 
 def ros2_text(package: str, name: str) -> str | None:
-    """The text of a message whose ROS 2 form is another one than that in `schemas/`; None for all others."""
+    """Return the ROS 2 text of a message that differs from the one in `schemas/`; None for all others."""
     return _TEXTS_OF_ROS2.get(f"{package}/{name}")
 
 
 def standard_names(ros: Generation) -> list[str]:
-    """`pkg/Type` of each standard message of a generation."""
+    """Return the names, `pkg/Type`, of all standard messages of a generation."""
     found = [f"{package}/{name}" for package, names in _packages(ros).items() for name in names]
     return found + [f"{_EXAMPLES}/{name}" for name in _packages(ros)["std_msgs"] if name not in _NOT_EXAMPLES]
 
@@ -76,8 +78,8 @@ _OTHER: Final[Mapping[Generation, Generation]] = {1: 2, 2: 1}
 
 @cache
 def _packages(ros: Generation) -> Mapping[str, Mapping[str, _Fielddefs]]:
-    """The standard definitions of a generation: package -> name -> fields."""
-    from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415 - see above
+    """Return the standard definitions of a generation: package -> name -> fields."""
+    from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415 - see the head of this file
 
     return _by_package(ros, get_typestore(Stores.ROS1_NOETIC if ros == 1 else Stores.ROS2_JAZZY).fielddefs)
 
@@ -86,7 +88,7 @@ def _by_package(ros: Generation, found: Mapping[str, _Fielddefs]) -> Mapping[str
     packages: dict[str, dict[str, _Fielddefs]] = {}
     for full, definition in found.items():
         package, _, name = full.split("/")
-        if package in PACKAGES[ros]:  # ROS 1's `time` and `duration` come in the clothes of ROS 2
+        if package in PACKAGES[ros]:  # ROS 1's `time` and `duration` have package names of ROS 2 there
             packages.setdefault(package, {})[name] = definition
     return packages
 
@@ -100,13 +102,13 @@ def _text(ros: Generation, package: str, name: str) -> str | None:
         return None
     constants, fields = definition
     lines = [f"{kind} {constant}={value}" for constant, kind, value in constants]
-    # rosbags fills empty messages with a byte, as DDS does; their definitions have none.
+    # rosbags gives empty messages a byte, as DDS does; their definitions have no field.
     lines += [f"{_type(desc)} {f}" for f, desc in fields if f != "structure_needs_at_least_one_member"]
     return "".join(f"{line}\n" for line in lines)
 
 
 def _type(desc: _FieldDesc) -> str:
-    """A field's type as a definition writes it; rosbags has (node type, ...) tuples."""
+    """Return a field's type as a definition text writes it; rosbags has (node type, ...) tuples."""
     kind, detail = desc
     if kind in {_ARRAY, _SEQUENCE}:
         element, count = detail
@@ -120,4 +122,4 @@ def _type(desc: _FieldDesc) -> str:
 
 
 _NAME, _ARRAY, _SEQUENCE = 2, 3, 4
-"""`rosbags.interfaces.Nodetype`, whose import is what we put off."""
+"""Values of `rosbags.interfaces.Nodetype`, which is not imported here to save time at start."""

@@ -1,9 +1,9 @@
-"""Every type by its name: texts in, compiled types out, each made once and at its first use.
+"""The store of all types by name: definition texts in, compiled types out, each made at its first use.
 
-A store is given definition texts (what lies in `schemas/` and in the user's folders); the standard packages beyond them
-come from rosbags, which is imported when the first type is asked for that the texts lack. From the text of an action
-the seven messages come too by which actionlib speaks of it. Both `pkg/Type` and `pkg/msg/Type` are understood
-everywhere; `pkg/Type` is the name of a type here, and `spelled` is what the personality writes.
+A store gets definition texts (those in `schemas/` and in the user's folders). Further standard packages come from
+rosbags, which is imported when a type is asked for that the texts lack. The text of an action also defines the seven
+messages of actionlib. Both `pkg/Type` and `pkg/msg/Type` are accepted everywhere. `pkg/Type` is the name of a type
+inside; `spelled` returns the one that the ROS generation writes.
 """
 
 from __future__ import annotations
@@ -31,28 +31,28 @@ from rosbridge_sim.suggestions import hint
 
 __all__ = ["Store"]
 
-_ACTIONLIB = {
+_ACTIONLIB_MESSAGES = {
     "ActionGoal": "Header header\nactionlib_msgs/GoalID goal_id\n{name}Goal goal\n",
     "ActionResult": "Header header\nactionlib_msgs/GoalStatus status\n{name}Result result\n",
     "ActionFeedback": "Header header\nactionlib_msgs/GoalStatus status\n{name}Feedback feedback\n",
     "Action": "{name}ActionGoal action_goal\n{name}ActionResult action_result\n{name}ActionFeedback action_feedback\n",
 }
-"""What ROS 1 makes of an action: the messages of its topics, and one that holds them all."""
+"""Definitions that ROS 1 generates for an action: the messages of its topics, and one that holds them all."""
 
 _PARTS = ("Goal", "Result", "Feedback")
-"""What a text of an action itself defines."""
+"""The messages that the text of an action itself defines."""
 
 
 class Store:
-    """All types that this process knows.
+    """All types that are known.
+
+    Attributes:
+        ros: the ROS generation whose forms go out.
 
     Args:
         texts: definition texts by (package, `msg` or `srv` or `action`, name).
-        leniency: other names and shapes to accept.
-        ros: the personality.
-
-    Attributes:
-        ros: the same.
+        leniency: other names and forms to accept.
+        ros: see above.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Store:
     # Names
 
     def canonical(self, name: str) -> str:
-        """The one spelling of a type name: `pkg/Type`, after aliases. It may still be unknown.
+        """Return the one form of a type name, `pkg/Type`, with aliases resolved. The type may still be unknown.
 
         Raises:
             TypeNameError: the name is malformed.
@@ -94,12 +94,12 @@ class Store:
         if package not in self._packages:
             package = RENAMED_PACKAGES.get(package, package)
         full = f"{package}/{short}"
-        # A type that is really there is no other's misspelt name.
+        # A type that exists is no alias of another one.
         is_there = any((package, kind, short) in self._texts for kind in ("msg", "srv", "action"))
         return full if is_there else self._leniency.types.get(full, full)
 
     def spelled(self, name: str, kind: DefinitionKind) -> str:
-        """A type's name as the personality writes it: `pkg/Type` for ROS 1, `pkg/msg/Type` for ROS 2.
+        """Return a type's name as the ROS generation writes it: `pkg/Type` for ROS 1, `pkg/msg/Type` for ROS 2.
 
         Raises:
             TypeNameError: the name is malformed.
@@ -107,21 +107,21 @@ class Store:
         return spelled(self.canonical(name), kind, self.ros)
 
     def packages(self) -> list[str]:
-        """The names of all packages with a known type, in order."""
+        """Return the names of all packages with a known type, sorted."""
         return sorted(self._packages | PACKAGES[self.ros])
 
     def names(self, kind: DefinitionKind) -> list[str]:
-        """The names of all known messages, services or actions, in order."""
+        """Return the names of all known messages, services or actions, sorted."""
         own = {f"{package}/{name}" for package, k, name in self._texts if k == kind}
         if kind == "msg":
             own.update(standard_names(self.ros))
             if self.ros == 1:
                 actions = [f"{package}/{name}" for package, k, name in self._texts if k == "action"]
-                own.update(action + suffix for action in actions for suffix in (*_ACTIONLIB, *_PARTS))
+                own.update(action + suffix for action in actions for suffix in (*_ACTIONLIB_MESSAGES, *_PARTS))
         return sorted(own)
 
     def near_package(self, name: str) -> str:
-        """Return a suggestion for a type whose package is unknown, for the end of a sentence; perhaps nothing.
+        """Return a suggestion for a type of an unknown package, to end a sentence; empty if no name is near.
 
         Args:
             name: `pkg/Type`.
@@ -131,14 +131,14 @@ class Store:
     # Types
 
     def message(self, name: str) -> MessageType:
-        """The compiled type of a message.
+        """Return the compiled type of a message.
 
         Args:
             name: `pkg/Type` or `pkg/msg/Type`.
 
         Raises:
             TypeNameError: the name is malformed, its package has no such message, or its definition is broken.
-            UnknownPackageError: nothing is known of its package.
+            UnknownPackageError: its package is unknown.
         """
         known = self._messages.get(name)
         if known is not None:
@@ -152,14 +152,14 @@ class Store:
         return compiled
 
     def service(self, name: str) -> ServiceType:
-        """The compiled type of a service.
+        """Return the compiled type of a service.
 
         Args:
             name: `pkg/Type` or `pkg/srv/Type`.
 
         Raises:
             TypeNameError: the name is malformed, its package has no such service, or its definition is broken.
-            UnknownPackageError: nothing is known of its package.
+            UnknownPackageError: its package is unknown.
         """
         known = self._services.get(name)
         if known is not None:
@@ -173,14 +173,14 @@ class Store:
         return compiled
 
     def action(self, name: str) -> ActionType:
-        """The compiled type of an action.
+        """Return the compiled type of an action.
 
         Args:
             name: `pkg/Type` or `pkg/action/Type`.
 
         Raises:
             TypeNameError: the name is malformed, its package has no such action, or its definition is broken.
-            UnknownPackageError: nothing is known of its package.
+            UnknownPackageError: its package is unknown.
         """
         canonical = self.canonical(name)
         compiled = self._actions.get(canonical)
@@ -192,10 +192,10 @@ class Store:
         return compiled
 
     def full_text(self, name: str) -> str:
-        """A message's text with those of all types in it, as rosapi gives it; in the personality's grammar.
+        """Return a message's text with those of all types in it, in the grammar of the ROS generation, for rosapi.
 
-        The root's text, then for each distinct nested type, depth first: 80 equal signs, `MSG: pkg/Type`, its text.
-        Nested names are written in full.
+        It is the text of the message, then for each distinct nested type, depth first: 80 equal signs, `MSG: pkg/Type`
+        and its text. Nested names are written in full.
 
         Raises:
             TypeNameError: as for `message`.
@@ -207,15 +207,15 @@ class Store:
         return text
 
     def time_value(self, stamp_ns: int) -> msgspec.Struct:
-        """The value of a `time` field at that time [ns]."""
+        """Return the value of a `time` field at a time [ns]."""
         return self._dialect.time(stamp_ns)
 
-    # How a type is found
+    # Search for types
 
     def _remember(self, spelling: str, canonical: str) -> None:
-        """Keep a spelling that led to a type: there are at most a few for each, so this is bounded.
+        """Keep a spelling that led to a type; there are only a few for each type, so memory is bounded.
 
-        Spellings with needless slashes are not kept, because a client can make any number of them.
+        Spellings with needless slashes are not kept, because a client can send any number of them.
         """
         if "//" in spelling or spelling.startswith("/") or spelling.endswith("/"):
             return
@@ -252,7 +252,7 @@ class Store:
         return ActionType(name, goal, result, feedback)
 
     def _action_parts(self, name: str) -> tuple[Definition, Definition, Definition] | None:
-        """Goal, result and feedback of an action's text; None when there is none."""
+        """Return goal, result and feedback of an action; None if it has no text."""
         known = self._parts.get(name)
         if known is None:
             package, _, short = name.partition("/")
@@ -298,8 +298,8 @@ class Store:
         return definition
 
     def _of_action(self, name: str) -> Definition | None:
-        """The message that ROS 1 would make from the text of an action; None when there is no such text."""
-        for suffix, text in _ACTIONLIB.items():
+        """Return a message that ROS 1 generates from the text of an action; None if there is no such text."""
+        for suffix, text in _ACTIONLIB_MESSAGES.items():
             action = name.removesuffix(suffix)
             if action != name and self._action_parts(action) is not None:
                 source = f"{action.replace('/', '/action/')}.action"
@@ -329,5 +329,5 @@ class Store:
 def _joined(
     first: Mapping[str, Mapping[str, str]], second: Mapping[str, Mapping[str, str]]
 ) -> dict[str, Mapping[str, str]]:
-    """Both tables; where both have a row the second's entries count."""
+    """Return both tables as one; in rows of both, the entries of the second count."""
     return {key: {**first.get(key, {}), **second.get(key, {})} for key in [*first, *second]}

@@ -1,8 +1,8 @@
-"""What rosapi tells of a type: its fields as parallel lists, and its text with those of all types in it.
+"""Descriptions of a type for rosapi: its fields as parallel lists, and its text with those of all types in it.
 
-Tools build their readers from the text (Lichtblick cannot do without), so it is written in the grammar of the
-personality, whichever one the definition was written in: ROS 1 knows no bounds, defaults and wide strings, ROS 2 no
-upper case in a field's name and no time but `builtin_interfaces`. Nested names are written in full.
+Tools build their readers from the text (Lichtblick needs it). So the text is always in the grammar of the ROS
+generation that is spoken: ROS 1 has no bounds, defaults and wide strings; ROS 2 has no upper case in field names and no
+time but that of `builtin_interfaces`. Nested names are written in full.
 """
 
 from __future__ import annotations
@@ -22,20 +22,21 @@ _TIMES = {
     1: {"time": "time", "duration": "duration"},
     2: {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"},
 }
-"""What each generation calls the two types that are a base type for the one and a message for the other."""
+"""The names in each generation of the two types that are base types in ROS 1 and messages in ROS 2."""
 
 _BORDER = "=" * 80
 
 
 @dataclass(frozen=True, slots=True)
 class TypeDef:
-    """One type as rosapi/TypeDef has it; lists of one kind run in parallel.
+    """One type in the form of rosapi/TypeDef, with parallel lists.
 
     Attributes:
         type: `pkg/Type`.
-        fieldarraylen: -1 no array, 0 any length (bounded or not), else the length.
-        examples: a default value as text; `[]` for arrays, `{}` for messages.
-        constnames, constvalues: what the definition names.
+        fieldnames, fieldtypes: of each field.
+        fieldarraylen: -1 for no array, 0 for any length (bounded or not), else the length.
+        examples: default value of each field as text; `[]` for arrays, `{}` for messages.
+        constnames, constvalues: of each constant.
     """
 
     type: str
@@ -48,7 +49,7 @@ class TypeDef:
 
 
 def typedefs(root: MessageSpec) -> list[TypeDef]:
-    """A type, then each type in it once, depth first."""
+    """Return a type, then each type in it once, depth first."""
     return list(_typedefs(root, set()))
 
 
@@ -86,13 +87,13 @@ def _example(f: Field, make: Callable[[], object]) -> str:
 
 
 def full_text(root: MessageSpec) -> str:
-    """A type's text, then for each type in it, depth first: 80 equal signs, `MSG: pkg/Type`, its text."""
+    """Return a type's text, then for each type in it, depth first: 80 equal signs, `MSG: pkg/Type`, its text."""
     parts = dict(_texts(root, root.dialect.ros))
     return "\n".join([parts.pop(root.name), *(f"{_BORDER}\nMSG: {name}\n{text}" for name, text in parts.items())])
 
 
 def _texts(spec: MessageSpec, ros: Generation) -> Iterator[tuple[str, str]]:
-    """Name and text of a type and of those in it; some come twice."""
+    """Yield name and text of a type and of those in it; some come twice."""
     yield spec.name, _text(spec.definition, ros)
     for field_spec in spec.fields.values():
         if field_spec.nested is not None:
@@ -102,7 +103,7 @@ def _texts(spec: MessageSpec, ros: Generation) -> Iterator[tuple[str, str]]:
 
 
 def _text(definition: Definition, ros: Generation) -> str:
-    """A definition's text with those lines written anew that a reader of that grammar would not understand."""
+    """Return a definition's text, with the lines rewritten that the grammar of a generation does not have."""
     lines = definition.text.split("\n")
     names = {name: other for other, name in ros2_names(f.name for f in definition.fields).items()} if ros != 1 else {}
     for f in definition.fields:
@@ -140,7 +141,7 @@ def _type_text(f: Field, ros: Generation) -> str:
 def _constant_line(line: str, constant: Constant, ros: Generation) -> str:
     name, value = constant.name, constant.text
     if isinstance(constant.value, float) and not math.isfinite(constant.value):
-        return f"# {line.strip()}"  # neither reader knows a word for it
+        return f"# {line.strip()}"  # neither grammar can write it
     if isinstance(constant.value, int) and not isinstance(constant.value, bool):
         value = str(constant.value)
     if ros != 1:
@@ -151,14 +152,14 @@ def _constant_line(line: str, constant: Constant, ros: Generation) -> str:
 
 
 def _literal(value: object) -> str | None:
-    """A value as ROS 2 text writes it; None for what its readers have no word for."""
+    """Return a value as ROS 2 text writes it; None for a value that its grammar cannot write."""
     if isinstance(value, tuple):
         texts = [_literal(item) or "#" for item in value]
-        # what a reader would take for an empty list or for a comment
+        # A reader would take these for an empty list or for a comment.
         return f"[{', '.join(texts)}]" if texts and "#" not in "".join(texts) else None
     if isinstance(value, float) and not math.isfinite(value):
         return None
-    return json.dumps(value, ensure_ascii=False)  # quotes, `true`, and numbers as anybody writes them
+    return json.dumps(value, ensure_ascii=False)  # JSON has the same quotes, booleans and numbers
 
 
 def _is_text(f: Field) -> bool:

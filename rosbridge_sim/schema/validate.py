@@ -1,11 +1,12 @@
-"""What a message body may look like: every rule of conversion, once, in the order in which a reader asks.
+"""The rules by which a message body is accepted and converted: complete, but slow.
 
-This is the complete and slow meaning. `compile.py` has a fast way for the bodies that need no kindness, and it comes
-here with all others; whatever it accepts by itself must come out of here as the same value (a test compares them).
+The decoders of `message_type` are fast and accept plain bodies only; all other bodies come here. For a body that both
+accept, both must give the same value (a test compares them).
 
-In short: a missing field or `null` is the default, for floats `null` is NaN; integers may come as integral floats,
-bytes as base64 or as a list, times in the spelling of either ROS; a header without a stamp gets the stamp of now. All
-else that does not fit is refused with the dotted path of the field, in the words that rosbridge_suite uses.
+In short: a missing field or `null` is the default, and for floats `null` is NaN. Integers may come as integral floats,
+bytes as base64 or as a list, times with the field names of either ROS generation. A header without a stamp gets the
+present time. Everything else that does not fit is refused with the dotted path of the field, in the words of
+rosbridge_suite.
 """
 
 from __future__ import annotations
@@ -31,24 +32,24 @@ from rosbridge_sim.suggestions import hint, listing
 
 __all__ = ["check"]
 
-_MANY = 32
-"""From so many elements on, checking all at once is quicker than one by one."""
+_CHECKED_AT_ONCE = 32
+"""From this length on, a list of numbers is checked at once, which is faster then than one by one."""
 
 _DTYPES = {"byte": "int8", "char": "uint8"}
-"""numpy's names of integer types that are not our own."""
+"""numpy's names of integer types, where they differ from ROS's."""
 
 _SPELLINGS = (("secs", "sec"), ("nsecs", "nanosec"))
-"""Each part of a time in the spelling of ROS 1 and of ROS 2."""
+"""The names of each part of a time in ROS 1 and in ROS 2."""
 
 
 def check(spec: MessageSpec, value: object, stamp_ns: int, root: str | None = None) -> Struct:
-    """The struct that a body (as Python objects) stands for.
+    """Return the struct for a body given as Python objects.
 
     Args:
-        spec: the type.
-        value: what came: dicts, lists, numbers, text, and bytes where a binary encoding has them.
-        stamp_ns: the time of now, for headers without a stamp and for the text `now` [ns].
-        root: what error texts call the type; its own name when None.
+        spec: the message type.
+        value: the body: dicts, lists, numbers, text, and bytes from a binary encoding.
+        stamp_ns: the present time, for headers without a stamp and for the text `now` [ns].
+        root: name of the type in error texts; None for its own.
 
     Raises:
         FieldError: the body does not fit.
@@ -64,7 +65,7 @@ def check(spec: MessageSpec, value: object, stamp_ns: int, root: str | None = No
 
 
 class _Misfit(Exception):  # noqa: N818 - never leaves this module
-    """A value that does not fit; each level adds its part of the path on the way up."""
+    """A value that does not fit. Each level of the message adds its part of the path as the error passes."""
 
     def __init__(self, say: Callable[[str, str], str], reason: Reason) -> None:
         super().__init__()
@@ -89,7 +90,13 @@ def _wrong_value(full_type: str, why: str) -> _Misfit:
 
 
 def _unknown(name: str, spec: MessageSpec, given: Mapping[object, object]) -> _Misfit:
-    """A field that a message does not have, with what is likely meant by it."""
+    """Return the error for an unknown field, with a suggestion.
+
+    Args:
+        name: the unknown field.
+        spec: the message type that lacks it.
+        given: all that was given for that message.
+    """
 
     def say(root: str, path: str) -> str:
         owner = "it" if path == printable(name, MAX_QUOTED) else spec.name
@@ -101,13 +108,13 @@ def _unknown(name: str, spec: MessageSpec, given: Mapping[object, object]) -> _M
 
 
 def _advise(name: str, spec: MessageSpec, given: Mapping[object, object], owner: str) -> str:
-    """Return the nearest field and all that there are; or that what was given belongs into the only one.
+    """Return advice: the nearest field and the list of all fields, or to wrap the message in the only field.
 
     Args:
         name: the unknown field.
-        spec: the message that lacks it.
+        spec: the message type that lacks it.
         given: all that was given for that message.
-        owner: what the sentence calls it.
+        owner: name of the message type in the sentence.
     """
     if not spec.fields:
         return f"; {owner} has no fields"
@@ -115,22 +122,24 @@ def _advise(name: str, spec: MessageSpec, given: Mapping[object, object], owner:
     inner = field_spec.nested
     if inner is not None and not others and field_spec.definition.array is None and field_name not in given:
         known = inner.fields.keys() | inner.aliases.keys()
-        if any(key in known for key in islice(given, _LOOKED_AT)):  # the message itself, without what wraps it
+        if any(key in known for key in islice(given, _LOOKED_AT)):  # the inner message, without the field around it
             return f'; wrap it in `{field_name}`: {{"{field_name}": {{...}}}}'
     return f"{hint(name, [*spec.fields, *spec.aliases])}; {owner} has {listing(spec.fields)}"
 
 
 _LOOKED_AT = 100
-"""Keys of a message that are looked at for an advice: more than any message of ours has fields."""
+"""Keys of a message that are looked at for advice: more than the fields of any message of ours."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Check:
+    """One check of a body; a method for each kind of value. Each returns the value, or raises _Misfit."""
+
     dialect: Dialect
     stamp_ns: int
 
     def message(self, spec: MessageSpec, value: object) -> msgspec.Struct:
-        """A nested or root message; an absent one (`null`) is like one without any fields."""
+        """Convert a nested or root message; `null` is like a message without any fields."""
         if value is None:
             return self.default(spec)
         if not isinstance(value, dict):  # before any comparison: an array compares element by element
@@ -142,7 +151,7 @@ class _Check:
             if key in spec.fields:
                 given[key] = item
             elif key in spec.aliases:
-                # Where both names are given the wire's own one counts.
+                # If both names are given, that of the wire counts.
                 given.setdefault(spec.aliases[key], value.get(spec.aliases[key], item))
             elif not (spec.is_header and key == "seq"):
                 raise _unknown(str(key), spec, value)
@@ -158,7 +167,7 @@ class _Check:
         return spec.struct_type(**values)
 
     def absent(self, spec: MessageSpec, field_spec: FieldSpec) -> object:
-        """The default of a field that was not given."""
+        """Return the default of a field that was not given."""
         if field_spec.nested is not None:
             if field_spec.definition.array is None:
                 return self.default(field_spec.nested)
@@ -171,7 +180,7 @@ class _Check:
         return field_spec.make()
 
     def default(self, spec: MessageSpec) -> msgspec.Struct:
-        """A message of which nothing was given."""
+        """Return a message of which nothing was given."""
         value = spec.struct_type()
         if spec.finalize is not None:
             spec.finalize(value, self.stamp_ns)
@@ -196,7 +205,7 @@ class _Check:
         if not isinstance(value, (list, tuple)):
             raise _wrong_type(field_spec.definition.full_type, value)
         _check_length(field_spec.definition, len(value), "elements")
-        if len(value) >= _MANY and (plain := self.plain_numbers(field_spec, value)) is not None:
+        if len(value) >= _CHECKED_AT_ONCE and (plain := self.plain_numbers(field_spec, value)) is not None:
             return plain
         values = []
         for i, item in enumerate(value):
@@ -208,7 +217,7 @@ class _Check:
         return values
 
     def plain_numbers(self, field_spec: FieldSpec, value: Sequence[Any]) -> list[object] | NumberArray | None:
-        """A long list of numbers of one kind, checked all at once; None where it must be looked at one by one."""
+        """Convert a long list of numbers of one type at once; None where each element must be looked at."""
         kind = field_spec.definition.type
         kinds = set(map(type, value))
         if kind in self.dialect.ints and kinds == {int}:
@@ -231,7 +240,7 @@ class _Check:
         return narrow if np.array_equal(np.isinf(narrow), np.isinf(wide)) else None
 
     def numbers(self, field_spec: FieldSpec, value: NumberArray) -> list[object] | NumberArray:
-        """A typed array; a long one stays an array, which all encoders take."""
+        """Convert a typed array; a long one stays an array, which all encoders accept."""
         kind = field_spec.definition.type
         is_float = kind in {"float32", "float64"}
         if not is_float and kind not in self.dialect.ints:
@@ -240,7 +249,7 @@ class _Check:
         if len(value) < LONG_ARRAY:
             return self.array(field_spec, value.tolist())
         if is_float:
-            with np.errstate(over="ignore"):  # it is looked for in the next line
+            with np.errstate(over="ignore"):  # the next line finds it
                 floats = value.astype(kind)
             if not np.array_equal(np.isfinite(floats), np.isfinite(value)):
                 raise _wrong_value(kind, "a number that is out of its range")
@@ -253,7 +262,7 @@ class _Check:
         return value.astype(_DTYPES.get(kind, kind))
 
     def bytes(self, field_spec: FieldSpec, value: object) -> bytes:
-        """Base64 (white space in it is harmless), numbers, or bytes from a binary encoding."""
+        """Convert base64 (white space in it is ignored), numbers, or bytes from a binary encoding."""
         if isinstance(value, np.ndarray):
             numbers = self.numbers(field_spec, value)
             return numbers.astype(np.uint8).tobytes() if isinstance(numbers, np.ndarray) else bytes(numbers)  # type: ignore[arg-type] # checked to be integers
@@ -271,7 +280,7 @@ class _Check:
         return value
 
     def element(self, field_spec: FieldSpec, value: object) -> object:
-        """A scalar field, or one element of an array."""
+        """Convert a scalar field or one element of an array."""
         kind = field_spec.definition.type
         if field_spec.nested is not None:
             return self.message(field_spec.nested, value)
@@ -292,7 +301,7 @@ class _Check:
         return _integer(kind, value, self.dialect.ints[kind])
 
     def time(self, kind: str, value: object) -> msgspec.Struct:
-        """Two numbers in either spelling; a missing one is 0 and unknown keys mean nothing, as in rosbridge_suite."""
+        """Convert a time with either field names; a missing part is 0, unknown keys are ignored."""
         if isinstance(value, str) and value == "now" and kind == "time":
             return self.dialect.time(self.stamp_ns)
         if not isinstance(value, dict):
@@ -346,11 +355,11 @@ def _integer(kind: str, value: object, bounds: tuple[int, int]) -> int:
 
 
 _MAX_PRINTED = 10**40
-"""Greater numbers are not written out in an error text."""
+"""Numbers from this one on are not written out in error texts."""
 
 
 def _numeral(text: str) -> int | str:
-    """The number that a text ends in; the text itself when it ends in none."""
+    """Return the number at the end of a text; the text itself if there is none."""
     match = re.fullmatch(r"\s*([+-]?\d{1,20})\s*|.*[A-Za-z_](\d{1,20})", text, re.ASCII | re.DOTALL)
     return text if match is None else int(match[1] or match[2])
 

@@ -30,7 +30,7 @@ else:
 
 __all__ = ["DescriptorWatch"]
 
-LOOK_PERIOD: Final = 1.0
+CHECK_PERIOD: Final = 1.0
 """Between two looks [s]; one costs 10 us."""
 
 QUIET: Final = 60.0
@@ -52,7 +52,7 @@ class DescriptorWatch:
         self._loop = loop
         self._try = try_one or _open_and_close
         self._told_at = float("-inf")
-        self._timer = loop.call_later(LOOK_PERIOD, self._tick)
+        self._timer = loop.call_later(CHECK_PERIOD, self._tick)
 
     def stop(self) -> None:
         """Watch no longer; twice is no error."""
@@ -65,7 +65,7 @@ class DescriptorWatch:
             self._loop.default_exception_handler(context)
 
     def _tick(self) -> None:
-        self._timer = self._loop.call_later(LOOK_PERIOD, self._tick)
+        self._timer = self._loop.call_later(CHECK_PERIOD, self._tick)
         try:
             self._try()
         except OSError as error:

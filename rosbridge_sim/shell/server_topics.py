@@ -37,7 +37,7 @@ WHO_IS_CONNECTED = PolicyEffect("learn who is connected", tuple(Way(Use.SUBSCRIB
 REPORT_PERIOD = 1.0
 """Between two messages on /sim/clients [s]."""
 
-REFUSALS_PERIOD = 0.1
+REFUSALS_INTERVAL = 0.1
 """Shortest time between two messages on /sim/refusals [s]: a full one takes half a millisecond to make."""
 
 MAX_COUNT = 2**32 - 1
@@ -133,7 +133,7 @@ class ServerTopics:
     def _tell_refusals_soon(self) -> None:
         """Tell what was refused: at the end of this turn, or a while after the last time."""
         if self._refusals_timer is None:
-            due = max(self._refusals_at + REFUSALS_PERIOD, self._loop.time())
+            due = max(self._refusals_at + REFUSALS_INTERVAL, self._loop.time())
             self._refusals_timer = self._loop.call_at(due, self._tell_refusals)
 
     def _tell_refusals(self) -> None:

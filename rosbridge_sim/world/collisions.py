@@ -35,7 +35,7 @@ from rosbridge_sim.world.state import NO_CONTACTS, Kind, World
 __all__ = ["CollisionDetector", "find", "find_crashes", "find_touched", "remember"]
 
 GRAIN: Final = 0.02
-"""How far a corner may stray from its place because its box turns [m]: less than the width of the thinnest post."""
+"""Distance that a corner may stray from its place because its box turns [m]: less than the thinnest post."""
 
 MAX_SWEEP_PIECES: Final = 256
 """Pieces into which a step is cut, at most: half a turn of a car within one step is still cut every 3 cm."""
@@ -47,10 +47,10 @@ LIFE: Final = 12
 """Steps that a list lasts at most: a quarter of a second, in which drivers hardly change their motion."""
 
 MARGIN: Final = 0.15
-"""How far an entity may stray from its foreseen place, in x and in y [m]: 5 m/s^2 for `LIFE` steps."""
+"""Distance that an entity may stray from its foreseen place, in x and in y [m]: 5 m/s^2 for `LIFE` steps."""
 
 TURN_MARGIN: Final = 0.55
-"""How far its corners may stray because its heading is not the foreseen one [m]. A car can turn at a street corner
+"""Distance that its corners may stray because its heading is not the foreseen one [m]. A car can turn at a corner
 without ending the list, and two cars side by side on lanes of 3.5 m are still not on it."""
 
 MAX_PAIRWISE: Final = 64

@@ -67,7 +67,7 @@ CREEP: Final = 0.1
 
 @dataclass(slots=True, eq=False)
 class Perception:
-    """What drivers perceive on their lanes; all arrays are (k,), one entry for each driver.
+    """Perception of drivers on their lanes; all arrays are (k,), one entry for each driver.
 
     Attributes:
         gap: from the front bumper to the tail of the lead vehicle, inf without one [m].

@@ -1,4 +1,4 @@
-"""What drivers perceive on their lanes: the lead vehicle, where to stop, the safe speed, and the right of way.
+"""Perception of drivers on their lanes: the lead vehicle, where to stop, the safe speed, and the right of way.
 
 A driver looks along its lane and the five lanes ahead, as far as it matters at its speed. Drivers that do not follow
 lanes are seen as entries (`lane_entries`). Where lanes cross or join, `right_of_way` decides.

@@ -1,8 +1,8 @@
-"""The columns of the world: one block of memory for each kind of number, a row in it for each quantity.
+"""The arrays of the world: one block of memory for each type of number, with one line in it for each quantity (column).
 
-Why one block: what is read together lies together, the world's `digest` and `snapshot` copy the block and can forget
-nothing, and a run of neighbouring entities is a plain slice for numpy. What the columns mean for whom, and who may
-write them, is `state`.
+One block has three advantages. Quantities that are read together lie together. `digest` and `snapshot` copy the whole
+block, so they cannot forget a quantity. A run of neighbouring entities is a plain slice for numpy. `state.World` owns
+the arrays and says who may write them.
 """
 
 from __future__ import annotations
@@ -20,11 +20,14 @@ __all__ = ["BOOLS", "FLOATS", "INTS", "LEG_COLUMNS", "BoolArray", "EntityArrays"
 BoolArray = npt.NDArray[np.bool_]
 
 MIN_ROWS: Final = 32
+"""Rows that memory is taken for at least: a small world then never grows its blocks."""
 
-NOBODY: Final = Body()  # in the rows that nobody has
+NO_BODY: Final = Body()
+"""The body of a free row."""
 
-# Columns of float64. The order is not free: what `dynamics` reads is one run, what it writes is a run inside it, and so
-# for `walking`; so a gather is one call. Runs are named by their first and last column in those modules.
+# Columns of float64. The order matters: the columns that `dynamics` reads are one run, those that it writes are a run
+# inside it, and likewise for `path_following`. So one call gathers a run. Those modules name a run by its first and
+# last column. The names are no part of digests or snapshots; the order is.
 FLOATS: Final = (
     # read by dynamics
     *("target", "accel_max", "accel_min", "throttle_max", "sense", "drive", "holding", "steer_cmd"),
@@ -33,7 +36,7 @@ FLOATS: Final = (
     *("throttle", "brake", "steer", "accel", "lateral_accel", "yaw_rate"),
     # written by both
     *("x", "y", "yaw", "speed"),
-    # written by walking
+    # written by path_following
     *("z", "arc", "leg_start", "leg_end", "leg_x", "leg_y", "leg_z", "leg_dx", "leg_dy", "leg_dz"),
     *("leg_yaw", "leg_turn"),
     # neither
@@ -52,7 +55,7 @@ FLOATS: Final = (
     *("start_within", "start_speed"),
     # read by motion
     *("lateral_speed", "climb", "climb_accel"),
-    # read by contacts
+    # read by collisions
     *("half_length", "half_width", "height", "centre"),
 )
 LEG_COLUMNS: Final = (
@@ -61,7 +64,7 @@ LEG_COLUMNS: Final = (
 )
 INTS: Final = (
     *("uid", "kind", "gear", "mode", "path_base", "label"),
-    # of traffic; the lanes behind and ahead and `lane` between them are one run
+    # of lane_following; `behind`, `lane` and the lanes ahead are one run
     *("turns", "claim", "held", "exit_lane", "point", "behind"),
     *("lane", "ahead_1", "ahead_2", "ahead_3", "ahead_4", "ahead_5"),
 )
@@ -69,18 +72,18 @@ BOOLS: Final = ("alive", "has_path", "is_loop", "has_lane", "is_ghost")
 
 
 class EntityArrays:
-    """Arrays of equal length, one entry for each entity.
+    """Arrays of equal length with one entry for each entity.
 
     All arrays are (n,) float64 unless noted; where `alive` is False they hold zeros. They are views that the world
     replaces: take them from it each time.
 
     Attributes:
-        n: rows, with the gaps that removed entities left.
+        n: number of rows, those of removed entities included.
         names, bodies: lists of length n.
 
-        alive: row in use, bool.
-        uid: its id, unique and never given again until `reset`, int64.
-        kind: `Kind`, int64.
+        alive: bool, the row is in use.
+        uid: int64, id of the entity, unique and not given again until `reset`.
+        kind: int64, a `Kind`.
         x, y, z: reference point [m].
         roll, pitch, yaw: [rad]; yaw within (-pi, pi].
         speed: along the heading, or along the path; negative when going backwards [m/s].
@@ -90,28 +93,32 @@ class EntityArrays:
         steer: angle of the front wheels, left positive [rad].
         throttle, brake: pedals 0..1, as commanded or as the controller of the mode presses them.
         gear, mode: `Gear` and `Mode`, int64.
-        steer_cmd, speed_cmd, accel_cmd: last commands [rad, m/s, m/s^2]. All of these are for driven rows (EGO).
+        steer_cmd, speed_cmd, accel_cmd: last commands [rad, m/s, m/s^2].
+            The attributes from `accel` to here are those of driven rows (EGO); lane followers have accelerations and
+            yaw rate as well.
 
-        arc: distance along the path or the lane; without either, since the row was put where it is; 0 for driven
-            rows [m].
-        lateral_speed, climb, climb_accel: velocity to the left [m/s] and up [m/s], acceleration up [m/s^2], as a
-            recording tells them of a ghost; 0 for all others.
-        has_path, is_loop: follows a path; begins again at its end, bool.
-        path_length: of the path, 0 for rows without one [m].
+        arc: distance along the path or the lane; without either, since the row was placed; 0 for driven rows [m].
+        lateral_speed, climb, climb_accel: velocity to the left [m/s] and up [m/s], acceleration up [m/s^2], of ghosts
+            as their recording has them; 0 for all others.
+        has_path, is_loop: bool, the row follows a path; it begins again at the end of its path or route.
+        path_length: 0 for rows without a path [m].
 
-        has_lane: keeps to the lanes, bool. The rest means something for those alone.
-        lane, ahead_1 ..: rows of `roads`: where it is, and where it will go from there; -1 beyond a dead end, int64.
-        behind: the lane that it has come from, -1 if none is known, int64.
-        wish: how fast it would like to go, inf for as fast as is allowed [m/s].
-        turns, claim, held, exit_lane, point: see `traffic`.
+        has_lane: bool, the row follows lanes. The next five entries have a meaning for such rows only.
+        lane, ahead_1 ..: int64, rows of `roads`: the present lane and the five after it; -1 beyond a dead end.
+        behind: int64, the lane before the present one; -1 if none is known.
+        desired_speed: speed that the driver wants, inf for as fast as is allowed [m/s].
+        turns: int64, how many lanes it has entered or chosen anew; see `route_choice`.
+        claim, held, exit_lane, point: int64; see `lane_entries.Drivers`.
 
-        start_within, start_speed: of a row that waits at rest for an ego: the distance at which it starts [m], and how
-            fast it goes then [m/s]; 0 for rows that do not wait. See `waiting`.
+        start_within, start_speed: of a row that waits at rest for an ego, the distance at which it starts [m] and the
+            speed with which it starts [m/s]; 0 for rows that do not wait. See `waiting`.
 
-        is_ghost: steps leave it where it stands, whatever its speed; see `dynamics.place_ghost`, bool.
+        is_ghost: bool, steps leave the row where it is, whatever its speed; see `placement.place_ghost`.
 
-        The other columns (target, sense, drive, hold, leg_*, ...) follow from these and are the working memory of
-        `dynamics` and `walking`, who explain them.
+        half_length, half_width, height, centre: of the body's box; see `Body` [m].
+
+        The other columns follow from these: `control_columns` explains target, sense, drive, holding and the like,
+        `path_following` explains leg_*.
     """
 
     target: FloatArray
@@ -198,38 +205,38 @@ class EntityArrays:
         self._allocate(0)
 
     def block(self, first: str, last: str) -> FloatArray:
-        """Return the columns from `first` to `last` as one (columns, n) view."""
+        """Return the float columns from `first` to `last`, given by name, as one (columns, n) view."""
         return self._floats[FLOATS.index(first) : FLOATS.index(last) + 1, : self.n]
 
     def int_block(self, first: str, last: str) -> IntArray:
-        """Return the same of the columns of integers."""
+        """Return the integer columns from `first` to `last`, given by name, as one (columns, n) view."""
         return self._ints[INTS.index(first) : INTS.index(last) + 1, : self.n]
 
     def _allocate(self, n: int) -> None:
-        """Have n rows of zeros, whose names and bodies are nobody's."""
+        """Take new blocks, with n free rows."""
         self.names, self.bodies = [], []
         self._floats, self._ints, self._bools = _blocks(n)
         self._bind(n)
 
     def _grow(self, num_rows: int) -> None:
-        """Have blocks for so many rows at least, and for many more: growing costs each row a constant amount."""
+        """Take blocks of at least twice the size, so that growth costs a constant time for each row."""
         blocks = _blocks(max(2 * self.n, num_rows))
         for new, old in zip(blocks, (self._floats, self._ints, self._bools), strict=True):
             new[:, : self.n] = old[:, : self.n]
         self._floats, self._ints, self._bools = blocks
 
     def _bind(self, n: int) -> None:
-        """Set the number of rows, and the named views to it."""
+        """Set the number of rows, and renew the named views."""
         self.n = n
         self.names[n:] = [""] * (n - len(self.names))
-        self.bodies[n:] = [NOBODY] * (n - len(self.bodies))
+        self.bodies[n:] = [NO_BODY] * (n - len(self.bodies))
         for block, columns in ((self._floats, FLOATS), (self._ints, INTS), (self._bools, BOOLS)):
             for i, column in enumerate(columns):
                 setattr(self, column, block[i, :n])
 
 
 def _blocks(capacity: int) -> tuple[FloatArray, IntArray, BoolArray]:
-    """Return blocks of zeros for at least so many rows."""
+    """Return blocks of zeros for at least `capacity` rows."""
     capacity = max(MIN_ROWS, capacity)
     return (
         np.zeros((len(FLOATS), capacity)),

@@ -1,6 +1,6 @@
-"""What an entity can be: kinds, gears, modes of control, the figures of a body, and the bounds of all numbers.
+"""Kinds of entities, gears, control modes, bodies, and the bounds of all numbers.
 
-`state` hands these names on; import them from there.
+`state` re-exports these names; import them from there.
 """
 
 from __future__ import annotations
@@ -12,22 +12,25 @@ from typing import Final
 
 __all__ = ["MAX_COORDINATE", "MAX_SPEED", "Body", "Gear", "Kind", "Mode"]
 
-# Bounds on what is let in, far beyond any map or car: they keep squares and sums finite for ever.
-MAX_COORDINATE: Final = 1e9  # [m]
-MAX_SPEED: Final = 1e3  # [m/s]
+MAX_COORDINATE: Final = 1e9
+"""Bound of coordinates, and of angles that are wrapped later [m, rad]. It is far beyond any map, and keeps squares and
+sums finite for ever."""
+
+MAX_SPEED: Final = 1e3
+"""Bound of speeds, far beyond any car [m/s]."""
 
 
 class Kind(IntEnum):
-    """What an entity is."""
+    """Kind of an entity."""
 
-    EGO = 0  # driven by commands: the single track model
+    EGO = 0  # driven by commands, moved by the single track model
     VEHICLE = 1
     PEDESTRIAN = 2
     OBSTACLE = 3
 
 
 class Gear(IntEnum):
-    """The selector lever."""
+    """Gear of a driven row; the numbers are MORAI's."""
 
     PARK = 1
     REVERSE = 2
@@ -36,7 +39,7 @@ class Gear(IntEnum):
 
 
 class Mode(IntEnum):
-    """What the longitudinal command means."""
+    """Longitudinal control mode of a driven row."""
 
     PEDALS = 1  # throttle and brake, 0..1
     SPEED = 2  # a speed to reach and hold [m/s]
@@ -45,22 +48,22 @@ class Mode(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """The fixed figures of an entity; the defaults are those of a mid-size car (Hyundai Ioniq).
+    """Size and limits of an entity; the defaults are those of a mid-size car (Hyundai Ioniq).
 
-    Sizes count for every kind, the others for driven rows only.
+    Sizes count for every kind, the other values for driven rows only.
 
     Attributes:
-        length, width, height: of the box around it [m].
-        wheelbase: rear axle to front axle [m]; 0 for what has no axles.
+        length, width, height: of the bounding box [m].
+        wheelbase: from the rear axle to the front axle [m]; 0 for a body without axles.
         front_overhang, rear_overhang: from the axles to the ends of the box [m]. For a pedestrian or an obstacle the
-            reference point is the centre, so wheelbase is 0 and each overhang half the length: see `Body.box`.
-        max_steer: of the front wheels, to either side [rad].
-        max_steer_rate: how fast they turn [rad/s]. 0.6 rad/s takes a second from straight ahead to the stop.
-        max_accel: full throttle on the spot, before drag [m/s^2].
-        max_decel: full brake, before drag [m/s^2].
+            reference point is the centre, so the wheelbase is 0 and each overhang half the length; see `Body.box`.
+        max_steer: greatest angle of the front wheels, to either side [rad].
+        max_steer_rate: greatest rate of that angle [rad/s]. 0.6 rad/s takes a second from straight ahead to the stop.
+        max_accel: acceleration of full throttle at rest, before drag [m/s^2].
+        max_decel: deceleration of the full brake, before drag [m/s^2].
         rolling: deceleration by rolling resistance, at any speed [m/s^2].
-        drag: deceleration by air, engine and gears for each (m/s)^2 [1/m]. With the default, full throttle ends
-            at 180 km/h and 100 km/h takes ten seconds.
+        drag: deceleration by air, engine and gears for each (m/s)^2 [1/m]. With the default, full throttle reaches
+            180 km/h at most, and 100 km/h in ten seconds.
         speed_mode_accel, speed_mode_decel: the most that the speed controller asks for [m/s^2].
     """
 
@@ -80,10 +83,10 @@ class Body:
     speed_mode_decel: float = 6.0
 
     def __post_init__(self) -> None:
-        """Refuse figures that are no body.
+        """Check the values.
 
         Raises:
-            ValueError: names the figure, what was expected and what came.
+            ValueError: names the attribute, what was expected and what came.
         """
         for field in fields(self):
             value = getattr(self, field.name)
@@ -97,10 +100,10 @@ class Body:
 
     @classmethod
     def box(cls, length: float, width: float, height: float) -> Body:
-        """Return the body of something without axles, whose reference point is its centre."""
+        """Return the body of an entity without axles, whose reference point is its centre; all arguments in [m]."""
         return cls(length, width, height, wheelbase=0.0, front_overhang=length / 2, rear_overhang=length / 2)
 
     @property
     def centre(self) -> float:
-        """How far the centre of the box lies before the reference point [m]."""
+        """Distance from the reference point forward to the centre of the box [m]."""
         return self.length / 2 - self.rear_overhang

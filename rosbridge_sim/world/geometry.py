@@ -1,8 +1,7 @@
-"""Geometry that the rooms of the world share: angles, frames, polylines, boxes that slide, turns in space.
+"""Geometry for the modules of `world`: angles, polylines, sliding boxes, and rotations in space.
 
-Everything is in the map frame (ENU metres, yaw counter-clockwise from east in radians) unless a name says *body*
-(x forward, y left). Pure functions; arguments are never written to, results are fresh arrays. All but the turns in
-space is plane.
+Everything is in the map frame (ENU metres, yaw counter-clockwise from east in radians). The functions are pure:
+arguments are never written, and results are new arrays. All but the rotations is in the plane.
 """
 
 from __future__ import annotations
@@ -27,8 +26,8 @@ __all__ = [
     "nearest_on_polyline",
     "quaternion",
     "ranges",
-    "turn",
-    "turn_back",
+    "rotate",
+    "rotate_back",
     "wrap_angle",
 ]
 
@@ -37,23 +36,26 @@ IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 ComplexArray = npt.NDArray[np.complex128]
 Vector = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]  # x, y, z, w, of length 1
+"""x, y, z."""
+
+Quaternion = tuple[float, float, float, float]
+"""x, y, z, w, of length 1."""
 
 FULL_TURN = 2.0 * math.pi
-# (queries x segments) cells looked at in one go: eight temporaries of 2 MB each stay inside the cache and bound the
-# memory of a query of any size.
-CELLS = 1 << 18
+MAX_PAIRS_AT_ONCE = 1 << 18
+"""Pairs (query, segment) looked at at once: eight temporary arrays of 2 MB each stay inside the cache, and bound the
+memory of a query of any size."""
 
 
 class Nearest(NamedTuple):
-    """Where points stand beside a polyline; one entry for each query, all (q,).
+    """Places of points relative to a polyline; (q,) each, one entry for each query.
 
     Attributes:
-        segment: index of the nearest segment, the first of equals, int64.
+        segment: int64, index of the nearest segment, the first of equals.
         arc: arc length of the foot point from the first vertex [m].
-        lateral: distance to the polyline, positive when the point lies left of the segment's direction [m].
-            Beyond the ends and outside a corner the foot is the vertex, so this is the distance to it.
-        x, y: the foot point [m].
+        lateral: distance to the polyline, positive when the point is left of the segment's direction [m].
+            Beyond the ends and outside a corner, the foot is the vertex, so this is the distance to the vertex.
+        x, y: the foot point, east and north [m].
     """
 
     segment: IntArray
@@ -64,21 +66,21 @@ class Nearest(NamedTuple):
 
 
 def wrap_angle(angle: npt.ArrayLike) -> FloatArray:
-    """Return the same direction within (-pi, pi], of the argument's shape; angles already inside keep their bits."""
+    """Return angles within (-pi, pi] [rad], of the shape of the argument; angles already inside keep their bits."""
     value = np.asarray(angle, dtype=np.float64)
     wrapped = value - FULL_TURN * np.ceil((value - math.pi) / FULL_TURN)
-    # A value next to the border may round to the far side of it by one last place: both mean pi.
+    # A value next to the bound may be rounded beyond it by one last place: both mean pi.
     return np.asarray(np.where(np.abs(wrapped) >= math.pi, math.pi, wrapped))
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """Return an orientation as x, y, z, w of a unit quaternion.
+    """Return the quaternion of an orientation; all arguments in [rad].
 
-    It is a turn by `yaw` about the z axis, then by `pitch` about the y axis that this has turned (so it is positive
-    with the nose down, y being left), then by `roll` about the x axis that both have turned [rad].
+    It is a rotation by `yaw` about the z axis, then by `pitch` about the rotated y axis (y is left, so pitch is
+    positive with the nose down), then by `roll` about the x axis that both have rotated.
     """
     cos_yaw, sin_yaw = math.cos(0.5 * yaw), math.sin(0.5 * yaw)
-    if roll == 0.0 and pitch == 0.0:  # on the flat, which is nearly always
+    if roll == 0.0 and pitch == 0.0:  # on flat ground, which is nearly always
         return 0.0, 0.0, sin_yaw, cos_yaw
     cos_pitch, sin_pitch = math.cos(0.5 * pitch), math.sin(0.5 * pitch)
     cos_roll, sin_roll = math.cos(0.5 * roll), math.sin(0.5 * roll)
@@ -91,7 +93,7 @@ def quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:
 
 
 def chain(first: Quaternion, second: Quaternion) -> Quaternion:
-    """Return the turn by `first` and then, about the axes that it has turned, by `second`."""
+    """Return the rotation by `first` and then, about the axes that it has rotated, by `second`."""
     ax, ay, az, aw = first
     bx, by, bz, bw = second
     return (
@@ -102,23 +104,28 @@ def chain(first: Quaternion, second: Quaternion) -> Quaternion:
     )
 
 
-def turn(by: Quaternion, vector: Vector) -> Vector:
-    """Return a vector of the turned axes in the axes that they were turned from."""
+def rotate(by: Quaternion, vector: Vector) -> Vector:
+    """Return a vector given in rotated axes in the axes that were rotated.
+
+    Args:
+        by: the rotation.
+        vector: its components in the rotated axes.
+    """
     x, y, z, w = by
     u, v, s = vector
-    # q v q*, by way of t = 2 q x v
+    # q v q*, with t = 2 q x v
     t, p, r = 2.0 * (y * s - z * v), 2.0 * (z * u - x * s), 2.0 * (x * v - y * u)
     return u + w * t + y * r - z * p, v + w * p + z * t - x * r, s + w * r + x * p - y * t
 
 
-def turn_back(by: Quaternion, vector: Vector) -> Vector:
-    """Return a vector in the turned axes; the inverse of `turn`."""
+def rotate_back(by: Quaternion, vector: Vector) -> Vector:
+    """Return a vector in the rotated axes; the inverse of `rotate`."""
     x, y, z, w = by
-    return turn((-x, -y, -z, w), vector)
+    return rotate((-x, -y, -z, w), vector)
 
 
 def arc_lengths(points: FloatArray) -> FloatArray:
-    """Return the arc length at each vertex, (m,), starting with 0.
+    """Return the arc length at each vertex, (m,), starting with 0 [m].
 
     Args:
         points: (m, 2) or (m, 3) vertices of a polyline [m]; with three columns the length is measured in space.
@@ -129,53 +136,53 @@ def arc_lengths(points: FloatArray) -> FloatArray:
 
 
 def nearest_on_polyline(points: FloatArray, x: npt.ArrayLike, y: npt.ArrayLike) -> Nearest:
-    """Return the nearest point of a polyline for each query point, seen from above.
+    """Return the nearest point of a polyline for each query point, in the plane.
 
-    Every query looks at every segment: right for paths of some thousand vertices, while a whole map wants an index
-    in front of it. Memory is bounded whatever the number of queries.
+    Every query looks at every segment. That suits paths of some thousand vertices; for a whole map use `Roads.nearest`.
+    Memory is bounded for any number of queries.
 
     Args:
-        points: (m, 2) or (m, 3) vertices, m >= 2; only x and y count here, for `arc` too [m].
+        points: (m, 2) or (m, 3) vertices, m >= 2; only x and y count, for `arc` too [m].
         x: (q,) query points, east [m].
-        y: (q,) the same, north [m].
+        y: (q,) query points, north [m].
     """
     px, py = np.atleast_1d(np.asarray(x, dtype=np.float64)), np.atleast_1d(np.asarray(y, dtype=np.float64))
-    chunk = max(1, CELLS // max(1, len(points) - 1))
+    chunk = max(1, MAX_PAIRS_AT_ONCE // max(1, len(points) - 1))
     parts = [_nearest(points, px[i : i + chunk], py[i : i + chunk]) for i in range(0, max(1, len(px)), chunk)]
     return parts[0] if len(parts) == 1 else Nearest(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 def do_boxes_meet(first: ComplexArray, last: ComplexArray, heading: ComplexArray, half: FloatArray) -> BoolArray:
-    """Return which pairs of oriented boxes overlap at any moment of a slide: straight, even, without turning.
+    """Return which pairs of oriented boxes overlap at any moment while they slide straight, without turning.
 
-    Seen from the one box, the middle of the other moves along a line. They meet if that line comes into the octagon
-    that the edges of both make (their Minkowski sum), and they do not if some axis parts line and octagon: one of the
-    four edges' normals, or the normal of the line. That is exact however far they slide and however thin they are. A
-    line without length is the plain question for two standing boxes; edges that just coincide meet.
+    Seen from one box, the middle of the other moves along a line. They meet if that line enters the octagon that is
+    the Minkowski sum of both. They do not meet if an axis separates line and octagon: one of the four edges' normals,
+    or the normal of the line (separating axis theorem). That is exact for any distance and for boxes of any width. A
+    line without length is the question for two standing boxes. Boxes whose edges coincide meet.
 
-    Vectors of the plane are complex numbers here, x + iy: to turn one is to multiply it, and `a * conj(b)` holds
-    both the part of a along b and the part across it.
+    Vectors of the plane are complex numbers, x + iy: a multiplication rotates a vector, and `a * conj(b)` holds the
+    part of a along b and the part across it.
 
     Args:
         first: (..., m) from the middle of the one box to that of the other as the slide begins [m].
-        last: (..., m) the same as it ends [m].
-        heading: (2, ..., m) unit vectors along the length of the one and the other.
-        half: (2, ..., m, 2) half of length and width of each [m].
+        last: (..., m) the same as the slide ends [m].
+        heading: (2, ..., m) unit vectors along the length of each box.
+        half: (2, ..., m, 2) half of length and width of each box [m].
 
     Returns:
         (..., m) bool.
     """
-    middle, way = (first + last) * 0.5, (last - first) * 0.5
+    middle, slide = (first + last) * 0.5, (last - first) * 0.5
     into = heading.conj()
-    to_other, along_way = np.abs(_parts(middle * into)), np.abs(_parts(way * into))
+    to_other, along_slide = np.abs(_parts(middle * into)), np.abs(_parts(slide * into))
     between = heading[0] * into[1]
     cos, sin = np.abs(between.real)[..., None], np.abs(between.imag)[..., None]
     # How far the octagon reaches along the normals of each box's edges: (length, width) in that box's own frame.
     reach = half + half[::-1] * cos + half[::-1, ..., ::-1] * sin
-    is_in = to_other <= reach + along_way
-    # Across the line, both sides times its length, so that a line without any parts nothing.
-    across = np.abs(middle.real * way.imag - middle.imag * way.real)
-    breadth = half * along_way[..., ::-1]
+    is_in = to_other <= reach + along_slide
+    # Across the line, both sides times its length, so that a line without length separates nothing.
+    across = np.abs(middle.real * slide.imag - middle.imag * slide.real)
+    breadth = half * along_slide[..., ::-1]
     breadth, is_in = breadth[0] + breadth[1], is_in[0] & is_in[1]
     return np.asarray(is_in[..., 0] & is_in[..., 1] & (across <= breadth[..., 0] + breadth[..., 1]))
 
@@ -186,10 +193,11 @@ def _parts(vectors: ComplexArray) -> FloatArray:
 
 
 def _nearest(points: FloatArray, px: FloatArray, py: FloatArray) -> Nearest:
+    """Return the same for queries that are looked at at once."""
     x0, y0 = points[:-1, 0], points[:-1, 1]
     dx, dy = np.diff(points[:, 0]), np.diff(points[:, 1])
     squared = dx * dx + dy * dy
-    # A segment without length has its foot at its vertex, whatever the quotient's divisor.
+    # A segment without length has its foot at its vertex, for any divisor of the quotient.
     along = ((px[:, None] - x0) * dx + (py[:, None] - y0) * dy) / np.where(squared > 0.0, squared, 1.0)
     np.clip(along, 0.0, 1.0, out=along)
     apart = np.square(px[:, None] - (x0 + along * dx)) + np.square(py[:, None] - (y0 + along * dy))
@@ -208,7 +216,15 @@ def _nearest(points: FloatArray, px: FloatArray, py: FloatArray) -> Nearest:
 
 
 def ranges(start: IntArray, count: IntArray) -> IntArray:
-    """`start[0], start[0] + 1, ...` for `count[0]` numbers, then the same for the next, end to end."""
+    """Return `start[0], start[0] + 1, ...` (`count[0]` numbers), then the same for the next ones, as one array.
+
+    Args:
+        start: (k,) int64.
+        count: (k,) int64, not negative.
+
+    Returns:
+        (sum of count,) int64.
+    """
     end = np.cumsum(count)
     total = int(end[-1]) if len(end) else 0
     return np.asarray(np.arange(total, dtype=np.int64) + np.repeat(start - (end - count), count))

@@ -1,12 +1,12 @@
-"""What drivers know of the roads beyond their lines: how fast, where on, and where lanes lie over one another.
+"""Facts about the lanes that drivers need: safe speeds, where to go on, and where lanes conflict.
 
-It is worked out once for each map, when the first driver comes, from the geometry alone: a map says which lanes follow
-one another, but not which of them cross.
+They are worked out once for each map, when the first driver comes, from the geometry alone: a map says which lanes
+follow one another, but not which of them cross.
 
-*Rivals* are lanes that cross, or that run into one: whoever enters the one must not meet whoever is on the other. Where
-the lanes are nearer to each other than `CLEAR`, nobody is on both sides at once; a lane's `hold` is where one waits
-for that. *Siblings* are lanes that part from one place: as far as they still lie over one another, whoever is on the
-one is in the way of who goes into the other.
+*Rivals* are lanes that cross or merge. A vehicle that enters one of them must not meet a vehicle on the other, so where
+the lanes are nearer to each other than `CLEAR`, only one of them is used at a time. Vehicles wait for that at the wait
+point of their lane. *Siblings* are lanes that fork from one place. As far as they still overlap, a vehicle on one of
+them obstructs the other.
 """
 
 from __future__ import annotations
@@ -24,56 +24,56 @@ from rosbridge_sim.world.roads import Roads
 __all__ = ["COMFORT", "LaneConflicts", "Links"]
 
 COMFORT: Final = 2.0
-"""How hard a driver brakes for what he has seen coming [m/s^2]."""
+"""Comfortable deceleration, for what a driver has seen in time [m/s^2]; the b of the intelligent driver model."""
 
 MAX_LATERAL: Final = 2.5
-"""What a driver lets a bend press him aside [m/s^2]; in traffic people take 2 to 3."""
+"""Maximum comfortable lateral acceleration [m/s^2]; drivers in traffic accept 2 to 3."""
 
-NO_LIMIT: Final = 50.0 / 3.6
-"""Where no limit is told [m/s]."""
+DEFAULT_SPEED_LIMIT: Final = 50.0 / 3.6
+"""Speed limit of lanes for which the map gives none [m/s]: 50 km/h, as in most towns."""
 
 MIN_SAFE_SPEED: Final = 1.5
-"""However sharp a corner of the line is, it is gone round at a walk [m/s]."""
+"""The safe speed in a corner of any sharpness [m/s]: walking speed."""
 
 BEND: Final = 3.0
-"""A bend is measured over so far to either side, so that rounding in a map's points makes none [m]."""
+"""Curvature is measured over this length to either side [m], so that rounding in the map's points makes no bend."""
 
 CLEAR: Final = 2.4
-"""Lines nearer than this cannot be driven side by side: two cars of 1.9 m and half a metre between them. Lanes of the
-usual 3 to 3.5 m beside one another are not concerned [m]."""
+"""Lines nearer than this cannot be used side by side [m]: two cars of 1.9 m and half a metre between them. Lanes of the
+usual width of 3 to 3.5 m beside one another are farther apart."""
 
 SWING: Final = 8.0
-"""In a bend of radius R the corners of a bus (overhang 2.6 m, wheelbase 5.4 m) leave its lane by this over R, to the
-outside with its nose and to the inside with its middle; each of two lines is given as much more room [m^2]."""
+"""In a bend of radius R the corners of a bus (overhang 2.6 m, wheelbase 5.4 m) leave its lane by this number over R, to
+the outside with its nose and to the inside with its middle. Each of two lines gets so much more room [m^2]."""
 
 MAX_CLEAR: Final = 4.5
-"""The most that is kept clear between two lines, however tight they are [m]."""
+"""The most that is kept clear between two lines, for any radius [m]."""
 
 BRIDGE: Final = 3.0
-"""Lanes whose heights differ by more do not meet [m]."""
+"""Lanes whose heights differ by more than this do not conflict [m]: one is on a bridge."""
 
 SAMPLE: Final = 1.0
-"""Distance of the places at which lanes are compared [m]."""
+"""Distance between the places at which lanes are compared [m]."""
 
 AT_START: Final = 25.0
-"""Who crosses nothing in the first stretch of a lane waits where he will meet the other; else before the lane, where
-the stop line of an intersection is [m]."""
+"""If a lane conflicts with others only beyond this length, the wait point is before the conflict [m]. Else it is the
+start of the lane, where the stop line of an intersection is."""
 
-TAIL: Final = 1.0
-"""Beyond the place where the lines part, for the corners of who turns [m]."""
+TAIL_MARGIN: Final = 1.0
+"""Length added beyond the end of a conflict, for the corners of a vehicle that turns [m]."""
 
 MAX_LANE_PAIRS: Final = 1 << 20
-"""Pairs of places compared at once."""
+"""Pairs of places compared at once: it bounds the memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Links:
-    """For each lane some others, and a figure for each: those of lane `i` are `first[i]:first[i + 1]`.
+    """For each lane some other lanes, with a number for each; those of lane `i` are at `first[i]:first[i + 1]`.
 
     Attributes:
         first: (l + 1,) int64.
-        other: (k,) int64, rows of lanes.
-        figure: (k,) [m].
+        other: (k,) int64, rows of the other lanes.
+        figure: (k,) the number, a length [m].
     """
 
     first: IntArray
@@ -81,32 +81,38 @@ class Links:
     figure: FloatArray
 
     def of(self, lanes: IntArray) -> tuple[IntArray, IntArray]:
-        """All pairs that begin at given lanes.
+        """Return all pairs of given lanes with others.
+
+        Args:
+            lanes: (n,) int64, rows of lanes.
 
         Returns:
-            (m,) int64, positions in `lanes`, rising, and (m,) int64, positions in `other`.
+            (m,) int64, indices into `lanes`, rising, and (m,) int64, indices into `other`.
         """
         start, count = self.first[lanes], self.first[lanes + 1] - self.first[lanes]
         return np.repeat(np.arange(len(lanes)), count), ranges(start, count)
 
 
 class LaneConflicts:
-    """All of it for one map; `roads.derived(Network)`.
+    """The facts for one map; get them by `roads.derived(LaneConflicts)`.
 
     Attributes:
-        roads: the map's.
-        pace: (n,) for each point of the roads the speed at which one may pass it: the limit, what the bends allow, and
-            slow enough to brake for what comes on the same lane [m/s].
-        legs: (n, 8) for each point the straight leg to the next one: arc length at both its ends, the place where it
-            begins, east, north, up [m], and the direction, for each metre in the plane. A lane's last point has the
+        roads: the lanes.
+        safe_speed: (n,) for each point of the roads the speed that the limit and the bends allow, low enough to brake
+            comfortably for what comes on the same lane [m/s].
+        legs: (n, 8) for each point the straight leg to the next one: arc length at its start and end [m], start point
+            east, north, up [m], and direction in space, for each metre in the plane. The last point of a lane has the
             leg before it.
-        onward: lanes to choose from at the end of each: its successors, without those from which there is no way on
-            for ever, if any other is left. (The figures mean nothing.)
-        hold: (l,) how far along a lane one waits for its rivals; inf for lanes without any [m].
-        out: (l,) how far along it one is in no rival's way any more; 0 without any [m].
-        rivals: for each lane its rivals, and how far somebody's tail must have come on the rival [m].
-        siblings: for each lane its siblings, and how far along the lane they lie over it [m].
-        shared: (l,) the greatest of these, 0 without siblings [m].
+        onward: for each lane the lanes to choose from at its end: its successors, without those that lead to dead ends
+            only, if any other is left. The numbers mean nothing.
+        wait_point: (l,) arc length at which the front bumper waits for the rivals; inf for lanes without rivals [m].
+        clear_point: (l,) arc length from which a tail obstructs no rival any more; 0 without rivals [m].
+        rivals: for each lane its rivals, with the arc length on the rival beyond which a tail is clear [m].
+        siblings: for each lane its siblings, with the arc length up to which they overlap the lane [m].
+        shared: (l,) the greatest of the latter, 0 without siblings [m].
+
+    Args:
+        roads: the lanes.
     """
 
     __slots__ = ("clear_point", "legs", "onward", "rivals", "roads", "safe_speed", "shared", "siblings", "wait_point")
@@ -125,25 +131,26 @@ class LaneConflicts:
         np.maximum.at(self.shared, pairs.lane[is_sibling], pairs.to_s[is_sibling])
         rival = ~is_sibling & ~_are_in_turn(roads, pairs.lane, pairs.other)
         lane, other = pairs.lane[rival], pairs.other[rival]
-        self.rivals = _links(num, lane, other, pairs.other_to_s[rival] + TAIL)
+        self.rivals = _links(num, lane, other, pairs.other_to_s[rival] + TAIL_MARGIN)
         wait_point = np.full(num, np.inf)
         np.minimum.at(wait_point, lane, pairs.from_s[rival])
-        self.wait_point = np.where(wait_point < AT_START, 0.0, wait_point - TAIL)
+        self.wait_point = np.where(wait_point < AT_START, 0.0, wait_point - TAIL_MARGIN)
         self.clear_point = np.zeros(num)
-        np.maximum.at(self.clear_point, lane, pairs.to_s[rival] + TAIL)
+        np.maximum.at(self.clear_point, lane, pairs.to_s[rival] + TAIL_MARGIN)
 
 
 def _links(num: int, lane: IntArray, other: IntArray, figure: FloatArray) -> Links:
+    """Return pairs (k,) of lanes as links, sorted by lane and other."""
     order = np.lexsort((other, lane))
     first = np.searchsorted(lane[order], np.arange(num + 1)).astype(np.int64)
     return Links(first, other[order], figure[order])
 
 
-# How fast
+# Safe speeds
 
 
 def _curvature(roads: Roads) -> FloatArray:
-    """(n,) of the circle through three places of the line: that of the bend, whatever the points' spacing [1/m]."""
+    """Return the curvature of the line at each point, (n,) [1/m]: of the circle through three places of the line."""
     lane = np.repeat(np.arange(len(roads), dtype=np.int64), np.diff(roads.first))
     if not len(lane):
         return np.zeros(0)
@@ -156,14 +163,15 @@ def _curvature(roads: Roads) -> FloatArray:
 
 
 def _safe_speed(roads: Roads, curvature: FloatArray) -> FloatArray:
+    """Return `LaneConflicts.safe_speed`; `curvature` is (n,), at each point of the roads [1/m]."""
     lane = np.repeat(np.arange(len(roads), dtype=np.int64), np.diff(roads.first))
-    limit = np.where(roads.speed_limit > 0.0, roads.speed_limit, NO_LIMIT)[lane]
+    limit = np.where(roads.speed_limit > 0.0, roads.speed_limit, DEFAULT_SPEED_LIMIT)[lane]
     if not len(lane):
         return limit
     bend = np.sqrt(MAX_LATERAL / np.maximum(curvature, 1e-9))
     square = np.square(np.minimum(limit, np.maximum(bend, MIN_SAFE_SPEED)))
     # Slow enough for all that follows on the lane: v^2 + 2 b s never rises backwards. The lanes are set apart on the
-    # scale by more than any speed is worth, so that one sweep does for all.
+    # scale by more than any speed amounts to, so that one sweep does for all lanes.
     along = 2.0 * COMFORT * roads.s
     apart = (1.0 + square.max() + along.max()) * lane
     lowest = np.minimum.accumulate((square + along + apart)[::-1])[::-1] - apart
@@ -171,6 +179,7 @@ def _safe_speed(roads: Roads, curvature: FloatArray) -> FloatArray:
 
 
 def _legs(roads: Roads) -> FloatArray:
+    """Return `LaneConflicts.legs`."""
     legs = np.zeros((len(roads.points), 8))
     if not len(legs):
         return legs
@@ -185,25 +194,32 @@ def _legs(roads: Roads) -> FloatArray:
 
 
 def _onward(roads: Roads) -> Links:
+    """Return `LaneConflicts.onward`."""
     count = np.diff(roads.first_successor)
     lane = np.repeat(np.arange(len(roads), dtype=np.int64), count)
     other = roads.successor
     is_open = np.ones(len(roads), dtype=bool)
-    while True:  # at most once for each lane, from the dead ends backwards; hardly ever more than a few times
-        ways = np.bincount(lane[is_open[other]], minlength=len(roads))
-        if not (is_open & (ways == 0)).any():
+    while True:  # from the dead ends backwards: at most once for each lane, usually a few times
+        choices = np.bincount(lane[is_open[other]], minlength=len(roads))
+        if not (is_open & (choices == 0)).any():
             break
-        is_open &= ways > 0
+        is_open &= choices > 0
     keeps = is_open[other] | ~is_open[lane]
     return _links(len(roads), lane[keeps], other[keeps], np.zeros(int(keeps.sum())))
 
 
-# Where lanes lie over one another
+# Conflicts
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pairs:
-    """Lanes that come near each other, each pair twice: from where to where on the one, to where on the other [m]."""
+    """Lanes that come near each other, each pair in both orders; (k,) each.
+
+    Attributes:
+        lane, other: int64, rows of the lanes.
+        from_s, to_s: arc lengths on `lane` between which they are near [m].
+        other_to_s: arc length on `other` up to which they are near [m].
+    """
 
     lane: IntArray
     other: IntArray
@@ -213,12 +229,13 @@ class _Pairs:
 
 
 def _overlaps(roads: Roads, curvature: FloatArray) -> _Pairs:
+    """Return the pairs of lanes that come near each other; arguments as for `_safe_speed`."""
     count = np.maximum(np.ceil(roads.length / SAMPLE).astype(np.int64), 1) + 1
     lane = np.repeat(np.arange(len(roads), dtype=np.int64), count)
     share = ranges(np.zeros_like(count), count) / np.repeat(count - 1, count)
     s = share * roads.length[lane]
     place = roads.at(lane, s)[0] if len(lane) else np.zeros((0, 3))
-    # The greater of the two beside each place: a corner's tip must not be lost between them.
+    # The greater curvature of the two points beside each place: the tip of a corner must not be lost between them.
     point = roads.locate(lane, s)[0] if len(lane) else np.zeros(0, dtype=np.int64)
     swing = SWING * np.maximum(curvature[point], curvature[point + 1]) if len(lane) else np.zeros(0)
     found = [np.zeros((4, 0))]
@@ -227,8 +244,8 @@ def _overlaps(roads: Roads, curvature: FloatArray) -> _Pairs:
         clear = np.minimum(CLEAR + swing[i] + swing[j], MAX_CLEAR)
         is_near = (np.square(apart[:, :2]).sum(axis=1) < clear * clear) & (np.abs(apart[:, 2]) < BRIDGE)
         is_near &= lane[i] != lane[j]
-        i, j = i[is_near], j[is_near]  # noqa: PLW2901  # the few that are left of many
-        # The end of the one near the start of the other is how lanes follow one another.
+        i, j = i[is_near], j[is_near]  # noqa: PLW2901  # the few that are left
+        # The end of one lane near the start of the other only means that they follow one another.
         is_turn = (s[i] > roads.length[lane[i]] - MAX_CLEAR) & (s[j] < MAX_CLEAR)
         is_turn |= (s[j] > roads.length[lane[j]] - MAX_CLEAR) & (s[i] < MAX_CLEAR)
         i, j = i[~is_turn], j[~is_turn]  # noqa: PLW2901  # as before
@@ -246,7 +263,7 @@ def _overlaps(roads: Roads, curvature: FloatArray) -> _Pairs:
 
 
 def _near(place: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
-    """Pairs of places that may be nearer than `MAX_CLEAR`, each once, a portion at a time."""
+    """Yield pairs of places (n, 2) that may be nearer than `MAX_CLEAR`, as indices, each pair once, in portions."""
     if not len(place):
         return
     cell = np.floor((place - place.min(axis=0)) / MAX_CLEAR).astype(np.int64) + 1
@@ -255,7 +272,7 @@ def _near(place: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
     order = np.argsort(key, kind="stable")
     key = key[order]
     index = np.arange(len(key))
-    # The rest of one's own cell and the one above; then three of the next column, which are neighbours on the scale.
+    # The rest of the same cell and the cell north of it; then the three cells east, which are neighbours on the scale.
     for low, high in ((None, 1), (rows - 1, rows + 1)):
         begin = index + 1 if low is None else key.searchsorted(key + low)
         count = np.maximum(key.searchsorted(key + high, side="right") - begin, 0)
@@ -269,7 +286,7 @@ def _near(place: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
 
 
 def _are_in_turn(roads: Roads, lane: IntArray, other: IntArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """(k,) whether one of two lanes follows the other, or lies beside it to be changed into."""
+    """Return for pairs of lanes (k,) whether one follows the other, or one may change from one to the other."""
     count = np.diff(roads.first_successor)
     begin = np.repeat(np.arange(len(roads), dtype=np.int64), count)
     num = len(roads)
@@ -279,7 +296,7 @@ def _are_in_turn(roads: Roads, lane: IntArray, other: IntArray) -> np.ndarray[tu
 
 
 def _start_together(roads: Roads, lane: IntArray, other: IntArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """(k,) whether two lanes begin at one place in one direction."""
+    """Return for pairs of lanes (k,) whether they begin at one place in one direction."""
     if not len(lane):
         return np.zeros(0, dtype=bool)
     every = np.arange(len(roads), dtype=np.int64)

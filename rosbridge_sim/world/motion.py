@@ -1,22 +1,23 @@
 """Velocity and acceleration of any rows at their reference points, each in the frame of its own row.
 
-The frame of a row is the map frame turned by its yaw alone: x forward, y to the left, z up. The reference point is that
-of `state`: the middle of the rear axle of a vehicle, the centre of anything else.
+The frame of a row is the map frame rotated by its yaw alone: x forward, y to the left, z up. The reference point is
+that of `state`: the middle of the rear axle of a vehicle, the centre of any other entity.
 
 *Velocity* is that at the end of the last step. *Acceleration* is its change over the last step, divided by the step,
-in the frame of the row as it is now. How they are known depends on what moves the row:
+in the present frame of the row. How they are found depends on what moves the row:
 
-- On a path or a lane it is speed * n, and the acceleration (v1 n1 - v0 n0) / dt. The line is made of straight legs, so
-  the direction of the motion jumps at each of its points, and the bare derivative would be 0 but for a kick of ten or
-  thirty m/s^2 at each point of a bend. So n is the mean direction over `SPAN` of the line, half of it behind and half
-  ahead. It is of length one (for a lane, whose arc length is that on the map, on the map), but within a corner sharper
-  than a right angle, where it shrinks on the way to turning round. A body that follows a bend does not look exactly
-  where its reference point goes: so there is a part to the left.
+- On a path or a lane the velocity is speed * n, and the acceleration (v1 n1 - v0 n0) / dt. The line is made of straight
+  legs, so the direction jumps at each of its points. The bare derivative would be 0, with a peak of ten to thirty m/s^2
+  at each point of a bend. So n is the mean direction over `SPAN` of the line, half of it behind and half ahead. Its
+  length is one (for a lane in the plane, since its arc length is measured there). Only in a corner sharper than a right
+  angle it is less, because there the direction turns round. A body that follows a bend does not look exactly where its
+  reference point goes, so there is a part to the left.
 - Constant motion is along the heading.
-- A driven row moves along its heading, for its wheels do not slip; its acceleration to the left is speed * yaw rate.
-- A ghost shows what it was told to; see `dynamics`.
+- A driven row moves along its heading, because its wheels do not slip. Its acceleration to the left is
+  speed * yaw rate.
+- A ghost shows what it was given; see `placement`.
 
-Who is put somewhere else, or stands at once because his path has ended, has no acceleration by that.
+A row that is placed elsewhere, or stops at once at the end of its path, has no acceleration from that.
 """
 
 from __future__ import annotations
@@ -34,30 +35,30 @@ from rosbridge_sim.world.state import DT, Kind, World
 __all__ = ["SPAN", "motion"]
 
 SPAN: Final = {Kind.VEHICLE: 2.0, Kind.PEDESTRIAN: 0.5, Kind.OBSTACLE: 0.5}
-"""The length of line that counts for a direction [m]. Lanes have a point each half metre or metre, and bends of 4 m and
-more; who is on foot turns within a step."""
+"""The length of line over which a direction is averaged [m]. Lanes have a point each half metre or metre, and bends of
+4 m radius and more; a pedestrian turns within a step."""
 
 TURNING_ROUND: Final = 0.7
-"""Both ends of a span are nearer to each other than this share of it where it has a corner sharper than 90 deg."""
+"""The ends of a span are nearer to each other than this share of it, if it has a corner sharper than 90 deg."""
 
 ALIGNED: Final = 1e-9
-"""Share of the speed that means nothing: what rounding leaves between two ways to work out a direction."""
+"""A share of the speed below this is rounding: two ways to compute a direction differ by so much."""
 
 NO_ACCEL: Final = 1e-8
-"""The same of an acceleration [m/s^2]."""
+"""An acceleration below this is rounding [m/s^2]."""
 
-_SPANS: Final = np.array([SPAN.get(kind, 0.0) for kind in Kind])  # by kind; nobody drives an EGO along a line
+_SPANS: Final = np.array([SPAN.get(kind, 0.0) for kind in Kind])  # by kind; an EGO follows no line
 
 _Points = tuple[ComplexArray, FloatArray]
-"""Places or directions: east + i north, and up."""
+"""Places [m] or directions: east + i north, and up; (k,) each."""
 
 
 def motion(world: World, rows: IntArray) -> FloatArray:
-    """Return how rows move.
+    """Return velocity and acceleration of rows.
 
     Args:
         world: read only.
-        rows: (k,) of anybody.
+        rows: (k,) int64, any rows in use.
 
     Returns:
         (6, k) velocity forward, left and up [m/s], acceleration forward, left and up [m/s^2].
@@ -75,25 +76,25 @@ def motion(world: World, rows: IntArray) -> FloatArray:
 
 
 class _Lines:
-    """Facts about the lines that rows follow, which hold until an entity comes, goes or is put elsewhere.
+    """The rows that follow a line. It lives until the next `World.touch`.
 
     Attributes:
-        is_followed: (n,) whether the row follows a lane or a path.
+        is_followed: (n,) bool, the row follows a lane or a path.
         is_any: whether any row does.
-        half: (n,) half of the span that counts [m].
+        half: (n,) half of the span [m].
     """
 
     def __init__(self, world: World) -> None:
         is_steered = world.is_ghost | (world.kind == Kind.EGO)
         self.is_followed = (world.has_lane | world.has_path) & ~is_steered
         self.is_any = bool(self.is_followed.any())
-        # Of a small loop a quarter, or both ends of the span would be one place.
+        # On a small loop the span is a quarter of it, or its two ends could be the same place.
         is_loop = world.is_loop & world.has_path
         self.half = 0.5 * np.fmin(_SPANS[world.kind], np.where(is_loop, 0.25 * world.path_length, np.inf))
 
 
 def _along(world: World, lines: _Lines, rows: IntArray) -> FloatArray:
-    """Return the `motion` of rows that follow a line."""
+    """Return the `motion` of rows (k,) that follow a line, (6, k)."""
     figures = np.zeros((6, len(rows)))
     speed, before = world.speed[rows], world.speed[rows] - world.accel[rows] * DT
     arc, half = world.arc[rows], lines.half[rows]
@@ -101,7 +102,7 @@ def _along(world: World, lines: _Lines, rows: IntArray) -> FloatArray:
     start, end, _, _, _, east, north, up = world.block("leg_start", "leg_dz")[:, rows]
     now: _Points = east + 1j * north, up
     past: _Points = now
-    # On a leg, far enough from both its ends, the direction is that of the leg.
+    # Far enough from both ends of a leg, the direction is that of the leg.
     bent = (((then - half < start) | (arc + half > end)) & (speed + before > 0.0)).nonzero()[0]
     if len(bent):
         past = now[0].copy(), up.copy()
@@ -125,14 +126,15 @@ def _bend(
     half: FloatArray,
     directions: tuple[_Points, _Points, IntArray],
 ) -> None:
-    """Write the mean directions of lines around two places of each row into those of now and of the step before.
+    """Write the mean directions of the lines, now and one step before, for rows that are near a corner.
 
     Args:
         world: read only.
-        rows: (k,) that follow a lane or a path.
-        arc: (2 k,) where they are, then where they were [m].
+        rows: (k,) int64, rows that follow a lane or a path.
+        arc: (2 k,) present arc lengths, then those one step before [m].
         half: (k,) half of the span [m].
-        directions: those of now and of the step before, (n,) each, and (k,) where in them the rows are.
+        directions: written: present directions and those one step before, (n,) each; and (k,) int64, the index of each
+            row in them.
     """
     num = len(rows)
     half = np.concatenate([half, half])
@@ -148,26 +150,26 @@ def _bend(
         place, height = np.empty(4 * num, dtype=np.complex128), np.empty(4 * num)
         place[is_path], height[is_path] = _on_paths(world, owners[is_path], arcs[is_path])
         place[~is_path], height[~is_path] = _on_lanes(world, owners[~is_path], arcs[~is_path])
-    way, rise = place[: 2 * num] - place[2 * num :], height[: 2 * num] - height[2 * num :]
+    step, rise = place[: 2 * num] - place[2 * num :], height[: 2 * num] - height[2 * num :]
     # A path is measured in space, a lane on the map.
-    length = np.hypot(np.abs(way), rise * is_path[: 2 * num])
+    length = np.hypot(np.abs(step), rise * is_path[: 2 * num])
     length = np.fmax(length, 2.0 * TURNING_ROUND * half)
-    way, rise = way / length, rise / length
+    step, rise = step / length, rise / length
     now, past, at = directions
     for i, direction in enumerate((now, past)):
         part = slice(i * num, (i + 1) * num)
-        direction[0][at], direction[1][at] = way[part], rise[part]
+        direction[0][at], direction[1][at] = step[part], rise[part]
 
 
 def _on_paths(world: World, rows: IntArray, arc: FloatArray) -> _Points:
-    """Return points at arc lengths of the paths of rows; beyond an end a path goes straight on."""
+    """Return the points at arc lengths (k,) of the paths of rows (k,); beyond an end a path continues straight."""
     length = world.path_length[rows]
     arc = np.where(world.is_loop[rows], np.mod(arc, length), arc)
     return _on_legs(world.paths.find(world.path_base[rows], np.fmin(np.fmax(arc, 0.0), length)), arc)
 
 
 def _on_lanes(world: World, rows: IntArray, arc: FloatArray) -> _Points:
-    """Return the same on the lanes of rows; before the lane that they have come from they go straight as well."""
+    """Return the points at arc lengths (k,) of the lanes of rows (k,); beyond these they continue straight."""
     roads = world.roads
     lane, s = find_ahead(roads, world.int_block("lane", "ahead_5")[:, rows], arc)
     behind = world.behind[rows]
@@ -179,7 +181,8 @@ def _on_lanes(world: World, rows: IntArray, arc: FloatArray) -> _Points:
 
 
 def _on_legs(legs: FloatArray, arc: FloatArray) -> _Points:
-    """Return points at arc lengths of straight legs, whose columns begin as those of a segment of a path do."""
+    """Return the points at arc lengths (k,) of legs (k, 8 or 10), whose columns begin like those of a path segment."""
     legs = legs.T
-    way = arc - legs[START]
-    return legs[X] + way * legs[DX] + 1j * (legs[Y] + way * legs[DY]), legs[Z] + way * legs[DZ]
+    distance = arc - legs[START]
+    plane = legs[X] + distance * legs[DX] + 1j * (legs[Y] + distance * legs[DY])
+    return plane, legs[Z] + distance * legs[DZ]

@@ -1,20 +1,19 @@
-"""Entities that go their own way: constant motion or a waypoint path, all of them at once.
+"""Motion along waypoint paths, and constant motion, of all such entities at once.
 
-Everybody who is not driven slides along a straight *leg*: the point at arc length s of a row is
+These entities slide along a straight *leg*. The point at arc length s of a row is
 
     (x, y, z) = (leg_x, leg_y, leg_z) + (s - leg_start) (leg_dx, leg_dy, leg_dz)
 
-with a unit vector as direction. Constant motion is a leg that never ends. On a path, whoever has come past `leg_end`
-is given the segment that he is on by now, found in `paths` for all who need one by a single search. A row is therefore
-on its polyline to the last bits, however long it has walked, and at any speed: many segments, or many rounds of a small
-loop, within one step cost no more than one. The heading is
+with a unit vector as direction. Constant motion is a leg that never ends. A row on a path that has come past `leg_end`
+gets the segment that it is on now; a single search in `paths` finds it for all rows that need one. So a row is on its
+polyline to the last bits, however long it has moved and at any speed. Many segments, or many rounds of a small loop,
+within one step cost no more than one. The heading is
 
     yaw = leg_yaw + (s - leg_start) leg_turn
 
-and goes on evenly where legs do not; see `paths`.
+and changes evenly where legs meet at a corner; see `paths`.
 
-Rows with speed 0 and ghosts are not looked at, and neither are those that keep to the lanes: they look where they go,
-and are `traffic`.
+Rows with speed 0, ghosts and lane followers are left out; `lane_following` moves the latter.
 """
 
 from __future__ import annotations
@@ -25,20 +24,25 @@ from rosbridge_sim.world.geometry import FloatArray, IntArray
 from rosbridge_sim.world.row_program import RowProgram
 from rosbridge_sim.world.state import BoolArray, Kind, World
 
-__all__ = ["walk"]
+__all__ = ["follow_paths"]
 
 
-def walk(world: World, dt: float) -> None:
-    """Move all rows that go their own way by `dt`, in place."""
+def follow_paths(world: World, dt: float) -> None:
+    """Move all rows that are on a path or in constant motion.
+
+    Args:
+        world: written in place.
+        dt: length of the step [s].
+    """
     moving = world.derived(_Moving)
     if moving.num:
         moving.advance(dt)
 
 
 class _Moving:
-    """The rows that move and the calls that move them.
+    """The rows that move, and the numpy calls that move them.
 
-    Lives until somebody comes, goes, stops or is put elsewhere.
+    It lives until the next `World.touch`: until an entity comes or goes, stops or is placed.
     """
 
     def __init__(self, world: World) -> None:
@@ -49,42 +53,43 @@ class _Moving:
         self.dt = 0.0
 
     def advance(self, dt: float) -> None:
+        """Move the rows by `dt` [s]."""
         if dt != self.dt:
             self.dt = dt
-            self._lay_down()
-        self.block.run()
+            self._write_program()
+        self.program.run()
 
-    def _lay_down(self) -> None:
-        block = self.block = RowProgram(self.world, self.rows, "x", "leg_turn", written_from="x")
-        # In the order of `state.FLOATS`; a count that does not fit fails here.
-        x, y, yaw, speed, z, arc = block.values[:6]
-        leg_start, leg_end, leg_x, leg_y, leg_z, leg_dx, leg_dy, leg_dz, leg_yaw, leg_turn = block.values[6:]
+    def _write_program(self) -> None:
+        program = self.program = RowProgram(self.world, self.rows, "x", "leg_turn", written_from="x")
+        # In the order of `entity_arrays.FLOATS`; a count that does not fit fails here.
+        x, y, yaw, speed, z, arc = program.values[:6]
+        leg_start, leg_end, leg_x, leg_y, leg_z, leg_dx, leg_dy, leg_dz, leg_yaw, leg_turn = program.values[6:]
         has_path = bool(self.world.has_path[self.rows].any())
-        way = np.empty(block.num)
-        do = block.do
-        do(np.multiply, speed, block.constant(self.dt), way)
-        do(np.add, arc, way, arc)
+        distance = np.empty(program.num)
+        do = program.do
+        do(np.multiply, speed, program.constant(self.dt), distance)
+        do(np.add, arc, distance, arc)
         if has_path:
-            is_past = np.empty(block.num, dtype=bool)
+            is_past = np.empty(program.num, dtype=bool)
             do(np.greater_equal, arc, leg_end, is_past)
-            do(_Turn(self.world, block.rows, block.values, is_past).make)
-        do(np.subtract, arc, leg_start, way)
-        do(np.multiply, way, leg_dx, x)
+            do(_LegChange(self.world, program.rows, program.values, is_past).make)
+        do(np.subtract, arc, leg_start, distance)
+        do(np.multiply, distance, leg_dx, x)
         do(np.add, x, leg_x, x)
-        do(np.multiply, way, leg_dy, y)
+        do(np.multiply, distance, leg_dy, y)
         do(np.add, y, leg_y, y)
-        if has_path:  # whoever has none keeps his height and heading
-            do(np.multiply, way, leg_dz, z)
+        if has_path:  # without a path, height and heading stay
+            do(np.multiply, distance, leg_dz, z)
             do(np.add, z, leg_z, z)
-            do(np.multiply, way, leg_turn, yaw)
+            do(np.multiply, distance, leg_turn, yaw)
             do(np.add, yaw, leg_yaw, yaw)
 
 
-class _Turn:
-    """Gives those who have passed the end of their leg the leg that they are on.
+class _LegChange:
+    """Gives rows that have passed the end of their leg the leg that they are on now.
 
-    It knows the block's arrays but not the block, which holds it: in a ring, each touch would leave work to the
-    garbage collector.
+    It knows the arrays of the program but not the program, which holds it: a reference cycle would leave work to the
+    garbage collector at each `World.touch`.
     """
 
     def __init__(self, world: World, rows: IntArray, values: FloatArray, is_past: BoolArray) -> None:
@@ -95,6 +100,7 @@ class _Turn:
         self.path_base = world.path_base[rows]
 
     def make(self) -> None:
+        """Bring arc lengths and legs up to date; a row at the end of its path stops."""
         if not np.count_nonzero(self.is_past):
             return
         at = self.is_past.nonzero()[0]

@@ -1,24 +1,24 @@
-"""The waypoint paths that agents follow, all in one pair of arrays so that one search serves every agent.
+"""All waypoint paths, in one pair of arrays, so that one search serves all entities that follow one.
 
-A path is laid down as its straight segments, end to end behind those of the other paths. Each segment has an
-integer *key*: where it begins, in 2^-26 m (15 nm), counted from the path's *base*. Keys grow along the whole store,
-so `numpy.searchsorted` finds the segments of any number of agents at once; and because they are integers, what is
-found depends on the arc length alone and never on where in the store a path happens to lie. (Floating keys would: the
-same drive would differ in its last bits after some other agent's path is gone.)
+A path is stored as its straight segments, end to end after those of the other paths. Each segment has an integer *key*:
+where it begins, in 2^-26 m (15 nm), counted from the *base* of its path. Keys grow along the whole store, so
+`numpy.searchsorted` finds the segments of any number of entities at once. Because keys are integers, the result depends
+on the arc length alone, and not on where in the store a path is. (With floating-point keys the same drive would differ
+in its last bits after another entity's path is removed.)
 
-*The heading* of a row is no leg's: a car does not jerk at a waypoint. It is the mean direction of the path from where
-the row is to `reach` ahead, with d(u) the direction of the leg at arc length u, counted on over full turns:
+*The heading* of a row is not that of a leg, because a car does not jerk at a waypoint. It is the mean direction of the
+path from the row to `reach` ahead, with d(u) the direction of the leg at arc length u, counted on over full turns:
 
     yaw(s) = 1 / reach * integral of d(u) du from s to s + reach
 
-With the wheelbase as reach this is nearly the line from the rear axle to the front one, if both are on the path. A
-corner of angle a is therefore turned evenly over one reach, and the yaw rate is at most speed * (angles of the corners
-within reach) / reach. Between places where a corner is at either end of the window, yaw(s) is a straight line. So the
-segments end there as well, and each carries its heading and how that changes. Legs shorter than half the reach are not
-cut: on them the heading is a straight line between its true values at both ends.
+With the wheelbase as reach, this is nearly the line from the rear axle to the front axle, if both are on the path. So a
+corner is turned evenly over one reach, and the yaw rate is at most speed * (angles of the corners within reach) /
+reach. Between places where a corner is at either end of the window, yaw(s) is a straight line. So the segments end
+there as well, and each holds its heading and the change of it. Legs shorter than half the reach are not cut: on them
+the heading is a straight line between its true values at both ends.
 
-A removed path leaves a hole. Once the holes are more than half, the rest moves together, so that any number of
-additions and removals needs memory for the paths in use alone.
+A removed path leaves a hole. When the holes are more than half, the store is compacted. So any number of additions and
+removals needs memory for the paths in use alone.
 """
 
 from __future__ import annotations
@@ -32,45 +32,59 @@ import numpy as np
 
 from rosbridge_sim.world.geometry import FloatArray, IntArray, arc_lengths, wrap_angle
 
-__all__ = ["MAX_PATH_LENGTH", "TICKS", "Paths", "PathsSnapshot", "Segments", "lay_segments"]
+__all__ = ["KEYS_PER_METRE", "MAX_PATH_LENGTH", "Paths", "PathsSnapshot", "Segments", "lay_segments"]
 
-TICKS: Final = float(1 << 26)  # key units in a metre
-MAX_PATH_LENGTH: Final = 1e6  # 1,000 km
-MAX_KEY: Final = 1 << 62  # 69 million km of paths
-MIN_SEGMENT: Final = 1e-6  # shorter steps between waypoints are rounding in somebody's file and have no direction
+KEYS_PER_METRE: Final = float(1 << 26)
+"""Key units in a metre: 15 nm each, far below the digits of any file."""
+
+MAX_PATH_LENGTH: Final = 1e6
+"""The longest path [m]: longer than any drive, and its keys fit an int64."""
+
+MAX_KEY: Final = 1 << 62
+"""The last key of a store: 69 million km of paths."""
+
+MIN_SEGMENT: Final = 1e-6
+"""A shorter step between waypoints is rounding in a file, and has no direction [m]."""
+
 MIN_SEGMENTS: Final = 64
+"""Segments that memory is taken for at least."""
 
-STRAIGHT: Final = 1e-9  # two legs with no more than this between them need no cut [rad]
-TIDY: Final = 1e-12  # a heading that changes keeps so far from +-pi: rounding then leaves it within [rad]
+STRAIGHT: Final = 1e-9
+"""Two legs with at most this angle between them need no cut [rad]: it is rounding."""
 
-# Columns of a segment.
+WRAP_MARGIN: Final = 1e-12
+"""A heading that changes stays so far from +-pi that rounding cannot bring it beyond [rad]."""
+
+# Columns of a segment; see `lay_segments`.
 START, END, X, Y, Z, DX, DY, DZ, YAW, TURN = range(10)
 NUM_COLUMNS: Final = 10
 
 Segments = FloatArray
+"""(k, 10), one row for each segment; see `lay_segments`."""
 
 
 def lay_segments(points: FloatArray, *, is_loop: bool, reach: float) -> Segments:
-    """Return a polyline as its segments: its legs, cut where the heading begins or ends to change.
+    """Return the segments of a polyline: its legs, cut where the heading starts or stops to change.
 
     Args:
-        points: (m, 3) vertices [m]. Vertices that repeat the one before are passed over.
+        points: (m, 3) vertices, east, north, up [m]. Vertices that repeat the one before are left out.
         is_loop: the last vertex is joined to the first.
-        reach: how far ahead the heading looks, positive; see the head of this file [m].
+        reach: length over which the heading is averaged, positive; see the head of this file [m].
 
     Returns:
-        (k, 10) one row each: arc length at its start and end, start point x, y, z, direction in space (a unit
-        vector), heading at its start [rad] and the heading's change [rad/m]. The end of the last one is the length of
-        the path.
+        (k, 10), one row each: arc length at its start and end [m], start point x, y, z [m], direction in space (a unit
+        vector), heading at its start [rad] and change of the heading [rad/m]. The end of the last one is the length
+        of the path.
 
     Raises:
-        ValueError: not a finite polyline in space, or shorter than a micrometre, or longer than `MAX_PATH_LENGTH`.
+        ValueError: the points are no finite polyline in space, or it is shorter than a micrometre or longer than
+            `MAX_PATH_LENGTH`.
     """
     if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():  # noqa: PLR2004 - x, y, z
         raise ValueError(f"path: expected finite points of shape (m, 3), got shape {points.shape}")
     if is_loop and len(points):
         points = np.concatenate([points, points[:1]])
-    # One pass: a run of tiny steps is merged as far as each single step goes, which no sane file will notice.
+    # One pass: of a run of tiny steps each single one is left out, which matters to no real file.
     is_new = np.ones(len(points), dtype=bool)
     is_new[1:] = np.sqrt(np.square(np.diff(points, axis=0)).sum(axis=1)) > MIN_SEGMENT
     points = points[is_new]
@@ -80,14 +94,14 @@ def lay_segments(points: FloatArray, *, is_loop: bool, reach: float) -> Segments
     if not arcs[-1] <= MAX_PATH_LENGTH:
         raise ValueError(f"path: expected at most {MAX_PATH_LENGTH:g} m, got {arcs[-1]:g} m")
     step = np.diff(points, axis=0)
-    way = step / np.diff(arcs)[:, None]
+    direction = step / np.diff(arcs)[:, None]
     cuts, yaw = _cut(arcs, _headings(step), reach, is_loop=is_loop)
     starts = cuts[:-1]
     leg = arcs[1:-1].searchsorted(starts, side="right")
     segments = np.empty((len(starts), NUM_COLUMNS))
     segments[:, START], segments[:, END] = starts, cuts[1:]
-    segments[:, X : Z + 1] = points[leg] + (starts - arcs[leg])[:, None] * way[leg]
-    segments[:, DX : DZ + 1] = way[leg]
+    segments[:, X : Z + 1] = points[leg] + (starts - arcs[leg])[:, None] * direction[leg]
+    segments[:, DX : DZ + 1] = direction[leg]
     segments[:, YAW] = yaw[:, 0]
     segments[:, TURN] = (yaw[:, 1] - yaw[:, 0]) / np.diff(cuts)
     return segments
@@ -97,23 +111,23 @@ def _cut(arcs: FloatArray, direction: FloatArray, reach: float, *, is_loop: bool
     """Return where segments begin and end, (k + 1,), and the headings at both ends of each, (k, 2).
 
     Args:
-        arcs: (m + 1,) of the vertices [m].
-        direction: (m,) of the legs [rad].
+        arcs: (m + 1,) arc lengths of the vertices [m].
+        direction: (m,) directions of the legs [rad].
         reach: see the head of this file [m].
-        is_loop: the path goes on at its first leg.
+        is_loop: the path continues on its first leg.
     """
     length = float(arcs[-1])
     course = np.unwrap(direction)
     edges = arcs
-    if is_loop:  # once round and once more, so that the window lies within
+    if is_loop:  # twice round, so that the window lies within
         reach = min(reach, length)
         turn = course[-1] + wrap_angle(direction[0] - direction[-1]) - course[0]
         edges, course = np.concatenate([arcs, length + arcs[1:]]), np.concatenate([course, course + turn])
-    else:  # beyond its end it goes straight on
+    else:  # beyond its end it continues straight
         edges = np.append(arcs, length + reach)
         course = np.append(course, course[-1])
     total = np.concatenate([[0.0], np.cumsum(course * np.diff(edges))])
-    # A short leg is not cut; neither is a sliver cut off, which would have no direction of its own.
+    # A short leg is not cut. Nor is a tiny piece cut off, which would have no direction of its own.
     enters = edges[1:-1][np.abs(np.diff(course)) > STRAIGHT] - reach
     leg = np.minimum(edges[1:].searchsorted(enters, side="right"), len(edges) - 2)
     is_far = np.minimum(enters - edges[leg], edges[leg + 1] - enters) > MIN_SEGMENT
@@ -123,7 +137,7 @@ def _cut(arcs: FloatArray, direction: FloatArray, reach: float, *, is_loop: bool
     ahead = np.minimum(cuts + reach, edges[-1])
     heading = (np.interp(ahead, edges, total) - np.interp(cuts, edges, total)) / reach
     heading = np.stack([heading[:-1], heading[1:]], axis=1)
-    # Where the window is within legs of one direction all along, the heading is theirs to the last bit.
+    # Where all legs in the window have one direction, the heading is theirs to the last bit.
     first = edges[1:-1].searchsorted(cuts[:-1], side="right")
     last = edges[1:-1].searchsorted(ahead[1:], side="left")
     bends = np.concatenate([[0], np.cumsum(np.diff(course) != 0.0)])
@@ -133,7 +147,15 @@ def _cut(arcs: FloatArray, direction: FloatArray, reach: float, *, is_loop: bool
 
 
 def _wrap_segments(cuts: FloatArray, heading: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Bring headings into (-pi, pi], and cut segments in whose midst they pass due west; arguments as returned."""
+    """Bring headings into (-pi, pi], and cut segments within which they pass due west.
+
+    Args:
+        cuts: (k + 1,) where segments begin and end [m].
+        heading: (k, 2) headings at both ends of each [rad].
+
+    Returns:
+        The same arrays, with the new cuts.
+    """
     turns = np.floor((heading + math.pi) / math.tau)
     crossings: list[float] = []
     for i in np.flatnonzero(turns[:, 0] != turns[:, 1]).tolist():  # rare
@@ -153,14 +175,18 @@ def _wrap_segments(cuts: FloatArray, heading: FloatArray) -> tuple[FloatArray, F
         heading = heading[owner, :1] + part * (heading[owner, 1:] - heading[owner, :1])
         cuts = more
     middle = np.floor((heading.mean(axis=1) + math.pi) / math.tau)
-    wrapped = np.clip(heading - middle[:, None] * math.tau, TIDY - math.pi, math.pi - TIDY)
+    wrapped = np.clip(heading - middle[:, None] * math.tau, WRAP_MARGIN - math.pi, math.pi - WRAP_MARGIN)
     is_straight = heading[:, 0] == heading[:, 1]
     wrapped[is_straight] = wrap_angle(heading[is_straight])
     return cuts, wrapped
 
 
 def _headings(step: FloatArray) -> FloatArray:
-    """Return each segment's yaw within (-pi, pi]; a vertical one keeps the yaw of the one before."""
+    """Return the yaw of each leg, (m,) within (-pi, pi] [rad]; a vertical leg has the yaw of the one before.
+
+    Args:
+        step: (m, 3) from the start of each leg to its end [m].
+    """
     yaw = np.arctan2(step[:, 1], step[:, 0])
     yaw[yaw == -np.pi] = np.pi
     is_flat = (step[:, 0] != 0.0) | (step[:, 1] != 0.0)
@@ -170,7 +196,14 @@ def _headings(step: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class PathsSnapshot:
-    """A copy of a store: segments (k, 10), keys (k,), spans {path: (first, count)} and the first free key."""
+    """A copy of a store.
+
+    Attributes:
+        segments: (k, 10).
+        keys: (k,) int64.
+        spans: for each path its first segment and their count.
+        next_base: the first free key.
+    """
 
     segments: Segments
     keys: IntArray
@@ -179,22 +212,22 @@ class PathsSnapshot:
 
 
 class Paths:
-    """All paths in use.
+    """The store of all paths in use, by the ids of the entities that follow them.
 
     Attributes:
         segments: (num, 10) see `lay_segments`.
-        keys: (num,) int64, rising: the start of each segment in `TICKS`, plus its path's base.
-        num, num_live: segments in the store with and without the holes.
+        keys: (num,) int64, rising: the start of each segment in key units, plus the base of its path.
+        num, num_live: segments in the store, with and without the holes.
     """
 
     __slots__ = ("_digest", "_keys", "_next_base", "_segments", "_spans", "keys", "num", "num_live", "segments")
 
     def __init__(self) -> None:
-        self._digest: bytes | None = None  # of what is there now
+        self._digest: bytes | None = None  # of the present content
         self.clear()
 
     def clear(self) -> None:
-        """Forget every path."""
+        """Remove all paths."""
         self._segments: Segments = np.empty((MIN_SEGMENTS, NUM_COLUMNS))
         self._keys: IntArray = np.empty(MIN_SEGMENTS, dtype=np.int64)
         self._spans: dict[int, tuple[int, int]] = {}  # in the order of the store
@@ -203,20 +236,24 @@ class Paths:
         self._bind(0)
 
     def add(self, path: int, segments: Segments) -> int:
-        """Lay a path behind the others and return its base, the key where it begins.
+        """Store a path after the others and return its base, the key where it begins.
+
+        Args:
+            path: id of the path, not in use.
+            segments: (k, 10), see `lay_segments`.
 
         Raises:
-            ValueError: the keys are used up; the store is as it was.
+            ValueError: the keys are used up. The store is as it was.
         """
         first, count, base = self.num, len(segments), self._next_base
-        # One key beyond the end of the path keeps an agent that stands exactly there on its own path.
-        next_base = base + int(segments[-1, END] * TICKS) + 2
+        # One key beyond the end of the path keeps an entity that stands exactly there on its own path.
+        next_base = base + int(segments[-1, END] * KEYS_PER_METRE) + 2
         if next_base > MAX_KEY:
-            raise ValueError(f"path: the paths in use are longer together than {MAX_KEY / TICKS:g} m")
+            raise ValueError(f"path: the paths in use are longer together than {MAX_KEY / KEYS_PER_METRE:g} m")
         if first + count > len(self._keys):
             self._reserve(2 * (first + count))
         self._segments[first : first + count] = segments
-        self._keys[first : first + count] = base + np.floor(segments[:, START] * TICKS).astype(np.int64)
+        self._keys[first : first + count] = base + np.floor(segments[:, START] * KEYS_PER_METRE).astype(np.int64)
         self._spans[path] = (first, count)
         self._next_base = next_base
         self.num_live += count
@@ -224,7 +261,11 @@ class Paths:
         return base
 
     def remove(self, path: int) -> bool:
-        """Take a path out; True when the rest moved together and every base must be asked for again."""
+        """Remove a path.
+
+        Returns:
+            True when the store was compacted, so that every `base` must be read again.
+        """
         _, count = self._spans.pop(path)
         self._digest = None
         self.num_live -= count
@@ -239,11 +280,11 @@ class Paths:
 
     def find(self, base: IntArray, arc: FloatArray) -> Segments:
         """Return the segments, (k, 10), at arc lengths (k,) of the paths whose bases (k,) are given."""
-        keys = base + (arc * TICKS).astype(np.int64)
+        keys = base + (arc * KEYS_PER_METRE).astype(np.int64)
         return np.asarray(self.segments[self.keys.searchsorted(keys, side="right") - 1])
 
     def digest(self) -> bytes:
-        """Return a hash of the whole store. It is most of a world and changes rarely, so it is worked out once."""
+        """Return a hash of the whole store. The store is most of a world and changes rarely, so the hash is kept."""
         if self._digest is None:
             state = blake2b(digest_size=16)
             state.update(repr((self._next_base, list(self._spans.items()))).encode())
@@ -252,11 +293,11 @@ class Paths:
         return self._digest
 
     def snapshot(self) -> PathsSnapshot:
-        """Return a copy that `restore` takes."""
+        """Return a copy for `restore`."""
         return PathsSnapshot(self.segments.copy(), self.keys.copy(), dict(self._spans), self._next_base)
 
     def restore(self, saved: PathsSnapshot) -> None:
-        """Become what the snapshot was; the snapshot stays good for another time."""
+        """Become what a snapshot holds; the snapshot can be used again."""
         self.clear()
         num = len(saved.keys)
         self._reserve(num)

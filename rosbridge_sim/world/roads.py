@@ -27,7 +27,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LanePlaces:
-    """Where given points are, relative to a lane near each; (n,) each, one entry for each point.
+    """Places of points relative to a lane near each; (n,) each, one entry for each point.
 
     Attributes:
         lane: int64, row of the lane; -1 where there is no road at all (the rest is then 0, `distance` inf).

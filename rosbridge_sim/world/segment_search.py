@@ -148,7 +148,7 @@ class SegmentSearch:
 
     def _blocks_within(self, place: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
         """Return (m,) which place, rising, and (m,) the blocks whose boxes are within its radius, rising for each."""
-        if self._grid is None:  # it is needed only where somebody looks for all lanes near a place
+        if self._grid is None:  # made at the first search for all lanes near a place
             self._grid = BlockGrid(self._low, self._high)
         owner, block = self._grid.find(place)
         is_seen = _thin_out(place, owner, np.ones_like(owner))

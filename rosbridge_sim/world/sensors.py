@@ -1,23 +1,23 @@
-"""What sensors on a vehicle read: where the antenna is, what an inertial unit feels, which boxes stand around.
+"""Readings of sensors on a vehicle: position of an antenna, inertial unit, and boxes of the entities around.
 
-A sensor sits on its vehicle by a `Mounting`, and reads what is true of the place where it sits. Readings are exact:
-nothing here adds noise. All of it follows from the state at one frame, so it does not matter who reads or how often.
+A `Mounting` says where a sensor is on its vehicle. Readings are exact: nothing here adds noise. They follow from the
+state at one frame, so it does not matter how often they are read.
 
-*The inertial unit.* The reference point P (rear axle) of a driven row has over the last step the acceleration a_P
-(`accel` forward, `lateral_accel` left) and turns about the map's z axis by w = `yaw_rate`; with r the way from P to the
-sensor, all in the map frame,
+*The inertial unit.* Over the last step, the reference point P (rear axle) of a driven row has the acceleration a_P
+(`accel` forward, `lateral_accel` left) and the yaw rate w = `yaw_rate` about the map's z axis. With r the vector from P
+to the sensor, all in the map frame,
 
     a = a_P + w' z x r + w z x (w z x r)
 
-The change of the yaw rate w' is worked out from the single track model, w = v tan(d) / L:
+The change w' of the yaw rate follows from the single track model, w = v tan(d) / L:
 
     w' = (v' tan(d) + v d' (1 + tan(d)^2)) / L
 
-with v, d in the middle of the step. That d is the one that has made `yaw_rate`, and d' is how far the wheels have come
-from it since. Where the wheels cannot have come so far, somebody has put them there, and d' is 0; a ghost moves by no
-model, and its w' is 0.
+with v and d in the middle of the step. That d has made `yaw_rate`, and d' is how fast the wheels have turned since. If
+they cannot have turned so far, they were set from outside, and d' is 0. A ghost does not move by the model, and its w'
+is 0.
 
-Where it stops being true: a slope is not known to the model, so it neither pitches nor accelerates along z.
+Limits of the model: it does not know slopes, so it neither pitches nor accelerates along z.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from rosbridge_sim.world.geometry import (
     Vector,
     chain,
     quaternion,
-    turn,
-    turn_back,
+    rotate,
+    rotate_back,
     wrap_angle,
 )
 from rosbridge_sim.world.state import DT, World
@@ -44,19 +44,19 @@ from rosbridge_sim.world.state import DT, World
 __all__ = ["GRAVITY", "Boxes", "Inertia", "Mounting", "feel", "find_boxes", "locate"]
 
 GRAVITY: Final = 9.80665
-"""The standard acceleration of free fall [m/s^2]; no map says its own."""
+"""The standard acceleration of free fall [m/s^2] (CGPM 1901); maps do not give their own."""
 
-SLACK: Final = 1e-9
-"""What rounding adds to a wheel's turn of one step [rad]."""
+STEER_ROUNDING: Final = 1e-9
+"""The most that rounding can add to the turn of the wheels in one step [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mounting:
-    """Where a sensor sits on its vehicle: unless it is said otherwise, on its reference point, looking forward.
+    """Place and orientation of a sensor on its vehicle; the default is the reference point, looking forward.
 
     Attributes:
-        x, y, z: its place, forward, left and up of the middle of the rear axle on the ground [m].
-        roll, pitch, yaw: its orientation against the vehicle's axes, as for `geometry.quaternion` [rad].
+        x, y, z: forward, left and up of the middle of the rear axle on the ground [m].
+        roll, pitch, yaw: orientation in the vehicle's frame, as for `geometry.quaternion` [rad].
     """
 
     x: float = 0.0
@@ -68,23 +68,23 @@ class Mounting:
 
     @property
     def place(self) -> Vector:
-        """x, y and z."""
+        """x, y and z [m]."""
         return self.x, self.y, self.z
 
     @property
     def orientation(self) -> Quaternion:
-        """Its axes in the vehicle's."""
+        """Orientation of its axes in the vehicle's frame."""
         return quaternion(self.roll, self.pitch, self.yaw)
 
 
 @dataclass(frozen=True, slots=True)
 class Inertia:
-    """What an inertial unit reads.
+    """Reading of an inertial unit.
 
     Attributes:
         orientation: the sensor's axes in the map frame.
         angular_velocity: of the sensor, in its own axes [rad/s].
-        acceleration: what holds it, in its own axes: at rest `GRAVITY` upwards, as a real unit shows [m/s^2].
+        acceleration: specific force in its own axes: at rest `GRAVITY` upwards, as a real unit shows [m/s^2].
     """
 
     orientation: Quaternion
@@ -94,15 +94,15 @@ class Inertia:
 
 @dataclass(frozen=True, slots=True)
 class Boxes:
-    """Boxes around others as a vehicle sees them, the nearest first; arrays (k,) float64 unless noted.
+    """Bounding boxes of other entities as a vehicle sees them, the nearest first; (k,) float64 each unless noted.
 
     Attributes:
-        rows: whose, int64.
+        rows: int64, rows of the entities.
         x, y, z: middle of the box, in the frame of the vehicle that looks [m].
         length, width, height: [m].
-        yaw: heading against that of the vehicle that looks, within (-pi, pi] [rad].
-        distance: of the middle from the reference point of the vehicle that looks [m].
-        speed: along the heading, negative backwards [m/s].
+        yaw: heading relative to that of the vehicle that looks, within (-pi, pi] [rad].
+        distance: from the reference point of the vehicle that looks to the middle [m].
+        speed: along the entity's heading, negative backwards [m/s].
     """
 
     rows: IntArray
@@ -118,35 +118,50 @@ class Boxes:
 
 
 def locate(world: World, row: int, mounting: Mounting) -> Vector:
-    """Return where a sensor is, in the map frame [m]."""
-    x, y, z = turn(_orientation(world, row), mounting.place)
+    """Return where a sensor is.
+
+    Args:
+        world: read only.
+        row: row of the vehicle.
+        mounting: of the sensor.
+
+    Returns:
+        East, north, up in the map frame [m].
+    """
+    x, y, z = rotate(_orientation(world, row), mounting.place)
     return world.x.item(row) + x, world.y.item(row) + y, world.z.item(row) + z
 
 
 def feel(world: World, row: int, mounting: Mounting) -> Inertia:
-    """Return what an inertial unit reads on a driven row; see the head of this file for the equations."""
+    """Return the reading of an inertial unit; see the head of this file for the equations.
+
+    Args:
+        world: read only.
+        row: row of an EGO.
+        mounting: of the unit.
+    """
     vehicle = _orientation(world, row)
     axes = chain(vehicle, mounting.orientation)
     yaw, rate, change = world.yaw.item(row), world.yaw_rate.item(row), _yaw_accel(world, row)
     ahead, left = world.accel.item(row), world.lateral_accel.item(row)
     cos, sin = math.cos(yaw), math.sin(yaw)
-    x, y, _ = turn(vehicle, mounting.place)
+    x, y, _ = rotate(vehicle, mounting.place)
     acceleration = (
         ahead * cos - left * sin - change * y - rate * rate * x,
         ahead * sin + left * cos + change * x - rate * rate * y,
         GRAVITY,
     )
-    return Inertia(axes, turn_back(axes, (0.0, 0.0, rate)), turn_back(axes, acceleration))
+    return Inertia(axes, rotate_back(axes, (0.0, 0.0, rate)), rotate_back(axes, acceleration))
 
 
 def find_boxes(world: World, row: int, reach: float, limit: int) -> Boxes:
-    """Return the boxes of all others whose middle is near a vehicle.
+    """Return the boxes of all other entities whose middle is near a vehicle.
 
     Args:
         world: read only.
-        row: of the vehicle that looks.
-        reach: how far it looks [m].
-        limit: how many it sees at most, the nearest.
+        row: row of the vehicle that looks.
+        reach: greatest distance of a middle [m].
+        limit: boxes at most; of more, the nearest.
     """
     others = np.flatnonzero(world.alive)
     others = others[others != row]
@@ -166,7 +181,7 @@ def find_boxes(world: World, row: int, reach: float, limit: int) -> Boxes:
     chosen = np.argsort(distance, kind="stable")[: min(limit, int(np.count_nonzero(distance <= reach)))]
     rows = others[chosen]
     axes = _orientation(world, row)
-    columns = np.array([turn(axes, unit) for unit in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))])
+    columns = np.array([rotate(axes, unit) for unit in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))])
     seen = (columns[:, :, None] * away[:, chosen]).sum(axis=1)  # no matmul: its bits depend on the library behind it
     return Boxes(
         rows,
@@ -179,19 +194,20 @@ def find_boxes(world: World, row: int, reach: float, limit: int) -> Boxes:
 
 
 def _orientation(world: World, row: int) -> Quaternion:
+    """Return the orientation of a row in the map frame."""
     return quaternion(world.roll.item(row), world.pitch.item(row), world.yaw.item(row))
 
 
 def _yaw_accel(world: World, row: int) -> float:
-    """How fast the yaw rate changed in the middle of the last step [rad/s^2]."""
+    """Return the change of the yaw rate in the middle of the last step [rad/s^2]."""
     wheelbase, accel = world.wheelbase.item(row), world.accel.item(row)
     speed = world.speed.item(row) - 0.5 * DT * accel
     if world.is_ghost.item(row) or wheelbase <= 0.0:
         return 0.0
-    if speed == 0.0:  # it passes through standstill, and the wheels' own turning moves nothing
+    if speed == 0.0:  # it passes through standstill, where the turning of the wheels moves nothing
         return accel * math.tan(world.steer.item(row)) / wheelbase
     slope = world.yaw_rate.item(row) * wheelbase / speed
     turned = world.steer.item(row) - math.atan(slope)
-    if abs(turned) > 0.5 * DT * world.steer_rate.item(row) + SLACK:
-        turned = 0.0  # somebody has put the car or its wheels there: they did not turn so far
+    if abs(turned) > 0.5 * DT * world.steer_rate.item(row) + STEER_ROUNDING:
+        turned = 0.0  # the car or its wheels were set from outside: they did not turn so far
     return (accel * slope + speed * (1.0 + slope * slope) * turned / (0.5 * DT)) / wheelbase

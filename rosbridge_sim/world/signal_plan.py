@@ -1,14 +1,14 @@
-"""The plan of a map's traffic lights: which there are, what runs them, and what they show at each moment of a cycle.
+"""The plan of a map's traffic lights: the lights, their controllers, and what they show at each moment of a cycle.
 
-A *controller* runs an intersection through its phases, over and over. In a phase each of its groups has a colour. A
-group whose green does not go on in the next phase then shows yellow for its own time, *after* the phase's duration,
-while the others hold their colour; the next phase begins when the longest of these yellows is over. A group that keeps
-a part of its green (straight and left, then straight alone) shows yellow beside that part; one that keeps nothing and
-whose yellow is short waits at red for the others. People's lights are green within a phase, from a while after its
-beginning on, then flash, then are red.
+A *controller* runs an intersection through its phases, again and again. In a phase each of its groups has a colour. A
+group whose green does not continue in the next phase then shows yellow for its own time, *after* the duration of the
+phase, while the others keep their colour. The next phase begins when the longest of these yellows is over. A group that
+keeps a part of its green (straight and left, then straight alone) shows yellow beside that part. A group that keeps
+nothing and has a short yellow waits at red for the others. Pedestrian lights are green within a phase, from a given
+time after its beginning, then they flash, then they are red.
 
-All of that is worked out when the plan is made, as a table of *spells* in which no colour changes. All times are whole
-frames. What is lit at a given frame, and who has taken over which light, is `signals`.
+All of this is worked out when the plan is made, as a table of *intervals* in which no colour changes. All times are
+whole frames. What is lit at a given frame, and which lights are forced, is in `signals`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ __all__ = ["GREENS", "UNSET", "Controller", "Lamp", "Light", "Phase", "SignalPla
 
 
 class Lamp(IntFlag):
-    """What is lit, a sum. The numbers are those that clients know."""
+    """The lamps of a light; a sum of them says which are lit. The numbers are those of MORAI's messages."""
 
     RED = 1
     YELLOW = 4
@@ -45,10 +45,10 @@ class Lamp(IntFlag):
 GREENS: Final = sum(int(lamp) for lamp in Lamp if lamp > Lamp.YELLOW)
 
 UNSET: Final = -1
-"""What a light shows that nobody has set: no controller has it."""
+"""The value of a light that has no controller and is not forced."""
 
 FLASH: Final = 25
-"""A flashing light is lit for so long and dark for as long: once a second [frames]."""
+"""A flashing light is lit for so long and dark for as long [frames]: one flash a second."""
 
 _RED, _YELLOW, _GREEN = int(Lamp.RED), int(Lamp.YELLOW), int(Lamp.GREEN)
 
@@ -58,12 +58,12 @@ class Light:
     """One traffic light.
 
     Attributes:
-        name: as the map spells it.
-        lamps: what it has, a sum of `Lamp`; with YELLOW alone all its lamps are yellow.
-        is_pedestrian: for people on foot.
-        lanes: rows of the lanes that it serves: they begin at its stop line.
-        x, y, z: where it hangs [m].
-        yaw: where it looks, against the traffic that it serves [rad].
+        name: as the map gives it.
+        lamps: the lamps that it has, a sum of `Lamp`; with YELLOW alone all its lamps are yellow.
+        is_pedestrian: it is for pedestrians.
+        lanes: rows of the lanes that it controls: they begin at its stop line.
+        x, y, z: position in the map frame [m].
+        yaw: direction in which it shows, against the traffic that it controls [rad].
     """
 
     name: str
@@ -77,13 +77,18 @@ class Light:
 
     @property
     def is_warning(self) -> bool:
-        """All its lamps are yellow: whatever the others of its group show, it asks for care and stops nobody."""
+        """True if all its lamps are yellow: it then only warns, for any value of its group."""
         return self.lamps == _YELLOW
 
 
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """One phase: so many frames, at least one, then the yellows; and the colour of each group."""
+    """One phase of a controller.
+
+    Attributes:
+        duration: without the yellows that follow, at least 1 [frames].
+        colours: for each group a sum of `Lamp`.
+    """
 
     duration: int
     colours: tuple[int, ...]
@@ -91,7 +96,15 @@ class Phase:
 
 @dataclass(frozen=True, slots=True)
 class Walk:
-    """When the people's lights of a group are green: `before` frames into a phase; then flashing, then red."""
+    """The green time of the pedestrian lights of a group in a phase.
+
+    Attributes:
+        phase: number of the phase.
+        group: number of the group.
+        before: from the beginning of the phase to the green, not negative [frames].
+        green: how long they are green [frames].
+        flashing: how long they flash afterwards; then they are red [frames].
+    """
 
     phase: int
     group: int
@@ -102,16 +115,16 @@ class Walk:
 
 @dataclass(frozen=True, slots=True)
 class Controller:
-    """What runs an intersection.
+    """The controller of an intersection.
 
     Attributes:
-        name: as the map spells it.
-        number: what clients call it by.
+        name: as the map gives it.
+        number: the number by which clients name it.
         groups: rows of the lights that change together.
-        phases: in turn. None: nothing is run, its lights are unset.
-        yellow: of each group [frames].
-        walks: for the people's lights of its groups. Those of a group that has none are red beside lights for cars,
-            and among themselves show the group's colour.
+        phases: in turn; empty for none, then its lights are unset.
+        yellow: for each group [frames].
+        walks: for the pedestrian lights of its groups. Without a walk, pedestrian lights are red in a group that also
+            has lights for cars, and show the group's colour in one that has none.
     """
 
     name: str
@@ -124,39 +137,39 @@ class Controller:
 
 @dataclass(frozen=True, slots=True)
 class _Group:
-    """Lights that take one value: those of a controller's group, people's lights apart from the others."""
+    """Lights that show one value: those of a controller's group, pedestrian lights apart from the others."""
 
     controller: int
     number: int  # of the controller's group
     is_pedestrian: bool
-    is_mixed: bool  # the controller's group has lights of both sorts
+    is_mixed: bool  # the controller's group has lights for pedestrians and for cars
 
 
 class SignalPlan:
-    """All lights of a map and how they are run; never changed after it is made.
+    """All lights of a map and their cycles; never changed after it is made.
 
-    Lights are shown by *groups*: the lights of a controller's group, those for people apart from the others; or lights
-    that hang together without a controller; or one light alone.
+    Lights show the same in *groups*: the lights of a controller's group, those for pedestrians apart from the others;
+    or lights that belong together without a controller; or one light alone.
 
     Attributes:
         lights, controllers: as given.
         group: (lights,) int64, row of each light's group.
-        num_groups: of them.
-        controller: (groups,) int64, row of what runs each group; -1: nothing.
+        num_groups: number of groups.
+        controller: (groups,) int64, row of the controller of each group; -1 for none.
         is_warning: (lights,) bool, see `Light`.
 
-        light_of_lane: (lanes,) int64, row of the light that tells whether one may enter; -1: none does.
-        pass_of_lane: (lanes,) int64, the lamps of which any one lets enter.
-        controller_of_lane: (lanes,) int64, row of the intersection that the lane lies in; -1: none.
+        light_of_lane: (lanes,) int64, row of the light that controls whether one may enter; -1 for none.
+        pass_of_lane: (lanes,) int64, a sum of lamps, any of which allows to enter.
+        controller_of_lane: (lanes,) int64, row of the intersection that the lane lies in; -1 for none.
 
-        cycle: (controllers,) int64, frames until all begins again; 1 where there is nothing to run.
+        cycle: (controllers,) int64, frames of a whole cycle; 1 for a controller without phases.
         num_phases: (controllers,) int64.
-        base: (controllers,) int64, where each controller's spells begin on the one scale of `spell`.
-        spell: (spells,) int64, rising: `base` and the frame of the cycle at which each spell begins.
-        spell_end: (spells,) int64, the same for where it ends.
-        spell_phase: (spells,) int64.
-        phase_start, phase_end: (spells,) int64, frames of the cycle: the phase that the spell belongs to.
-        colours: (spells, slots) int64, padded; `slot` (groups,) is the column of a group.
+        base: (controllers,) int64, where each controller's intervals begin on the one scale of `interval_start`.
+        interval_start: (intervals,) int64, rising: `base` plus the frame of the cycle at which each interval begins.
+        interval_end: (intervals,) int64, the same for its end.
+        interval_phase: (intervals,) int64, number of the phase that it belongs to.
+        phase_start, phase_end: (intervals,) int64, frames of the cycle at which that phase begins and ends.
+        colours: (intervals, columns) int64, padded with `UNSET`; `column` (groups,) is the column of each group.
 
         digest: 16 bytes that stand for all of it.
     """
@@ -165,12 +178,16 @@ class SignalPlan:
         "_rows",
         "base",
         "colours",
+        "column",
         "controller",
         "controller_of_lane",
         "controllers",
         "cycle",
         "digest",
         "group",
+        "interval_end",
+        "interval_phase",
+        "interval_start",
         "is_warning",
         "light_of_lane",
         "lights",
@@ -179,10 +196,6 @@ class SignalPlan:
         "pass_of_lane",
         "phase_end",
         "phase_start",
-        "slot",
-        "spell",
-        "spell_end",
-        "spell_phase",
     )
 
     def __init__(
@@ -194,18 +207,18 @@ class SignalPlan:
         together: Sequence[Sequence[int]] = (),
         passes: Sequence[int] | None = None,
     ) -> None:
-        """Work the tables out.
+        """Work out the tables.
 
         Args:
-            roads: whose lanes the lights serve.
-            lights: of the map.
-            controllers: of its intersections. A light that two of them name is the first one's.
-            together: rows of lights that hang together without a controller.
-            passes: for each lane the lamps that let enter it; None: GREEN does, everywhere. Where a lane's light never
-                shows any of them, GREEN does too.
+            roads: the lanes that the lights control.
+            lights: all lights of the map.
+            controllers: those of its intersections. A light that two of them name belongs to the first.
+            together: rows of lights that belong together without a controller.
+            passes: for each lane a sum of the lamps that allow to enter it; None for GREEN everywhere. Where the light
+                of a lane never shows any of them, GREEN allows it too.
 
         Raises:
-            ValueError: a phase without a colour for each group, a yellow missing, a walk that belongs nowhere.
+            ValueError: a phase lacks a colour for a group, a yellow is missing, or a walk names no phase or group.
         """
         self.lights, self.controllers = tuple(lights), tuple(controllers)
         self._rows = {light.name: i for i, light in reversed(list(enumerate(self.lights)))}
@@ -213,12 +226,12 @@ class SignalPlan:
         groups = self._form_groups(together)
         self.num_groups = len(groups)
         self.controller = np.array([group.controller for group in groups], dtype=np.int64)
-        self._lay_spells(groups)
+        self._lay_intervals(groups)
         self._bind_lanes(roads, passes)
         self.digest = self._hash()
 
     def light(self, name: str) -> int:
-        """The row of the light with this name.
+        """Return the row of the light with this name.
 
         Raises:
             KeyError: there is no such light.
@@ -226,7 +239,7 @@ class SignalPlan:
         return self._rows[name]
 
     def _form_groups(self, together: Sequence[Sequence[int]]) -> list[_Group]:
-        """All groups; each light is in one, the first that claims it."""
+        """Return all groups, and set `group`; each light is in the first group that names it."""
         groups: list[_Group] = []
         self.group = np.full(len(self.lights), -1, dtype=np.int64)
 
@@ -249,17 +262,17 @@ class SignalPlan:
             form([row])
         return groups
 
-    def _lay_spells(self, groups: Sequence[_Group]) -> None:
-        """Cut each controller's cycle where any colour changes."""
+    def _lay_intervals(self, groups: Sequence[_Group]) -> None:
+        """Cut each controller's cycle into intervals, wherever any colour changes."""
         own: list[list[_Group]] = [[] for _ in self.controllers]
-        self.slot = np.zeros(len(groups), dtype=np.int64)
+        self.column = np.zeros(len(groups), dtype=np.int64)
         for row, group in enumerate(groups):
             if group.controller >= 0:
-                self.slot[row] = len(own[group.controller])
+                self.column[row] = len(own[group.controller])
                 own[group.controller].append(group)
         cycles: list[int] = []
         bases: list[int] = []
-        spells: list[tuple[int, int, int, int, int]] = []  # begin, end, phase, its begin and end
+        intervals: list[tuple[int, int, int, int, int]] = []  # start, end, phase, start and end of the phase
         colours: list[list[int]] = []
         base = 0
         for controller, mine in zip(self.controllers, own, strict=True):
@@ -269,21 +282,21 @@ class SignalPlan:
             times = [[at for at, _ in line] for line in lines]
             for at, end in zip(cuts, [*cuts[1:], borders[-1]], strict=True):
                 phase = bisect_right(borders, at) - 1
-                spells.append((base + at, base + end, phase, borders[phase], borders[phase + 1]))
+                intervals.append((base + at, base + end, phase, borders[phase], borders[phase + 1]))
                 colours.append([line[bisect_right(t, at) - 1][1] for line, t in zip(lines, times, strict=True)])
             cycles.append(borders[-1])
             bases.append(base)
-            base += borders[-1] + 1  # a frame of nothing between two controllers
+            base += borders[-1] + 1  # an unused frame between two controllers
         self.cycle, self.base = np.array(cycles, dtype=np.int64), np.array(bases, dtype=np.int64)
-        table = np.array(spells, dtype=np.int64).reshape(-1, 5)
-        self.spell, self.spell_end, self.spell_phase, self.phase_start, self.phase_end = table.T.copy()
+        table = np.array(intervals, dtype=np.int64).reshape(-1, 5)
+        self.interval_start, self.interval_end, self.interval_phase, self.phase_start, self.phase_end = table.T.copy()
         self.num_phases = np.array([len(controller.phases) for controller in self.controllers], dtype=np.int64)
         self.colours = np.full((len(colours), max(map(len, colours), default=0)), UNSET, dtype=np.int64)
         for row, line in enumerate(colours):
             self.colours[row, : len(line)] = line
 
     def _bind_lanes(self, roads: Roads, passes: Sequence[int] | None) -> None:
-        """Which light and which intersection each lane belongs to."""
+        """Find the light and the intersection that each lane belongs to."""
         num = len(roads)
         self.pass_of_lane = np.array([_GREEN] * num if passes is None else passes, dtype=np.int64)
         self.light_of_lane = np.full(num, -1, dtype=np.int64)
@@ -293,7 +306,7 @@ class SignalPlan:
             for lane in () if light.is_pedestrian else light.lanes:
                 before = int(self.light_of_lane[lane])
                 wanted = int(self.pass_of_lane[lane])
-                # Of several lights the first that lets one enter at any time.
+                # Of several lights take the first that allows to enter at any time.
                 if before < 0 or (not ever[before] & wanted and ever[row] & wanted):
                     self.light_of_lane[lane] = row
                 if self.controller[self.group[row]] >= 0 and self.controller_of_lane[lane] < 0:
@@ -301,7 +314,7 @@ class SignalPlan:
         for lane in np.flatnonzero(self.light_of_lane >= 0).tolist():
             if not ever[self.light_of_lane[lane]] & int(self.pass_of_lane[lane]):
                 self.pass_of_lane[lane] |= _GREEN
-        # Turns without a light of their own, beside others that have one, lie in the same intersection.
+        # Turns without a light, beside others that have one, lie in the same intersection.
         lit = np.flatnonzero(self.controller_of_lane >= 0).tolist()
         inside = {lane: int(self.controller_of_lane[lane]) for lane in lit}
         for lane in range(num):
@@ -312,19 +325,19 @@ class SignalPlan:
                     self.controller_of_lane[other] = known[0]
 
     def _ever(self, row: int) -> int:
-        """All that a light shows at some time; what it could show where nothing runs it."""
+        """Return the sum of all lamps that a light ever shows; without a controller, of all that it has."""
         group = self.group[row]
         controller = int(self.controller[group])
         if controller < 0 or not self.num_phases[controller]:
             return int(self.lights[row].lamps)
         base = self.base[controller]
-        first, last = self.spell.searchsorted([base, base + self.cycle[controller]]).tolist()
-        return int(np.bitwise_or.reduce(self.colours[first:last, self.slot[group]]))
+        first, last = self.interval_start.searchsorted([base, base + self.cycle[controller]]).tolist()
+        return int(np.bitwise_or.reduce(self.colours[first:last, self.column[group]]))
 
     def _hash(self) -> bytes:
         state = blake2b(repr((self.lights, self.controllers)).encode(), digest_size=16)
-        for column in (self.group, self.controller, self.light_of_lane, self.pass_of_lane, self.controller_of_lane):
-            state.update(column.tobytes())
+        for table in (self.group, self.controller, self.light_of_lane, self.pass_of_lane, self.controller_of_lane):
+            state.update(table.tobytes())
         return state.digest()
 
 
@@ -342,14 +355,14 @@ def _check(controller: Controller) -> None:
 
 
 def _kept(controller: Controller, phase: int, group: int) -> int | None:
-    """What of a group's green goes on in the next phase; None where it has none or all of it does."""
+    """Return the part of a group's green that continues in the next phase; None where it has none, or all continues."""
     colour = controller.phases[phase].colours[group]
     following = controller.phases[(phase + 1) % len(controller.phases)].colours[group]
     return colour & following & GREENS if colour > 0 and colour & ~following & GREENS else None
 
 
 def _phase_borders(controller: Controller) -> list[int]:
-    """Where in the cycle each phase begins, and where the last one ends. A controller without phases has a frame."""
+    """Return the frames of the cycle at which each phase begins, and the end of the last one; [0, 1] without phases."""
     borders = [0]
     for i, phase in enumerate(controller.phases):
         yellows = (yellow for group, yellow in enumerate(controller.yellow) if _kept(controller, i, group) is not None)
@@ -358,7 +371,7 @@ def _phase_borders(controller: Controller) -> list[int]:
 
 
 def _changes(controller: Controller, group: _Group, borders: Sequence[int]) -> Iterator[tuple[int, int]]:
-    """(frame, colour), rising, of each change that a group makes in a cycle."""
+    """Yield (frame, colour) of each change of a group in a cycle, in rising order."""
     if not controller.phases:
         yield 0, UNSET
     walks = [walk for walk in controller.walks if walk.group == group.number]
@@ -381,7 +394,7 @@ def _changes(controller: Controller, group: _Group, borders: Sequence[int]) -> I
 
 
 def _walk(walks: Sequence[Walk], start: int, end: int) -> Iterator[tuple[int, int]]:
-    """The same for people's lights in one phase."""
+    """Yield the same for pedestrian lights in one phase."""
     yield start, _RED
     at = start
     for walk in sorted(walks, key=lambda walk: walk.before):
@@ -395,6 +408,6 @@ def _walk(walks: Sequence[Walk], start: int, end: int) -> Iterator[tuple[int, in
 
 
 def _flashes(frames: int) -> Iterator[tuple[int, int]]:
-    """(frames, colour): dark first, since green goes before."""
+    """Yield (frames, colour) of a flashing light: dark first, because green comes before."""
     for i in range(0, frames, FLASH):
         yield min(FLASH, frames - i), 0 if i // FLASH % 2 == 0 else _GREEN

@@ -1,11 +1,11 @@
-"""Traffic lights as they are now: what each shows, where each intersection stands, and who has taken a light over.
+"""Traffic lights as they are now: what each shows, the phase of each intersection, and which lights are forced.
 
-What a light shows is a function of the frame alone: of when its intersection's cycle began, and of whether somebody has
-forced it. Nothing is counted up, so nothing drifts. A step compares one number, and looks things up in the `plan` only
-when some colour changes.
+What a light shows is a function of the frame alone: of when the cycle of its intersection began, and of whether it is
+forced. Nothing is counted up, so nothing drifts. A step compares one number, and reads the `plan` only when some colour
+changes.
 
-A forced group shows what it was told until its intersection comes to its next phase, or for ever where nothing runs it.
-Setting an intersection's phase counts as coming to it.
+A forced group keeps its value until the next phase of its intersection begins; without a controller it keeps it for
+ever. Setting the phase of an intersection counts as its beginning.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from rosbridge_sim.world.signal_plan import UNSET, Lamp, SignalPlan
 
 __all__ = ["Signals", "SignalsSnapshot", "light_ahead"]
 
-NEVER: Final = 2**62
-"""A frame that does not come."""
+NEVER_FRAME: Final = 2**62
+"""A frame that is never reached."""
 
 
 @dataclass(frozen=True, slots=True)
 class SignalsSnapshot:
-    """A copy of the state; the plan is shared, nobody writes into it."""
+    """A copy of the state of all lights; the plan, which never changes, is shared."""
 
     plan: SignalPlan
     frame: int
@@ -40,18 +40,18 @@ class Signals:
     """The lights of a map at a frame.
 
     Attributes:
-        plan: which there are.
-        frame: what the rest is true for.
+        plan: the lights and their cycles.
+        frame: the frame that the other attributes are true for.
         shown: (lights,) int64, the sum of the lamps that are lit, or `UNSET`.
-        phase: (controllers,) int64.
-        may_enter: (lanes,) bool: no light forbids to enter; a yellow one does.
+        phase: (controllers,) int64, number of the phase.
+        may_enter: (lanes,) bool, no light forbids to enter; red and yellow forbid it.
     """
 
     __slots__ = (
         "_forced",
+        "_interval",
         "_next_change",
         "_origin",
-        "_spell",
         "_until",
         "frame",
         "may_enter",
@@ -61,44 +61,49 @@ class Signals:
     )
 
     def __init__(self, plan: SignalPlan, frame: int = 0) -> None:
-        """All intersections at the beginning of their first phase, nothing forced."""
+        """Begin the first phase of all intersections, with no light forced.
+
+        Args:
+            plan: the lights and their cycles.
+            frame: the present frame.
+        """
         self.plan = plan
         self._origin = np.full(len(plan.controllers), frame, dtype=np.int64)
         self._forced = np.zeros(plan.num_groups, dtype=np.int64)
         self._until = np.full(plan.num_groups, -1, dtype=np.int64)  # the frame at which it is free again
-        self._next_change = NEVER
+        self._next_change = NEVER_FRAME
         self.show(frame)
 
     def advance(self, frame: int) -> None:
-        """Be at a frame not before the one that it is at."""
+        """Move on to a frame, which is not before the present one."""
         if frame < self._next_change:
             self.frame = frame
         else:
             self.show(frame)
 
     def show(self, frame: int) -> None:
-        """Work everything out for a frame."""
+        """Work out all attributes for a frame."""
         plan = self.plan
         self.frame = frame
         into = (frame - self._origin) % plan.cycle
-        spell = self._spell = plan.spell.searchsorted(plan.base + into, side="right") - 1
-        self.phase = plan.spell_phase[spell]
+        interval = self._interval = plan.interval_start.searchsorted(plan.base + into, side="right") - 1
+        self.phase = plan.interval_phase[interval]
         value = np.full(plan.num_groups, UNSET, dtype=np.int64)
         run = np.flatnonzero(plan.controller >= 0)
-        value[run] = plan.colours[spell[plan.controller[run]], plan.slot[run]]
+        value[run] = plan.colours[interval[plan.controller[run]], plan.column[run]]
         is_forced = self._until > frame
         value[is_forced] = self._forced[is_forced]
 
         self.shown = value[plan.group]
         is_warning = plan.is_warning & ~is_forced[plan.group]
         self.shown[is_warning] = Lamp.YELLOW
-        ends = plan.spell_end[spell] - plan.base - into + frame
+        ends = plan.interval_end[interval] - plan.base - into + frame
         changes = np.concatenate([ends[plan.num_phases > 0], self._until[is_forced]])
-        self._next_change = int(changes.min(initial=NEVER))
+        self._next_change = int(changes.min(initial=NEVER_FRAME))
         self._judge(is_forced)
 
     def _judge(self, is_forced: BoolArray) -> None:
-        """Which lanes may be entered. What is dark or unset, or only warns, forbids nothing."""
+        """Set `may_enter`. A light that is dark or unset, or only warns, forbids nothing."""
         plan = self.plan
         light = plan.light_of_lane
         if not len(self.shown):
@@ -111,15 +116,15 @@ class Signals:
     # Intersections
 
     def elapsed(self, controller: int) -> int:
-        """For how many frames an intersection has been in its phase."""
-        return self._into(controller) - int(self.plan.phase_start[self._spell[controller]])
+        """Return for how many frames an intersection has been in its phase."""
+        return self._into(controller) - int(self.plan.phase_start[self._interval[controller]])
 
     def remaining(self, controller: int) -> int:
-        """In how many frames its next phase begins, yellow included."""
-        return int(self.plan.phase_end[self._spell[controller]]) - self._into(controller)
+        """Return in how many frames the next phase of an intersection begins, yellow included."""
+        return int(self.plan.phase_end[self._interval[controller]]) - self._into(controller)
 
     def phase_length(self, controller: int, phase: int) -> int:
-        """How many frames a phase lasts, yellow included.
+        """Return how many frames a phase lasts, yellow included.
 
         Raises:
             IndexError: there is no such phase.
@@ -128,49 +133,60 @@ class Signals:
         return end - start
 
     def set_phase(self, controller: int, phase: int, elapsed: int = 0) -> None:
-        """Put an intersection into a phase, so many frames after its beginning; nothing in it is forced any more.
+        """Set the phase of an intersection, and release all its lights.
+
+        Args:
+            controller: row of the controller.
+            phase: number of the phase.
+            elapsed: how long the phase has lasted already [frames].
 
         Raises:
             IndexError: there is no such phase.
-            ValueError: it does not last that long.
+            ValueError: the phase does not last that long. Nothing has changed.
         """
         start, end = self._phase_span(controller, phase)
         if not 0 <= elapsed < end - start:
-            raise ValueError(f"phase {phase} has {end - start} frames, there is none {elapsed} after its beginning")
+            raise ValueError(f"elapsed: expected 0..{end - start - 1} frames in phase {phase}, got {elapsed}")
         self._origin[controller] = self.frame - start - elapsed
         self._until[self.plan.controller == controller] = -1
         self.show(self.frame)
 
     def _into(self, controller: int) -> int:
+        """Return the frame of the cycle at which an intersection is."""
         return int((self.frame - self._origin[controller]) % self.plan.cycle[controller])
 
     def _phase_span(self, controller: int, phase: int) -> tuple[int, int]:
-        """Where in the cycle a phase begins and ends."""
+        """Return the frames of the cycle at which a phase begins and ends."""
         plan = self.plan
         if not 0 <= phase < plan.num_phases[controller]:
             raise IndexError(f"{plan.controllers[controller].name} has no phase {phase}")
         base = int(plan.base[controller])
-        first = int(plan.spell.searchsorted(base))
-        spell = first + int(plan.spell_phase[first : first + self._num_spells(controller)].searchsorted(phase))
-        return int(plan.phase_start[spell]), int(plan.phase_end[spell])
+        first = int(plan.interval_start.searchsorted(base))
+        interval = first + int(plan.interval_phase[first : first + self._num_intervals(controller)].searchsorted(phase))
+        return int(plan.phase_start[interval]), int(plan.phase_end[interval])
 
-    def _num_spells(self, controller: int) -> int:
+    def _num_intervals(self, controller: int) -> int:
         base, cycle = self.plan.base[controller], self.plan.cycle[controller]
-        return int(self.plan.spell.searchsorted(base + cycle) - self.plan.spell.searchsorted(base))
+        return int(self.plan.interval_start.searchsorted(base + cycle) - self.plan.interval_start.searchsorted(base))
 
     # Lights
 
     def force(self, light: int, value: int) -> None:
-        """Have a light, and all others of its group, show a sum of lamps until its intersection's next phase."""
+        """Force a light and all others of its group until the next phase of their intersection begins.
+
+        Args:
+            light: row of the light.
+            value: a sum of `Lamp`; 0 for dark.
+        """
         group = self.plan.group[light]
         controller = int(self.plan.controller[group])
         is_run = controller >= 0 and self.plan.num_phases[controller] > 0
         self._forced[group] = value
-        self._until[group] = self.frame + self.remaining(controller) if is_run else NEVER
+        self._until[group] = self.frame + self.remaining(controller) if is_run else NEVER_FRAME
         self.show(self.frame)
 
     def release(self, light: int) -> None:
-        """Hand a light and its group back."""
+        """End the forcing of a light and of its group; `light` is the row of the light."""
         self._until[self.plan.group[light]] = -1
         self.show(self.frame)
 
@@ -182,15 +198,17 @@ class Signals:
 
     @classmethod
     def restored(cls, saved: SignalsSnapshot) -> Signals:
-        """The lights as the snapshot has them; it stays good for another time."""
+        """Return the lights as a snapshot has them; the snapshot can be used again."""
         signals = cls(saved.plan)
-        signals._origin, signals._forced = saved.origin.copy(), saved.forced.copy()
-        signals._until = saved.until.copy()
-        signals.show(saved.frame)
+        signals._restore(saved)
         return signals
 
+    def _restore(self, saved: SignalsSnapshot) -> None:
+        self._origin, self._forced, self._until = saved.origin.copy(), saved.forced.copy(), saved.until.copy()
+        self.show(saved.frame)
+
     def digest(self) -> bytes:
-        """What distinguishes this state from another."""
+        """Return bytes that are equal for equal states, and for those alone."""
         is_forced = self._until > self.frame
         forced = np.where(is_forced, self._forced, 0)
         until = np.where(is_forced, self._until, 0)
@@ -199,23 +217,26 @@ class Signals:
 
 
 def light_ahead(roads: Roads, plan: SignalPlan, lane: int, s: float, reach: float) -> int | None:
-    """The light of the stop line that comes next for whoever is on a lane, or None.
+    """Return the light of the next stop line for a vehicle on a lane.
 
-    Lanes fork: then it is the nearest stop line on any of them. Of the lanes that begin there, the one that goes
-    straightest on says which light; so somebody who has not said where he will turn is told of the main one.
+    Where lanes fork it is the nearest stop line on any of them. Of the lanes that begin there, the straightest one
+    gives the light: without a known turn it is the main one.
 
     Args:
         roads: the lanes.
         plan: their lights.
-        lane: where he is.
-        s: how far along it [m].
+        lane: row of the lane of the vehicle.
+        s: arc length on the lane [m].
         reach: how far ahead a stop line may be [m].
+
+    Returns:
+        The row of the light; None where there is none within reach.
     """
     ahead = [(float(roads.length[lane]) - s, lane)]
     seen = {lane}
     while ahead:
-        way, here = ahead.pop(0)
-        if way > reach:
+        distance, here = ahead.pop(0)
+        if distance > reach:
             return None
         following = roads.successors(here).tolist()
         lit = [other for other in following if plan.light_of_lane[other] >= 0]
@@ -224,6 +245,6 @@ def light_ahead(roads: Roads, plan: SignalPlan, lane: int, s: float, reach: floa
         for other in following:
             if other not in seen:
                 seen.add(other)
-                ahead.append((way + float(roads.length[other]), other))
+                ahead.append((distance + float(roads.length[other]), other))
         ahead.sort()
     return None

@@ -1,8 +1,8 @@
-"""Every entity of the world as one row in a struct of arrays: spawn, remove, snapshot, restore, digest.
+"""The state of the world, one row for each entity in a struct of arrays: spawn, remove, snapshot, restore, digest.
 
-The one thing that moves is `World`. What moves it is elsewhere: `dynamics` (rows that somebody drives), `walking` (rows
-that go their own way), `waiting` (rows that start when an ego comes), `traffic` (rows that keep to the lanes) and
-`step`, which calls them in a fixed order.
+`World` holds all state. Other modules move it: `dynamics` (driven rows), `path_following` (rows on paths and in
+constant motion), `waiting` (rows that start when an ego comes), `lane_following` (rows on lanes), and `step`, which
+calls them in a fixed order.
 
 All numbers are SI and radians in the map frame (ENU metres, yaw counter-clockwise from east). The reference point of a
 vehicle is the middle of its rear axle on the ground, that of a pedestrian or an obstacle its centre on the ground.
@@ -21,7 +21,7 @@ from typing import Any, Final, TypeVar, cast
 import numpy as np
 
 from rosbridge_sim.world.control_columns import update_control_columns
-from rosbridge_sim.world.entity_arrays import INTS, LEG_COLUMNS, NOBODY, BoolArray, EntityArrays
+from rosbridge_sim.world.entity_arrays import INTS, LEG_COLUMNS, NO_BODY, BoolArray, EntityArrays
 from rosbridge_sim.world.entity_types import MAX_COORDINATE, MAX_SPEED, Body, Gear, Kind, Mode
 from rosbridge_sim.world.geometry import FloatArray, IntArray, nearest_on_polyline, wrap_angle
 from rosbridge_sim.world.paths import (
@@ -60,19 +60,26 @@ __all__ = [
     "World",
 ]
 
-DT: Final = 0.02  # one step [s]
-STEP_NS: Final = 20_000_000  # the same [ns]
-MAX_UID: Final = 2**31 - 1  # ids go out as int32
-FIRST_UID: Final = 1  # 0 is left to the first ego, whose id is given
+DT: Final = 0.02
+"""Length of a step [s]: MORAI's own, 50 frames a second."""
+
+STEP_NS: Final = 20_000_000
+"""Length of a step [ns]."""
+
+MAX_UID: Final = 2**31 - 1
+"""The greatest id: messages carry ids as int32."""
+
+FIRST_UID: Final = 1
+"""The first id that is given out; 0 is left to the first ego, whose id is fixed."""
 
 _SURELY_WRAPPED: Final = 3.14
-"""Angles within this are wrapped, however the last place of pi is rounded [rad]."""
+"""Angles within this are certainly wrapped, however the last place of pi is rounded [rad]."""
 
 LOOK_AHEAD: Final = 0.5
-"""Distance ahead on its path at which a body without axles looks, and over which it turns at a corner [m]: a step."""
+"""Length over which a body without axles turns at a corner of its path [m]: a pedestrian's step."""
 
 MAX_KNOWN_NAME: Final = 80
-"""Longest name that is kept for the next entity of that name: names come from clients, and may be megabytes."""
+"""Longest name whose label is cached [characters]: names come from clients, and may be megabytes."""
 
 T = TypeVar("T")
 
@@ -98,7 +105,7 @@ _LANE_COLUMNS: Final = ("desired_speed", *INTS[INTS.index("turns") :], "has_lane
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """A copy of a whole world. Good for any number of restores, into any world."""
+    """A copy of a whole world. It can be restored any number of times, into any world."""
 
     frame: int
     seed: int
@@ -120,17 +127,21 @@ class Snapshot:
 class World(EntityArrays):
     """All entities, one row each in `EntityArrays`, which `spawn`, `remove`, `clear`, `reset` and `restore` replace.
 
-    An entity stays in its row as long as it lives; the row may then get another one. Read anything; write through
-    `spawn`, `remove`, `traffic.keep_lane`, and `dynamics.command`, `shift` and `teleport`, since some columns follow
-    from others.
+    An entity stays in its row as long as it exists; afterwards another one may get the row. Every attribute may be
+    read. Write through `spawn`, `remove` and the functions of `commands`, `placement` and `lane_position`, because some
+    columns follow from others.
 
     Attributes:
-        frame: steps done since the last reset; time is frame * 20 ms.
-        seed, rng: the only source of chance.
-        paths, routes: of those who follow waypoints, and of drivers who know where to, by id.
+        frame: steps done since the last reset; simulated time is frame * 20 ms.
+        seed, rng: the seed and the generator of all random numbers.
+        paths: the paths of the entities that follow one, by id.
+        routes: (k,) int64 rows of lanes for each lane follower that has a route, by id.
         roads: the lanes; see `lay_roads`.
-        signals: the traffic lights as they are at this frame.
-        contacts: (m, 2) int64, ids of those who touched during the last step; see `contacts`.
+        signals: the traffic lights at this frame.
+        contacts: (m, 2) int64, ids of the pairs that touched during the last step; see `collisions`.
+
+    Args:
+        seed: not negative.
     """
 
     def __init__(self, seed: int = 0) -> None:
@@ -139,7 +150,7 @@ class World(EntityArrays):
         self.paths = Paths()
         self.contacts = NO_CONTACTS
         self.roads, self.signals = NO_ROADS, Signals(NO_PLAN)
-        self.routes: dict[int, IntArray] = {}  # by id, of those who keep to the lanes and know where to
+        self.routes: dict[int, IntArray] = {}
         self._rows: dict[int, int] = {}  # uid -> row, in order of spawning
         self._derived: dict[object, object] = {}
         self.reset()
@@ -165,33 +176,33 @@ class World(EntityArrays):
         pitch: float = 0.0,
         start_within: float = 0.0,
     ) -> int:
-        """Put an entity into the world and return its id.
+        """Add an entity to the world and return its id.
 
         An EGO waits for commands (pedals mode, no pedal pressed). Any other kind moves with `speed` along its heading
-        for ever or, with a path, along that: it starts at the point of the path that is nearest to (x, y), looks
-        along it (see `paths`), and at its end stops or, with `is_loop`, begins again.
+        for ever. With a path it moves along that: it starts at the point of the path nearest to (x, y), its heading
+        follows the path (see `paths`), and at the end it stops or, with `is_loop`, begins again.
 
         Args:
-            kind: what it is.
-            body: its fixed figures.
-            name: free text.
+            kind: kind of entity.
+            body: its size and its limits.
+            name: any text.
             x: reference point, east [m].
-            y: the same, north [m].
-            z: the same, up [m].
+            y: reference point, north [m].
+            z: reference point, up [m].
             yaw: heading; any angle is wrapped [rad].
             speed: along the heading; not negative with a path [m/s].
-            uid: the id to give, 0..2^31-1; None for the next free one.
-            path: (m, 2) or (m, 3) waypoints, m >= 2 [m]; two columns lie at height z.
-            is_loop: the path is closed by a last segment to its first point.
-            gear: for an EGO.
-            roll: kept as it is until the entity is put elsewhere [rad].
-            pitch: the same, positive with the nose down [rad].
-            start_within: it stands until an EGO is this near, then goes with `speed` [m]; 0: it goes at once. Not for
-                an EGO.
+            uid: its id, 0..2^31-1; None for the next free one.
+            path: (m, 2) or (m, 3) waypoints, m >= 2 [m]; with two columns they are at height z.
+            is_loop: a last segment to the first point closes the path.
+            gear: of an EGO.
+            roll: kept until the entity is placed elsewhere [rad].
+            pitch: kept likewise, positive with the nose down [rad].
+            start_within: the entity stands until an EGO is this near, then it starts with `speed` [m]; 0 for at once.
+                Not for an EGO.
 
         Raises:
-            ValueError: a number that is not finite or out of bounds, an id that is in use, a path that is none, an
-                EGO with a path or without a wheelbase, a kind or gear that does not exist. The world is as it was.
+            ValueError: a number is not finite or out of bounds, the id is in use, the path has no length, an EGO has a
+                path or no wheelbase, or there is no such kind or gear. The world is as it was.
         """
         check_pose(x=x, y=y, z=z, yaw=yaw, speed=speed, roll=roll, pitch=pitch, start_within=start_within)
         kind, gear = Kind(kind), Gear(gear)
@@ -236,7 +247,7 @@ class World(EntityArrays):
 
     @contextmanager
     def room_for(self, num: int) -> Iterator[None]:
-        """Make room for so many entities at once: within it, each costs a third of what it does alone."""
+        """Return a context in which `num` entities can be spawned, each in a third of the usual time."""
         num_rows = max(self.n, len(self._rows) + num)
         if num_rows > self._floats.shape[1]:
             self._grow(num_rows)
@@ -248,17 +259,17 @@ class World(EntityArrays):
             self.touch()
 
     def remove(self, uid: int) -> None:
-        """Take an entity out; its row is free for another one.
+        """Remove an entity; its row is free for another one.
 
         Raises:
-            KeyError: nobody has this id.
+            KeyError: no entity has this id.
         """
         row = self._rows.pop(uid)
-        self._leave_way(row)
+        self._leave_path_or_lane(row)
         self._floats[:, row] = 0.0
         self._ints[:, row] = 0
         self._bools[:, row] = False
-        self.names[row], self.bodies[row] = "", NOBODY
+        self.names[row], self.bodies[row] = "", NO_BODY
         if len(self.contacts):
             self.contacts = self.contacts[(self.contacts != uid).all(axis=1)]
         if row == self.n - 1:
@@ -266,7 +277,7 @@ class World(EntityArrays):
         self.touch()
 
     def clear(self) -> None:
-        """Take everything out but the roads. Frame, lights, chance and the count of ids go on."""
+        """Remove all entities. Roads, lights, frame, random generator and the count of ids stay."""
         self._rows = {}
         self.routes = {}
         self.contacts = NO_CONTACTS
@@ -275,13 +286,13 @@ class World(EntityArrays):
         self.touch()
 
     def reset(self, seed: int | None = None) -> None:
-        """Be a new, empty world at frame 0 on the same roads; ids begin anew, and the lights their cycles.
+        """Become a new, empty world at frame 0 on the same roads. Ids and the cycles of the lights begin again.
 
         Args:
-            seed: None for the same seed as before.
+            seed: not negative; None for the same seed as before.
 
         Raises:
-            ValueError: a negative seed. The world is as it was.
+            ValueError: the seed is negative. The world is as it was.
         """
         seed = self.seed if seed is None else seed
         rng = np.random.Generator(np.random.PCG64(seed))
@@ -292,11 +303,11 @@ class World(EntityArrays):
         self._next_uid = FIRST_UID
 
     def lay_roads(self, roads: Roads, plan: SignalPlan | None = None) -> None:
-        """Put the world on other roads. Its lights begin their cycles now; who kept to a lane stands where he is.
+        """Replace the roads. The lights begin their cycles now; lane followers stop where they are.
 
         Args:
-            roads: the lanes.
-            plan: their traffic lights, if there are any.
+            roads: the new lanes.
+            plan: their traffic lights; None for none.
 
         Raises:
             ValueError: the plan was made for other roads. The world is as it was.
@@ -304,7 +315,7 @@ class World(EntityArrays):
         plan = plan or SignalPlan(roads)
         if len(plan.light_of_lane) != len(roads):
             raise ValueError(f"the plan is for {len(plan.light_of_lane)} lanes, the roads have {len(roads)}")
-        for row in np.flatnonzero(self.has_lane).tolist():  # rare: a map is changed under somebody
+        for row in np.flatnonzero(self.has_lane).tolist():  # rare: the map changes while vehicles drive on it
             self.place(row, x=self.x[row], y=self.y[row], z=self.z[row], yaw=self.yaw[row], speed=0.0)
         self.roads, self.signals = roads, Signals(plan, self.frame)
         self.touch()
@@ -313,12 +324,12 @@ class World(EntityArrays):
         """Return the row of an entity.
 
         Raises:
-            KeyError: nobody has this id.
+            KeyError: no entity has this id.
         """
         return self._rows[uid]
 
     def rows(self, kind: Kind) -> IntArray:
-        """Return the rows of a kind in order of spawning, int64; do not write into it."""
+        """Return the rows of a kind in order of spawning, (k,) int64; do not write into the array."""
         return self.derived(_RowsByKind).rows[kind]
 
     def placed(self) -> Iterator[int]:
@@ -331,7 +342,7 @@ class World(EntityArrays):
     def __len__(self) -> int:
         return len(self._rows)
 
-    # -- the whole of it
+    # -- snapshots
 
     def snapshot(self) -> Snapshot:
         """Return a copy of everything that decides what the world will do."""
@@ -354,7 +365,7 @@ class World(EntityArrays):
         )
 
     def restore(self, saved: Snapshot) -> None:
-        """Become what the snapshot was: the same calls from here on give the same bits."""
+        """Become what the snapshot holds: the same calls from here on give the same bits."""
         self.clear()
         n = len(saved.names)
         self._allocate(n)
@@ -371,7 +382,12 @@ class World(EntityArrays):
         self.touch()
 
     def restore_driven(self, uid: int, saved: Snapshot) -> None:
-        """Have one EGO, which is here and there, be as it is in a snapshot; all others stay as they are."""
+        """Restore one EGO from a snapshot; the rest of the world stays as it is.
+
+        Args:
+            uid: id of an EGO that is in the world and in the snapshot.
+            saved: the snapshot.
+        """
         row, before = self._rows[uid], dict(saved.uids)[uid]
         self._floats[:, row], self._ints[:, row] = saved.floats[:, before], saved.ints[:, before]
         self._bools[:, row] = saved.bools[:, before]
@@ -392,10 +408,10 @@ class World(EntityArrays):
             state.update(uid.to_bytes(4) + route.tobytes())
         return state.hexdigest()
 
-    # -- for the modules of this room
+    # -- for the other modules of `world`
 
     def touch(self) -> None:
-        """Forget what was derived from who is where in the arrays, and who moves; the next reader makes it anew."""
+        """Drop what was derived from the arrays: an entity has come or gone, stopped or started, or been placed."""
         self._derived.clear()
 
     def derived(self, make: Callable[[World], T]) -> T:
@@ -406,9 +422,18 @@ class World(EntityArrays):
         return cast("T", value)  # the key says what the value is
 
     def place(self, row: int, *, x: float, y: float, z: float, yaw: float, speed: float) -> None:
-        """Stand a row somewhere, at rest but for its speed, on a straight leg that never ends. No checks."""
-        self._leave_way(row)
-        # Numpy takes 5 us for one angle, and nearly all are wrapped already, which keeps their bits.
+        """Place a row on a straight leg that never ends, without acceleration. Nothing is checked.
+
+        Args:
+            row: any row in use; it leaves its path or lane.
+            x: reference point, east [m].
+            y: reference point, north [m].
+            z: reference point, up [m].
+            yaw: heading; any angle is wrapped [rad].
+            speed: along the heading [m/s].
+        """
+        self._leave_path_or_lane(row)
+        # Numpy takes 5 us for one angle. Nearly all are wrapped already, and then keep their bits.
         wrapped = yaw if -_SURELY_WRAPPED < yaw < _SURELY_WRAPPED else wrap_angle(yaw)
         self.x[row], self.y[row], self.z[row], self.yaw[row] = x, y, z, wrapped
         self.speed[row], self.accel[row], self.lateral_accel[row], self.yaw_rate[row] = speed, 0.0, 0.0, 0.0
@@ -424,22 +449,22 @@ class World(EntityArrays):
     def place_all(
         self, rows: IntArray, *, x: FloatArray, y: FloatArray, z: FloatArray, yaw: FloatArray, speed: FloatArray
     ) -> None:
-        """Do the same as `place` for each of (m,) rows; none of them comes twice."""
+        """Place many rows as `place` does; all arguments are (m,), and no row comes twice."""
         for row in rows[self.has_lane[rows] | self.has_path[rows]].tolist():
-            self._leave_way(row)
+            self._leave_path_or_lane(row)
         self.x[rows], self.y[rows], self.z[rows], self.yaw[rows] = x, y, z, wrap_angle(yaw)
         self.speed[rows], self.accel[rows], self.lateral_accel[rows], self.yaw_rate[rows] = speed, 0.0, 0.0, 0.0
         self.start_within[rows] = self.start_speed[rows] = 0.0
         self.arc[rows], self.leg_start[rows], self.leg_end[rows] = 0.0, 0.0, np.inf
         self.leg_x[rows], self.leg_y[rows], self.leg_z[rows] = x, y, z
-        headings = yaw.tolist()  # by the functions that `place` uses: numpy's may differ in the last bit
+        headings = yaw.tolist()  # by the functions that `place` uses: numpy's can differ in the last bit
         self.leg_dx[rows], self.leg_dy[rows] = list(map(math.cos, headings)), list(map(math.sin, headings))
         self.leg_dz[rows] = 0.0
         self.leg_yaw[rows], self.leg_turn[rows] = self.yaw[rows], 0.0
         self.lateral_speed[rows] = self.climb[rows] = self.climb_accel[rows] = 0.0
         self.touch()
 
-    # -- inside
+    # -- internals
 
     def _choose_uid(self, uid: int | None) -> tuple[int, int]:
         """Return the id to give and the next one to hand out after it."""
@@ -454,7 +479,7 @@ class World(EntityArrays):
         return int(uid), max(self._next_uid, int(uid) + 1)
 
     def _trim(self) -> None:
-        """Let go of the free rows at the end."""
+        """Drop the free rows at the end."""
         alive = np.flatnonzero(self.alive)
         self._bind(int(alive[-1]) + 1 if len(alive) else 0)
 
@@ -469,12 +494,12 @@ class World(EntityArrays):
         return row
 
     def _enter_path(self, row: int, segments: Segments) -> None:
-        """Put a row onto its path where the path is nearest to where the row stands."""
+        """Place a row on its path, at the point nearest to it."""
         ends = np.concatenate([segments[:, X : Z + 1], segments[-1:, X : Z + 1]])
         ends[-1] += segments[-1, DX : DZ + 1] * (segments[-1, END] - segments[-1, START])
         near = nearest_on_polyline(ends, self.x[row], self.y[row])
         leg = segments[near.segment[0]]
-        # The foot was sought from above; along a slope the path is longer than it looks.
+        # The foot point was searched in the plane; along a slope the path is longer than that.
         flat = math.hypot(leg[DX], leg[DY])
         part = math.hypot(near.x[0] - leg[X], near.y[0] - leg[Y]) / flat if flat > 0.0 else 0.0
         arc = min(leg[START] + part, leg[END])
@@ -484,8 +509,8 @@ class World(EntityArrays):
             getattr(self, column)[row] = value
         self.x[row], self.y[row], self.z[row] = leg[X : Z + 1] + leg[DX : DZ + 1] * (arc - leg[START])
 
-    def _leave_way(self, row: int) -> None:
-        """Have a row follow no path and no lane."""
+    def _leave_path_or_lane(self, row: int) -> None:
+        """Take a row off its path and its lane."""
         if self.has_lane[row]:
             self.routes.pop(int(self.uid[row]), None)
             for column in _LANE_COLUMNS:
@@ -496,12 +521,12 @@ class World(EntityArrays):
         self.has_path[row] = self.is_loop[row] = False
         self.path_base[row], self.path_length[row] = 0, 0.0
         if self.paths.remove(int(self.uid[row])):
-            for other in np.flatnonzero(self.has_path):  # rare: the store moved together
+            for other in np.flatnonzero(self.has_path):  # rare: the store was compacted
                 self.path_base[other] = self.paths.base(int(self.uid[other]))
 
 
 class _RowsByKind:
-    """For each kind its rows, in order of spawning."""
+    """The rows of each kind, in order of spawning."""
 
     def __init__(self, world: World) -> None:
         rows = np.fromiter((row for row in world.placed()), dtype=np.int64)
@@ -509,10 +534,13 @@ class _RowsByKind:
 
 
 def check_pose(**values: float) -> None:
-    """Refuse a pose or speed that must not enter the arrays.
+    """Check that pose and speed are finite and within the bounds of the world.
+
+    Args:
+        values: by name, in the world's units; `speed` has a bound of its own.
 
     Raises:
-        ValueError: names the first figure that is not finite or beyond the bounds of this module.
+        ValueError: names the first value that is not finite or out of bounds.
     """
     for name, value in values.items():
         limit = MAX_SPEED if name == "speed" else MAX_COORDINATE
@@ -521,16 +549,17 @@ def check_pose(**values: float) -> None:
 
 
 def _reach_of(kind: Kind, body: Body) -> float:
-    """Distance ahead on its path at which a body looks [m]: a vehicle's front axle is on it as well."""
+    """Return the length over which a body turns on its path [m]; for a vehicle it puts the front axle on the path."""
     return usual_wheelbase(body) if kind == Kind.VEHICLE else LOOK_AHEAD
 
 
 def usual_wheelbase(body: Body) -> float:
-    """The wheelbase of a vehicle, or where none is known that of a usual one of its length [m]."""
+    """Return the wheelbase of a body, or that of a usual vehicle of its length where none is given [m]."""
     return body.wheelbase or 0.6 * body.length
 
 
 def _in_space(path: FloatArray, z: float) -> FloatArray:
+    """Return waypoints with three columns; those of two columns get the height z [m]."""
     points = np.asarray(path, dtype=np.float64)
     if points.ndim == 2 and points.shape[1] == 2:  # noqa: PLR2004 - x and y
         return np.column_stack([points, np.full(len(points), z)])
@@ -538,7 +567,7 @@ def _in_space(path: FloatArray, z: float) -> FloatArray:
 
 
 def _label(name: str, body: Body) -> int:
-    """Return 63 bits that stand for name and body in the digest, worked out once instead of at every digest."""
+    """Return 63 bits that stand for name and body, so that a digest needs only an array of integers."""
     return int.from_bytes(blake2b(repr((name, body)).encode(), digest_size=8).digest()) >> 1
 
 

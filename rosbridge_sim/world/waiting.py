@@ -1,9 +1,9 @@
-"""Entities that stand until an ego comes near, then go their own way: pedestrians that step out, things that roll.
+"""Entities that stand until an ego comes near, such as pedestrians that step onto the road.
 
-A waiting row has speed 0 and its columns `start_within` [m] and `start_speed` [m/s]. It starts in the first step at
-whose beginning the reference point of any EGO is at most `start_within` away from its own, on the ground: heights do
-not count. Then it has its speed and waits no longer; it does not stop when the ego leaves. The columns are part of the
-state, so snapshot, restore and digest hold them. A row that is put elsewhere waits no longer either.
+A waiting row has speed 0, and the columns `start_within` [m] and `start_speed` [m/s]. It starts in the first step at
+whose beginning the reference point of any EGO is at most `start_within` away from its own, in the plane. From then on
+it has its speed, and it does not stop when the ego leaves. The columns are part of the state, so snapshot, restore and
+digest hold them. A row that is placed elsewhere stops waiting.
 """
 
 from __future__ import annotations
@@ -16,7 +16,11 @@ __all__ = ["start"]
 
 
 def start(world: World) -> None:
-    """Let those rows go that an EGO is near enough to. Writes in place."""
+    """Start the waiting rows that an EGO is near enough to.
+
+    Args:
+        world: written in place.
+    """
     waiting = world.derived(_Waiting)
     if len(waiting.rows) and len(waiting.egos):
         waiting.start()
@@ -25,7 +29,7 @@ def start(world: World) -> None:
 class _Waiting:
     """The rows that wait, and the egos that they wait for.
 
-    Lives until the next `World.touch`: an entity comes, goes, stops or is put elsewhere.
+    It lives until the next `World.touch`: until an entity comes or goes, stops or is placed.
     """
 
     def __init__(self, world: World) -> None:
@@ -34,6 +38,7 @@ class _Waiting:
         self.egos = world.rows(Kind.EGO)
 
     def start(self) -> None:
+        """Start the rows that an EGO is near enough to."""
         world, rows, egos = self._world, self.rows, self.egos
         away_x = world.x[rows][:, None] - world.x[egos]
         away_y = world.y[rows][:, None] - world.y[egos]

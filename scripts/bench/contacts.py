@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from rosbridge_sim.world.commands import command
 from rosbridge_sim.world.dynamics import drive
 from rosbridge_sim.world.lane_following import drive_lanes
-from rosbridge_sim.world.path_following import walk
+from rosbridge_sim.world.path_following import follow_paths
 from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
 
@@ -61,7 +61,7 @@ def without(world: World) -> None:
     """Step a world as `step` does, but for the contacts."""
     world.signals.advance(world.frame + 1)
     drive_lanes(world, DT)
-    walk(world, DT)
+    follow_paths(world, DT)
     drive(world, DT)
     world.frame += 1
 

@@ -13,8 +13,8 @@ from rosbridge_sim.world.geometry import (
     do_boxes_meet,
     nearest_on_polyline,
     quaternion,
-    turn,
-    turn_back,
+    rotate,
+    rotate_back,
     wrap_angle,
 )
 from tests.world.polylines import point_at
@@ -158,6 +158,6 @@ def test_boxes_without_breadth_meet_and_miss() -> None:
 
 def test_a_chain_of_turns_is_one_after_the_other_and_can_be_undone() -> None:
     first, second, vector = quaternion(0.1, -0.4, 2.0), quaternion(-1.0, 0.3, 0.7), (1.0, -2.0, 3.0)
-    assert turn(chain(first, second), vector) == pytest.approx(turn(first, turn(second, vector)), abs=1e-14)
-    assert turn_back(first, turn(first, vector)) == pytest.approx(vector, abs=1e-14)
-    assert turn(quaternion(0.0, 0.0, math.pi / 2), (1.0, 0.0, 0.0)) == pytest.approx((0.0, 1.0, 0.0), abs=1e-15)
+    assert rotate(chain(first, second), vector) == pytest.approx(rotate(first, rotate(second, vector)), abs=1e-14)
+    assert rotate_back(first, rotate(first, vector)) == pytest.approx(vector, abs=1e-14)
+    assert rotate(quaternion(0.0, 0.0, math.pi / 2), (1.0, 0.0, 0.0)) == pytest.approx((0.0, 1.0, 0.0), abs=1e-15)

@@ -5,7 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.lane_conflicts import AT_START, CLEAR, COMFORT, MAX_LATERAL, NO_LIMIT, LaneConflicts, Links
+from rosbridge_sim.world.lane_conflicts import (
+    AT_START,
+    CLEAR,
+    COMFORT,
+    DEFAULT_SPEED_LIMIT,
+    MAX_LATERAL,
+    LaneConflicts,
+    Links,
+)
 from rosbridge_sim.world.roads import Roads
 from tests.world.road_factory import arc, built_in, crossing, line, make
 
@@ -21,9 +29,11 @@ def pairs(links: Links, roads: Roads) -> dict[tuple[str, str], float]:
 # How fast
 
 
-def test_the_limit_is_the_pace_of_a_straight() -> None:
+def test_the_limit_is_the_safe_speed_of_a_straight() -> None:
     roads = make(a=(line((0, 0), (100, 0)), "", 12.0), b=(line((0, 9), (100, 9)), "", 0.0))
-    assert LaneConflicts(roads).safe_speed.tolist() == pytest.approx([12.0, 12.0, NO_LIMIT, NO_LIMIT])
+    assert LaneConflicts(roads).safe_speed.tolist() == pytest.approx(
+        [12.0, 12.0, DEFAULT_SPEED_LIMIT, DEFAULT_SPEED_LIMIT]
+    )
 
 
 def test_a_bend_is_gone_round_at_what_its_radius_allows() -> None:

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rosbridge_sim.world.geometry import FloatArray, arc_lengths, nearest_on_polyline
-from rosbridge_sim.world.path_following import _Moving, walk
+from rosbridge_sim.world.path_following import _Moving, follow_paths
 from rosbridge_sim.world.state import DT, Body, Kind, World
 from rosbridge_sim.world.step import step
 from tests.world.polylines import point_at
@@ -175,9 +175,9 @@ def test_two_half_steps_are_a_whole_one() -> None:
         npc(world, path=BENT, speed=5.0)
         npc(world, speed=2.0, yaw=1.0)
     for _ in range(200):
-        walk(whole, DT)
-        walk(halves, DT / 2)
-        walk(halves, DT / 2)
+        follow_paths(whole, DT)
+        follow_paths(halves, DT / 2)
+        follow_paths(halves, DT / 2)
         assert np.allclose(whole.x, halves.x, rtol=0.0, atol=1e-9)
         assert np.allclose(whole.y, halves.y, rtol=0.0, atol=1e-9)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.world import commands, placement
-from rosbridge_sim.world.geometry import FloatArray, quaternion, turn
+from rosbridge_sim.world.geometry import FloatArray, quaternion, rotate
 from rosbridge_sim.world.sensors import GRAVITY, Mounting, feel, find_boxes, locate
 from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
@@ -112,7 +112,7 @@ def motion(world: World, mounting: Mounting, num: int) -> tuple[FloatArray, Floa
         step(world)
         places.append(locate(world, 0, mounting))
         reading = feel(world, 0, mounting)
-        felt.append(turn(reading.orientation, reading.acceleration))
+        felt.append(rotate(reading.orientation, reading.acceleration))
     return np.array(places), np.array(felt)
 
 
@@ -127,7 +127,7 @@ def test_it_feels_what_its_own_way_says_while_the_wheels_turn() -> None:
     np.testing.assert_allclose(between[:, :2], way[:, :2], atol=0.4)
     np.testing.assert_allclose(felt[:, 2], GRAVITY, atol=1e-12)
     still = Mounting(**{name: getattr(mounting, name) for name in ("roll", "pitch", "yaw")})
-    without_lever = np.array([turn(feel(world, 0, still).orientation, feel(world, 0, still).acceleration)])
+    without_lever = np.array([rotate(feel(world, 0, still).orientation, feel(world, 0, still).acceleration)])
     assert np.abs(felt[-1] - without_lever[0]).max() > 1.0  # so the test has seen the lever
 
 
@@ -189,8 +189,8 @@ def test_boxes_of_those_who_lean_and_as_seen_by_one_who_leans() -> None:
         x, y = world.x.item(row), world.y.item(row)
         placement.teleport(world, row, x=x, y=y, z=1.0 + row, roll=roll, pitch=pitch, yaw=yaw)
     boxes = find_boxes(world, 0, 100.0, 10)
-    middle = turn(quaternion(*other), (CAR.centre, 0.0, CAR.height / 2))
-    seen = turn(quaternion(*mine), (boxes.x[0], boxes.y[0], boxes.z[0]))
+    middle = rotate(quaternion(*other), (CAR.centre, 0.0, CAR.height / 2))
+    seen = rotate(quaternion(*mine), (boxes.x[0], boxes.y[0], boxes.z[0]))
     assert seen == approx(20.0 + middle[0], 3.0 + middle[1], 1.0 + middle[2])
 
 

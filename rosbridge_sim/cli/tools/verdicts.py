@@ -14,7 +14,7 @@ __all__ = ["Verdicts", "exit_code", "put_verdict"]
 CheckReport = Mapping[str, Any]
 """A JSON object with `file`, `mistakes` and `remarks`."""
 
-MAX_LINES: Final = 5
+MAX_LISTED: Final = 5
 """Mistakes of a file that are shown among many files, and as many remarks: the command for one file shows all."""
 
 
@@ -79,10 +79,12 @@ class Verdicts:
         return self._codes[is_strict]
 
     def _put_lines(self, what: str, lines: Sequence[str]) -> None:
-        for line in lines[:MAX_LINES]:
+        for line in lines[:MAX_LISTED]:
             put(f"  {what}: {safe(line)}")
-        if len(lines) > MAX_LINES:
-            put(f"  ... and {_plural(len(lines) - MAX_LINES, f'{what}')} more; rosbridge-sim {self._command} shows all")
+        if len(lines) > MAX_LISTED:
+            put(
+                f"  ... and {_plural(len(lines) - MAX_LISTED, f'{what}')} more; rosbridge-sim {self._command} shows all"
+            )
 
 
 def _plural(num: int, what: str) -> str:

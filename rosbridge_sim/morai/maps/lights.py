@@ -57,7 +57,7 @@ LIGHT_FILES: Final = (
 
 CROSSWALK_FILES: Final = ("singlecrosswalk_set.json", "crosswalk_set.json")
 
-YELLOW: Final = 3.0
+DEFAULT_YELLOW: Final = 3.0
 """Where a schedule gives a group none [s]."""
 
 LEFT_TURN: Final = math.radians(40.0)
@@ -401,7 +401,7 @@ def _controller(
         lit += [int(Lamp.RED)] * (len(groups) - len(lit))
         phases.append(Phase(max(1, _frames(state.duration)), tuple(lit)))
     given = [_frames(seconds) for seconds in (schedule.yelloduration or ())[: len(groups)]]
-    yellow = given + [_frames(YELLOW)] * (len(groups) - len(given))
+    yellow = given + [_frames(DEFAULT_YELLOW)] * (len(groups) - len(given))
     walks = []
     for phase, target, *times in schedule.PSState or ():
         group = _group_number(target, groups, synced)

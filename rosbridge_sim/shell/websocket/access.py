@@ -33,7 +33,7 @@ _log = logging.getLogger("rosbridge_sim.access")
 LEAST_BURST = 100
 """Frames that may always come at once: what a program with many topics says when it connects."""
 
-MAX_SHOWN = 3
+MAX_SHOWN_TOKENS = 3
 """Tokens that one request may show, as one connection has three tries: 8 kB of URL would have room for a thousand."""
 
 _ANSWERS = (ServiceResponse, ActionResult)
@@ -114,8 +114,8 @@ class Access:
         """Tell whether a request shows the token, or none is wanted."""
         if self.token is None:
             return True
-        shown = list(islice(_shown_tokens(request), MAX_SHOWN + 1))
-        return len(shown) <= MAX_SHOWN and any(self.is_token(text) for text in shown)
+        shown = list(islice(_shown_tokens(request), MAX_SHOWN_TOKENS + 1))
+        return len(shown) <= MAX_SHOWN_TOKENS and any(self.is_token(text) for text in shown)
 
     def shows_any(self, request: Request) -> bool:
         """Tell whether the request shows a token at all, right or wrong."""

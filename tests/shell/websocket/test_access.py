@@ -37,7 +37,7 @@ from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.shell.websocket import connections
 from rosbridge_sim.shell.websocket.access import (
     LEAST_BURST,
-    MAX_SHOWN,
+    MAX_SHOWN_TOKENS,
     Access,
     RateGate,
     TokenBucket,
@@ -175,7 +175,7 @@ async def test_a_request_that_shows_many_tokens_shows_none(listen: Listen) -> No
     right = f"token={quote(TOKEN)}"
     async with await enter(f"{url}/?token=wrong&{right}", BEARER) as client:
         assert await client.settle() == []
-    guesses = "&".join(f"token={i}" for i in range(MAX_SHOWN))
+    guesses = "&".join(f"token={i}" for i in range(MAX_SHOWN_TOKENS))
     assert (await turned_away(f"{url}/?{guesses}&{right}"))[0] == 401
     assert (await turned_away(f"{url}/?{right}&{guesses}"))[0] == 401
 
