@@ -12,6 +12,8 @@ from collections.abc import Iterable
 from functools import lru_cache
 from itertools import islice, pairwise
 
+from rosbridge_sim.printable import printable
+
 __all__ = ["hint", "listing"]
 
 MAX_COMPARED_NAME = 80
@@ -41,7 +43,7 @@ def hint(name: str, known: Iterable[str], cutoff: float = 0.7) -> str:
     if not name or len(name) > MAX_COMPARED_NAME:
         return ""
     near = _nearest(name, tuple(islice(known, MAX_CACHED)), cutoff)
-    return f" (did you mean {_sayable(near)}?)" if near else ""
+    return f" (did you mean {printable(near)}?)" if near else ""
 
 
 @lru_cache(maxsize=64)  # a program makes the same mistake over and over; a few MB where clients' names fill it
@@ -69,16 +71,9 @@ _SLACK = 3
 def listing(names: Iterable[str]) -> str:
     """Return names as a sentence has them: the first dozen, and `...` for the rest."""
     first = list(islice(names, MAX_SUGGESTED + 1))
-    shown = [
-        name if len(name) <= MAX_NAME_SHOWN else name[:MAX_NAME_SHOWN] + "..."
-        for name in map(_sayable, first[:MAX_SUGGESTED])
-    ]
+    escaped = [printable(name[: 2 * MAX_NAME_SHOWN]) for name in first[:MAX_SUGGESTED]]
+    shown = [name if len(name) <= MAX_NAME_SHOWN else name[:MAX_NAME_SHOWN] + "..." for name in escaped]
     return ", ".join([*shown, "..."] if len(first) > MAX_SUGGESTED else shown)
-
-
-def _sayable(name: str) -> str:
-    """Return a name of a peer's without half surrogate pairs, which no frame and no log can hold."""
-    return name if name.isascii() else name[: 2 * MAX_NAME_SHOWN].encode("utf-8", "backslashreplace").decode()
 
 
 @lru_cache(maxsize=1_024)  # known names come again and again; at most 7 MB, where clients fill it with long names

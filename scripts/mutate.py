@@ -50,9 +50,14 @@ TESTS = {
     ),
     "world/step.py": (
         "world/test_step.py world/test_waiting.py world/test_collisions.py",
-        "world/test_dynamics.py world/test_traffic.py",
+        "world/test_dynamics.py world/test_commands.py world/test_placement.py world/test_lane_following.py",
     ),
-    "graph/bus.py": ("graph/test_bus.py graph/test_unpublished.py graph/test_peer.py", "graph"),
+    "graph/topic_table.py": (
+        "graph/test_topic_table.py graph/test_bus.py graph/test_unpublished.py graph/test_topic_types.py",
+        "graph",
+    ),
+    "graph/delivery.py": ("graph/test_delivery.py graph/test_guard.py", "graph"),
+    "graph/service_table.py": ("graph/test_service_table.py graph/test_bus.py graph/test_peer.py", "graph"),
 }
 """The deciding files; for each one, quick tests that notice most mutants, and those that are to notice the rest."""
 

@@ -1,14 +1,17 @@
 """The arrows of the design hold, and nothing below the shell knows clocks, sockets, disk, tasks or chance.
 
-The sources are read, not run: each import, wherever in a file it stands, and each use of a name that reaches
-outside. A small bad tree shows that the reading finds what it is for.
+The sources are read, not run: each import, wherever in a file it stands (at its top, within a function, for type checks
+alone), and each use of a name that reaches outside. A small bad tree shows that the reading finds what it is for.
+
+Below the shell no two modules need each other, by whichever way, and no object's private attributes are read or written
+by another one: the linter finds those (SLF001), and here nothing may silence it.
 """
 
 from __future__ import annotations
 
 import ast
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import pytest
@@ -16,21 +19,22 @@ import pytest
 PACKAGE = "rosbridge_sim"
 ROOT = Path(__file__).parent.parent / PACKAGE
 
-_BASE = {"errors", "loose_types", "suggestions"}
+_BASE = {"errors", "loose_types", "printable", "suggestions"}
 _SCENE = {"morai", "morai.interfaces", "morai.maps", "morai.replays", "morai.scenarios"}
 _BELOW_SHELL = {*_BASE, *_SCENE, "graph", "graph.attach", "graph.tf", "protocol", "schema", "world"}
 _SHELL = {"shell", "shell.bags", "shell.config", "shell.files", "shell.websocket"}
 
 ARROWS: dict[str, set[str]] = {
     "errors": set(),
-    "suggestions": set(),
+    "printable": set(),
+    "suggestions": {"printable"},
     "loose_types": set(),
     "weight": set(),
     "version": set(),
     "schema": {*_BASE, "weight"},
     "protocol": {*_BASE, "weight"},
     "world": {"errors"},
-    "graph": {*_BASE, "protocol", "schema", "graph.tf"},
+    "graph": {*_BASE, "protocol", "schema"},
     "graph.tf": {*_BASE, "protocol", "schema", "graph"},
     "graph.attach": {*_BASE, "protocol", "schema", "graph"},
     "morai": {*_BASE, *_SCENE, "graph", "protocol", "schema", "world"},
@@ -62,6 +66,7 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "morai": {"msgspec", "numpy", "orjson", "pydantic", "pydantic_core", "pyproj"},
     "errors": set(),
     "loose_types": set(),
+    "printable": set(),
     "suggestions": set(),
     "weight": {"numpy"},
     "version": set(),
@@ -138,9 +143,53 @@ def find_faults(root: Path) -> Iterator[str]:
         if room not in ARROWS:
             yield f"{path.relative_to(root)}: there is no room {room!r} in the design"
             continue
-        tree = ast.parse(path.read_text())
-        for line, fault in sorted({*_import_faults(tree, room, parts), *_call_faults(tree, room)}):
+        source = path.read_text()
+        tree = ast.parse(source)
+        faults = {
+            *_import_faults(tree, room, parts),
+            *_call_faults(tree, room),
+            *_hidden_faults(tree, source, room, parts),
+        }
+        for line, fault in sorted(faults):
             yield f"{path.relative_to(root)}:{line}: {fault}"
+
+
+def find_circles(root: Path) -> Iterator[str]:
+    """A line for each circle of modules below the shell: each needs the next one, and the last one the first."""
+    paths = {_name_of(path.relative_to(root)): path for path in sorted(root.rglob("*.py"))}
+    arrows: dict[str, set[str]] = {}
+    for name, path in paths.items():
+        if _room_of(name.split(".")).partition(".")[0] not in OUTSIDE:
+            tree, parts = ast.parse(path.read_text()), path.relative_to(root).with_suffix("").parts
+            found = {_module_of(imported, paths) for _, imported in _imports(tree, parts)}
+            arrows[name] = {target for target in found if target is not None} - {name}
+    while True:
+        while ready := {name for name, targets in arrows.items() if not targets & arrows.keys()}:
+            arrows = {name: targets for name, targets in arrows.items() if name not in ready}
+        if not arrows:
+            return
+        way = [min(arrows)]
+        while way[-1] not in way[:-1]:
+            way.append(min(arrows[way[-1]] & arrows.keys()))
+        circle = way[way.index(way[-1]) :]
+        yield " -> ".join(circle)
+        arrows[circle[0]].discard(circle[1])  # else it would be found again
+
+
+def _name_of(path: Path) -> str:
+    """The dotted name of a module within the package; empty for the package's own `__init__`."""
+    parts = path.with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def _module_of(imported: str, modules: Mapping[str, Path]) -> str | None:
+    """The module of the package that an import needs; None if it is none of the package's."""
+    first, _, name = imported.partition(".")
+    if first != PACKAGE:
+        return None
+    while name and name not in modules:
+        name = name.rpartition(".")[0]
+    return name if name in modules else None
 
 
 def _room_of(parts: Sequence[str]) -> str:
@@ -211,6 +260,24 @@ def _call_faults(tree: ast.AST, room: str) -> Iterator[tuple[int, str]]:
                 yield node.lineno, f"{name}() without a seed"
 
 
+def _hidden_faults(tree: ast.AST, source: str, room: str, parts: tuple[str, ...]) -> Iterator[tuple[int, str]]:
+    """Arrows that the program does not follow when it runs, and private attributes of others."""
+    if room.partition(".")[0] in OUTSIDE:
+        return
+    for node in ast.walk(tree):
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in {
+            getattr(node.test, "id", ""),
+            getattr(node.test, "attr", ""),
+        }:
+            for child in node.body:
+                for line, name in _imports(child, parts):
+                    if name.partition(".")[0] == PACKAGE:
+                        yield line, f"{room} must not hide the import of {name} from the program"
+    for line, text in enumerate(source.splitlines(), 1):
+        if "noqa" in text and "SLF001" in text:
+            yield line, f"{room} must not use an object's private attributes from outside"
+
+
 def _dotted(node: ast.AST, aliases: dict[str, str]) -> str:
     """`np.random.rand` as `numpy.random.rand`; empty where it is no plain name."""
     if isinstance(node, ast.Name):
@@ -238,6 +305,10 @@ def test_arrows_make_no_circle() -> None:
         ready = {room for room, targets in outer.items() if targets <= placed} - placed
         assert ready, f"a circle among {sorted(outer.keys() - placed)}"
         placed |= ready
+
+
+def test_modules_below_the_shell_make_no_circle() -> None:
+    assert list(find_circles(ROOT)) == []
 
 
 # The reading itself
@@ -296,6 +367,23 @@ def faults_of(tmp_path: Path, file: str, source: str) -> list[str]:
         ("world/a.py", "import numpy as np\nnp.load('x')", "world must not use numpy.load"),
         ("world/a.py", "import orjson", "world must not import the library orjson"),
         ("graph/a.py", "import requests", "graph must not import the library requests"),
+        (
+            "morai/a.py",
+            "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from rosbridge_sim.morai.b import B",
+            "a.py:3: morai must not hide the import of rosbridge_sim.morai.b.B",
+        ),
+        (
+            "graph/tf/a.py",
+            "import typing\nif typing.TYPE_CHECKING:\n    import rosbridge_sim.graph.bus",
+            "graph.tf must not hide the import of rosbridge_sim.graph.bus",
+        ),
+        ("world/a.py", "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from .b import B", "must not hide"),
+        (
+            "world/a.py",
+            "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from rosbridge_sim.schema.store import Store",
+            "a.py:3: world must not import schema",
+        ),
+        ("morai/a.py", "x = node._parts  # noqa: SLF001 - a friend", "a.py:1: morai must not use an object's private"),
     ],
 )
 def test_fault_is_found(tmp_path: Path, file: str, source: str, fault: str) -> None:
@@ -314,7 +402,70 @@ def test_fault_is_found(tmp_path: Path, file: str, source: str, fault: str) -> N
         ("world/a.py", "from .state import World\nfrom rosbridge_sim.world import step"),
         ("graph/a.py", "import logging\nlogging.getLogger('x')\nself.open(3)"),
         ("__init__.py", "from rosbridge_sim.shell.app import Simulator"),
+        ("morai/a.py", "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from pyproj import Transformer"),
+        (
+            "shell/a.py",
+            "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from rosbridge_sim.morai.sync import Sync",
+        ),
     ],
 )
 def test_what_the_design_allows_is_no_fault(tmp_path: Path, file: str, source: str) -> None:
     assert faults_of(tmp_path, file, source) == []
+
+
+def circles_of(tmp_path: Path, files: Mapping[str, str]) -> list[str]:
+    for file, source in files.items():
+        path = tmp_path / file
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(source)
+    return list(find_circles(tmp_path))
+
+
+@pytest.mark.parametrize(
+    "back",
+    [
+        "from rosbridge_sim.morai.a import A",
+        "from rosbridge_sim.morai import a",
+        "import rosbridge_sim.morai.a",
+        "from .a import A",
+        "from . import a",
+        "def f():\n    from rosbridge_sim.morai.a import A",
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from rosbridge_sim.morai.a import A",
+    ],
+)
+def test_circle_of_two_modules_is_found(tmp_path: Path, back: str) -> None:
+    files = {"morai/a.py": "from rosbridge_sim.morai.b import B", "morai/b.py": back}
+    assert circles_of(tmp_path, files) == ["morai.a -> morai.b -> morai.a"]
+
+
+def test_each_circle_is_named_and_what_only_leads_to_one_is_not(tmp_path: Path) -> None:
+    files = {
+        "graph/a.py": "from rosbridge_sim.graph import b",
+        "graph/b.py": "from rosbridge_sim.graph.tf import c",
+        "graph/tf/c.py": "from rosbridge_sim.graph import a",
+        "graph/on_the_way.py": "from rosbridge_sim.graph import a, leaf",
+        "graph/leaf.py": "import json",
+        "world/x.py": "from rosbridge_sim.world import y",
+        "world/y.py": "from rosbridge_sim.world import x",
+    }
+    assert circles_of(tmp_path, files) == [
+        "graph.a -> graph.b -> graph.tf.c -> graph.a",
+        "world.x -> world.y -> world.x",
+    ]
+
+
+def test_circle_through_the_file_of_a_package_is_found(tmp_path: Path) -> None:
+    files = {"graph/__init__.py": "from rosbridge_sim.graph.a import A", "graph/a.py": "import rosbridge_sim.graph"}
+    assert circles_of(tmp_path, files) == ["graph -> graph.a -> graph"]
+
+
+def test_modules_that_need_one_another_one_way_make_no_circle(tmp_path: Path) -> None:
+    files = {
+        "world/__init__.py": "",
+        "world/a.py": "from rosbridge_sim.world.b import a",
+        "world/b.py": "from rosbridge_sim.errors import FieldError\nimport numpy as a",
+        "errors.py": "",
+        "shell/a.py": "from rosbridge_sim.shell import b",
+        "shell/b.py": "from rosbridge_sim.shell import a",
+    }
+    assert circles_of(tmp_path, files) == []

@@ -13,7 +13,7 @@ import pytest
 
 from rosbridge_sim.morai.catalogue import CATALOGUE
 from rosbridge_sim.morai.releases import FIELD, MANUAL
-from rosbridge_sim.morai.sync import SYNC_TABLE
+from rosbridge_sim.morai.sync_table import SYNC_TABLE
 from rosbridge_sim.shell.files.catalogue_file import read_catalogue
 from rosbridge_sim.world.state import Kind
 from tests.cli.tool_fixture import run as run_tool

@@ -1,1 +1,1 @@
-"""Who talks to whom in this process."""
+"""The graph of one process: topics, services, actions and parameters, and the participants that use them."""

@@ -8,7 +8,7 @@
 
 What comes in on the topics goes to the bus's actions in the sender's name, so limits and departures hold for these
 goals as for all others. Where we differ from actionlib: a cancel without an id, and one by a time, means the goals of
-who sends it, not those of everybody. ("Cancel all goals of this client" is what the client libraries call it.)
+the client that sends it, not those of all clients. (The client libraries call it "cancel all goals of this client".)
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 
-__all__ = ["BEAT", "MAX_GOAL_ID", "MEMORY", "Actionlib", "ActionlibStatus"]
+__all__ = ["ENDED_GOAL_MEMORY", "MAX_GOAL_ID", "STATUS_PERIOD", "Actionlib", "ActionlibStatus"]
 
-BEAT = 0.2
+STATUS_PERIOD = 0.2
 """Between two messages on the status topic [s]; actionlib's own rate. roslibpy gives up after 3 s without one."""
 
-MEMORY = 5.0
-"""How long an ended goal is still listed [s], as in actionlib."""
+ENDED_GOAL_MEMORY = 5.0
+"""Time for which an ended goal is still listed [s], as in actionlib."""
 
 MAX_ENDED = 100
 """Ended goals that are listed at most."""
@@ -58,7 +58,7 @@ _ENDS = {
     GoalStatus.SUCCEEDED: ActionlibStatus.SUCCEEDED,
     GoalStatus.CANCELED: ActionlibStatus.PREEMPTED,
 }
-"""What the ends of the bus's goals are called here; all others are ABORTED."""
+"""Names for the ends of the bus's goals; all others are ABORTED."""
 
 
 @dataclass(eq=False, slots=True)
@@ -102,36 +102,36 @@ class Actionlib:
         self._ended: deque[_Tracked] = deque(maxlen=MAX_ENDED)
         self._status_due = 0.0
         store = bus.store
-        self._header = store.message("std_msgs/Header").struct
-        self._goal_id = store.message("actionlib_msgs/GoalID").struct
-        self._goal_status = store.message("actionlib_msgs/GoalStatus").struct
+        self._header = store.message("std_msgs/Header").struct_type
+        self._goal_id = store.message("actionlib_msgs/GoalID").struct_type
+        self._goal_status = store.message("actionlib_msgs/GoalStatus").struct_type
 
         def advertise(name: str, type_name: str) -> tuple[Topic, type[msgspec.Struct]]:
             topic = bus.advertise(owner, f"{action.name}/{name}", type_name, is_exclusive=True)
-            return topic, store.message(type_name).struct
+            return topic, store.message(type_name).struct_type
 
         self._feedback, self._feedback_struct = advertise("feedback", f"{action.type.name}ActionFeedback")
         self._result, self._result_struct = advertise("result", f"{action.type.name}ActionResult")
         self._status, self._status_struct = advertise("status", "actionlib_msgs/GoalStatusArray")
-        bus.subscribe(owner, f"{action.name}/goal", self._take, type_name=f"{action.type.name}ActionGoal")
-        bus.subscribe(owner, f"{action.name}/cancel", self._cancel, type_name="actionlib_msgs/GoalID")
-        bus.watchers.append(self._see_off)
+        bus.subscribe(owner, f"{action.name}/goal", self._receive_goal, type_name=f"{action.type.name}ActionGoal")
+        bus.subscribe(owner, f"{action.name}/cancel", self._receive_cancel, type_name="actionlib_msgs/GoalID")
+        bus.on_leave.append(self._on_leave)
 
     # Time
 
     def next_due(self) -> float | None:
-        """When `advance` has something to do next [s]; None while nobody listens to the status."""
+        """Return when `advance` has something to do next [s]; None while nobody listens to the status."""
         return self._status_due if self._status.has_listener else None
 
     def advance(self, now: float) -> None:
         """Publish the status if it is time for it."""
         self._now = now
         if now >= self._status_due:
-            self._tell_status(now)
+            self._publish_status(now)
 
     # From clients
 
-    def _take(self, _topic: Topic, message: Message, sender: Participant, now: float) -> None:
+    def _receive_goal(self, _topic: Topic, message: Message, sender: Participant, now: float) -> None:
         """A goal; what is wrong with it is told to the sender, in the result and by the error."""
         self._now = now
         goal_id = self._complete(message.value.goal_id)
@@ -164,9 +164,9 @@ class Actionlib:
         if tracked.status is ActionlibStatus.REJECTED:
             raise GraphError(f"Goal {key} of {self._action.name} was rejected: {tracked.text}")
         if key in self._tracked:
-            self._tell_status(now)
+            self._publish_status(now)
 
-    def _cancel(self, _topic: Topic, message: Message, sender: Participant, now: float) -> None:
+    def _receive_cancel(self, _topic: Topic, message: Message, sender: Participant, now: float) -> None:
         """The wish to end the goal with an id; all of the sender's; its goals up to a time."""
         self._now = now
         key, stamp = message.value.id, msgspec.structs.astuple(message.value.stamp)
@@ -181,8 +181,8 @@ class Actionlib:
             if is_meant and tracked.goal is not None:
                 tracked.goal.cancel()
 
-    def _see_off(self, owner: Participant, now: float) -> None:
-        """Somebody has left; the bus has cancelled what was under way for it."""
+    def _on_leave(self, owner: Participant, now: float) -> None:
+        """End the goals of an owner that has left; the bus has cancelled what was under way for it."""
         self._now = now
         for tracked in list(self._tracked.values()):
             if tracked.sender is owner:
@@ -200,10 +200,10 @@ class Actionlib:
         self._publish(
             self._result, self._result_struct(header=self._stamped(), status=self._describe(tracked), result=result)
         )
-        self._tell_status(self._now)
+        self._publish_status(self._now)
 
-    def _tell_status(self, now: float) -> None:
-        self._status_due = now + BEAT
+    def _publish_status(self, now: float) -> None:
+        self._status_due = now + STATUS_PERIOD
         self._forget_ended(now)
         if not self._status.has_listener:
             return
@@ -211,7 +211,7 @@ class Actionlib:
         self._publish(self._status, self._status_struct(header=self._stamped(), status_list=known))
 
     def _forget_ended(self, now: float) -> None:
-        while self._ended and self._ended[0].ended_at + MEMORY <= now:
+        while self._ended and self._ended[0].ended_at + ENDED_GOAL_MEMORY <= now:
             self._ended.popleft()
 
     def _publish(self, topic: Topic, value: msgspec.Struct) -> None:

@@ -2,7 +2,7 @@
 
 Like a call, a goal ends exactly once: with what its provider says, or because one of the two is gone. A cancel
 is a wish that goes straight to the provider and never waits behind the goal; the provider still ends it. Where
-the *caller* leaves, its goals are cancelled and their ends are nobody's; where the *provider* leaves, its goals
+the *caller* leaves, its goals are cancelled and no one hears of their ends; where the *provider* leaves, its goals
 fail at once.
 
 Beside each action stands the service by which ROS 2 cancels, `<action>/_action/cancel_goal`; roslib's `cancelAllGoals`
@@ -16,16 +16,18 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from rosbridge_sim.errors import EncodingError, GraphError, PeerError, Reason
-from rosbridge_sim.graph.guard import Guard
+from rosbridge_sim.graph.bus_state import BusState
 from rosbridge_sim.graph.participant import Participant, decode_body, gives_way, resolve, size_of_body, take_over
-from rosbridge_sim.graph.topics_services import Call, Handle, Service
-from rosbridge_sim.protocol.account import Account
+from rosbridge_sim.graph.service_table import ServiceTable
+from rosbridge_sim.graph.topics_services import Call
+from rosbridge_sim.graph.type_resolution import TypeResolver
 from rosbridge_sim.protocol.ops import OpBody
-from rosbridge_sim.schema.compile import ActionType, OpaqueActionType
-from rosbridge_sim.schema.store import Message, Store
+from rosbridge_sim.schema.message import Message
+from rosbridge_sim.schema.message_type import ActionType
+from rosbridge_sim.schema.opaque_types import OpaqueActionType
 
 __all__ = ["CANCEL", "Action", "Actions", "Goal", "GoalOutcome", "GoalStatus"]
 
@@ -50,7 +52,7 @@ class GoalStatus(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class GoalOutcome:
-    """How a goal ended.
+    """The end of a goal.
 
     Attributes:
         is_ok: `result` on the wire: it came to an end at its provider's, however that went.
@@ -71,7 +73,7 @@ OnOutcome = Callable[[GoalOutcome], None]
 
 @dataclass(eq=False, slots=True)
 class Action:
-    """A named action and who provides it; nobody else may where it is exclusive."""
+    """A named action and its provider; where it is exclusive, no client may take the name."""
 
     name: str
     type: ActionType | OpaqueActionType
@@ -135,33 +137,26 @@ class Goal:
             self.actions.hand_over(self, outcome)
 
 
-class _Bus(Protocol):
-    """What of the bus is needed here."""
-
-    store: Store
-    stamp_ns: int
-    guard: Guard
-    services: dict[str, Service]
-
-    def provide(self, owner: Participant, name: str, type_name: str, handle: Handle, *, is_exclusive: bool) -> Service:
-        """Offer a service."""
-
-    def withdraw(self, owner: Participant, name: str) -> None:
-        """Stop offering it."""
-
-    def action_type(self, name: str) -> ActionType | OpaqueActionType:
-        """The type of that name."""
-
-    def account_of(self, owner: Participant) -> Account:
-        """The account that pays for what an owner makes this process hold."""
-
-
 class Actions:
-    """The actions of one bus."""
+    """The actions of one bus.
 
-    def __init__(self, bus: _Bus, max_goals: int) -> None:
-        """No actions yet; the bus tells who leaves. One caller may have `max_goals` under way."""
-        self._bus = bus
+    Attributes:
+        by_name: all actions, by absolute name.
+        max_goals: goals that one caller may have under way.
+    """
+
+    def __init__(self, state: BusState, types: TypeResolver, services: ServiceTable, max_goals: int) -> None:
+        """No actions yet.
+
+        Args:
+            state: shared with the other parts of the bus.
+            types: of actions.
+            services: where the services for cancelling are offered.
+            max_goals: see above.
+        """
+        self._state = state
+        self._types = types
+        self._services = services
         self.max_goals = max_goals
         self.by_name: dict[str, Action] = {}
         self._goals: dict[Participant, dict[Goal, None]] = {}
@@ -192,17 +187,17 @@ class Actions:
             TypeNameError: the type cannot be had.
         """
         name = resolve(name)
-        action = Action(name, self._bus.action_type(type_name), owner, take, cancel, is_exclusive)
+        action = Action(name, self._types.action(type_name), owner, take, cancel, is_exclusive)
         old = self.by_name.get(name)
         self._check_cancel(name, owner, old)
         if old is not None and old.owner is not owner:
             if old.is_exclusive and not gives_way(old.owner, owner):
                 raise GraphError(f"Action {name} is provided by {old.owner.name} alone", reason=Reason.NAME_TAKEN)
             owner.notify("warning", f"Duplicate action advertised. Overwriting {name}.")
-            self._bus.guard.attempt("the loss of an action", take_over, old.owner, "action", name, owner)
+            self._state.guard.attempt("the loss of an action", take_over, old.owner, "action", name, owner)
         if old is not None:
             self._drop(old, f"Action {name} was unadvertised")
-        self._bus.provide(
+        self._services.provide(
             *(owner, name + CANCEL, "action_msgs/CancelGoal", lambda call, _: self._cancel(action, call)),
             is_exclusive=True,
         )
@@ -246,12 +241,12 @@ class Actions:
             if isinstance(args, Message):
                 request = args.value
             else:
-                request = decode_body(action.type.goal, args, self._bus.stamp_ns)
+                request = decode_body(action.type.goal, args, self._state.stamp_ns)
             held = self._goals.setdefault(caller, {})
             if len(held) >= self.max_goals:
                 raise GraphError(f"Too many goals under way: at most {self.max_goals}", reason=Reason.TOO_MUCH)
             size = size_of_body(request, args)
-            if size and not self._bus.account_of(caller).take(size):
+            if size and not self._state.account_of(caller).take(size):
                 text = "Too much under way: this client makes the server hold too much"
                 raise GraphError(text, reason=Reason.TOO_MUCH)
         except PeerError as error:
@@ -264,17 +259,17 @@ class Actions:
             action.take(goal)
         except PeerError as error:
             if isinstance(error, EncodingError):
-                self._bus.guard.note_encoding(action.name, error)
+                self._state.guard.note_encoding(action.name, error)
             goal.fail(str(error))
         except Exception as error:  # noqa: BLE001 - a bug of ours in the provider's own state
             goal.fail("The provider failed; the server's log says why")
-            self._bus.guard.blame(action.owner, error)
+            self._state.guard.blame(action.owner, error)
         return None if goal.is_done else goal
 
     def forget(self, goal: Goal) -> None:
         """Strike an ended goal from its caller's list (for `Goal` alone)."""
         if goal.num_bytes:
-            self._bus.account_of(goal.caller).give(goal.num_bytes)
+            self._state.account_of(goal.caller).give(goal.num_bytes)
         held = self._goals.get(goal.caller)
         if held is not None:
             held.pop(goal, None)
@@ -289,7 +284,7 @@ class Actions:
         except EncodingError as error:
             self._note_encoding(goal.action, error)
         except Exception as error:  # noqa: BLE001 - a bug of ours in the caller's own state
-            self._bus.guard.contain(goal.caller, error)
+            self._state.guard.contain(goal.caller, error)
 
     def hand_over(self, goal: Goal, outcome: GoalOutcome) -> None:
         """Give a goal's caller its end (for `Goal` alone). One that cannot be encoded is a failure of the goal."""
@@ -300,18 +295,18 @@ class Actions:
                 self._note_encoding(goal.action, error)
                 self.hand_over(goal, GoalOutcome(is_ok=False, status=GoalStatus.UNKNOWN, values=str(error)))
             else:
-                self._bus.guard.contain(goal.caller, error)
+                self._state.guard.contain(goal.caller, error)
 
     def ask_to_cancel(self, goal: Goal) -> None:
         """Ask a goal's provider to end it (for `Goal` alone)."""
         try:
             goal.action.cancel(goal)
         except Exception as error:  # noqa: BLE001 - a bug of ours in the provider's own state
-            self._bus.guard.contain(goal.action.owner, error)
+            self._state.guard.contain(goal.action.owner, error)
 
     def leave(self, owner: Participant) -> None:
         """Cancel the owner's goals, fail those that were sent to it."""
-        attempt = self._bus.guard.attempt
+        attempt = self._state.guard.attempt
         for goal in list(self._goals.pop(owner, ())):
             attempt("the end of a goal", goal.abandon)
         for action in list(self._provided.get(owner, ())):
@@ -320,7 +315,7 @@ class Actions:
 
     def _note_encoding(self, action: Action, error: EncodingError) -> None:
         """Log that something of an action cannot be encoded, and tell its provider."""
-        guard = self._bus.guard
+        guard = self._state.guard
         guard.note_encoding(action.name, error)
         guard.attempt("a remark to a provider", action.owner.notify, "error", f"{action.name}: {error}")
 
@@ -328,7 +323,7 @@ class Actions:
         """Cancel the caller's goals, since ROS 2 asks for it by a call."""
         request: Any = call.request
         info = request.goal_info
-        response = call.service.type.response.struct
+        response = call.service.type.response.struct_type
         if any(info.goal_id.uuid):
             call.answer(response(_UNKNOWN_GOAL, []))
             return
@@ -339,7 +334,7 @@ class Actions:
 
     def _check_cancel(self, name: str, owner: Participant, old: Action | None) -> None:
         """Raise GraphError if the action's service for cancelling belongs to a third owner alone."""
-        service = self._bus.services.get(name + CANCEL)
+        service = self._services.by_name.get(name + CANCEL)
         if service is None or not service.is_exclusive or service.owner is owner or gives_way(service.owner, owner):
             return
         if old is None or service.owner is not old.owner:
@@ -355,6 +350,6 @@ class Actions:
         if self.by_name.get(action.name) is action:
             del self.by_name[action.name]
             with suppress(GraphError):  # the provider may have taken it back itself
-                self._bus.withdraw(action.owner, action.name + CANCEL)
+                self._services.withdraw(action.owner, action.name + CANCEL)
         for goal in list(action.goals):
             goal.fail(why)

@@ -2,7 +2,7 @@
 
     a message cannot be encoded     it is dropped for that encoding and its publisher is told; nobody is closed
     what belongs to one owner       that owner alone ends (`Guarded.fail`): a client is closed with code 1011, a bridge
-    fails                           is dialled anew, a recording ends; everybody else goes on
+    fails                           is dialled anew, a recording ends; all others go on
     what serves all fails           the request that met the failure is lost, and its sender is told; the service stays
     anything else                   it is logged and counted, and the rest goes on
 
@@ -19,7 +19,7 @@ from rosbridge_sim.errors import EncodingError
 
 __all__ = ["Guard", "Guarded"]
 
-MAX_BLAMED = 1_000
+MAX_LOGGED_FAILURES = 1_000
 """Failures of encoding that are remembered, so that each is logged once; beyond them they are only counted."""
 
 P = ParamSpec("P")
@@ -46,7 +46,7 @@ class Guard:
     def __init__(self) -> None:
         self.num_faults = 0
         self.num_unencoded = 0
-        self._told: set[tuple[str, str]] = set()
+        self._logged: set[tuple[str, str]] = set()
 
     def blame(self, concerned: object, error: Exception) -> None:
         """End the owner whose state has failed.
@@ -71,7 +71,7 @@ class Guard:
     def contain(self, concerned: object, error: Exception) -> None:
         """End the owner whose state has failed; where it cannot end alone, log and count the failure.
 
-        For what is done on behalf of somebody else, who must not hear of it.
+        For what is done on behalf of another owner, which must not hear of it.
         """
         if isinstance(concerned, Guarded):
             self.blame(concerned, error)
@@ -106,7 +106,7 @@ class Guard:
         """
         self.num_unencoded += 1
         self.num_faults += 1
-        told = (where, str(error))
-        if told not in self._told and len(self._told) < MAX_BLAMED:
-            self._told.add(told)
+        key = (where, str(error))
+        if key not in self._logged and len(self._logged) < MAX_LOGGED_FAILURES:
+            self._logged.add(key)
             _log.error("%s: a message is dropped: %s", where, error, exc_info=error)

@@ -37,15 +37,15 @@ MAX_MERGED: Final = 10_000
 MAX_MERGED_BYTES: Final = 2**20
 """Bounds of a read in a namespace where one name is a value and a namespace as well: its values have to be parsed."""
 
-FEW: Final = 100
+MAX_REMOVED_SINGLY: Final = 100
 """So many names are taken out of the list one by one, at 30 us each in the longest; for more it is made anew."""
 
-OVERHEAD: Final = 400
+PARAMETER_OVERHEAD: Final = 400
 """Memory of a parameter beside its name and its text: the entries of the tables, measured [bytes]."""
 
 
 @dataclass(eq=False, slots=True)
-class _Share:
+class _ClientTotals:
     """Account of what one client has set: parameters, namespaces and bytes."""
 
     num: int = 0
@@ -69,16 +69,16 @@ class _Entry:
     member: bytes
     skip: int
     serial: int
-    account: _Share
+    account: _ClientTotals
 
 
 @dataclass(slots=True)
-class _Folder:
+class _Namespace:
     """One namespace: how many parameters and namespaces stand in it, and who made it."""
 
     name: str
     num: int
-    account: _Share
+    account: _ClientTotals
 
 
 class Parameters:
@@ -87,8 +87,8 @@ class Parameters:
     def __init__(self) -> None:
         self._entries: dict[str, _Entry] = {}
         self._names: list[str] = []
-        self._folders: dict[str, _Folder] = {}
-        self._accounts: dict[Participant, _Share] = {}
+        self._namespaces: dict[str, _Namespace] = {}
+        self._accounts: dict[Participant, _ClientTotals] = {}
         self._num_bytes = 0
         self._serial = 0
         self._read: tuple[tuple[str, int], str] | None = None  # the namespace that was read last, and its text
@@ -106,7 +106,7 @@ class Parameters:
     def num_held(self, owner: Participant) -> int:
         """Memory of the parameters that an owner has set [bytes]."""
         account = self._accounts.get(owner)
-        return account.num_bytes + OVERHEAD * (account.num + account.num_namespaces) if account else 0
+        return account.num_bytes + PARAMETER_OVERHEAD * (account.num + account.num_namespaces) if account else 0
 
     def put(self, name: str, value: str, owner: Participant) -> None:
         """Set a parameter.
@@ -125,19 +125,19 @@ class Parameters:
         folder, _, last = name.rpartition("/")
         key = orjson.dumps(last) + b":"
         size = _size(name, text)
-        account = self._accounts.get(owner) or _Share()
+        account = self._accounts.get(owner) or _ClientTotals()
         self._check_room(name, size, old, account)
         if old is None:
             self._check_namespaces(folder, account)
             insort(self._names, name)
-            self._hold_folder(folder, account)
+            self._add_to_namespace(folder, account)
             self._serial += 1
         else:
             self._settle(old.account, -1, -_size(name, old.member[old.skip :]))
         self._accounts[owner] = account
         self._settle(account, 1, size)
         serial = self._serial if old is None else old.serial
-        shared = self._folders[folder].name if folder else ""
+        shared = self._namespaces[folder].name if folder else ""
         self._entries[name] = _Entry(shared, key + text, len(key), serial, account)
         self._read = None
 
@@ -146,8 +146,8 @@ class Parameters:
         for name in names:
             entry = self._entries.pop(name)
             self._settle(entry.account, -1, -_size(name, entry.member[entry.skip :]))
-            self._release_folder(entry.folder)
-        if len(names) <= FEW:
+            self._remove_from_namespace(entry.folder)
+        if len(names) <= MAX_REMOVED_SINGLY:
             for name in names:
                 del self._names[bisect_left(self._names, name)]
         else:
@@ -233,7 +233,7 @@ class Parameters:
 
     # Bounds
 
-    def _check_room(self, name: str, size: int, old: _Entry | None, account: _Share) -> None:
+    def _check_room(self, name: str, size: int, old: _Entry | None, account: _ClientTotals) -> None:
         old_size = 0 if old is None else _size(name, old.member[old.skip :])
         is_own = old is not None and old.account is account
         for num, num_bytes, part, whose in (
@@ -248,37 +248,37 @@ class Parameters:
                     " names included"
                 )
 
-    def _check_namespaces(self, folder: str, account: _Share) -> None:
+    def _check_namespaces(self, folder: str, account: _ClientTotals) -> None:
         num = 0
-        while folder and folder not in self._folders:
+        while folder and folder not in self._namespaces:
             num += 1
             folder = folder.rpartition("/")[0]
-        for now, part, whose in ((len(self._folders), 1, "together"), (account.num_namespaces, 2, "of one client")):
+        for now, part, whose in ((len(self._namespaces), 1, "together"), (account.num_namespaces, 2, "of one client")):
             if num and now + num > MAX_NAMESPACES // part:
                 raise GraphError(f"At most {MAX_NAMESPACES // part} namespaces of parameters {whose} can be kept")
 
-    def _settle(self, account: _Share, num: int, num_bytes: int) -> None:
+    def _settle(self, account: _ClientTotals, num: int, num_bytes: int) -> None:
         account.num += num
         account.num_bytes += num_bytes
         self._num_bytes += num_bytes
 
-    def _hold_folder(self, name: str, account: _Share) -> None:
+    def _add_to_namespace(self, name: str, account: _ClientTotals) -> None:
         while name:
-            folder = self._folders.get(name)
+            folder = self._namespaces.get(name)
             if folder is not None:
                 folder.num += 1
                 return
-            self._folders[name] = _Folder(name, 1, account)
+            self._namespaces[name] = _Namespace(name, 1, account)
             account.num_namespaces += 1
             name = name.rpartition("/")[0]
 
-    def _release_folder(self, name: str) -> None:
+    def _remove_from_namespace(self, name: str) -> None:
         while name:
-            folder = self._folders[name]
+            folder = self._namespaces[name]
             folder.num -= 1
             if folder.num:
                 return
-            del self._folders[name]
+            del self._namespaces[name]
             folder.account.num_namespaces -= 1
             name = name.rpartition("/")[0]
 

@@ -12,7 +12,8 @@ import orjson
 from rosbridge_sim.errors import FieldError, GraphError, Reason
 from rosbridge_sim.protocol.codec import is_absent
 from rosbridge_sim.protocol.ops import ABSENT, OpBody
-from rosbridge_sim.schema.compile import MessageType, OpaqueType
+from rosbridge_sim.schema.message_type import MessageType
+from rosbridge_sim.schema.opaque_types import OpaqueType
 from rosbridge_sim.schema.sizes import size_of
 from rosbridge_sim.suggestions import listing
 
@@ -38,7 +39,7 @@ _NAME = re.compile(r"[^\s\x00-\x1f\x7f]{1,256}")
 
 
 class Participant(Protocol):
-    """Somebody who holds topics and services. Compared by identity.
+    """An owner of topics and services. Compared by identity.
 
     Attributes:
         name: the ROS node name that rosapi shows, e.g. `/morai_sim`.
@@ -115,7 +116,7 @@ def explain(owner: Participant, level: str, text: str, reason: Reason) -> None:
 
 
 def gives_way(old: Participant, new: Participant) -> bool:
-    """Tell whether an owner must leave a name to another one, even a name that it has to itself."""
+    """Return whether an owner must leave a name to another one, even a name that it has to itself."""
     return isinstance(old, Guest) and not isinstance(new, Guest)
 
 

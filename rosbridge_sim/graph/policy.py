@@ -5,7 +5,7 @@ across slashes. Without an allow pattern everything is allowed; a deny pattern b
 rosbridge_suite lets an empty list deny all, which nobody reads out of an empty list: here that is `--deny-... '*'`.
 
 Many things have several names, and some can be reached by a topic and by a service. So a name is judged by all names
-of its thing, from the table `Ways`:
+of its thing, from the table `Ways` (`ways.py`):
 
 - It is denied if a deny pattern matches any of them, each by the patterns of its own direction.
 - Where there are allow patterns for its direction, one of them must match it; or an allow pattern must match one of the
@@ -14,20 +14,6 @@ of its thing, from the table `Ways`:
   makes observers that may call services, and `--allow-publish '*'` allows no call.
 - A topic of an action of ROS 1 is judged in both directions, as the topic and as the action, wildcards included: the
   action is nothing but its topics.
-
-The table has a direction, from the narrow name to the wide one: `/Ego-2/ctrl_cmd` is judged as `/ctrl_cmd` too, but
-the pattern `/Ego-2/*` means ego 2 alone. Of the graph itself these are in it:
-
-    the five topics of an action of ROS 1, known by name and message type    the action
-    <action>/_action/..., by which ROS 2 speaks of one                       the action
-    sending a goal                                                           publishing <action>/goal
-    publishing <action>/cancel                                               calling <action>/_action/cancel_goal, and
-                                                                             the reverse
-    /republish_tfs, /tf2_web_republisher and its topics                      each other
-    the same                                                                 listening to /tf and /tf_static
-
-The last row is stricter, since it is not another name but another way to *hear* something: a client that may not listen
-to transforms may not have them republished, whatever the patterns of services allow.
 
 An action is judged by the patterns of services: it is a long call. rosapi's own services can always be called
 unless a deny pattern names them, since no client gets far without looking around; what they list is what the
@@ -42,182 +28,26 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from enum import Enum
 from fnmatch import translate
 from functools import lru_cache, partial
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final
 
 from rosbridge_sim.errors import GraphError, Reason
-from rosbridge_sim.graph.actions import CANCEL
 from rosbridge_sim.graph.participant import resolve
-from rosbridge_sim.graph.tf.web_republisher import REPUBLISHER_NAME as REPUBLISHER
-from rosbridge_sim.graph.tf.web_republisher import SERVICE_NAME as REPUBLISH
+from rosbridge_sim.graph.ways import ACTIONLIB_TOPICS, SHOWN_TOPICS, PolicyEffect, Use, Way, Ways, topics_shown_by
 
-__all__ = ["OPEN", "Policy", "PolicyEffect", "Rule", "Use", "Way", "WayLookup", "Ways"]
+__all__ = ["OPEN", "Policy", "Rule"]
 
 ROSAPI: Final = "/rosapi/"
-"""Where the names of the services begin with which clients look around."""
-
-MAX_KNOWN_NAMES: Final = 20_000
-"""Names of which the table keeps the other names; looking them up costs some 10 us, and rosapi lists thousands."""
+"""Beginning of the names of the services with which clients look around."""
 
 MAX_EFFECTS: Final = 3
 MAX_WAYS_SHOWN: Final = 8
 MAX_CHARS: Final = 60
 """Effects, ways of each and characters of one that a line on what is left open names: a line of a log is to be read."""
 
-_HIDDEN: Final = "/_action/"
-"""Separator between the name of an action of ROS 2 and those of its topics and services."""
-
-_ACTIONLIB: Final = {
-    "goal": "ActionGoal",
-    "cancel": "/GoalID",
-    "status": "/GoalStatusArray",
-    "feedback": "ActionFeedback",
-    "result": "ActionResult",
-}
-"""The five topics of an action of ROS 1, and how their types' names end: many a plain topic is called `status`."""
-
 _WILDCARDS: Final = "*?/"
 """Characters of a pattern that names no thing, such as `*`: it means everything of its direction."""
-
-
-class Use(Enum):
-    """Use of a name by a client; the values are words for the log."""
-
-    PUBLISH = "publishing"
-    SUBSCRIBE = "listening to"
-    SERVICE = "calling"
-    ACTION = "sending goals to"
-
-
-class Way(NamedTuple):
-    """A name, absolute, and what is done with it."""
-
-    use: Use
-    name: str
-
-
-WayLookup: TypeAlias = Callable[[Way], Iterable[Way]]
-"""The other names under which a way is judged too; the way itself may be among them."""
-
-
-@dataclass(frozen=True, slots=True)
-class PolicyEffect:
-    """Something that can be brought about in several ways, which are not the same thing.
-
-    Attributes:
-        what: completes "ways to ...".
-        ways: those that are there for it, under the names that they have now.
-        also: those that do much else; closing one of them alone does not mean this effect.
-    """
-
-    what: str
-    ways: tuple[Way, ...]
-    also: tuple[Way, ...] = ()
-
-
-class Ways:
-    """The table of other names. Parts of the server that give things several names add their own rows.
-
-    Attributes:
-        on_change: called with `now` after names have got another meaning.
-    """
-
-    def __init__(self) -> None:
-        self.on_change: dict[Callable[[float], None], None] = {}
-        self._lookups: list[WayLookup] = [_look_up]
-        self._effects: list[Callable[[], Iterable[PolicyEffect]]] = [lambda: (_TRANSFORMS,)]
-        self._known: dict[tuple[Way, tuple[Way, ...]], tuple[Way, ...]] = {}
-
-    def add(self, effects: Callable[[], Iterable[PolicyEffect]], lookup: WayLookup | None = None) -> None:
-        """Add the rows of a part of the server.
-
-        Args:
-            effects: what can be brought about in several ways, for the log.
-            lookup: what it knows of a way; None where each of its things has one name.
-        """
-        self._effects.append(effects)
-        if lookup is not None:
-            self._lookups.append(lookup)
-        self._known.clear()
-
-    def change(self, now: float) -> None:
-        """Look everything up anew, for a part of the server has other names now."""
-        self._known.clear()
-        for notify in tuple(self.on_change):
-            notify(now)
-
-    def all_of(self, way: Way, type_name: str = "") -> tuple[Way, ...]:
-        """The way itself and all others that it is judged by.
-
-        Args:
-            way: under an absolute name.
-            type_name: of a topic, in any spelling.
-        """
-        of_action = tuple(_look_up_topic(way, type_name))
-        key = (way, of_action)  # without the type: its name may be as long as a frame
-        ways = self._known.get(key)
-        if ways is None:
-            found = dict.fromkeys([way, *of_action])
-            for lookup in self._lookups:
-                found |= dict.fromkeys(lookup(way))
-            if len(self._known) >= MAX_KNOWN_NAMES:
-                self._known.clear()
-            ways = self._known[key] = tuple(found)
-        return ways
-
-    def effects(self) -> Iterator[PolicyEffect]:
-        """All that can be brought about in several ways."""
-        for each in self._effects:
-            yield from each()
-
-
-def _look_up_topic(way: Way, type_name: str) -> Iterator[Way]:
-    """The action to which one of the five topics belongs."""
-    action, _, part = way.name.rpartition("/")
-    ending = _ACTIONLIB.get(part)
-    if ending is None or not action or way.use not in {Use.PUBLISH, Use.SUBSCRIBE}:
-        return
-    package, _, short = type_name.rstrip("/").rpartition("/")  # needless slashes are no part of a type's name
-    if package and f"/{short}".endswith(ending):
-        yield Way(Use.ACTION, action)
-        if way.use is Use.PUBLISH and part == "cancel":
-            yield Way(Use.SERVICE, action + CANCEL)
-
-
-def _look_up(way: Way) -> Iterator[Way]:
-    """The other names that the graph itself gives."""
-    action, _, part = way.name.partition(_HIDDEN)
-    if part and action:
-        yield Way(Use.ACTION, action)
-        if way == (Use.SERVICE, action + CANCEL):
-            yield Way(Use.PUBLISH, action + "/cancel")
-    elif way.use is Use.ACTION:
-        yield Way(Use.PUBLISH, way.name + "/goal")
-    if _shows(way):
-        yield from _REPUBLISHERS
-
-
-_SHOWN: Final = tuple(
-    Way(Use.SUBSCRIBE, name) for name in ("/tf", "/tf_static", f"{REPUBLISHER}/feedback", f"{REPUBLISHER}/tf_repub_1")
-)
-"""Topics that the republisher of transforms shows, and the topics on which it does."""
-
-
-_REPUBLISHERS: Final = (Way(Use.SERVICE, REPUBLISH), Way(Use.ACTION, REPUBLISHER))
-"""The ways of asking for transforms."""
-
-_TRANSFORMS: Final = PolicyEffect("learn transforms", (*_SHOWN[:2], *_REPUBLISHERS))
-
-
-def _shows(way: Way) -> tuple[Way, ...]:
-    """Names of all that is heard, in other words, by going this way."""
-    if way in {*_REPUBLISHERS, (Use.PUBLISH, f"{REPUBLISHER}/goal")}:
-        return _SHOWN
-    if way.use is Use.SUBSCRIBE and way.name.startswith(f"{REPUBLISHER}/"):
-        return (way, *_SHOWN)
-    return ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,7 +63,7 @@ class Rule:
     deny: tuple[str, ...] = ()
 
     def admits(self, name: str) -> bool:
-        """Whether a name may be used.
+        """Return whether a name may be used.
 
         Raises:
             GraphError: there are patterns, and it is no name.
@@ -241,11 +71,11 @@ class Rule:
         return not self.denies(name) and (not self.allow or self.allows(name))
 
     def allows(self, name: str) -> bool:
-        """Tell whether an allow pattern matches the name; raises as `admits` does."""
+        """Return whether an allow pattern matches the name; raises as `admits` does."""
         return bool(self.allow) and _matches(self.allow, resolve(name))
 
     def denies(self, name: str) -> bool:
-        """Whether a deny pattern matches the name; raises as `admits` does."""
+        """Return whether a deny pattern matches the name; raises as `admits` does."""
         return bool(self.deny) and _matches(self.deny, resolve(name))
 
 
@@ -254,7 +84,7 @@ _NO_PATTERNS: Final = Rule()
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """What every client may do. Each `check_...` does nothing where the name, relative or absolute, may be used so.
+    """The rights of every client. Each `check_...` does nothing where the name, relative or absolute, may be used so.
 
     Attributes:
         publish, subscribe: for topics.
@@ -314,15 +144,15 @@ class Policy:
             raise GraphError(f"Not allowed to use the parameter {name}", reason=Reason.NOT_ALLOWED)
 
     def may_call(self, name: str) -> bool:
-        """Tell whether a service may be called."""
+        """Return whether a service may be called."""
         return self._why_not(Use.SERVICE, name) is None
 
     def may_send_goal(self, name: str) -> bool:
-        """Tell whether a goal may be sent to an action."""
+        """Return whether a goal may be sent to an action."""
         return self._why_not(Use.ACTION, name) is None
 
     def may_see(self, topic: str, type_name: str = "") -> bool:
-        """Whether a topic is any of a client's business: it may publish there, or listen."""
+        """Return whether a client may publish to a topic, or listen to it."""
         return any(self._why_not(use, topic, type_name) is None for use in (Use.PUBLISH, Use.SUBSCRIBE))
 
     def left_open(self) -> list[str]:
@@ -347,8 +177,8 @@ class Policy:
         return lines
 
     def needs_type(self, topic: str) -> bool:
-        """Tell whether the type decides if a topic may be used, so that no other one may come later."""
-        return not self.is_open and topic.rpartition("/")[2] in _ACTIONLIB
+        """Return whether the type decides if a topic may be used, so that no other one may come later."""
+        return not self.is_open and topic.rpartition("/")[2] in ACTIONLIB_TOPICS
 
     # How it is judged
 
@@ -372,12 +202,12 @@ class Policy:
                 return "" if each.name == way.name else f", another way of {each.use.value} {each.name}"
         if not self._is_allowed(way, ways):
             return ""
-        shown = _shows(way)
+        shown = topics_shown_by(way)
         for each in shown:
             if self.subscribe.denies(each.name):
                 return f", since it shows what {each.name} does"
         if shown and self.subscribe.allow and not any(self.subscribe.allows(each.name) for each in shown):
-            return f", since it shows what {_SHOWN[0].name} does"
+            return f", since it shows what {SHOWN_TOPICS[0].name} does"
         return None
 
     def _is_allowed(self, way: Way, ways: Sequence[Way]) -> bool:
@@ -391,7 +221,7 @@ class Policy:
         return all(not self._rule(each).allow or _matches(self._rule(each).allow, each.name) for each in judged)
 
     def _denies(self, way: Way, other: Way) -> bool:
-        """Tell whether a deny pattern for another name of a way holds for the way."""
+        """Return whether a deny pattern for another name of a way holds for the way."""
         patterns = self._rule(other).deny
         if not patterns:
             return False
@@ -451,7 +281,7 @@ def _shortened(text: str) -> str:
 
 
 def _is_crossing(way: Way, other: Way) -> bool:
-    """Tell whether two names are judged by the patterns of different directions; actions are judged as services."""
+    """Return whether two names are judged by the patterns of different directions; actions are judged as services."""
     services = {Use.SERVICE, Use.ACTION}
     return way.use is not other.use and not {way.use, other.use} <= services
 

@@ -22,7 +22,7 @@ from rosbridge_sim.graph.parameters import MAX_PARAMETERS
 from rosbridge_sim.graph.participant import Participant, resolve
 from rosbridge_sim.graph.policy import OPEN, Policy, Rule
 from rosbridge_sim.graph.topics_services import Call, Service, Topic
-from rosbridge_sim.schema.compile import MessageType
+from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.names import DefinitionKind
 from rosbridge_sim.schema.typedefs import typedefs
 
@@ -43,7 +43,7 @@ _OMITTED = (
 )
 
 _ACTIONLIB = ("cancel", "feedback", "result", "status")
-"""What an action server of ROS 1 has beside `goal`."""
+"""Topics of an action server of ROS 1 beside `goal`."""
 
 _DISTROS = {1: "noetic", 2: "jazzy"}
 """The distributions whose standard definitions we have."""
@@ -105,10 +105,10 @@ class Rosapi:
         for name, (type_name, respond) in table.items():
             bus.provide(self, f"/rosapi/{name}", f"rosapi/{type_name}", _handler(respond), is_exclusive=True)
         bus.provide(self, "/rosapi/set_param", "rosapi/SetParam", self._set_param, is_exclusive=True)
-        bus.watchers.append(self._see_off)
+        bus.on_leave.append(self._on_leave)
 
     def notify(self, level: str, text: str) -> None:
-        """Nobody reads what rosapi is told; it asks for nothing."""
+        """Do nothing: rosapi asks for nothing, so it has no use for a remark."""
 
     def _spelled(self, type_name: str, kind: DefinitionKind) -> str:
         """A type's name as the personality writes it."""
@@ -202,7 +202,7 @@ class Rosapi:
     # Types
 
     def _topics_and_raw_types(self, _request: _Request) -> _Fields:
-        """What Lichtblick builds its readers from; a type that nobody knows has a comment for a definition."""
+        """Definitions of all topics, for Lichtblick's readers; a type that nobody knows has a comment for one."""
         topics = self._sorted_topics()
         texts: list[str] = []
         num_chars = 0
@@ -223,8 +223,8 @@ class Rosapi:
             return f"# failed to get full definition text for {name}: {error}"
 
     def _describe(self, message_type: MessageType) -> _Fields:
-        make = self._bus.store.message("rosapi/TypeDef").struct
-        return {"typedefs": [make(**asdict(typedef)) for typedef in typedefs(message_type.shape)]}
+        make = self._bus.store.message("rosapi/TypeDef").struct_type
+        return {"typedefs": [make(**asdict(typedef)) for typedef in typedefs(message_type.spec)]}
 
     def _message_details(self, request: _Request) -> _Fields:
         return self._describe(self._bus.store.message(request.type))
@@ -281,7 +281,7 @@ class Rosapi:
         return resolve(given)
 
     def _may_use(self, name: str) -> bool:
-        """Whether clients may use a parameter that is set. Patterns are slow, and a namespace has many names."""
+        """Return whether clients may use a parameter that is set. Patterns are slow, and a namespace has many names."""
         if self._may_use_all:
             return True
         verdict = self._verdicts.get(name)
@@ -304,7 +304,7 @@ class Rosapi:
             self._params.put(self._parameter_name(request.name), request.value, call.caller)
         except orjson.JSONDecodeError:
             raise GraphError(_BAD_VALUE) from None
-        call.answer(call.service.type.response.struct())
+        call.answer(call.service.type.response.struct_type())
 
     def _get_param(self, request: _Request) -> _Fields:
         name = self._parameter_name(request.name)
@@ -342,18 +342,18 @@ class Rosapi:
         """Memory of the parameters that an owner has set [bytes]."""
         return self._params.num_held(owner)
 
-    def _see_off(self, owner: Participant, _now: float) -> None:
+    def _on_leave(self, owner: Participant, _now: float) -> None:
         self._params.disown(owner)
 
 
 def _prefix(namespace: str) -> str:
-    """How names in a namespace begin."""
+    """Return the beginning of all names in a namespace."""
     return namespace.rstrip("/") + "/"
 
 
 def _handler(respond: Callable[[_Request], _Fields]) -> Callable[[Call, float], None]:
     def handle(call: Call, _now: float) -> None:
-        call.answer(call.service.type.response.struct(**respond(call.request)))
+        call.answer(call.service.type.response.struct_type(**respond(call.request)))
 
     return handle
 

@@ -1,4 +1,4 @@
-"""What there is on a bus: topics with their listeners, services with their calls. The bus alone makes and changes them.
+"""Topics with their listeners, services with their calls, as values. The bus alone makes and changes them.
 
 A call ends exactly once: it is answered, refused or given up, and whatever comes after that is ignored.
 """
@@ -13,8 +13,9 @@ from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.participant import Guest, Notify, Participant
 from rosbridge_sim.protocol.account import Account, HeldMessages
 from rosbridge_sim.protocol.smallest import Smallest
-from rosbridge_sim.schema.compile import MessageType, OpaqueServiceType, OpaqueType, ServiceType
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
+from rosbridge_sim.schema.message_type import MessageType, ServiceType
+from rosbridge_sim.schema.opaque_types import OpaqueServiceType, OpaqueType
 
 __all__ = ["Answer", "Call", "Deliver", "Handle", "OnAnswer", "Service", "Subscription", "Topic"]
 
@@ -27,7 +28,7 @@ Handle = Callable[["Call", float], None]
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """How a call ended.
+    """The end of a call.
 
     Attributes:
         is_ok: `result` on the wire.
@@ -66,12 +67,12 @@ class Subscription:
 
     @property
     def fits(self) -> bool:
-        """Tell whether messages of the topic's type can be delivered to it."""
+        """Return whether messages of the topic's type can be delivered to it."""
         return self.wanted is None or self.wanted.name == self.topic.type.name
 
     @property
     def is_binding(self) -> bool:
-        """Tell whether it settles the topic's type. A client's never does: any client could keep publishers away."""
+        """Return whether it settles the topic's type. A client's never does: any client could keep publishers away."""
         return self.wanted is not None and not isinstance(self.owner, Guest)
 
 
@@ -91,7 +92,7 @@ class Topic:
         all_subscriptions: the same, with those that ask for another type than the settled one and get no messages.
         depth: how many messages of each publisher are kept for those who come late: what the advertiser who asked for
             most asked for; 0 keeps none.
-        kept: publisher -> its last messages; whoever published last stands last.
+        kept: publisher -> its last messages; the one that published last stands last.
         depths: what each advertisement asks for, as negative numbers.
         owner: the one owner that may publish, for the simulator's outputs; None where all may.
         on_demand: the publishers that are silent while nobody listens.
@@ -113,30 +114,25 @@ class Topic:
 
     @property
     def is_latching(self) -> bool:
-        """Whether messages are kept for those who come late."""
+        """Return whether messages are kept for late subscribers."""
         return bool(self.depth)
 
     @property
     def latched(self) -> list[Message]:
-        """What is kept for those who come late: of each publisher the last messages, oldest first."""
+        """Messages that are kept for late subscribers: of each publisher the last ones, oldest first."""
         return [message for held in self.kept.values() for message in held.messages()]
 
     @property
     def has_listener(self) -> bool:
-        """Whether somebody waits for a message; who only overhears does not count."""
+        """Return whether a subscription waits for a message; an idle one does not count."""
         for subscription in self.subscriptions:  # noqa: SIM110 - asked for each output at each frame; `any` is slower
             if not subscription.is_idle:
                 return True
         return False
 
     @property
-    def is_worth_publishing(self) -> bool:
-        """Whether a message would reach anybody now or, latched, later."""
-        return self.is_latching or self.has_listener
-
-    @property
     def is_bound(self) -> bool:
-        """Tell whether a part of the server publishes here, or listens with a type: the type cannot change then."""
+        """Return whether a part of the server publishes here, or listens with a type: the type cannot change then."""
         return any(not isinstance(owner, Guest) for owner in self.publishers) or any(
             subscription.is_binding for subscription in self.all_subscriptions
         )
@@ -265,8 +261,8 @@ class Service:
     calls: dict[Call, None] = field(default_factory=dict)
 
 
-class _Bookkeeper(Protocol):
-    """What of the bus a call needs."""
+class _CallTable(Protocol):
+    """The part of the table of services that a call needs."""
 
     def forget_call(self, call: Call) -> None:
         """Strike a finished call from its caller's list."""
@@ -291,7 +287,7 @@ class Call:
     caller: Participant
     request: object
     on_answer: OnAnswer
-    bus: _Bookkeeper
+    table: _CallTable
     deadline: float | None = None
     is_done: bool = False
     num_bytes: int = 0
@@ -319,6 +315,6 @@ class Call:
         self.is_done = True
         self.request = None
         self.service.calls.pop(self, None)
-        self.bus.forget_call(self)
+        self.table.forget_call(self)
         if answer is not None:
-            self.bus.hand_over(self, answer)
+            self.table.hand_over(self, answer)

@@ -19,7 +19,7 @@ def request_of(call: Call) -> Struct:
 
 def respond(call: Call, response: Struct) -> None:
     """Answer with one message, wrapped as in the request."""
-    call.answer(call.service.type.response.struct(response))
+    call.answer(call.service.type.response.struct_type(response))
 
 
 def complain(notify: Notify, text: str) -> None:

@@ -1,8 +1,8 @@
 """What clients tell the egos and vehicles by topics: control, lamps, places, ghosts.
 
 A message that is wrong is told to its sender and does nothing, not even in part. One that is right but not wanted now
-(the mode is synchronous, somebody else drives) is passed over, with one warning for each peer: such messages come fifty
-times a second.
+(the mode is synchronous, or the ego is driven otherwise) is passed over, with one warning for each peer: such messages
+come fifty times a second.
 
 *Ghosts* are put where a client says, frame by frame, and stand there: no physics moves them, and the speed that they
 show is what was said. An ego is one from its first GhostMessage until the next CtrlCmd, teleport or change of its
@@ -13,21 +13,20 @@ from __future__ import annotations
 
 import logging
 from functools import partial
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.command_parsing import EgoSetting, ego_settings, ghost_pose, lamps_of, npc_ghosts
 from rosbridge_sim.morai.component import Component
+from rosbridge_sim.morai.context import SimulatorContext
 from rosbridge_sim.morai.ego import CtrlMode, Ego, EgoCommand
 from rosbridge_sim.morai.ghosts import Ghosts
 from rosbridge_sim.morai.interfaces.network_settings import InterfaceKind
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
 from rosbridge_sim.morai.scene import MAX_EGOS, MAX_ENTITIES
-
-if TYPE_CHECKING:
-    from rosbridge_sim.morai.simulator_node import SceneCommand, SimulatorNode
+from rosbridge_sim.morai.sync import SceneCommand
 
 __all__ = ["CommandTopics"]
 
@@ -38,11 +37,12 @@ _log = logging.getLogger("rosbridge_sim.morai")
 
 
 class CommandTopics(Component):
-    """Binds a node's input topics, but for those of synchronous mode."""
+    """The component of input topics, but for those of synchronous mode."""
 
-    def __init__(self, node: SimulatorNode) -> None:
-        self._node = node
-        self._ghosts = Ghosts(node.world, node.scene, lambda unique_id: node.find_ego(unique_id) is not None)
+    def __init__(self, context: SimulatorContext) -> None:
+        self._context = context
+        self._ghosts = Ghosts(context.world, context.scene, lambda unique_id: context.egos.find(unique_id) is not None)
+        context.hooks.on_reset.append(self._ghosts.forget)
 
     def bind(self, bindings: SubscribersServices) -> None:
         """What the world has once."""
@@ -51,20 +51,16 @@ class CommandTopics(Component):
 
     def bind_ego(self, ego: Ego, bindings: SubscribersServices) -> None:
         """What each ego has of its own; the first one has two names for its control."""
-        names = ("ctrl_cmd", "ctrl_cmd_0") if ego is self._node.egos[0] else ("ctrl_cmd",)
+        names = ("ctrl_cmd", "ctrl_cmd_0") if ego is self._context.egos.first else ("ctrl_cmd",)
         for name in names:
             bindings.listen(name, "CtrlCmd", partial(self._ctrl_cmd, ego, bindings, name))
         bindings.listen("ghost_ctrl_cmd", "GhostMessage", partial(self._ghost, ego, bindings))
         bindings.listen("lamps", "Lamps", partial(self._lamps, ego))
 
-    def forget(self) -> None:
-        """The world has begun anew."""
-        self._ghosts.forget()
-
     def _ctrl_cmd(
         self, ego: Ego, bindings: SubscribersServices, name: str, command: Struct, sender: Participant, _now: float
     ) -> None:
-        control = self._node.convert.control(command)
+        control = self._context.convert.control(command)
         if self._is_external(ego):
             ego.control(control)
         else:
@@ -77,7 +73,7 @@ class CommandTopics(Component):
         if self._is_external(ego):
             ego.place_as_ghost(pose)
         else:
-            instead = self._node.items.name_of(InterfaceKind.SUBSCRIBER, "/ego_setting")
+            instead = self._context.interfaces.name_of(InterfaceKind.SUBSCRIBER, "/ego_setting")
             self._decline(ego, bindings, "ghost_ctrl_cmd", instead, sender)
 
     def _npc_ghosts(self, bindings: SubscribersServices, message: Struct, sender: Participant, _now: float) -> None:
@@ -85,29 +81,29 @@ class CommandTopics(Component):
         if self._is_replaying(bindings, "NpcGhost_Topic", sender):
             return
         self._ghosts.place(npc_ghosts(message, MAX_ENTITIES))
-        self._node.refresh()
+        self._context.egos.forget_statuses()
 
     def _is_external(self, ego: Ego) -> bool:
         """Whether a client may move this ego now."""
-        return not (ego.is_replayed or self._node.sync.is_on) and ego.ctrl_mode is CtrlMode.EXTERNAL
+        return not (ego.is_replayed or self._context.sync.is_on) and ego.ctrl_mode is CtrlMode.EXTERNAL
 
     def _decline(self, ego: Ego, bindings: SubscribersServices, name: str, instead: str, sender: Participant) -> None:
         """Tell why a client may not move this ego now, and what to use in place of it."""
         topic = bindings.topic(name)
         if ego.is_replayed:
             why = f"{topic} is ignored while a recording is replayed"
-        elif self._node.sync.is_on:
+        elif self._context.sync.is_on:
             why = f"{topic} is ignored in synchronous mode: use {instead}"
         else:
             service = bindings.service("Service_MoraiEventCmd")
             why = f"{topic} is ignored: ctrl_mode is {ego.ctrl_mode.name}; set 3 by {service}"
-        self._node.tell_once(sender, why)
+        self._context.warnings.warn(sender, why)
 
     def _is_replaying(self, bindings: SubscribersServices, name: str, sender: Participant) -> bool:
         """Whether nobody comes or goes now; if so, tell why."""
-        is_replaying = self._node.scene.is_replaying
+        is_replaying = self._context.scene.is_replaying
         if is_replaying:
-            self._node.tell_once(sender, f"{bindings.topic(name)} is ignored while a recording is replayed")
+            self._context.warnings.warn(sender, f"{bindings.topic(name)} is ignored while a recording is replayed")
         return is_replaying
 
     def _lamps(self, ego: Ego, message: Struct, _sender: Participant, _now: float) -> None:
@@ -118,27 +114,28 @@ class CommandTopics(Component):
         if self._is_replaying(bindings, "ego_setting", sender):
             return
         settings = [(setting, _ctrl_mode(setting)) for setting in ego_settings(message, MAX_EGOS)]
-        node = self._node
-        node.add_egos([setting for setting, _ in settings if node.find_ego(setting.index) is None], now)
+        context = self._context
+        context.scene_changes.add_egos(
+            [setting for setting, _ in settings if context.egos.find(setting.index) is None], now
+        )
         for setting, ctrl_mode in settings:
-            ego = node.find_ego(setting.index)
+            ego = context.egos.find(setting.index)
             assert ego is not None
             is_itself = ctrl_mode is CtrlMode.AUTONOMOUS  # that takes a lane, and so the place first
             if ctrl_mode is not None and not is_itself:
-                ego.hand_over(ctrl_mode)
-            ego.put(setting.pose, setting.gear)
-            num_dropped = node.sync.drop(partial(_moves, ego))
+                ego.set_ctrl_mode(ctrl_mode)
+            ego.teleport(setting.pose, setting.gear)
+            num_dropped = context.sync.drop(partial(_moves, ego))
             if num_dropped:
                 topic = bindings.topic("ego_setting")
                 _log.info("%s: ego %d is reset, %d waiting commands dropped", topic, ego.index, num_dropped)
             if is_itself:
-                why = ego.hand_over(CtrlMode.AUTONOMOUS)
+                why = ego.set_ctrl_mode(CtrlMode.AUTONOMOUS)
                 if why is not None:
                     sender.notify("warning", f"{bindings.topic('ego_setting')}: {why}")
             if setting.lamps is not None:
                 ego.turn_signal, ego.emergency_signal = setting.lamps
-        node.camera_index = message.camera_index
-        node.refresh()
+        context.egos.forget_statuses()
 
 
 def _moves(ego: Ego, command: SceneCommand) -> bool:

@@ -1,12 +1,12 @@
-"""What a node is put together from: parts that know the node, and that the node knows only as this.
+"""One subject of the simulator on the bus: what a simulator is put together from.
 
-So a subject (lights, sensors, control) is one file that says all that there is of it on the bus, and the node needs no
-word of it.
+So a subject (lights, sensors, control) is one file that says all that there is of it on the bus, and the simulator
+needs no word of it. A component is made from the `SimulatorContext`, appends to `Hooks` what it has to do at certain
+moments, and is asked once for its topics and services.
 """
 
 from __future__ import annotations
 
-from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.morai.ego import Ego
 from rosbridge_sim.morai.interfaces.publishers import Publishers
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
@@ -15,31 +15,16 @@ __all__ = ["Component"]
 
 
 class Component:
-    """One subject of the simulator on the bus. Each method does nothing where a part has nothing to do."""
+    """One subject. Each method adds nothing where a component has nothing to add."""
 
-    def show(self, outputs: Publishers) -> None:
+    def publish_ego(self, ego: Ego, prefix: str, publishers: Publishers) -> None:
+        """Publish what each ego has of its own, under `prefix`; called for each ego that comes."""
+
+    def publish(self, publishers: Publishers) -> None:
         """Publish what the world has once."""
-
-    def show_ego(self, ego: Ego, prefix: str, outputs: Publishers) -> None:
-        """Publish what each ego has of its own, under `prefix`."""
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the services and take the topics that the world has once."""
 
     def bind_ego(self, ego: Ego, bindings: SubscribersServices) -> None:
-        """Offer the services and take the topics that each ego has of its own."""
-
-    def forget(self) -> None:
-        """The world has begun anew, at frame 0."""
-
-    def place(self) -> None:
-        """Within a step, when all others have moved: put whom this part moves where they are to stand."""
-
-    def settle(self, now: float) -> None:
-        """A frame has gone out, or the mode may have changed."""
-
-    def on_scene_change(self, now: float) -> None:
-        """A scenario is about to take the stage: what this part has put there is to go."""
-
-    def on_leave(self, owner: Participant, now: float) -> None:
-        """A peer has left the bus."""
+        """Offer the services and take the topics that each ego has of its own; called for each ego that comes."""

@@ -22,8 +22,8 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.releases import MANUAL, Profile
 from rosbridge_sim.morai.units import MPS_TO_KMH
+from rosbridge_sim.schema.float32 import round32
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.schema.validate import round32
 from rosbridge_sim.world.geometry import FloatArray, IntArray
 from rosbridge_sim.world.motion import motion
 from rosbridge_sim.world.roads import Roads
@@ -78,7 +78,7 @@ UniqueId = Callable[[int], int]
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    """A CtrlCmd in the world's units; the arguments of `dynamics.command`.
+    """A CtrlCmd in the world's units; the arguments of `commands.command`.
 
     Attributes:
         mode: which of the others count.
@@ -217,7 +217,7 @@ class Converter:
             **_BESIDE_LANE,
             **dict.fromkeys(_UNKNOWABLE, _nothing),
         }
-        fields = store.message("morai_msgs/EgoVehicleStatus").struct.__struct_fields__
+        fields = store.message("morai_msgs/EgoVehicleStatus").struct_type.__struct_fields__
         self._ego_figures = [figures[name] for name in fields if name in figures]
         self._has_lane_figures = any(name in _BESIDE_LANE for name in fields)
         self._ego = maker(
@@ -254,7 +254,7 @@ class Converter:
         self._vehicle_spec = maker(
             store, "morai_msgs/VehicleSpec", "size", "wheel_base", "max_steering", "overhang", "rear_overhang"
         )
-        fields = store.message("morai_msgs/CtrlCmd").struct.__struct_fields__
+        fields = store.message("morai_msgs/CtrlCmd").struct_type.__struct_fields__
         self._steering = "steering" if "steering" in fields else "front_steer"
         self._speed_factor = MPS_TO_KMH if profile.object_velocity_unit == "km/h" else 1.0
         self._is_width_first = profile.object_size_order == "width-length-height"
@@ -463,7 +463,7 @@ def maker(store: Store, type_name: str, *names: str) -> Callable[..., Any]:
     them all; in an older one the last ones are left out. A user's own definitions may differ in any way: fields that
     the type lacks are left out, others get their defaults.
     """
-    struct = store.message(type_name).struct
+    struct = store.message(type_name).struct_type
     fields = struct.__struct_fields__
     if fields[: len(names)] == names:
         return struct

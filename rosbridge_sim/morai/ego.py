@@ -15,11 +15,12 @@ from typing import Any, Final
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.command_parsing import GhostPose
 from rosbridge_sim.morai.convert import Control, Converter
-from rosbridge_sim.world import dynamics
+from rosbridge_sim.world import commands, placement
+from rosbridge_sim.world.lane_position import leave_lane
 from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.self_driving import start_self_driving
 from rosbridge_sim.world.sensors import Mounting
 from rosbridge_sim.world.state import Gear, Mode, World
-from rosbridge_sim.world.traffic import leave_lane, take_wheel
 
 __all__ = ["GPS", "IMU", "SENSORS", "CtrlMode", "Ego", "EgoCommand"]
 
@@ -89,7 +90,7 @@ class Ego:
 
     @property
     def is_there(self) -> bool:
-        """Whether it stands in the world: a further ego goes when a scenario takes the stage."""
+        """Whether it stands in the world: a further ego goes when a scenario with another ego is loaded."""
         return self.uid in self._world
 
     @property
@@ -117,8 +118,8 @@ class Ego:
         """The world has changed."""
         self._status = None
 
-    def renew(self) -> None:
-        """It is a new car: lamps off, and in D if it drives itself, as when it was told to."""
+    def reset_controls(self) -> None:
+        """Have the controls of a new car: lamps off, and in D if it drives itself, as when it was told to."""
         self.turn_signal = self.emergency_signal = 0
         self._refused_gear = None
         if self.ctrl_mode is CtrlMode.AUTONOMOUS:
@@ -126,12 +127,12 @@ class Ego:
         self.forget_status()
 
     def control(self, control: Control) -> None:
-        """Drive like this from the next frame on, by hand from now on; the command of one who is gone is nobody's."""
+        """Apply a control from the next frame on. Ends self-driving; ignored if the ego is gone or is replayed."""
         if not self.is_there or self.is_replayed:
             return
         if self.ctrl_mode is CtrlMode.AUTONOMOUS:
-            self.hand_over(CtrlMode.EXTERNAL)
-        dynamics.command(
+            self.set_ctrl_mode(CtrlMode.EXTERNAL)
+        commands.command(
             self._world,
             self.row,
             mode=control.mode,
@@ -142,8 +143,8 @@ class Ego:
             accel=control.accel,
         )
 
-    def put(self, pose: GhostPose, gear: Gear | None = None) -> None:
-        """Stand somewhere else, with that speed, and in that gear whatever the speed was.
+    def teleport(self, pose: GhostPose, gear: Gear | None = None) -> None:
+        """Stand somewhere else, at that speed, and in that gear whatever the speed was.
 
         What was commanded before is forgotten, or the car would leave its new place with the old pedals and wheels.
         Commands that wait for their frames are `Sync.drop`'s.
@@ -157,11 +158,11 @@ class Ego:
         """
         if gear is not None and gear is not self.gear:
             self._place(pose, speed=0.0)
-            dynamics.shift(self._world, self.row, gear)
+            commands.shift(self._world, self.row, gear)
         self._place(pose, speed=pose.speed)
-        dynamics.release(self._world, self.row)
+        commands.release(self._world, self.row)
         if pose.steer is not None:
-            dynamics.turn_wheels(self._world, self.row, pose.steer)
+            commands.turn_wheels(self._world, self.row, pose.steer)
         self._refused_gear = None
         self.resume()
         self.forget_status()
@@ -174,11 +175,11 @@ class Ego:
         """
         self._place(pose, pose.speed, is_ghost=True)
         if pose.steer is not None:
-            dynamics.turn_wheels(self._world, self.row, pose.steer)
+            commands.turn_wheels(self._world, self.row, pose.steer)
         self.forget_status()
 
     def _place(self, pose: GhostPose, speed: float, *, is_ghost: bool = False) -> None:
-        place = dynamics.place_ghost if is_ghost else dynamics.teleport
+        place = placement.place_ghost if is_ghost else placement.teleport
         place(
             self._world,
             self.row,
@@ -191,18 +192,18 @@ class Ego:
             pitch=pose.pitch,
         )
 
-    def hand_over(self, ctrl_mode: CtrlMode) -> str | None:
-        """Have somebody else drive; whoever takes over from a client or from the car has pressed nothing yet.
+    def set_ctrl_mode(self, ctrl_mode: CtrlMode) -> str | None:
+        """Change who drives; the pedals of a client or of the car itself are released.
 
         Returns:
-            None when he drives now, else why not, for a person to read.
+            None when the mode is this one now, else why not, for a person to read.
         """
         if self.is_replayed:
             return f"ctrl_mode {ctrl_mode.name} refused: a recording moves ego {self.index}"
         row = self.row
         if ctrl_mode is CtrlMode.AUTONOMOUS:
             why = self.shift(Gear.DRIVE)
-            if why is None and not take_wheel(self._world, row):
+            if why is None and not start_self_driving(self._world, row):
                 why = f"ctrl_mode {ctrl_mode.name} refused: ego {self.index} stands on no lane, or across it"
             if why is not None:
                 return why
@@ -210,15 +211,15 @@ class Ego:
             leave_lane(self._world, row)
             is_foreign = self.ctrl_mode in {CtrlMode.EXTERNAL, CtrlMode.AUTONOMOUS}
             if is_foreign and self.ctrl_mode is not ctrl_mode:
-                dynamics.command(self._world, row, mode=Mode.PEDALS, steer=0.0)
+                commands.command(self._world, row, mode=Mode.PEDALS, steer=0.0)
         self.ctrl_mode = ctrl_mode
         return None
 
     def resume(self) -> None:
         """It stands somewhere else, or on another map: if it drove itself it goes on, or not, where no lane is."""
-        if self.ctrl_mode is CtrlMode.AUTONOMOUS and not take_wheel(self._world, self.row):
+        if self.ctrl_mode is CtrlMode.AUTONOMOUS and not start_self_driving(self._world, self.row):
             _log.info("ego %d stands on no lane: ctrl_mode is %s", self.index, CtrlMode.KEYBOARD.name)
-            self.hand_over(CtrlMode.KEYBOARD)
+            self.set_ctrl_mode(CtrlMode.KEYBOARD)
 
     def shift(self, gear: Gear) -> str | None:
         """Change gear.
@@ -231,7 +232,7 @@ class Ego:
         if self.is_replayed:
             return f"gear {gear.name} refused: a recording moves ego {self.index}"
         row = self.row
-        if dynamics.shift(self._world, row, gear):
+        if commands.shift(self._world, row, gear):
             self._refused_gear = None
             return None
         speed = self._world.speed.item(row)

@@ -21,7 +21,7 @@ from rosbridge_sim.errors import FieldError
 from rosbridge_sim.morai.catalogue import Model
 from rosbridge_sim.morai.command_parsing import Ghost, GhostPose
 from rosbridge_sim.morai.scene import FIRST_UID, MAX_ENTITIES, MAX_FILE_UID, Scene
-from rosbridge_sim.world import dynamics
+from rosbridge_sim.world import placement
 from rosbridge_sim.world.state import DT, Kind, World
 
 __all__ = ["Ghosts"]
@@ -83,7 +83,7 @@ class Ghosts:
             (pose.x, pose.y, pose.z, pose.yaw, speed, pose.roll, pose.pitch)
             for pose, speed in zip((ghost.pose for ghost in ghosts), speeds, strict=True)
         ]
-        dynamics.place_ghosts(self._world, rows, np.array(poses, dtype=np.float64).reshape(-1, 7).T)
+        placement.place_ghosts(self._world, rows, np.array(poses, dtype=np.float64).reshape(-1, 7).T)
 
     def forget(self) -> None:
         """The world has begun anew."""

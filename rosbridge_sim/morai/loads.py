@@ -1,4 +1,4 @@
-"""The part of a node that loads scenarios: `/ScenarioLoad`, `/Service_MoraiSL` and `/SyncModeScenarioLoad`.
+"""The component that loads scenarios: `/ScenarioLoad`, `/Service_MoraiSL` and `/SyncModeScenarioLoad`.
 
 A load is read by the `Reader`, which may take its time, and what it leads to happens in one piece, later:
 
@@ -18,7 +18,6 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 from rosbridge_sim.errors import DocumentError, GraphError, PeerError
 from rosbridge_sim.graph.participant import Notify, Participant, explain, notifier
@@ -26,6 +25,7 @@ from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.answers import complain, request_of, respond
 from rosbridge_sim.morai.component import Component
+from rosbridge_sim.morai.context import SimulatorContext
 from rosbridge_sim.morai.convert import maker
 from rosbridge_sim.morai.interfaces.network_settings import Networks, NetworkSettings
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
@@ -33,9 +33,6 @@ from rosbridge_sim.morai.reading import Reader
 from rosbridge_sim.morai.scenarios.reader import Scenario
 from rosbridge_sim.morai.scene import FoundMap, Library, Load, LoadOptions, find_map
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
-
-if TYPE_CHECKING:
-    from rosbridge_sim.morai.simulator_node import SimulatorNode
 
 __all__ = ["Loads"]
 
@@ -76,22 +73,23 @@ class _AtFrame:
 
 
 class Loads(Component):
-    """The part of a node that loads scenarios."""
+    """The component that loads scenarios."""
 
-    def __init__(self, node: SimulatorNode, reader: Reader, networks: Networks | None) -> None:
+    def __init__(self, context: SimulatorContext, reader: Reader, networks: Networks | None) -> None:
         """Nothing is being read.
 
         Args:
-            node: whose part it is.
+            context: of the simulator.
             reader: reads the documents.
             networks: where scenarios' network settings are; None where there are none.
         """
-        self._node = node
+        self._context = context
         self._reader = reader
         self._networks = networks
-        self._opening_network = node.items.settings
+        self._opening_network = context.interfaces.settings
         self._epoch = 0  # how often the world has begun anew
-        store = node.bus.store
+        context.hooks.on_reset.append(self._reset)
+        store = context.bus.store
         self._make_result = maker(store, "morai_msgs/SyncModeResultResponse", "result")
         self._make_load_result = maker(store, "morai_msgs/MoraiSrvResponse", "result")
 
@@ -101,17 +99,17 @@ class Loads(Component):
         bindings.provide("Service_MoraiSL", "MoraiScenarioLoadSrv", self._load_now)
         bindings.listen("ScenarioLoad", "ScenarioLoad", partial(self._hear_load, bindings))
 
-    def forget(self) -> None:
-        """The world has begun anew: a load from before must not change it."""
+    def _reset(self) -> None:
+        """Have loads from before fail: they must not change the world that has begun anew."""
         self._epoch += 1
 
     # At a frame
 
     def _load_at_frame(self, call: Call, now: float) -> None:
-        request, node = request_of(call), self._node
-        sync, base = node.sync, node.scene.found_map
+        request, context = request_of(call), self._context
+        sync, base = context.sync, context.scene.found_map
         command, notify = _AtFrame(), notifier(call.caller)
-        outcome = sync.submit(command, request.frame, node.world.frame, call.caller, now, is_ready=False)
+        outcome = sync.submit(command, request.frame, context.world.frame, call.caller, now, is_ready=False)
         if not outcome.is_accepted:
             explain(call.caller, "warning", f"{call.service.name}: {outcome.why}", outcome.reason)
             respond(call, self._make_result(False))  # noqa: FBT003 - the message's one field
@@ -128,7 +126,7 @@ class Loads(Component):
             finally:
                 (sync.ready if is_usable else sync.withdraw)(command)
                 respond(call, self._make_result(is_usable))
-                node.take_turns(now)
+                context.sync_driver.take_turns(now)
 
         self._read(request, call.caller, base, finish, now)
 
@@ -137,7 +135,7 @@ class Loads(Component):
     ) -> None:
         """A load's frame has come."""
         try:
-            self._node.carry_out(load, is_pausing=is_pausing, now=now, network=network)
+            self._context.scene_changes.carry_out(load, is_pausing=is_pausing, now=now, network=network)
         except DocumentError as error:
             complain(notify, f"{call.service.name}: {error}")
 
@@ -187,15 +185,15 @@ class Loads(Component):
             try:
                 if self._epoch != epoch:
                     raise GraphError(_WAS_RESET)
-                load, network = self._prepare(request, documents, caller, self._node.scene.found_map)
-                self._node.carry_out(load, is_pausing=request.set_pause, now=now, network=network)
+                load, network = self._prepare(request, documents, caller, self._context.scene.found_map)
+                self._context.scene_changes.carry_out(load, is_pausing=request.set_pause, now=now, network=network)
                 problem = None
             except (PeerError, DocumentError) as error:
                 problem = error
             finally:
                 end(problem)
 
-        self._read(request, caller, self._node.scene.found_map, finish, now)
+        self._read(request, caller, self._context.scene.found_map, finish, now)
 
     # Both
 
@@ -210,7 +208,7 @@ class Loads(Component):
         """Have the documents read that a request names, and hold its client meanwhile."""
         if not any((request.delete_all, *_parts(request), request.load_network_connection_data)):
             caller.notify("warning", "nothing to load: delete_all and all load_... are false")
-        node, name = self._node, request.file_name
+        context, name = self._context, request.file_name
         networks = self._networks if request.load_network_connection_data else None
         is_done = False
         release: Callable[[float], None] | None = None
@@ -224,9 +222,9 @@ class Loads(Component):
                 if release is not None:
                     release(now)
 
-        self._reader.read(lambda: _read_documents(node.library, networks, name, base), then, now)
+        self._reader.read(lambda: _read_documents(context.library, networks, name, base), then, now)
         if not is_done:
-            release = node.hold(caller)
+            release = context.sync_driver.hold(caller)
 
     def _prepare(
         self,
@@ -244,19 +242,19 @@ class Loads(Component):
             DocumentError: there is no such scenario, or one of both cannot be used.
             GraphError: the world has failed.
         """
-        if self._node.failure is not None:  # it has come to that while the scenario was read
-            raise GraphError(self._node.failure)
+        if self._context.failure.why is not None:  # it has come to that while the scenario was read
+            raise GraphError(self._context.failure.why)
         if isinstance(documents, DocumentError):
             raise documents
         ego, vehicles, pedestrians, obstacles = _parts(request)
         options = LoadOptions(
             delete_all=request.delete_all, ego=ego, vehicles=vehicles, pedestrians=pedestrians, obstacles=obstacles
         )
-        load = self._node.scene.prepare(documents.scenario, options, own_map=documents.own_map, base=base)
+        load = self._context.scene.prepare(documents.scenario, options, own_map=documents.own_map, base=base)
         network = None
         if documents.network is not None:
             network = documents.network.over(self._opening_network)
-            self._node.items.check(network)
+            self._context.interfaces.check(network)
         elif request.load_network_connection_data:
             caller.notify("warning", f"{request.file_name[:80]!r} has no network settings: those in force stay")
         return load, network

@@ -1,4 +1,4 @@
-"""Sensors that MORAI SIM has and this simulator does not: a word for whoever waits for their messages."""
+"""Sensors that MORAI SIM has and this simulator does not: a hint for clients that wait for their messages."""
 
 from __future__ import annotations
 

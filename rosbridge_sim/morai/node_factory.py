@@ -1,24 +1,42 @@
-"""The simulator, put together: a node with all its parts."""
+"""The simulator, put together: the context first, then the components, then the node."""
 
 from __future__ import annotations
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.morai.command_topics import CommandTopics
-from rosbridge_sim.morai.component import Component
+from rosbridge_sim.morai.context import SimulatorContext
+from rosbridge_sim.morai.convert import Converter
+from rosbridge_sim.morai.ego import CtrlMode
+from rosbridge_sim.morai.ego_interfaces import EgoInterfaces
+from rosbridge_sim.morai.egos import EgoRegistry
+from rosbridge_sim.morai.frame_stepper import FrameStepper
+from rosbridge_sim.morai.hooks import Hooks
 from rosbridge_sim.morai.interfaces.network_settings import Networks
+from rosbridge_sim.morai.interfaces.publishers import Publishers
+from rosbridge_sim.morai.interfaces.registry import InterfaceRegistry
 from rosbridge_sim.morai.loads import Loads
+from rosbridge_sim.morai.participant import SimulatorParticipant
 from rosbridge_sim.morai.reading import AtOnce, Reader
+from rosbridge_sim.morai.real_time_pacer import RealTimePacer
 from rosbridge_sim.morai.replays.recording_builder import Recordings
 from rosbridge_sim.morai.replays.replay import Replay
 from rosbridge_sim.morai.scenarios.reader import Scenario
-from rosbridge_sim.morai.scene import Library
+from rosbridge_sim.morai.scene import Library, Scene
+from rosbridge_sim.morai.scene_changes import SceneChanges
 from rosbridge_sim.morai.sensor_files import SensorDataStore
 from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.services import Services
+from rosbridge_sim.morai.simulation_time import SimulationTime
 from rosbridge_sim.morai.simulator_node import NodeSettings, SimulatorNode
 from rosbridge_sim.morai.state_publishers import StatePublishers
+from rosbridge_sim.morai.sync import SceneCommand, Sync
+from rosbridge_sim.morai.sync_driver import SyncDriver
+from rosbridge_sim.morai.sync_info import SyncInfo
+from rosbridge_sim.morai.tf_publisher import TF, StaticTf, TfPublisher
 from rosbridge_sim.morai.traffic_light_topics import TrafficLightTopics
-from rosbridge_sim.world.state import World
+from rosbridge_sim.morai.warn_once import WarnOnce
+from rosbridge_sim.morai.world_failure import WorldFailure
+from rosbridge_sim.world.state import Gear, World
 
 __all__ = ["make_node"]
 
@@ -35,7 +53,7 @@ def make_node(
     networks: Networks | None = None,
     reader: Reader | None = None,
 ) -> SimulatorNode:
-    """The simulator with its opening scene, on the bus; the arguments and errors are those of `SimulatorNode`.
+    """The simulator with its opening scene, on the bus; nothing of it is seen before it is whole.
 
     Args:
         bus: where its topics and services are.
@@ -52,18 +70,107 @@ def make_node(
         DocumentError: the scenario does not fit its map, or the network settings do not fit.
     """
     chosen = settings or NodeSettings()
+    context = _make_context(bus, world, library, scenario, chosen)
+    sensors = Sensors(context, archive)
+    components = [
+        StatePublishers(context),
+        TrafficLightTopics(context),
+        sensors,
+        Loads(context, reader or AtOnce(), networks),
+        Services(context, sensors),
+        CommandTopics(context),
+        Replay(context, recordings, is_showing_drives=chosen.replay_info),
+    ]
+    return SimulatorNode(context, components)
 
-    def make_parts(node: SimulatorNode) -> list[Component]:
-        """All there are, in the order in which their topics go out with a frame."""
-        sensors = Sensors(node, archive)
-        return [
-            StatePublishers(node),
-            TrafficLightTopics(node),
-            sensors,
-            Loads(node, reader or AtOnce(), networks),
-            Services(node, sensors),
-            CommandTopics(node),
-            Replay(node, recordings, is_showing_drives=chosen.replay_info),
-        ]
 
-    return SimulatorNode(bus, world, library, scenario, settings=chosen, make_parts=make_parts)
+def _make_context(
+    bus: Bus, world: World, library: Library, scenario: Scenario, settings: NodeSettings
+) -> SimulatorContext:
+    """Return what the components share, with the opening scene in the world; nothing is on the bus yet.
+
+    Raises:
+        DocumentError: the scenario does not fit its map.
+    """
+    is_external = settings.start_mode == "external"
+    participant = SimulatorParticipant()
+    convert = Converter(bus.store, settings.profile)
+    scene = Scene(
+        world,
+        library,
+        scenario,
+        ego_gear=Gear.DRIVE if is_external else Gear.PARK,
+        speed_limits=settings.speed_limits,
+        catalogue=settings.catalogue,
+    )
+    ctrl_mode = CtrlMode.EXTERNAL if is_external else CtrlMode.KEYBOARD
+    egos = EgoRegistry(world, convert, ctrl_mode, roads=lambda: scene.road_map.roads)
+    sync: Sync[SceneCommand] = Sync(
+        is_on=settings.start == "sync",
+        on_loss=settings.sync_on_loss,
+        lease=settings.sync_lease,
+        is_strict=settings.sync_frames == "strict",
+        may_anyone_stop=settings.anyone_may_stop,
+    )
+    hooks = Hooks()
+    interfaces = InterfaceRegistry(participant, bus, settings.network)
+    publishers = Publishers(participant, bus, interfaces)
+    failure = WorldFailure(participant, bus, interfaces, is_serving_on=settings.on_world_failure == "serve")
+    # These four have a topic each; it goes out in this order, before those of the components.
+    time = SimulationTime(bus, world, convert, publishers)
+    transforms = TfPublisher(bus.store, world, convert)
+    publishers.add("/tf", TF, lambda: transforms.moving(egos), is_exclusive=False)
+    sync_info = SyncInfo(bus.store, world, sync, publishers)
+    static_tf = StaticTf(transforms, egos, publishers)
+    pacer = RealTimePacer()
+    stepper = FrameStepper(
+        world=world,
+        sync=sync,
+        egos=egos,
+        hooks=hooks,
+        time=time,
+        pacer=pacer,
+        publishers=publishers,
+        sync_info=sync_info,
+    )
+    sync_driver = SyncDriver(
+        world=world, sync=sync, stepper=stepper, pacer=pacer, publishers=publishers, hooks=hooks, failure=failure
+    )
+    ego_interfaces = EgoInterfaces(interfaces, publishers, hooks)
+    scene_changes = SceneChanges(
+        scene=scene,
+        egos=egos,
+        ego_interfaces=ego_interfaces,
+        interfaces=interfaces,
+        publishers=publishers,
+        hooks=hooks,
+        sync=sync,
+        sync_driver=sync_driver,
+        sync_info=sync_info,
+        stepper=stepper,
+        time=time,
+        static_tf=static_tf,
+    )
+    return SimulatorContext(
+        bus=bus,
+        participant=participant,
+        world=world,
+        library=library,
+        convert=convert,
+        scene=scene,
+        egos=egos,
+        sync=sync,
+        hooks=hooks,
+        warnings=WarnOnce(),
+        interfaces=interfaces,
+        publishers=publishers,
+        failure=failure,
+        time=time,
+        pacer=pacer,
+        sync_info=sync_info,
+        static_tf=static_tf,
+        stepper=stepper,
+        sync_driver=sync_driver,
+        ego_interfaces=ego_interfaces,
+        scene_changes=scene_changes,
+    )

@@ -1,4 +1,4 @@
-"""Who is on the stage and on which map: how a scenario gets into the world, and how single objects do.
+"""The population of the world and its map: how a scenario gets into the world, and how single objects do.
 
 A load is prepared first (map, links, options: all that can go wrong in a document) and carried out later, at once and
 wholly: whoever finds it refused finds the world as it was. Frames go on counting, and so do the traffic lights unless
@@ -23,8 +23,8 @@ from rosbridge_sim.morai.command_parsing import GhostPose
 from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.releases import SpeedLimits
 from rosbridge_sim.morai.scenarios.reader import PhaseStart, Scenario, Spawn, place_on_roads, sort_phases
+from rosbridge_sim.world.lane_position import keep_lane
 from rosbridge_sim.world.state import DT, Body, Gear, Kind, World
-from rosbridge_sim.world.traffic import keep_lane
 
 __all__ = [
     "DEFAULT_MAP",
@@ -160,8 +160,8 @@ class Scene:
         world: written by `carry_out`, `add` and `remove`.
         road_map: the one in use.
         catalogue: the models that clients and recordings name.
-        loaded: the scenario that the world has been made from: the opening one, or the last that cleared the stage.
-        is_replaying: a recording has the stage: nobody else comes or goes by himself.
+        loaded: the scenario that the world has been made from: the opening one, or the last that removed all before it.
+        is_replaying: a recording moves the world: no object is added or removed meanwhile.
     """
 
     def __init__(
@@ -194,7 +194,7 @@ class Scene:
         self._speed_limits = speed_limits
         self._next_uid = FIRST_UID
         self._map_name = scenario.map_name or DEFAULT_MAP
-        self.road_map = _told(find_map(library, self._map_name))
+        self.road_map = _log_notes(find_map(library, self._map_name))
         opening = self.prepare(scenario, WHOLE)
         if not opening.egos:
             _log.info("scenario %s has no ego: one stands at the origin", scenario.name)
@@ -235,7 +235,7 @@ class Scene:
         map_name, road_map = base.name, base.road_map
         if scenario.map_name is not None and scenario.map_name != map_name:
             found = own_map or find_map(self._library, scenario.map_name)
-            map_name, road_map = found.name, _told(found)
+            map_name, road_map = found.name, _log_notes(found)
         placed = place_on_roads(scenario, road_map.roads)
         for note in placed.notes:
             _log.info("scenario %s: %s", placed.name, note)
@@ -301,7 +301,7 @@ class Scene:
         self._next_uid = max(self._next_uid, uid + 1)
 
     def add_actor(self, uid: int, kind: Kind, body: Body, name: str, *, x: float, y: float) -> int:
-        """Put somebody from a recording into the world; return his id, another one where that cannot be his.
+        """Put an actor of a recording into the world; return its id, another one than `uid` where that is taken.
 
         Raises:
             ValueError: the place is beyond all bounds. The world is as it was.
@@ -393,7 +393,7 @@ class Scene:
         return next_uid
 
 
-def _told(found: FoundMap) -> RoadMap:
+def _log_notes(found: FoundMap) -> RoadMap:
     """The map itself, after the log was told what is to be known of it."""
     for note in found.road_map.notes:
         _log.info("map %s: %s", found.road_map.name, note)
@@ -455,7 +455,7 @@ def _spawn(world: World, spawn: Spawn, uid: int, gear: Gear) -> None:
             world.row(uid),
             driver.lane,
             driver.s,
-            wish=driver.wish,
+            desired_speed=driver.desired_speed,
             route=driver.route,
             is_loop=spawn.is_loop and len(driver.route) > 0,
         )

@@ -22,12 +22,13 @@ import logging
 import math
 from collections.abc import Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.component import Component
+from rosbridge_sim.morai.context import SimulatorContext
 from rosbridge_sim.morai.convert import maker
 from rosbridge_sim.morai.ego import GPS, IMU, SENSORS, Ego
 from rosbridge_sim.morai.interfaces.publishers import Publishers
@@ -36,9 +37,6 @@ from rosbridge_sim.morai.maps.georeference import Georeference
 from rosbridge_sim.morai.sensor_files import SensorDataStore, boxes_text, gps_text, imu_text
 from rosbridge_sim.morai.tf_publisher import frame_prefix
 from rosbridge_sim.world.sensors import Mounting, feel, find_boxes, locate
-
-if TYPE_CHECKING:
-    from rosbridge_sim.morai.simulator_node import SimulatorNode
 
 __all__ = ["Sensors", "mountings_of"]
 
@@ -57,19 +55,20 @@ _log = logging.getLogger("rosbridge_sim.morai")
 
 
 class Sensors(Component):
-    """The part of a node that has to do with sensors. Where they sit is the egos' to know."""
+    """The component of sensors. Where they sit is kept by the egos."""
 
-    def __init__(self, node: SimulatorNode, archive: SensorDataStore | None) -> None:
-        """The sensors of one node.
+    def __init__(self, context: SimulatorContext, archive: SensorDataStore | None) -> None:
+        """Sensors of all egos.
 
         Args:
-            node: whose.
+            context: of the simulator.
             archive: where captures go; None where there is no place for them.
         """
-        self._node = node
+        self._context = context
         self._archive = archive
         self._globe = Georeference()
-        store = node.bus.store
+        context.hooks.on_reset.append(self._reset)
+        store = context.bus.store
         self._make_gps = maker(
             store,
             "morai_msgs/GPSMessage",
@@ -85,19 +84,19 @@ class Sensors(Component):
         self._make_vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
         self._make_quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
 
-    def show_ego(self, ego: Ego, prefix: str, outputs: Publishers) -> None:
+    def publish_ego(self, ego: Ego, prefix: str, publishers: Publishers) -> None:
         """Publish what each ego has of its own."""
-        outputs.add(prefix + "gps", "morai_msgs/GPSMessage", partial(self._gps, ego), is_sampled=True)
-        outputs.add(prefix + "imu", "sensor_msgs/Imu", partial(self._imu, ego), is_sampled=True)
+        publishers.add(prefix + "gps", "morai_msgs/GPSMessage", partial(self._gps, ego), is_sampled=True)
+        publishers.add(prefix + "imu", "sensor_msgs/Imu", partial(self._imu, ego), is_sampled=True)
 
     def bind_ego(self, ego: Ego, bindings: SubscribersServices) -> None:
         """What each ego has of its own."""
         bindings.listen("SensorPosControl", "SensorPosControl", partial(self._move, ego))
         bindings.listen("SaveSensorData", "SaveSensorData", partial(self._save_as_told, ego, bindings))
 
-    def forget(self) -> None:
-        """The world has begun anew: the sensors sit where they sat."""
-        for ego in self._node.egos:
+    def _reset(self) -> None:
+        """Put the sensors where they sat at the start."""
+        for ego in self._context.egos:
             ego.mountings = dict.fromkeys(SENSORS, Mounting())
 
     def capture(self, ego: Ego, caller: Participant, service: str) -> None:
@@ -118,11 +117,11 @@ class Sensors(Component):
     # Out
 
     def _header(self, ego: Ego, sensor: str) -> Struct:
-        return self._node.convert.header(self._node.world.frame, frame_prefix(ego) + sensor)
+        return self._context.convert.header(self._context.world.frame, frame_prefix(ego) + sensor)
 
     def _gps(self, ego: Ego) -> Struct:
-        road_map = self._node.scene.road_map
-        x, y, z = locate(self._node.world, ego.row, ego.mountings[GPS])
+        road_map = self._context.scene.road_map
+        x, y, z = locate(self._context.world, ego.row, ego.mountings[GPS])
         east, north, up = road_map.origin
         place = self._globe.locate(road_map, x, y)
         latitude, longitude = place or (0.0, 0.0)
@@ -131,7 +130,7 @@ class Sensors(Component):
         )
 
     def _imu(self, ego: Ego) -> Struct:
-        reading = feel(self._node.world, ego.row, ego.mountings[IMU])
+        reading = feel(self._context.world, ego.row, ego.mountings[IMU])
         vector, unknown = self._make_vector, [0.0] * 9  # by convention, all zeros are a covariance that is not known
         return self._make_imu(
             self._header(ego, IMU),
@@ -145,7 +144,7 @@ class Sensors(Component):
     def _move(self, ego: Ego, message: Struct, sender: Participant, now: float) -> None:
         moved = mountings_of(message)
         ego.mountings |= moved
-        self._node.announce_mounts(now)
+        self._context.static_tf.announce(now)
         _log.debug("ego %d: %s moved by %s", ego.index, ", ".join(moved) or "no sensor", sender.name)
 
     def _save_as_told(
@@ -168,16 +167,16 @@ class Sensors(Component):
         """
         if self._archive is None:
             raise DocumentError("there is no folder for data here")
-        self._archive.save(folder, name or f"frame_{self._node.world.frame:06d}", self._files(ego), source)
+        self._archive.save(folder, name or f"frame_{self._context.world.frame:06d}", self._files(ego), source)
 
     def _files(self, ego: Ego) -> Mapping[str, bytes]:
-        world = self._node.world
+        world = self._context.world
         prefix, frame = frame_prefix(ego), world.frame
         boxes = find_boxes(world, ego.row, BOX_REACH, MAX_BOXES)
         return {
             prefix + "GPS_{}.csv": gps_text(frame, self._gps(ego)),
             prefix + "IMU_{}.csv": imu_text(frame, self._imu(ego)),
-            prefix + "BOXES_{}.txt": boxes_text(world, boxes, self._node.unique_id),
+            prefix + "BOXES_{}.txt": boxes_text(world, boxes, self._context.egos.unique_id),
         }
 
 

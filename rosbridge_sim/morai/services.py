@@ -17,7 +17,7 @@ import logging
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.participant import Participant, explain, notifier
@@ -26,15 +26,15 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.answers import complain, request_of, respond
 from rosbridge_sim.morai.command_parsing import lamps_of
 from rosbridge_sim.morai.component import Component
+from rosbridge_sim.morai.context import SimulatorContext
 from rosbridge_sim.morai.convert import gear_of, maker, time_text
 from rosbridge_sim.morai.ego import CtrlMode, Ego, EgoCommand
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
 from rosbridge_sim.morai.sensors import Sensors
-from rosbridge_sim.morai.sync import SyncOutcome
+from rosbridge_sim.morai.sync import SceneCommand
+from rosbridge_sim.morai.sync_driver import TickResult
+from rosbridge_sim.morai.sync_table import SyncOutcome
 from rosbridge_sim.world.state import MAX_COORDINATE, Gear
-
-if TYPE_CHECKING:
-    from rosbridge_sim.morai.simulator_node import SceneCommand, SimulatorNode, TickResult
 
 __all__ = ["Services"]
 
@@ -49,18 +49,18 @@ _log = logging.getLogger("rosbridge_sim.morai")
 
 
 class Services(Component):
-    """A node's services, and the topics of synchronous mode. It holds no state: that is the parts' of the node."""
+    """The component of services, and of the topics of synchronous mode. It holds no state."""
 
-    def __init__(self, node: SimulatorNode, sensors: Sensors) -> None:
-        """The services of a node that is being made.
+    def __init__(self, context: SimulatorContext, sensors: Sensors) -> None:
+        """Offer nothing yet.
 
         Args:
-            node: whose.
-            sensors: its, for what is saved with a command.
+            context: of the simulator.
+            sensors: save what they see with a command.
         """
-        self._node = node
+        self._context = context
         self._sensors = sensors
-        store = node.bus.store
+        store = context.bus.store
         self._make_cmd = maker(store, "morai_msgs/SyncModeCmdResponse", "user_id", "frame", "result", "time_step")
         self._make_tick = maker(
             store,
@@ -98,57 +98,57 @@ class Services(Component):
 
     def _sync_cmd(self, call: Call, now: float) -> None:
         request = request_of(call)
-        node, sync = self._node, self._node.sync
+        context, sync, driver = self._context, self._context.sync, self._context.sync_driver
         if request.start_sync_mode:
-            outcome = sync.start(request.user_id, request.time_step, call.caller, now)
+            outcome = driver.start(request.user_id, request.time_step, call.caller, now)
             user_id = sync.master_id
         else:
-            outcome = sync.stop(request.user_id)
+            outcome = driver.stop(request.user_id, now)
             user_id = request.user_id if outcome.is_accepted else sync.master_id
         if outcome.is_accepted:
             what = f"on, master {user_id!r}, {sync.step_ms} ms a tick" if sync.is_on else "off"
-            _log.info("synchronous mode %s, frame %d", what, node.world.frame)
+            _log.info("synchronous mode %s, frame %d", what, context.world.frame)
         else:
             explain(call.caller, "warning", f"{call.service.name}: {sync.why(outcome)}", outcome.reason)
-        node.follow(outcome, now)
-        respond(call, self._make_cmd(user_id, node.world.frame, outcome.is_accepted, sync.step_ms))
+        respond(call, self._make_cmd(user_id, context.world.frame, outcome.is_accepted, sync.step_ms))
 
     def _wait_for_tick(self, ego: Ego, call: Call, now: float) -> None:
-        request, node = request_of(call), self._node
-        if node.is_moving:  # a listener of a tick's topics asks for the next one from within
+        request, context = request_of(call), self._context
+        if context.stepper.is_moving:  # a listener of a tick's topics asks for the next one from within
             raise GraphError(f"{call.service.name}: a tick is in progress", reason=Reason.NOT_NOW)
 
         def answer(result: TickResult) -> None:
             if call.is_done:  # given up, or the caller has left: perhaps the ego is gone, too
                 return
-            if node.failure is not None:
-                call.refuse(node.failure)
+            if context.failure.why is not None:
+                call.refuse(context.failure.why)
                 return
             if not result.is_accepted:
                 explain(call.caller, "warning", f"{call.service.name}: {result.why}", result.reason)
-            frame = node.world.frame
+            frame = context.world.frame
             is_paused, status = result.is_paused, ego.status()
             respond(call, self._make_tick(result.is_accepted, is_paused, frame, status, time_text(frame)))
 
-        node.ask_tick(request.user_id, request.frame, call.caller, answer, now)
+        context.sync_driver.ask_tick(request.user_id, request.frame, call.caller, answer, now)
 
     def _sync_ctrl_cmd(self, ego: Ego, call: Call, now: float) -> None:
         request = request_of(call)
         name = call.service.name
 
         def read() -> SceneCommand:
-            control = self._node.convert.control(request.command)
+            control = self._context.convert.control(request.command)
 
             def carry_out(_now: float) -> None:
                 ego.control(control)
                 if request.sensor_capture:
-                    self._node.afterwards.append(lambda _now: self._sensors.capture(ego, call.caller, name))
+                    after_this = self._context.hooks.once_after_frame
+                    after_this.append(lambda _now: self._sensors.capture(ego, call.caller, name))
 
             return EgoCommand(ego, carry_out)
 
         self._queue(call, read, request.frame, now)
         if ego.is_replayed:
-            self._node.tell_once(call.caller, f"{call.service.name} moves nothing while a recording is replayed")
+            self._context.warnings.warn(call.caller, f"{call.service.name} moves nothing while a recording is replayed")
 
     def _sync_set_gear(self, ego: Ego, call: Call, now: float) -> None:
         request = request_of(call)
@@ -181,9 +181,9 @@ class Services(Component):
         respond(call, self._make_result(result))
 
     def _submit(self, read: Callable[[], SceneCommand], frame: int, caller: Participant, now: float) -> SyncOutcome:
-        sync = self._node.sync
+        sync = self._context.sync
         command = read() if sync.is_on else _nothing
-        return sync.submit(command, frame, self._node.world.frame, caller, now)
+        return sync.submit(command, frame, self._context.world.frame, caller, now)
 
     def _add_object(self, call: Call, now: float) -> None:
         request = request_of(call)
@@ -206,7 +206,7 @@ class Services(Component):
         self._queue_silently(topic, self._read_remove(request, sender, topic), request.frame, sender, now)
 
     def _read_add(self, request: Struct, sender: Participant, where: str) -> SceneCommand:
-        catalogue = self._node.scene.catalogue
+        catalogue = self._context.scene.catalogue
         model = catalogue.find(request.name)
         if model is None:
             raise FieldError(f"the catalogue has no model {request.name[:80]!r}{catalogue.suggest(request.name)}")
@@ -220,7 +220,7 @@ class Services(Component):
 
         def add(_now: float) -> None:
             try:
-                uid = self._node.scene.add(model, x=x, y=y, z=z, yaw=math.radians(heading_deg))
+                uid = self._context.scene.add(model, x=x, y=y, z=z, yaw=math.radians(heading_deg))
             except PeerError as error:
                 complain(notify, f"{where}: {error}")
             else:
@@ -232,11 +232,11 @@ class Services(Component):
         notify = notifier(sender)
 
         def remove(_now: float) -> None:
-            node, unique_id = self._node, request.unique_id
+            context, unique_id = self._context, request.unique_id
             try:
-                if unique_id not in node.world and node.find_ego(unique_id) is not None:
+                if unique_id not in context.world and context.egos.find(unique_id) is not None:
                     raise FieldError(f"unique_id {unique_id}: the ego cannot be removed")
-                node.scene.remove(unique_id)
+                context.scene.remove(unique_id)
             except PeerError as error:
                 complain(notify, f"{where}: {error}")
 
@@ -261,7 +261,7 @@ class Services(Component):
         ctrl_mode = _ctrl_mode(request.ctrl_mode) if option & _MODE_BIT else None
         gear: Gear | None = gear_of(request.gear) if option & _GEAR_BITS else None
         lamps = lamps_of(request.lamps) if option & _LAMP_BIT else None
-        refusals = [ego.hand_over(ctrl_mode) if ctrl_mode is not None else None]
+        refusals = [ego.set_ctrl_mode(ctrl_mode) if ctrl_mode is not None else None]
         if gear is not None:
             refusals.append(ego.shift(gear))
         for why in refusals:
@@ -269,17 +269,17 @@ class Services(Component):
                 call.caller.notify("warning", f"{call.service.name}: {why}")
         if lamps is not None:
             ego.turn_signal, ego.emergency_signal = lamps
-        sync = self._node.sync
         if option & _PAUSE_BIT:
-            self._node.follow(sync.pause() if request.set_pause else sync.resume(), now)
+            driver = self._context.sync_driver
+            (driver.pause if request.set_pause else driver.resume)(now)
         respond(
             call,
             self._make_event(
                 option,
                 ego.ctrl_mode.value,
                 ego.gear.value,
-                self._make_lamps(self._node.convert.header(self._node.world.frame), *ego.lamps),
-                sync.is_paused,
+                self._make_lamps(self._context.convert.header(self._context.world.frame), *ego.lamps),
+                self._context.sync.is_paused,
             ),
         )
 
@@ -287,28 +287,28 @@ class Services(Component):
 
     def _reset(self, call: Call, now: float) -> None:
         request: Any = call.request
-        node = self._node
-        node.reset(None if request.seed < 0 else request.seed, now)
-        _log.info("reset by %s, seed %d", call.caller.name, node.world.seed)
-        call.answer(call.service.type.response.struct(node.world.frame, node.world.seed))
+        context = self._context
+        context.scene_changes.reset(None if request.seed < 0 else request.seed, now)
+        _log.info("reset by %s, seed %d", call.caller.name, context.world.seed)
+        call.answer(call.service.type.response.struct_type(context.world.frame, context.world.seed))
 
     # Figures
 
     def _vehicle_spec(self, call: Call, _now: float) -> None:
         request = request_of(call)
-        ego = self._node.find_ego(request.unique_id)
+        ego = self._context.egos.find(request.unique_id)
         unique_id = request.unique_id if ego is None else ego.uid
-        body = self._node.scene.vehicle(unique_id)
+        body = self._context.scene.vehicle(unique_id)
         if body is None:
-            ids = [*(one.index for one in self._node.egos), *self._node.scene.vehicle_ids()]
+            ids = [*(one.index for one in self._context.egos), *self._context.scene.vehicle_ids()]
             listed = ", ".join(map(str, ids[:MAX_IDS_LISTED]))
             more = f", ... and {len(ids) - MAX_IDS_LISTED:,} more" if len(ids) > MAX_IDS_LISTED else ""
             text = f"unique_id: expected a vehicle's, one of {listed}{more}; got {request.unique_id}"
             explain(call.caller, "error", f"{call.service.name}: {text}; all figures are 0", Reason.WRONG_VALUE)
-        respond(call, self._node.convert.vehicle_spec(body))
+        respond(call, self._context.convert.vehicle_spec(body))
 
     def _map_spec(self, call: Call, _now: float) -> None:
-        respond(call, self._node.convert.map_spec(self._node.scene.road_map))
+        respond(call, self._context.convert.map_spec(self._context.scene.road_map))
 
 
 def _nothing(_now: float) -> None:

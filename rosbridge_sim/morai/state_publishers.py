@@ -1,18 +1,16 @@
-"""What the simulator tells of the world: each ego, the objects around it, and who touches whom."""
+"""The state topics: each ego, the objects around it, and what touches what."""
 
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.component import Component
+from rosbridge_sim.morai.context import SimulatorContext
 from rosbridge_sim.morai.ego import Ego
 from rosbridge_sim.morai.interfaces.publishers import Publishers
 from rosbridge_sim.world import collisions
-
-if TYPE_CHECKING:
-    from rosbridge_sim.morai.simulator_node import SimulatorNode
 
 __all__ = ["StatePublishers"]
 
@@ -21,32 +19,33 @@ MAX_CRASHES: Final = 1_000
 
 
 class StatePublishers(Component):
-    """The part of a node that publishes what is. It holds no state: that is the world's."""
+    """The component that publishes the state of the world. It holds no state: that is the world's."""
 
-    def __init__(self, node: SimulatorNode) -> None:
-        self._node = node
+    def __init__(self, context: SimulatorContext) -> None:
+        self._context = context
 
-    def show(self, outputs: Publishers) -> None:
+    def publish(self, publishers: Publishers) -> None:
         """Publish what the world has once."""
-        outputs.add("/VehicleCollisionData", "morai_msgs/VehicleCollisionData", self._crashes)
+        publishers.add("/VehicleCollisionData", "morai_msgs/VehicleCollisionData", self._crashes)
 
-    def show_ego(self, ego: Ego, prefix: str, outputs: Publishers) -> None:
+    def publish_ego(self, ego: Ego, prefix: str, publishers: Publishers) -> None:
         """Publish what each ego has of its own."""
-        outputs.add(prefix + "Ego_topic", "morai_msgs/EgoVehicleStatus", ego.status, is_shown_in_pause=True)
-        outputs.add(
+        publishers.add(prefix + "Ego_topic", "morai_msgs/EgoVehicleStatus", ego.status, is_shown_in_pause=True)
+        publishers.add(
             prefix + "Object_topic", "morai_msgs/ObjectStatusList", partial(self._objects, ego), is_shown_in_pause=True
         )
-        outputs.add(prefix + "CollisionData", "morai_msgs/CollisionData", partial(self._collisions, ego))
+        publishers.add(prefix + "CollisionData", "morai_msgs/CollisionData", partial(self._collisions, ego))
 
     def _objects(self, ego: Ego) -> Struct:
-        node = self._node
-        return node.convert.object_status_list(node.world, ego.row, node.unique_id)
+        context = self._context
+        return context.convert.object_status_list(context.world, ego.row, context.egos.unique_id)
 
     def _collisions(self, ego: Ego) -> Struct:
-        node = self._node
-        return node.convert.collision_data(node.world, collisions.find_touched(node.world, ego.uid), node.unique_id)
+        context = self._context
+        touched = collisions.find_touched(context.world, ego.uid)
+        return context.convert.collision_data(context.world, touched, context.egos.unique_id)
 
     def _crashes(self) -> Struct:
-        node = self._node
-        pairs = collisions.find_crashes(node.world, MAX_CRASHES)
-        return node.convert.vehicle_collision_data(node.world, pairs, node.unique_id)
+        context = self._context
+        pairs = collisions.find_crashes(context.world, MAX_CRASHES)
+        return context.convert.vehicle_collision_data(context.world, pairs, context.egos.unique_id)

@@ -1,23 +1,9 @@
-"""Synchronous mode: who may move the world, when, and by how much; a table that knows no bus and no world.
+"""Synchronous mode: who may move the world, when, and by how much; it knows no bus and no world.
 
-Why a table. The published pages describe five services and say nothing of what happens when two clients want
-the same thing, when a number is odd or when a client dies; every stand-in answers that somewhere, mostly by
-accident. Here each answer is one row: a state, an event, and what follows. `SYNC_TABLE` is what runs, what the tests
-walk over and what a diagram can be drawn from.
-
-The states are four. Three have a paused twin, because a pause is somebody else's wish (the event service, a
-scenario that asks for it) and must survive a change of master:
-
-    FREE     real time drives the world
-    OPEN     synchronous, nobody is master: the world stands until somebody starts (`--start sync`,
-             `--sync-on-loss wait`)
-    LED      synchronous, one user id is master: the world moves by that id's ticks alone
-    WAITING  as LED, and ticks of the master wait for a command of their frames that is still being read
-
-An event is what was said together with *who* said it: `TICK_BY_OTHER` rather than a tick and an `if`. The
-methods of `Sync` only find out which event it is; the table decides; the outcome holds the effects. Some effects
-are bookkeeping that `Sync` does at once (LEAD, RELEASE, DROP, QUEUE); the rest the caller carries out (MOVE, WAIT,
-REFUSE, FLOW, ANNOUNCE). No other file moves the state.
+The methods of `Sync` find out which event has happened; `SYNC_TABLE` decides; the outcome holds the effects. All of
+them are carried out at once, in their order, by `Sync` alone (`_follow`). Those that reach beyond the mode (MOVE,
+REFUSE, FLOW, ANNOUNCE) call what was registered in `SyncHooks`. No other file moves the state or looks at an outcome's
+effects.
 
 The decisions, and why:
 
@@ -48,310 +34,86 @@ from __future__ import annotations
 import heapq
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from enum import Enum, IntEnum
-from typing import Final, Generic, Literal, TypeVar
+from dataclasses import dataclass, field
+from typing import Final, Generic, Literal, NamedTuple, TypeVar
 
 from rosbridge_sim.errors import Reason
-
-__all__ = [
-    "FRAME_MS",
-    "MAX_AHEAD",
-    "MAX_STEP_MS",
-    "MAX_USER_ID",
-    "MAX_WAITING_COMMANDS",
-    "NO_MASTER",
-    "OF_A_MASTER",
-    "OF_WAITING",
-    "REASONS",
-    "SYNC_TABLE",
-    "Sync",
-    "SyncEffect",
-    "SyncEvent",
-    "SyncOutcome",
-    "SyncState",
-]
-
-FRAME_MS: Final = 20
-"""One frame [ms]: the simulator's own step, of which every time step is a multiple."""
-
-MAX_STEP_MS: Final = 1_000
-"""The longest time step of one tick [ms]: fifty frames, so that one call cannot hold the process for long."""
-
-MAX_WAITING_COMMANDS: Final = 1_000
-"""Commands that may wait at once."""
-
-MAX_AHEAD: Final = 10_000
-"""How far ahead of the world a command's frame may lie: 200 simulated seconds."""
-
-MAX_USER_ID: Final = 256
-"""Characters of a user id; it goes out with every SyncModeInfo."""
-
-
-class SyncState(IntEnum):
-    """Who moves the world, and whether somebody has paused it."""
-
-    FREE = 0
-    FREE_PAUSED = 1
-    OPEN = 2
-    OPEN_PAUSED = 3
-    LED = 4
-    LED_PAUSED = 5
-    WAITING = 6
-
-
-NO_MASTER: Final = frozenset({SyncState.FREE, SyncState.FREE_PAUSED, SyncState.OPEN, SyncState.OPEN_PAUSED})
-_ON: Final = frozenset(SyncState) - {SyncState.FREE, SyncState.FREE_PAUSED}
-_PAUSED: Final = frozenset({SyncState.FREE_PAUSED, SyncState.OPEN_PAUSED, SyncState.LED_PAUSED})
-
-
-class SyncEvent(IntEnum):
-    """What was said, and by whom. `MASTER` is whoever names the master's id, `OTHER` everybody else."""
-
-    START_BY_MASTER = 0
-    START_BY_OTHER = 1
-    START_MISFIT = 2  # a time step or an id that cannot be had
-    STOP_BY_MASTER = 3  # or by anybody, where that is allowed
-    STOP_BY_OTHER = 4
-    TICK_BY_MASTER = 5
-    TICK_BY_OTHER = 6
-    TICK_MISFIT = 7  # the master's, for another frame than the next one, where that matters
-    COMMAND = 8
-    COMMAND_TOO_FAR = 9
-    COMMAND_TOO_MANY = 10
-    PAUSE = 11
-    RESUME = 12
-    LOSS_TO_RUN = 13  # the lease has ended; the world is to run, pause, or wait for the next master
-    LOSS_TO_PAUSE = 14
-    LOSS_TO_WAIT = 15
-    TICK_EARLY = 16  # the master's, and a command of one of its frames is not ready
-    TURN = 17  # the first tick that waits can be carried out; others wait behind it
-    LAST_TURN = 18  # the same, and it is the only one
-    RESET = 19  # the world has begun anew
-
-
-OF_A_MASTER: Final = frozenset(
-    {
-        SyncEvent.START_BY_MASTER,
-        SyncEvent.STOP_BY_MASTER,
-        SyncEvent.TICK_BY_MASTER,
-        SyncEvent.TICK_MISFIT,
-        SyncEvent.TICK_EARLY,
-        SyncEvent.LOSS_TO_RUN,
-        SyncEvent.LOSS_TO_PAUSE,
-        SyncEvent.LOSS_TO_WAIT,
-    }
+from rosbridge_sim.morai.sync_table import (
+    FRAME_MS,
+    MAX_AHEAD,
+    MAX_STEP_MS,
+    MAX_USER_ID,
+    MAX_WAITING_COMMANDS,
+    NO_MASTER,
+    ON,
+    PAUSED,
+    SYNC_TABLE,
+    SyncEffect,
+    SyncEvent,
+    SyncOutcome,
+    SyncState,
 )
-"""Events that take a master to happen: the table has no row for them in the states of `NO_MASTER`."""
 
-OF_WAITING: Final = frozenset({SyncEvent.TURN, SyncEvent.LAST_TURN})
-"""Events that take a tick that waits: the table has rows for them in WAITING alone."""
-
-
-class SyncEffect(Enum):
-    """What follows from an event.
-
-    Of these `Sync` itself does: LEAD (the caller is master, with this time step), RELEASE (nobody is master), DROP
-    (the commands that wait are forgotten), QUEUE (the command waits). The caller does: MOVE (compute the frames of one
-    tick), WAIT (the tick waits for its turn, see `take_turn`), REFUSE (the ticks that wait are refused), FLOW (real
-    time counts from now on), ANNOUNCE (SyncModeInfo has changed).
-    """
-
-    LEAD = "lead"
-    RELEASE = "release"
-    DROP = "drop"
-    QUEUE = "queue"
-    MOVE = "move"
-    WAIT = "wait"
-    REFUSE = "refuse"
-    FLOW = "flow"
-    ANNOUNCE = "announce"
-
-
-@dataclass(frozen=True, slots=True)
-class SyncOutcome:
-    """One row of the table.
-
-    Attributes:
-        state: the state afterwards.
-        is_accepted: `result` or `tick_status` on the wire.
-        effects: in the order in which they are carried out.
-        why: for a refusal, a text for the peer; empty otherwise.
-    """
-
-    state: SyncState
-    is_accepted: bool
-    effects: tuple[SyncEffect, ...] = ()
-    why: str = ""
-
-    @property
-    def reason(self) -> Reason:
-        """The kind of refusal that `why` puts into words."""
-        return REASONS.get(self.why, Reason.REFUSED)
-
-
-def _yes(state: SyncState, *effects: SyncEffect) -> SyncOutcome:
-    return SyncOutcome(state, is_accepted=True, effects=effects)
-
-
-def _no(state: SyncState, why: str) -> SyncOutcome:
-    return SyncOutcome(state, is_accepted=False, why=why)
-
-
-_OFF: Final = "synchronous mode is off"
-_TAKEN: Final = "another user id is the master"
-_LEADERLESS: Final = "nobody is master: start synchronous mode first"
-_IS_PAUSED: Final = "the simulation is paused"
-_MISFIT: Final = (
-    f"time_step must be a multiple of {FRAME_MS} ms and at most {MAX_STEP_MS}, user_id at most {MAX_USER_ID} characters"
-)
-_NOT_NEXT: Final = "strict frames: a tick must name the frame that it will end on"
-_TOO_FAR: Final = f"the frame is more than {MAX_AHEAD} frames ahead"
-_TOO_MANY: Final = f"{MAX_WAITING_COMMANDS} commands are waiting already"
-
-REASONS: Final[Mapping[str, Reason]] = {
-    _OFF: Reason.SYNC_OFF,
-    _TAKEN: Reason.NOT_MASTER,
-    _LEADERLESS: Reason.NO_MASTER,
-    _IS_PAUSED: Reason.PAUSED,
-    _MISFIT: Reason.WRONG_VALUE,
-    _NOT_NEXT: Reason.LATE_FRAME,
-    _TOO_FAR: Reason.FAR_FRAME,
-    _TOO_MANY: Reason.TOO_MUCH,
-}
-"""The text of a refusal -> its kind."""
-
-
-SYNC_TABLE: Final[Mapping[SyncState, Mapping[SyncEvent, SyncOutcome]]] = {
-    SyncState.FREE: {
-        SyncEvent.START_BY_OTHER: _yes(SyncState.LED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
-        SyncEvent.START_MISFIT: _no(SyncState.FREE, _MISFIT),
-        SyncEvent.STOP_BY_OTHER: _yes(SyncState.FREE),
-        SyncEvent.TICK_BY_OTHER: _no(SyncState.FREE, _OFF),
-        SyncEvent.COMMAND: _no(SyncState.FREE, _OFF),
-        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.FREE, _OFF),
-        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.FREE, _OFF),
-        SyncEvent.PAUSE: _yes(SyncState.FREE_PAUSED),
-        SyncEvent.RESUME: _yes(SyncState.FREE),
-        SyncEvent.RESET: _yes(SyncState.FREE, SyncEffect.DROP),
-    },
-    SyncState.FREE_PAUSED: {
-        SyncEvent.START_BY_OTHER: _yes(SyncState.LED_PAUSED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
-        SyncEvent.START_MISFIT: _no(SyncState.FREE_PAUSED, _MISFIT),
-        SyncEvent.STOP_BY_OTHER: _yes(SyncState.FREE_PAUSED),
-        SyncEvent.TICK_BY_OTHER: _no(SyncState.FREE_PAUSED, _OFF),
-        SyncEvent.COMMAND: _no(SyncState.FREE_PAUSED, _OFF),
-        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.FREE_PAUSED, _OFF),
-        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.FREE_PAUSED, _OFF),
-        SyncEvent.PAUSE: _yes(SyncState.FREE_PAUSED),
-        SyncEvent.RESUME: _yes(SyncState.FREE, SyncEffect.FLOW),
-        SyncEvent.RESET: _yes(SyncState.FREE_PAUSED, SyncEffect.DROP),
-    },
-    SyncState.OPEN: {
-        SyncEvent.START_BY_OTHER: _yes(SyncState.LED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
-        SyncEvent.START_MISFIT: _no(SyncState.OPEN, _MISFIT),
-        SyncEvent.STOP_BY_OTHER: _yes(SyncState.FREE, SyncEffect.DROP, SyncEffect.FLOW, SyncEffect.ANNOUNCE),
-        SyncEvent.TICK_BY_OTHER: _no(SyncState.OPEN, _LEADERLESS),
-        SyncEvent.COMMAND: _yes(SyncState.OPEN, SyncEffect.QUEUE),
-        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.OPEN, _TOO_FAR),
-        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.OPEN, _TOO_MANY),
-        SyncEvent.PAUSE: _yes(SyncState.OPEN_PAUSED),
-        SyncEvent.RESUME: _yes(SyncState.OPEN),
-        SyncEvent.RESET: _yes(SyncState.OPEN, SyncEffect.DROP),
-    },
-    SyncState.OPEN_PAUSED: {
-        SyncEvent.START_BY_OTHER: _yes(SyncState.LED_PAUSED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
-        SyncEvent.START_MISFIT: _no(SyncState.OPEN_PAUSED, _MISFIT),
-        SyncEvent.STOP_BY_OTHER: _yes(SyncState.FREE_PAUSED, SyncEffect.DROP, SyncEffect.ANNOUNCE),
-        SyncEvent.TICK_BY_OTHER: _no(SyncState.OPEN_PAUSED, _LEADERLESS),
-        SyncEvent.COMMAND: _yes(SyncState.OPEN_PAUSED, SyncEffect.QUEUE),
-        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.OPEN_PAUSED, _TOO_FAR),
-        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.OPEN_PAUSED, _TOO_MANY),
-        SyncEvent.PAUSE: _yes(SyncState.OPEN_PAUSED),
-        SyncEvent.RESUME: _yes(SyncState.OPEN),
-        SyncEvent.RESET: _yes(SyncState.OPEN_PAUSED, SyncEffect.DROP),
-    },
-    SyncState.LED: {
-        SyncEvent.START_BY_MASTER: _yes(SyncState.LED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
-        SyncEvent.START_BY_OTHER: _no(SyncState.LED, _TAKEN),
-        SyncEvent.START_MISFIT: _no(SyncState.LED, _MISFIT),
-        SyncEvent.STOP_BY_MASTER: _yes(
-            SyncState.FREE, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.FLOW, SyncEffect.ANNOUNCE
-        ),
-        SyncEvent.STOP_BY_OTHER: _no(SyncState.LED, _TAKEN),
-        SyncEvent.TICK_BY_MASTER: _yes(SyncState.LED, SyncEffect.MOVE),
-        SyncEvent.TICK_BY_OTHER: _no(SyncState.LED, _TAKEN),
-        SyncEvent.TICK_MISFIT: _no(SyncState.LED, _NOT_NEXT),
-        SyncEvent.COMMAND: _yes(SyncState.LED, SyncEffect.QUEUE),
-        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.LED, _TOO_FAR),
-        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.LED, _TOO_MANY),
-        SyncEvent.PAUSE: _yes(SyncState.LED_PAUSED, SyncEffect.ANNOUNCE),
-        SyncEvent.RESUME: _yes(SyncState.LED),
-        SyncEvent.LOSS_TO_RUN: _yes(
-            SyncState.FREE, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.FLOW, SyncEffect.ANNOUNCE
-        ),
-        SyncEvent.LOSS_TO_PAUSE: _yes(SyncState.FREE_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
-        SyncEvent.LOSS_TO_WAIT: _yes(SyncState.OPEN, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
-        SyncEvent.TICK_EARLY: _yes(SyncState.WAITING, SyncEffect.WAIT),
-        SyncEvent.RESET: _yes(SyncState.LED, SyncEffect.DROP),
-    },
-    SyncState.LED_PAUSED: {
-        SyncEvent.START_BY_MASTER: _yes(SyncState.LED_PAUSED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
-        SyncEvent.START_BY_OTHER: _no(SyncState.LED_PAUSED, _TAKEN),
-        SyncEvent.START_MISFIT: _no(SyncState.LED_PAUSED, _MISFIT),
-        SyncEvent.STOP_BY_MASTER: _yes(SyncState.FREE_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
-        SyncEvent.STOP_BY_OTHER: _no(SyncState.LED_PAUSED, _TAKEN),
-        SyncEvent.TICK_BY_MASTER: _no(SyncState.LED_PAUSED, _IS_PAUSED),
-        SyncEvent.TICK_BY_OTHER: _no(SyncState.LED_PAUSED, _TAKEN),
-        SyncEvent.TICK_MISFIT: _no(SyncState.LED_PAUSED, _IS_PAUSED),
-        SyncEvent.COMMAND: _yes(SyncState.LED_PAUSED, SyncEffect.QUEUE),
-        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.LED_PAUSED, _TOO_FAR),
-        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.LED_PAUSED, _TOO_MANY),
-        SyncEvent.PAUSE: _yes(SyncState.LED_PAUSED),
-        SyncEvent.RESUME: _yes(SyncState.LED, SyncEffect.ANNOUNCE),
-        SyncEvent.LOSS_TO_RUN: _yes(SyncState.FREE_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
-        SyncEvent.LOSS_TO_PAUSE: _yes(SyncState.FREE_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
-        SyncEvent.LOSS_TO_WAIT: _yes(SyncState.OPEN_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
-        SyncEvent.TICK_EARLY: _no(SyncState.LED_PAUSED, _IS_PAUSED),
-        SyncEvent.RESET: _yes(SyncState.LED_PAUSED, SyncEffect.DROP),
-    },
-    SyncState.WAITING: {
-        SyncEvent.START_BY_MASTER: _yes(SyncState.WAITING, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
-        SyncEvent.START_BY_OTHER: _no(SyncState.WAITING, _TAKEN),
-        SyncEvent.START_MISFIT: _no(SyncState.WAITING, _MISFIT),
-        SyncEvent.STOP_BY_MASTER: _yes(
-            SyncState.FREE, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.REFUSE, SyncEffect.FLOW, SyncEffect.ANNOUNCE
-        ),
-        SyncEvent.STOP_BY_OTHER: _no(SyncState.WAITING, _TAKEN),
-        SyncEvent.TICK_BY_MASTER: _yes(SyncState.WAITING, SyncEffect.WAIT),
-        SyncEvent.TICK_BY_OTHER: _no(SyncState.WAITING, _TAKEN),
-        SyncEvent.TICK_MISFIT: _no(SyncState.WAITING, _NOT_NEXT),
-        SyncEvent.TICK_EARLY: _yes(SyncState.WAITING, SyncEffect.WAIT),
-        SyncEvent.TURN: _yes(SyncState.WAITING, SyncEffect.MOVE),
-        SyncEvent.LAST_TURN: _yes(SyncState.LED, SyncEffect.MOVE),
-        SyncEvent.COMMAND: _yes(SyncState.WAITING, SyncEffect.QUEUE),
-        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.WAITING, _TOO_FAR),
-        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.WAITING, _TOO_MANY),
-        SyncEvent.PAUSE: _yes(SyncState.LED_PAUSED, SyncEffect.REFUSE, SyncEffect.ANNOUNCE),
-        SyncEvent.RESUME: _yes(SyncState.WAITING),
-        SyncEvent.LOSS_TO_RUN: _yes(
-            SyncState.FREE, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.REFUSE, SyncEffect.FLOW, SyncEffect.ANNOUNCE
-        ),
-        SyncEvent.LOSS_TO_PAUSE: _yes(
-            SyncState.FREE_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.REFUSE, SyncEffect.ANNOUNCE
-        ),
-        SyncEvent.LOSS_TO_WAIT: _yes(
-            SyncState.OPEN, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.REFUSE, SyncEffect.ANNOUNCE
-        ),
-        SyncEvent.RESET: _yes(SyncState.LED, SyncEffect.DROP, SyncEffect.REFUSE),
-    },
-}
-"""Every state and every event that can happen in it."""
+__all__ = ["SceneCommand", "Sync", "SyncHooks"]
 
 _LOSS: Final = {"run": SyncEvent.LOSS_TO_RUN, "pause": SyncEvent.LOSS_TO_PAUSE, "wait": SyncEvent.LOSS_TO_WAIT}
 
+_WHILE_IT_WAITED: Final = "while the tick waited for a scenario that is being read"
+_WAS_PAUSED: Final = f"the simulation was paused {_WHILE_IT_WAITED}"
+_WAS_RESET: Final = f"the simulation was reset {_WHILE_IT_WAITED}"
+_HAS_ENDED: Final = f"synchronous mode has ended, or its master was lost, {_WHILE_IT_WAITED}"
+
+_WHY_REFUSED: Final = {SyncEvent.PAUSE: _WAS_PAUSED, SyncEvent.RESET: _WAS_RESET}
+"""The events that refuse the ticks that wait, and the text for their callers; for all others it is `_HAS_ENDED`."""
+
+SceneCommand = Callable[[float], None]
+"""A command of the simulator, which waits for its frame in synchronous mode; called with monotonic time [s]."""
+
 C = TypeVar("C")
 """What a command is; the caller's business."""
+
+
+@dataclass(frozen=True, slots=True)
+class SyncHooks:
+    """What carries out the effects that reach beyond the mode; `now` is monotonic time [s].
+
+    Attributes:
+        move: `(how many frames, now)`, for MOVE; each frame after what `Sync.due` gives for it.
+        refuse: `(text for the callers, now)`, for REFUSE.
+        flow: `(now)`, for FLOW.
+        announce: `(now)`, for ANNOUNCE.
+    """
+
+    move: list[Callable[[int, float], object]] = field(default_factory=list)
+    refuse: list[Callable[[str, float], object]] = field(default_factory=list)
+    flow: list[Callable[[float], object]] = field(default_factory=list)
+    announce: list[Callable[[float], object]] = field(default_factory=list)
+
+
+class _Happening(NamedTuple, Generic[C]):
+    """An event with what its effects need.
+
+    Attributes:
+        event: what has happened.
+        now: monotonic time [s].
+        user_id, step_ms, holder: of the master, for LEAD.
+        num_frames: of the tick, for MOVE and WAIT.
+        on_wait: called by WAIT.
+        command: for QUEUE; one at most.
+        due: the frame that the command waits for.
+        is_ready: whether the command can be carried out.
+    """
+
+    event: SyncEvent
+    now: float
+    num_frames: int = 0
+    on_wait: Callable[[], object] | None = None
+    user_id: str = ""
+    step_ms: int = FRAME_MS
+    holder: object = None
+    command: tuple[C, ...] = ()
+    due: int = 0
+    is_ready: bool = True
 
 
 class Sync(Generic[C]):
@@ -363,6 +125,7 @@ class Sync(Generic[C]):
         state: where in the table we are.
         master_id: the id that may tick; empty while nobody may.
         step_ms: the time step in force, or the one last in force [ms].
+        hooks: what carries out the effects that reach beyond the mode.
     """
 
     def __init__(
@@ -386,6 +149,7 @@ class Sync(Generic[C]):
         self.state = SyncState.OPEN if is_on else SyncState.FREE
         self.master_id = ""
         self.step_ms = FRAME_MS
+        self.hooks = SyncHooks()
         self._loss = _LOSS[on_loss]
         self._lease = lease
         self._is_strict = is_strict
@@ -398,16 +162,27 @@ class Sync(Generic[C]):
         self._unready: dict[C, int] = {}  # commands that wait and are not ready, with their frames
         self._ticks: deque[int] = deque()  # how many frames each tick that waits is to move
         self._mute: Counter[object] = Counter()  # peers whose input is held back, and how often
+        self._carry_out: Final[Mapping[SyncEffect, Callable[[_Happening[C]], None]]] = {
+            SyncEffect.LEAD: self._lead,
+            SyncEffect.RELEASE: self._release,
+            SyncEffect.DROP: self._drop,
+            SyncEffect.QUEUE: self._queue,
+            SyncEffect.MOVE: self._move,
+            SyncEffect.WAIT: self._wait,
+            SyncEffect.REFUSE: self._refuse,
+            SyncEffect.FLOW: self._flow,
+            SyncEffect.ANNOUNCE: self._announce,
+        }
 
     @property
     def is_on(self) -> bool:
         """Whether synchronous mode is on, with a master or without."""
-        return self.state in _ON
+        return self.state in ON
 
     @property
     def is_paused(self) -> bool:
         """Whether somebody has paused the world."""
-        return self.state in _PAUSED
+        return self.state in PAUSED
 
     @property
     def is_free(self) -> bool:
@@ -435,11 +210,6 @@ class Sync(Generic[C]):
         return len(self._ticks)
 
     @property
-    def num_holders(self) -> int:
-        """How many peers have used the master's id."""
-        return len(self._holders)
-
-    @property
     def lease_due(self) -> float | None:
         """When `expire` would find the master silent for too long [s]; None if silence does not matter now."""
         if self._lease is None or self.state in NO_MASTER:
@@ -460,7 +230,7 @@ class Sync(Generic[C]):
         """Somebody wants to be master, or the master wants another time step.
 
         Args:
-            user_id: whom it wants to be; empty has an id made.
+            user_id: the id that it wants; empty has one made.
             step_ms: the time step [ms]; 0 means one frame.
             holder: the peer who asks.
             now: monotonic time [s].
@@ -473,56 +243,61 @@ class Sync(Generic[C]):
             event = SyncEvent.START_MISFIT
         else:
             event = SyncEvent.START_BY_MASTER if self._is_master(user_id) else SyncEvent.START_BY_OTHER
-        outcome = self._follow(event)
-        if SyncEffect.LEAD in outcome.effects:
-            self.master_id = user_id or self._make_id()
-            self.step_ms = step
-            self._hear(holder, now)
-        return outcome
+        return self._follow(_Happening(event, now, user_id=user_id, step_ms=step, holder=holder))
 
-    def stop(self, user_id: str) -> SyncOutcome:
+    def stop(self, user_id: str, now: float) -> SyncOutcome:
         """Somebody wants the world to run by itself again. What still waited is dropped."""
         is_allowed = self._is_master(user_id) or (self._may_anyone_stop and self.state not in NO_MASTER)
-        return self._follow(SyncEvent.STOP_BY_MASTER if is_allowed else SyncEvent.STOP_BY_OTHER)
+        return self._follow(_Happening(SyncEvent.STOP_BY_MASTER if is_allowed else SyncEvent.STOP_BY_OTHER, now))
 
-    def tick(self, user_id: str, named: int, frame: int, holder: object, now: float) -> SyncOutcome:
+    def tick(
+        self,
+        user_id: str,
+        named: int,
+        frame: int,
+        holder: object,
+        now: float,
+        *,
+        on_wait: Callable[[], object] | None = None,
+    ) -> SyncOutcome:
         """Somebody wants the world to move by one time step.
 
         Args:
-            user_id: whom the peer takes for the master.
+            user_id: the master, as the peer believes.
             named: the frame that it asks for; without meaning unless frames are strict.
             frame: the world's.
             holder: the peer who asks.
             now: monotonic time [s].
+            on_wait: called if the tick waits. Then call `take_turn` whenever a command has become ready or was
+                withdrawn.
 
         Returns:
-            The outcome; with MOVE in its effects compute `num_frames` frames, each after what `due` gives for it. With
-            WAIT call `take_turn` whenever a command has become ready or was withdrawn.
+            The outcome. If it is accepted, the frames of the tick have been computed, or it waits.
         """
         if not self._is_master(user_id):
-            return self._follow(SyncEvent.TICK_BY_OTHER)
+            return self._follow(_Happening(SyncEvent.TICK_BY_OTHER, now))
         self._hear(holder, now)
-        end = frame + sum(self._ticks) + self.num_frames
+        num_frames = self.num_frames
+        end = frame + sum(self._ticks) + num_frames
         if self._is_strict and named != end:
-            return self._follow(SyncEvent.TICK_MISFIT)
-        outcome = self._follow(SyncEvent.TICK_EARLY if self._is_early(end) else SyncEvent.TICK_BY_MASTER)
-        if SyncEffect.WAIT in outcome.effects:
-            self._ticks.append(self.num_frames)
-        return outcome
+            return self._follow(_Happening(SyncEvent.TICK_MISFIT, now))
+        event = SyncEvent.TICK_EARLY if self._is_early(end) else SyncEvent.TICK_BY_MASTER
+        return self._follow(_Happening(event, now, num_frames, on_wait))
 
-    def take_turn(self, frame: int) -> int:
+    def take_turn(self, frame: int, now: float) -> int:
         """Let the first tick that waits have its turn, if all commands of its frames are ready.
 
         Args:
             frame: the world's.
+            now: monotonic time [s].
 
         Returns:
-            How many frames to compute, as for MOVE; 0 if no tick can be carried out now.
+            How many frames have been computed; 0 if no tick can be carried out now.
         """
         if not self._ticks or self._is_early(frame + self._ticks[0]):
             return 0
         num_frames = self._ticks.popleft()
-        self._follow(SyncEvent.TURN if self._ticks else SyncEvent.LAST_TURN)
+        self._follow(_Happening(SyncEvent.TURN if self._ticks else SyncEvent.LAST_TURN, now, num_frames))
         return num_frames
 
     def submit(
@@ -542,17 +317,11 @@ class Sync(Generic[C]):
             self._heard_at = now
         frame += sum(self._ticks)
         if named > frame + MAX_AHEAD:
-            return self._follow(SyncEvent.COMMAND_TOO_FAR)
+            return self._follow(_Happening(SyncEvent.COMMAND_TOO_FAR, now))
         if len(self._waiting) >= MAX_WAITING_COMMANDS:
-            return self._follow(SyncEvent.COMMAND_TOO_MANY)
-        outcome = self._follow(SyncEvent.COMMAND)
-        if SyncEffect.QUEUE in outcome.effects:
-            self._num_arrived += 1
-            due = max(named, frame + 1)
-            heapq.heappush(self._waiting, (due, self._num_arrived, command))
-            if not is_ready:
-                self._unready[command] = due
-        return outcome
+            return self._follow(_Happening(SyncEvent.COMMAND_TOO_MANY, now))
+        due = max(named, frame + 1)
+        return self._follow(_Happening(SyncEvent.COMMAND, now, command=(command,), due=due, is_ready=is_ready))
 
     def ready(self, command: C) -> None:
         """Take note that a command that was not ready can be carried out; one that was dropped is no error."""
@@ -596,33 +365,33 @@ class Sync(Generic[C]):
             due.append(heapq.heappop(self._waiting)[2])
         return due
 
-    def forget(self) -> SyncOutcome:
+    def forget(self, now: float) -> SyncOutcome:
         """The world has begun anew: what waits was meant for frames of the old one. The mode stays as it is."""
-        outcome = self._follow(SyncEvent.RESET)
+        outcome = self._follow(_Happening(SyncEvent.RESET, now))
         self._num_arrived = 0
         if self.state in NO_MASTER:
             self._num_ids = 0
         return outcome
 
-    def pause(self) -> SyncOutcome:
+    def pause(self, now: float) -> SyncOutcome:
         """Stand still; the mode stays as it is."""
-        return self._follow(SyncEvent.PAUSE)
+        return self._follow(_Happening(SyncEvent.PAUSE, now))
 
-    def resume(self) -> SyncOutcome:
+    def resume(self, now: float) -> SyncOutcome:
         """End the pause."""
-        return self._follow(SyncEvent.RESUME)
+        return self._follow(_Happening(SyncEvent.RESUME, now))
 
-    def leave(self, holder: object) -> SyncOutcome | None:
+    def leave(self, holder: object, now: float) -> SyncOutcome | None:
         """A peer is gone. The outcome if the master went with it, else None."""
         if holder not in self._holders:
             return None
         del self._holders[holder]
-        return None if self._holders else self._follow(self._loss)
+        return None if self._holders else self._follow(_Happening(self._loss, now))
 
     def expire(self, now: float) -> SyncOutcome | None:
         """Time has passed. The outcome if the master has been silent for too long, else None."""
         due = self.lease_due
-        return None if due is None or now < due else self._follow(self._loss)
+        return None if due is None or now < due else self._follow(_Happening(self._loss, now))
 
     def _is_master(self, user_id: str) -> bool:
         return user_id == self.master_id and user_id != ""
@@ -635,18 +404,55 @@ class Sync(Generic[C]):
         self._num_ids += 1
         return f"sync-{self._num_ids}"
 
-    def _follow(self, event: SyncEvent) -> SyncOutcome:
-        outcome = SYNC_TABLE[self.state][event]
+    def _follow(self, happening: _Happening[C]) -> SyncOutcome:
+        """Move along the table, and carry out all effects of the row: the one place for it."""
+        outcome = SYNC_TABLE[self.state][happening.event]
         self.state = outcome.state
-        if SyncEffect.RELEASE in outcome.effects:
-            self.master_id = ""
-            self._holders.clear()
-        if SyncEffect.DROP in outcome.effects:
-            self._waiting.clear()
-            self._unready.clear()
-        if SyncEffect.REFUSE in outcome.effects:
-            self._ticks.clear()
+        for effect in outcome.effects:
+            self._carry_out[effect](happening)
         return outcome
+
+    def _lead(self, happening: _Happening[C]) -> None:
+        self.master_id = happening.user_id or self._make_id()
+        self.step_ms = happening.step_ms
+        self._hear(happening.holder, happening.now)
+
+    def _release(self, _happening: _Happening[C]) -> None:
+        self.master_id = ""
+        self._holders.clear()
+
+    def _drop(self, _happening: _Happening[C]) -> None:
+        self._waiting.clear()
+        self._unready.clear()
+
+    def _queue(self, happening: _Happening[C]) -> None:
+        for command in happening.command:
+            self._num_arrived += 1
+            heapq.heappush(self._waiting, (happening.due, self._num_arrived, command))
+            if not happening.is_ready:
+                self._unready[command] = happening.due
+
+    def _move(self, happening: _Happening[C]) -> None:
+        for move in self.hooks.move:
+            move(happening.num_frames, happening.now)
+
+    def _wait(self, happening: _Happening[C]) -> None:
+        self._ticks.append(happening.num_frames)
+        if happening.on_wait is not None:
+            happening.on_wait()
+
+    def _refuse(self, happening: _Happening[C]) -> None:
+        self._ticks.clear()
+        for refuse in self.hooks.refuse:
+            refuse(_WHY_REFUSED.get(happening.event, _HAS_ENDED), happening.now)
+
+    def _flow(self, happening: _Happening[C]) -> None:
+        for flow in self.hooks.flow:
+            flow(happening.now)
+
+    def _announce(self, happening: _Happening[C]) -> None:
+        for announce in self.hooks.announce:
+            announce(happening.now)
 
     def _is_early(self, end: int) -> bool:
         """Whether a command of a frame up to this one is not ready."""

@@ -11,25 +11,27 @@
 MORAI writes `/map` and `/base_link`, as ROS did long ago; tf2 refuses names with a slash before them, and most programs
 are written for tf2. So no slash goes out.
 
-A static message holds all frames of its kind and is latched: whoever comes late has them all.
+A static message holds all frames of its kind and is latched: a client that comes late has them all.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.convert import Converter, maker
 from rosbridge_sim.morai.ego import Ego
+from rosbridge_sim.morai.egos import EgoRegistry
+from rosbridge_sim.morai.interfaces.publishers import Publishers
 from rosbridge_sim.morai.scene import FIRST_EGO
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.world.geometry import Quaternion, Vector, quaternion
 from rosbridge_sim.world.sensors import Mounting
 from rosbridge_sim.world.state import World
 
-__all__ = ["BASE", "CENTER", "MAP", "TF", "Mount", "TfPublisher", "frame_prefix"]
+__all__ = ["BASE", "CENTER", "MAP", "TF", "Mount", "StaticTf", "TfPublisher", "frame_prefix"]
 
 TF: Final = "tf2_msgs/TFMessage"
 
@@ -65,7 +67,7 @@ class TfPublisher:
         self._vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
         self._quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
 
-    def moving(self, egos: Sequence[Ego]) -> Struct:
+    def moving(self, egos: Iterable[Ego]) -> Struct:
         """Where the egos stand in the map, in their order."""
         world = self._world
         header = self._convert.header(world.frame, MAP)
@@ -79,7 +81,7 @@ class TfPublisher:
             transforms.append(self._stamped(header, frame_prefix(ego) + BASE, pose))
         return self._message(transforms)
 
-    def mounts(self, egos: Sequence[Ego]) -> tuple[Mount, ...]:
+    def mounts(self, egos: Iterable[Ego]) -> tuple[Mount, ...]:
         """What stands on the egos."""
         found = []
         for ego in egos:
@@ -104,6 +106,36 @@ class TfPublisher:
 
     def _pose(self, place: Vector, axes: Quaternion) -> Struct:
         return self._transform(self._vector(*place), self._quaternion(*axes))
+
+
+class StaticTf:
+    """The publisher of `/tf_static`; latched."""
+
+    def __init__(self, transforms: TfPublisher, egos: EgoRegistry, publishers: Publishers) -> None:
+        """Have the topic; it says nothing before the first `announce`.
+
+        Args:
+            transforms: makes the messages.
+            egos: the vehicles that things stand on.
+            publishers: get the topic.
+        """
+        self._transforms = transforms
+        self._egos = egos
+        self._publishers = publishers
+        self._topic = publishers.keep("/tf_static", TF, is_exclusive=False)
+        self._mounts: tuple[Mount, ...] | None = None
+
+    def announce(self, now: float) -> None:
+        """Publish what stands on the egos, if it is not what was published last."""
+        mounts = self._transforms.mounts(self._egos)
+        if mounts != self._mounts:
+            self._mounts = mounts
+            self._publishers.update(self._topic, self._transforms.static(mounts), now)
+
+    def announce_again(self, now: float) -> None:
+        """Publish it, changed or not: it is stamped otherwise from now on."""
+        self._mounts = None
+        self.announce(now)
 
 
 def frame_prefix(ego: Ego) -> str:

@@ -13,25 +13,23 @@ from __future__ import annotations
 import logging
 import math
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.component import Component
+from rosbridge_sim.morai.context import SimulatorContext
 from rosbridge_sim.morai.convert import maker
 from rosbridge_sim.morai.ego import Ego
 from rosbridge_sim.morai.interfaces.publishers import Publishers
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
 from rosbridge_sim.morai.maps.lights import light_type
-from rosbridge_sim.schema.validate import round32
+from rosbridge_sim.schema.float32 import round32
 from rosbridge_sim.world.signal_plan import UNSET, Lamp
 from rosbridge_sim.world.signals import Signals, light_ahead
 from rosbridge_sim.world.state import DT
-
-if TYPE_CHECKING:
-    from rosbridge_sim.morai.simulator_node import SimulatorNode
 
 __all__ = ["TrafficLightTopics"]
 
@@ -50,11 +48,11 @@ _log = logging.getLogger("rosbridge_sim.morai")
 
 
 class TrafficLightTopics(Component):
-    """The part of a node that has to do with lights. It holds no state: that is the world's."""
+    """The component of traffic lights. It holds no state: that is the world's."""
 
-    def __init__(self, node: SimulatorNode) -> None:
-        self._node = node
-        store = node.bus.store
+    def __init__(self, context: SimulatorContext) -> None:
+        self._context = context
+        store = context.bus.store
         self._make_light = maker(
             store,
             "morai_msgs/GetTrafficLightStatus",
@@ -74,19 +72,19 @@ class TrafficLightTopics(Component):
         bindings.listen("InsnControl", "IntersectionControl", self._set_phase)
         bindings.provide("Morai_TLSrv", "MoraiTLInfoSrv", self._tell_light)
 
-    def show(self, outputs: Publishers) -> None:
+    def publish(self, publishers: Publishers) -> None:
         """Publish what the world has once."""
-        outputs.add("/IntscnTL_topic", "morai_msgs/IntscnTL", self._intersections, is_shown_in_pause=True)
+        publishers.add("/IntscnTL_topic", "morai_msgs/IntscnTL", self._intersections, is_shown_in_pause=True)
 
-    def show_ego(self, ego: Ego, prefix: str, outputs: Publishers) -> None:
+    def publish_ego(self, ego: Ego, prefix: str, publishers: Publishers) -> None:
         """Publish what each ego has of its own."""
-        outputs.add(
+        publishers.add(
             prefix + "GetTrafficLightStatus",
             "morai_msgs/GetTrafficLightStatus",
             partial(self._light_ahead, ego),
             is_shown_in_pause=True,
         )
-        outputs.add(
+        publishers.add(
             prefix + "InsnStatus",
             "morai_msgs/IntersectionStatus",
             partial(self._intersection_around, ego),
@@ -97,14 +95,14 @@ class TrafficLightTopics(Component):
 
     @property
     def _signals(self) -> Signals:
-        return self._node.world.signals
+        return self._context.world.signals
 
     def _header(self, frame_id: str) -> Struct:
-        return self._node.convert.header(self._node.world.frame, frame_id)
+        return self._context.convert.header(self._context.world.frame, frame_id)
 
     def _place(self, ego: Ego) -> tuple[int, float] | None:
         """Lane and arc length of the ego [m]; None off the road, or on its wrong side."""
-        world, row = self._node.world, ego.row
+        world, row = self._context.world, ego.row
         places = world.roads.nearest(world.x[row], world.y[row], world.yaw[row])
         is_along = math.cos(places.yaw[0] - world.yaw[row]) > 0.0
         if not (places.distance[0] <= MAX_LIGHT_TO_LANE and is_along):
@@ -114,7 +112,7 @@ class TrafficLightTopics(Component):
     def _light_ahead(self, ego: Ego) -> Struct:
         signals = self._signals
         place = self._place(ego) if signals.plan.lights else None
-        light = None if place is None else light_ahead(self._node.world.roads, signals.plan, *place, STOP_LINE_REACH)
+        light = None if place is None else light_ahead(self._context.world.roads, signals.plan, *place, STOP_LINE_REACH)
         if light is None:
             return None
         known = signals.plan.lights[light]
@@ -194,5 +192,5 @@ class TrafficLightTopics(Component):
         except KeyError:
             index, status = "", NO_LIGHT
         call.answer(
-            call.service.type.response.struct(self._make_info(self._header("TrafficLightStatus"), index, status))
+            call.service.type.response.struct_type(self._make_info(self._header("TrafficLightStatus"), index, status))
         )

@@ -18,7 +18,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from typing import Final
 
-from rosbridge_sim.graph.policy import PolicyEffect, Use, Way
+from rosbridge_sim.graph.ways import PolicyEffect, Use, Way
 from rosbridge_sim.morai.interfaces.network_settings import DEFAULTS, InterfaceKind, NetworkSettings, split_prefix
 from rosbridge_sim.morai.interfaces.registry import InterfaceRegistry
 

@@ -26,6 +26,7 @@ import orjson
 
 from rosbridge_sim.errors import FrameError, Reason
 from rosbridge_sim.loose_types import JsonValue
+from rosbridge_sim.printable import printable
 from rosbridge_sim.protocol.ops import ABSENT, OPS, Id, Op, OpBody
 from rosbridge_sim.suggestions import hint, listing
 from rosbridge_sim.weight import FULL, LIGHT, claim, weigh, weigh_exactly
@@ -36,6 +37,7 @@ __all__ = [
     "Encoded",
     "decode_frame",
     "decode_quickly",
+    "end_of_value",
     "is_absent",
     "op_frame",
     "op_from_value",
@@ -101,7 +103,7 @@ _CLASSES: dict[str, tuple[type, ...]] = {
     "total": (int, float),
     "qos": (dict,),
 }
-"""What a field may be, in any op; bodies are judged by `schema/`."""
+"""Classes that a field may have, in any op; bodies are judged by `schema/`."""
 
 _ID_CLASSES: dict[str, tuple[type, ...]] = {
     "fragment": (str, int, float),
@@ -216,7 +218,7 @@ def _decode_slowly(frame: bytes) -> Iterator[Op | FrameError | None]:
             yield FrameError(f"Received a frame with more than {MAX_OPS:,} ops; the rest of it is dropped")
             return
         try:
-            end = _end_of_value(view[position:])
+            end = _find_end_of_value(view[position:])
         except FrameError as error:
             yield _name(error, _ends(view[position:]))
             return
@@ -234,7 +236,17 @@ def _end_of(match: re.Match[Any] | None) -> int:
     return match.end()
 
 
-def _end_of_value(view: memoryview) -> int | None:
+def end_of_value(error: Exception) -> int | None:
+    """Return where the JSON value ends that a text begins with; None where more is wrong than what follows it.
+
+    Args:
+        error: what `msgspec` raised for the whole text.
+    """
+    match = _TRAILING.search(str(error))
+    return None if match is None else int(match[1]) - 1
+
+
+def _find_end_of_value(view: memoryview) -> int | None:
     """Find where the JSON value ends that a text begins with, without decoding it; None where it is not plain JSON.
 
     Raises:
@@ -243,8 +255,7 @@ def _end_of_value(view: memoryview) -> int | None:
     try:
         _skip(view)
     except msgspec.DecodeError as error:
-        match = _TRAILING.search(str(error))
-        return None if match is None else int(match[1]) - 1
+        return end_of_value(error)
     except UnicodeDecodeError:
         return None
     except RecursionError:
@@ -428,7 +439,7 @@ def _checked(given: JsonValue, op: str, field: str, op_id: object) -> JsonValue:
 
 
 def _is_unicode(text: str) -> bool:
-    """Whether text has no half of a surrogate pair, which no encoder could send on."""
+    """Return whether text has no half of a surrogate pair, which no encoder could send on."""
     try:
         text.encode()
     except UnicodeEncodeError:
@@ -437,7 +448,7 @@ def _is_unicode(text: str) -> bool:
 
 
 def _is_id(value: object) -> bool:
-    """Whether a value can be echoed as an id: a JSON scalar that JSON can say."""
+    """Return whether a value can be echoed as an id: a JSON scalar that JSON can say."""
     if isinstance(value, str):
         return _is_unicode(value)
     return isinstance(value, (bool, int)) or (isinstance(value, float) and math.isfinite(value))
@@ -458,7 +469,7 @@ def _shorten_bytes(part: memoryview) -> str:
 
 
 def is_absent(body: OpBody) -> bool:
-    """Whether a body was left out, or null, which means the same."""
+    """Return whether a body was left out, or null, which means the same."""
     if isinstance(body, (bytes, msgspec.Raw)):
         return body is ABSENT or bytes(body) in {b"", b"null"}
     return body is None
@@ -488,8 +499,7 @@ def op_frame(op: str, bodies: Mapping[str, bytes], **fields: object) -> bytes:
 
 def status_frame(level: str, text: str, op_id: object) -> bytes:
     """A remark of ours; `op_id` names the frame that it is about. Half surrogate pairs of a peer's are escaped."""
-    sayable = text if text.isascii() else text.encode("utf-8", "backslashreplace").decode()
-    return op_frame("status", {}, level=level, msg=sayable, id=op_id)
+    return op_frame("status", {}, level=level, msg=printable(text), id=op_id)
 
 
 def _encode_id(op_id: object) -> bytes:

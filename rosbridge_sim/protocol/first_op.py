@@ -7,12 +7,10 @@ every field but five.
 
 from __future__ import annotations
 
-import re
-
 import msgspec
 import orjson
 
-from rosbridge_sim.protocol.codec import op_frame, response_frame, status_frame
+from rosbridge_sim.protocol.codec import end_of_value, op_frame, response_frame, status_frame
 from rosbridge_sim.protocol.ops import Id
 
 __all__ = ["MAX_SMALL", "FirstOp", "read_first_op", "refusal_frame"]
@@ -22,9 +20,6 @@ MAX_SMALL = 4 * 1024
 
 _ROS2_UNKNOWN = 0
 """`status` of an action's result where the goal was never taken (action_msgs/GoalStatus)."""
-
-_TRAILING = re.compile(r"trailing characters \(byte (\d+)\)")
-"""Words by which `msgspec` says that a value has ended and something follows; a test holds it to these words."""
 
 
 class FirstOp(msgspec.Struct, frozen=True):
@@ -61,10 +56,9 @@ def read_first_op(frame: bytes) -> tuple[FirstOp, bytes] | None:
     try:
         return _decode(frame), b""
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        match = _TRAILING.search(str(error))
-    if match is None:
+        end = end_of_value(error)
+    if end is None:
         return None
-    end = int(match[1]) - 1
     try:
         return _decode(frame[:end]), frame[end:]
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):

@@ -1,4 +1,4 @@
-"""What a peer gets when: its outbox, with a bound.
+"""The outbox of one peer, with a bound.
 
 Topic messages, answers and remarks leave in one order, so that a tick's topics are always ahead of the
 tick's answer. While the socket takes what it is given, nothing is lost, however long the burst. When it does
@@ -29,7 +29,7 @@ class LateFrames(Protocol):
 
     @property
     def num_bytes(self) -> int:
-        """What is held until then [bytes]."""
+        """Bytes that are held until then."""
 
     @property
     def identity(self) -> int:
@@ -37,19 +37,19 @@ class LateFrames(Protocol):
 
     @property
     def is_finished(self) -> bool:
-        """Whether all of them were taken."""
+        """Return whether all of them were taken."""
 
     def take(self, max_bytes: int) -> list[bytes]:
         """Do a slice of work; return the frames that it gave, if any: about `max_bytes` in all."""
 
 
 def _ignore(topic: str, error: Exception) -> None:
-    """Nobody hears of messages that could not be made."""
+    """Do nothing about a message that could not be made."""
 
 
 @dataclass(frozen=True, slots=True)
 class OutboxLimits:
-    """How much a peer may leave unread.
+    """Bounds of what a peer may leave unread.
 
     Attributes:
         burst: newest messages of each topic that are kept for a peer that does not read.
@@ -75,14 +75,14 @@ class Outbox:
 
     __slots__ = (
         "_begun",
-        "_carry",
+        "_flush",
         "_frames",
         "_is_relieving",
         "_limits",
         "_num_late",
         "_relieve_at",
+        "_schedule_flush",
         "_trim_at",
-        "_wake",
         "bursts",
         "dropped",
         "is_overfull",
@@ -90,17 +90,17 @@ class Outbox:
         "on_unmade",
     )
 
-    def __init__(self, limits: OutboxLimits, wake: Callable[[], None], carry: Callable[[], None]) -> None:
+    def __init__(self, limits: OutboxLimits, schedule_flush: Callable[[], None], flush: Callable[[], None]) -> None:
         """An empty outbox.
 
         Args:
             limits: the bounds.
-            wake: called when a frame arrives in an empty outbox: somebody should soon `take`.
-            carry: called before anything is forgotten: take now, as much as the socket takes.
+            schedule_flush: called when a frame arrives in an empty outbox: somebody should soon `take`.
+            flush: called before anything is forgotten: take now, as much as the socket takes.
         """
         self._limits = limits
-        self._wake = wake
-        self._carry = carry
+        self._schedule_flush = schedule_flush
+        self._flush = flush
         self._frames: deque[tuple[str | None, bytes | LateFrames, int]] = deque()
         self._begun: str | None = None  # the topic of the first frames, if some of them were made already
         self._num_late = 0
@@ -119,7 +119,7 @@ class Outbox:
     def send(self, frame: bytes | LateFrames) -> None:
         """Add an answer or a remark, which is never forgotten."""
         if not self._frames:
-            self._wake()
+            self._schedule_flush()
         size = len(frame) if isinstance(frame, bytes) else self._size_of(frame)
         self._frames.append((None, frame, size))
         self.num_bytes += size
@@ -130,7 +130,7 @@ class Outbox:
         """Add a message of a topic, which may be forgotten, as a whole, if the peer does not read."""
         waiting = self._frames
         if not waiting:
-            self._wake()
+            self._schedule_flush()
         size = len(frame) if isinstance(frame, bytes) else self._size_of(frame)
         waiting.append((topic, frame, size))
         self.num_bytes += size
@@ -210,10 +210,10 @@ class Outbox:
         self.num_bytes = 0
 
     def _relieve(self) -> None:
-        """Carry what the socket takes; forget topic messages if that was not enough."""
+        """Flush what the socket takes; forget topic messages if that was not enough."""
         self._is_relieving = True
         try:
-            self._carry()
+            self._flush()
         finally:
             self._is_relieving = False
         if len(self._frames) > self._trim_at or self.num_bytes > self._limits.topic_bytes:

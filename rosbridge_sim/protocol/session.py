@@ -14,28 +14,26 @@ from collections.abc import Callable, Generator, Iterator
 
 import orjson
 
-from rosbridge_sim.errors import EncodingError, FrameError, PeerError
+from rosbridge_sim.errors import EncodingError, FrameError
 from rosbridge_sim.protocol.account import Account
-from rosbridge_sim.protocol.cbor_frames import cbor_head, cbor_raw_frame, decode_cbor, is_cbor
+from rosbridge_sim.protocol.cbor_frames import decode_cbor, is_cbor
 from rosbridge_sim.protocol.codec import (
-    HEAVY,
     LONG,
     Encoded,
     decode_frame,
     decode_quickly,
     op_frame,
     op_from_value,
-    publish_head,
     response_frame,
     status_frame,
 )
 from rosbridge_sim.protocol.fragments import Characters, Defragmenter, Pieces
 from rosbridge_sim.protocol.ops import Fragment, Id, Op, Png
-from rosbridge_sim.protocol.outbox import BinaryFrame, LateFrames, Outbox
-from rosbridge_sim.protocol.png import Picture, PictureFrames, decode_png
-from rosbridge_sim.protocol.subscription import MergedOptions, SubscriptionOptions, Throttle
+from rosbridge_sim.protocol.outbox import LateFrames, Outbox
+from rosbridge_sim.protocol.png import decode_png
+from rosbridge_sim.protocol.subscription import Feed
 
-__all__ = ["LEVELS", "Feed", "Session"]
+__all__ = ["LEVELS", "Session"]
 
 LEVELS = {"none": 0, "error": 1, "warning": 2, "warn": 2, "info": 3}
 """Levels of remarks; a peer hears those up to its own. `warn` is what C++ servers' clients write."""
@@ -254,7 +252,7 @@ class Session:
                 feed.flush(now, stamp_ns)
             except EncodingError as error:
                 self.on_unsent(feed.spelling, error)
-            turn = feed.pace.due()
+            turn = feed.throttle.due()
             if turn is None:
                 self._waiting.pop(feed, None)
             else:
@@ -265,7 +263,7 @@ class Session:
     def waiting(self) -> Iterator[tuple[int, int]]:
         """Identity and size of each message that waits for its turn: several sessions may hold the same one."""
         for feed in self._waiting:
-            for message in feed.pace.waiting():
+            for message in feed.throttle.waiting():
                 yield id(message), message.num_bytes
 
     def leave(self) -> None:
@@ -274,150 +272,6 @@ class Session:
 
     def drop_feed(self, feed: Feed) -> None:
         """Forget what waits in a feed that has ended."""
-        feed.pace.forget()
+        feed.throttle.forget()
         self._waiting.pop(feed, None)
         self.outbox.bursts.pop(feed.spelling, None)
-
-
-class _LateMessage:
-    """A heavy message on its way to one listener: encoded when it is taken, once for all who want that encoding."""
-
-    __slots__ = ("_feed", "_frames", "_message", "_stamp_ns", "identity", "is_finished", "num_bytes")
-
-    def __init__(self, feed: Feed, message: Encoded, stamp_ns: int) -> None:
-        self.num_bytes = message.text_length
-        self.identity = id(message)
-        self.is_finished = False
-        self._feed = feed
-        self._message: Encoded | None = message
-        self._stamp_ns = stamp_ns
-        self._frames: LateFrames | None = None
-
-    def take(self, max_bytes: int) -> list[bytes]:
-        """See `LateFrames`."""
-        if self._frames is not None:
-            frames = self._frames.take(max_bytes)
-            self.is_finished = self._frames.is_finished
-            return frames
-        assert self._message is not None, "it is taken once"
-        made = self._feed.encode_late(self._message, self._stamp_ns)
-        self._message = None
-        if made is None or isinstance(made, bytes):
-            self.is_finished = True
-            return [] if made is None else [made]
-        self._frames = made
-        return []
-
-
-def _size_of(message: Encoded) -> int:
-    return message.num_bytes
-
-
-class Feed:
-    """One spelling of a topic that a peer listens to, under the merged terms of all its subscriptions.
-
-    Attributes:
-        spelling: the topic as the peer writes it.
-        pace: throttle and queue.
-        ids: the terms of each subscription.
-    """
-
-    __slots__ = ("_head", "_is_plain", "_is_warned", "_merged", "_session", "_terms", "ids", "pace", "spelling")
-
-    def __init__(self, session: Session, spelling: str) -> None:
-        self.spelling = spelling
-        self.pace: Throttle[Encoded] = Throttle(session.account, _size_of)
-        self._merged = MergedOptions()
-        self.ids = self._merged.by_id
-        self._session = session
-        self._terms = SubscriptionOptions()
-        self._is_plain = True
-        self._is_warned = False
-        self._head = publish_head(spelling)
-
-    def set_terms(self, sub_id: Id, terms: SubscriptionOptions | None) -> None:
-        """Put one subscription on other terms, or end it with None; one stays at least."""
-        self._is_warned = False
-        self._merged.put(sub_id, terms)
-        merged = self._merged.merged()
-        if merged == self._terms:  # what waits is not to be copied for each of many subscriptions
-            return
-        self._terms = merged
-        self.pace.set_terms(merged)
-        self._is_plain = merged.compression == "none" and merged.fragment_size is None
-        is_binary = merged.compression.startswith("cbor")
-        self._head = cbor_head(self.spelling) if is_binary else publish_head(self.spelling)
-        if merged.queue_length and merged.interval == 0.0:
-            self._session.outbox.bursts[self.spelling] = merged.queue_length
-        else:
-            self._session.outbox.bursts.pop(self.spelling, None)
-
-    def deliver(self, message: Encoded, now: float, stamp_ns: int) -> None:
-        """Send a message now, later or never, as the terms say."""
-        if self.pace.admit(message, now):
-            self.send(message, stamp_ns)
-        else:
-            due = self.pace.due()
-            if due is not None:
-                self._session.await_turn(self, due)
-
-    def flush(self, now: float, stamp_ns: int) -> None:
-        """Send what has waited and whose time has come."""
-        while (message := self.pace.release(now)) is not None:
-            self.send(message, stamp_ns)
-
-    def send(self, message: Encoded, stamp_ns: int) -> None:
-        """Send a message, in the encoding that was asked for; where it has none in it, the listener is told once.
-
-        Raises:
-            EncodingError: it cannot be written, by a bug of ours.
-        """
-        session = self._session
-        if message.text_length >= HEAVY:
-            session.num_sent += 1
-            session.outbox.offer(self.spelling, _LateMessage(self, message, stamp_ns))
-            return
-        if self._is_plain:
-            session.num_sent += 1
-            session.outbox.offer(self.spelling, message.framed(self._head))
-            return
-        try:
-            frame = self._encode(message, stamp_ns)
-        except EncodingError:
-            raise
-        except PeerError as error:
-            self._complain(error)
-            return
-        session.num_sent += 1
-        session.outbox.offer(self.spelling, frame)
-
-    def encode_late(self, message: Encoded, stamp_ns: int) -> bytes | LateFrames | None:
-        """Encode a message that has waited for that; None if it cannot be, and whoever is concerned was told."""
-        try:
-            return self._encode(message, stamp_ns)
-        except EncodingError as error:
-            self._session.on_unsent(self.spelling, error)
-        except PeerError as error:
-            self._complain(error)
-        return None
-
-    def _complain(self, error: PeerError) -> None:
-        """Tell the listener once that messages have no such encoding."""
-        if not self._is_warned:
-            self._is_warned = True
-            self._session.remark("error", f"{self.spelling}: {error}")
-
-    def _encode(self, message: Encoded, stamp_ns: int) -> bytes | LateFrames:
-        terms = self._terms
-        if terms.compression == "cbor":
-            return BinaryFrame(self._head + message.cbor)
-        if terms.compression == "cbor-raw":
-            return BinaryFrame(cbor_raw_frame(self._head, stamp_ns, message.raw))
-        frame = message.framed(self._head)
-        if terms.compression == "png":
-            return PictureFrames(message.shared(("png", self._head), lambda: Picture(frame)))
-        return self._session.pieces(
-            frame,
-            terms.fragment_size,
-            lambda: message.shared(("characters", self._head), lambda: Characters(frame)),
-        )

@@ -1,7 +1,7 @@
-"""When a subscriber gets what: several subscriptions to one topic merged, throttled and queued.
+"""Subscriptions of one peer to one topic: merged, throttled, queued, and encoded as they ask.
 
 One client and one spelling of a topic make one feed, whatever the number of subscription ids; each message
-of the topic leaves at most once. The terms of the ids are merged (facts of rosbridge_suite, where it and the
+of the topic leaves at most once. The options of the ids are merged (facts of rosbridge_suite, where it and the
 protocol's text differ we say which side we took):
 
     throttle_rate   the lowest (both)
@@ -11,21 +11,37 @@ protocol's text differ we say which side we took):
 
 A throttled feed sends the first message of a burst at once. Without a queue the rest is dropped until the
 interval is over; with one, the newest `queue_length` wait and leave one each interval, so the last value of a
-burst arrives. Time is an argument; whoever calls `deliver` asks `due` when to call `flush`.
+burst arrives. Time is an argument; the session, told by `await_turn`, calls `flush` when a message is due.
+
+A feed encodes each message as its options say. A heavy one is encoded when its turn in the outbox has come.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, Protocol, TypeVar
 
-from rosbridge_sim.errors import FrameError
+from rosbridge_sim.errors import EncodingError, FrameError, PeerError
 from rosbridge_sim.protocol.account import Account, HeldMessages
+from rosbridge_sim.protocol.cbor_frames import cbor_head, cbor_raw_frame
+from rosbridge_sim.protocol.codec import HEAVY, Encoded, publish_head
+from rosbridge_sim.protocol.fragments import Characters
 from rosbridge_sim.protocol.ops import Id, Subscribe
+from rosbridge_sim.protocol.outbox import BinaryFrame, LateFrames, Outbox
+from rosbridge_sim.protocol.png import Picture, PictureFrames
 from rosbridge_sim.protocol.smallest import Smallest
 
-__all__ = ["COMPRESSIONS", "MergedOptions", "Qos", "SubscriptionOptions", "Throttle", "read_options", "read_qos"]
+__all__ = [
+    "COMPRESSIONS",
+    "Feed",
+    "MergedOptions",
+    "Qos",
+    "SubscriptionOptions",
+    "Throttle",
+    "read_options",
+    "read_qos",
+]
 
 COMPRESSIONS = ("none", "png", "cbor", "cbor-raw")
 """From the weakest claim to the strongest."""
@@ -38,7 +54,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class SubscriptionOptions:
-    """What one subscription asks for.
+    """Options of one subscription.
 
     Attributes:
         interval: least time between two messages [s]; 0 is no limit.
@@ -54,7 +70,7 @@ class SubscriptionOptions:
 
 
 def read_options(op: Subscribe) -> SubscriptionOptions:
-    """The terms that a subscribe asks for; an encoding that nobody knows means JSON, as in rosbridge_suite."""
+    """The options that a subscribe asks for; an encoding that nobody knows means JSON, as in rosbridge_suite."""
     size = op.fragment_size
     return SubscriptionOptions(
         interval=max(0.0, op.throttle_rate or 0.0) / 1e3,
@@ -66,7 +82,7 @@ def read_options(op: Subscribe) -> SubscriptionOptions:
 
 @dataclass(frozen=True, slots=True)
 class Qos:
-    """What of a quality-of-service object has a meaning in one process.
+    """The part of a quality-of-service object that has a meaning in one process.
 
     Attributes:
         depth: messages kept for those who come late.
@@ -114,10 +130,10 @@ def read_qos(qos: dict[str, object] | None) -> Qos:
 
 
 class MergedOptions:
-    """The terms of a feed from those of its subscriptions, which come and go; each change costs a logarithm.
+    """The options of a feed, merged from those of its subscriptions, which come and go; each change costs a logarithm.
 
     Attributes:
-        by_id: the terms of each subscription.
+        by_id: the options of each subscription.
     """
 
     __slots__ = ("_compressions", "_intervals", "_lengths", "_sizes", "by_id")
@@ -129,19 +145,19 @@ class MergedOptions:
         self._sizes = Smallest()
         self._compressions = Smallest()
 
-    def put(self, sub_id: Id, terms: SubscriptionOptions | None) -> None:
-        """Put one subscription on other terms, or end it with None."""
-        old = self.by_id.pop(sub_id, None) if terms is None else self.by_id.get(sub_id)
+    def put(self, sub_id: Id, options: SubscriptionOptions | None) -> None:
+        """Give one subscription other options, or end it with None."""
+        old = self.by_id.pop(sub_id, None) if options is None else self.by_id.get(sub_id)
         if old is not None:
             for bag, number in self._numbers(old):
                 bag.remove(number)
-        if terms is not None:
-            self.by_id[sub_id] = terms
-            for bag, number in self._numbers(terms):
+        if options is not None:
+            self.by_id[sub_id] = options
+            for bag, number in self._numbers(options):
                 bag.add(number)
 
     def merged(self) -> SubscriptionOptions:
-        """The terms of the feed; there is at least one subscription."""
+        """The options of the feed; there is at least one subscription."""
         interval, length, compression = self._intervals.get(), self._lengths.get(), self._compressions.get()
         assert interval is not None
         assert length is not None
@@ -154,15 +170,15 @@ class MergedOptions:
             compression=COMPRESSIONS[-int(compression)],
         )
 
-    def _numbers(self, terms: SubscriptionOptions) -> list[tuple[Smallest, float]]:
-        """What the terms add to each bag; negative where the largest counts."""
+    def _numbers(self, options: SubscriptionOptions) -> list[tuple[Smallest, float]]:
+        """Return the numbers that the options add to each bag; negative where the largest counts."""
         numbers = [
-            (self._intervals, terms.interval),
-            (self._lengths, -terms.queue_length),
-            (self._compressions, -COMPRESSIONS.index(terms.compression)),
+            (self._intervals, options.interval),
+            (self._lengths, -options.queue_length),
+            (self._compressions, -COMPRESSIONS.index(options.compression)),
         ]
-        if terms.fragment_size is not None:
-            numbers.append((self._sizes, terms.fragment_size))
+        if options.fragment_size is not None:
+            numbers.append((self._sizes, options.fragment_size))
         return numbers
 
 
@@ -193,15 +209,15 @@ class Throttle(Generic[T]):
         self._waiting = HeldMessages(account or Account(), size_of)
         self.num_dropped = 0
 
-    def set_terms(self, terms: SubscriptionOptions) -> None:
-        """Go on under new terms; what waits stays as far as the new queue holds it."""
-        self._free_at += terms.interval - self._interval
-        self._interval = terms.interval
-        self._max_length = terms.queue_length
-        self.num_dropped += self._waiting.shorten(terms.queue_length)
+    def set_options(self, options: SubscriptionOptions) -> None:
+        """Go on under new options; what waits stays as far as the new queue holds it."""
+        self._free_at += options.interval - self._interval
+        self._interval = options.interval
+        self._max_length = options.queue_length
+        self.num_dropped += self._waiting.shorten(options.queue_length)
 
     def admit(self, message: T, now: float) -> bool:
-        """Whether this message leaves now; else it waits or is dropped."""
+        """Return whether this message leaves now; else it waits or is dropped."""
         if self._interval == 0.0 and not self._waiting:
             return True
         if now >= self._free_at and not self._waiting:
@@ -211,7 +227,7 @@ class Throttle(Generic[T]):
         return False
 
     def due(self) -> float | None:
-        """When `release` has something to give [s]; None if nothing waits."""
+        """Return when `release` has something to give [s]; None if nothing waits."""
         return self._free_at if self._waiting else None
 
     def release(self, now: float) -> T | None:
@@ -229,3 +245,172 @@ class Throttle(Generic[T]):
     def waiting(self) -> list[T]:
         """The messages that wait, oldest first."""
         return self._waiting.messages()
+
+
+class FeedWire(Protocol):
+    """The part of a session that a feed needs.
+
+    Attributes:
+        account: pays for the messages that wait.
+        outbox: takes the frames.
+        num_sent: messages that went into the outbox.
+        on_unsent: called with a spelling whose message could not be encoded.
+    """
+
+    account: Account
+    outbox: Outbox
+    num_sent: int
+    on_unsent: Callable[[str, EncodingError], None]
+
+    def await_turn(self, feed: Feed, due: float) -> None:
+        """Have the feed flushed at that time [s]."""
+
+    def remark(self, level: str, text: str) -> None:
+        """Send a status frame."""
+
+    def pieces(self, frame: bytes, size: float | None, share: Callable[[], Characters]) -> bytes | LateFrames:
+        """The frame, in pieces if it is longer than `size`."""
+
+
+class _LateMessage:
+    """A heavy message on its way to one listener: encoded when it is taken, once for all who want that encoding."""
+
+    __slots__ = ("_feed", "_frames", "_message", "_stamp_ns", "identity", "is_finished", "num_bytes")
+
+    def __init__(self, feed: Feed, message: Encoded, stamp_ns: int) -> None:
+        self.num_bytes = message.text_length
+        self.identity = id(message)
+        self.is_finished = False
+        self._feed = feed
+        self._message: Encoded | None = message
+        self._stamp_ns = stamp_ns
+        self._frames: LateFrames | None = None
+
+    def take(self, max_bytes: int) -> list[bytes]:
+        """See `LateFrames`."""
+        if self._frames is not None:
+            frames = self._frames.take(max_bytes)
+            self.is_finished = self._frames.is_finished
+            return frames
+        assert self._message is not None, "it is taken once"
+        made = self._feed.encode_late(self._message, self._stamp_ns)
+        self._message = None
+        if made is None or isinstance(made, bytes):
+            self.is_finished = True
+            return [] if made is None else [made]
+        self._frames = made
+        return []
+
+
+def _size_of(message: Encoded) -> int:
+    return message.num_bytes
+
+
+class Feed:
+    """One spelling of a topic that a peer listens to, under the merged options of all its subscriptions.
+
+    Attributes:
+        spelling: the topic as the peer writes it.
+        throttle: throttle and queue.
+        ids: the options of each subscription.
+    """
+
+    __slots__ = ("_head", "_is_plain", "_is_warned", "_merged", "_options", "_wire", "ids", "spelling", "throttle")
+
+    def __init__(self, wire: FeedWire, spelling: str) -> None:
+        self.spelling = spelling
+        self.throttle: Throttle[Encoded] = Throttle(wire.account, _size_of)
+        self._merged = MergedOptions()
+        self.ids = self._merged.by_id
+        self._wire = wire
+        self._options = SubscriptionOptions()
+        self._is_plain = True
+        self._is_warned = False
+        self._head = publish_head(spelling)
+
+    def set_options(self, sub_id: Id, options: SubscriptionOptions | None) -> None:
+        """Give one subscription other options, or end it with None; one stays at least."""
+        self._is_warned = False
+        self._merged.put(sub_id, options)
+        merged = self._merged.merged()
+        if merged == self._options:  # what waits is not to be copied for each of many subscriptions
+            return
+        self._options = merged
+        self.throttle.set_options(merged)
+        self._is_plain = merged.compression == "none" and merged.fragment_size is None
+        is_binary = merged.compression.startswith("cbor")
+        self._head = cbor_head(self.spelling) if is_binary else publish_head(self.spelling)
+        if merged.queue_length and merged.interval == 0.0:
+            self._wire.outbox.bursts[self.spelling] = merged.queue_length
+        else:
+            self._wire.outbox.bursts.pop(self.spelling, None)
+
+    def deliver(self, message: Encoded, now: float, stamp_ns: int) -> None:
+        """Send a message now, later or never, as the options say."""
+        if self.throttle.admit(message, now):
+            self.send(message, stamp_ns)
+        else:
+            due = self.throttle.due()
+            if due is not None:
+                self._wire.await_turn(self, due)
+
+    def flush(self, now: float, stamp_ns: int) -> None:
+        """Send what has waited and whose time has come."""
+        while (message := self.throttle.release(now)) is not None:
+            self.send(message, stamp_ns)
+
+    def send(self, message: Encoded, stamp_ns: int) -> None:
+        """Send a message, in the encoding that was asked for; where it has none in it, the listener is told once.
+
+        Raises:
+            EncodingError: it cannot be written, by a bug of ours.
+        """
+        wire = self._wire
+        if message.text_length >= HEAVY:
+            wire.num_sent += 1
+            wire.outbox.offer(self.spelling, _LateMessage(self, message, stamp_ns))
+            return
+        if self._is_plain:
+            wire.num_sent += 1
+            wire.outbox.offer(self.spelling, message.framed(self._head))
+            return
+        try:
+            frame = self._encode(message, stamp_ns)
+        except EncodingError:
+            raise
+        except PeerError as error:
+            self._complain(error)
+            return
+        wire.num_sent += 1
+        wire.outbox.offer(self.spelling, frame)
+
+    def encode_late(self, message: Encoded, stamp_ns: int) -> bytes | LateFrames | None:
+        """Encode a message that has waited for that; None if it cannot be, and whoever is concerned was told."""
+        try:
+            return self._encode(message, stamp_ns)
+        except EncodingError as error:
+            self._wire.on_unsent(self.spelling, error)
+        except PeerError as error:
+            self._complain(error)
+        return None
+
+    def _complain(self, error: PeerError) -> None:
+        """Tell the listener once that messages have no such encoding."""
+        if not self._is_warned:
+            self._is_warned = True
+            self._wire.remark("error", f"{self.spelling}: {error}")
+
+    def _encode(self, message: Encoded, stamp_ns: int) -> bytes | LateFrames:
+        options = self._options
+        if options.compression == "cbor":
+            return BinaryFrame(self._head + message.cbor)
+        if options.compression == "cbor-raw":
+            return BinaryFrame(cbor_raw_frame(self._head, stamp_ns, message.raw))
+        frame = message.framed(self._head)
+        if options.compression == "png":
+            return PictureFrames(message.shared(("png", self._head), lambda: Picture(frame)))
+        return self._wire.pieces(
+            frame,
+            options.fragment_size,
+            lambda: message.shared(("characters", self._head), lambda: Characters(frame)),
+        )

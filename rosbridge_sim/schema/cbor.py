@@ -1,6 +1,6 @@
 """Values to CBOR (RFC 8949, typed arrays RFC 8746), by a function that is made once for each type.
 
-The shape is the one that roslib decodes: maps with the wire's field names, floats always of 64 bits (NaN and
+The spec is the one that roslib decodes: maps with the wire's field names, floats always of 64 bits (NaN and
 infinities kept), uint8[] and char[] as byte strings, other numeric arrays as a tag over little-endian bytes.
 cbor2 was measured and turned down for this direction: it knows no numpy, wraps each array in an object, and writes NaN
 as a half float, which roslib cannot read; the few head bytes that we need are written here.
@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from rosbridge_sim.errors import EncodingError, FieldError
 from rosbridge_sim.schema.codegen import MAX_INLINE, MAX_STARRED, Source, code_of, count_fields, pack_numbers
-from rosbridge_sim.schema.validate import FieldSpec, MessageSpec
+from rosbridge_sim.schema.message_spec import FieldSpec, MessageSpec
 
 __all__ = ["CborWriters", "encode_plain", "head"]
 
@@ -83,7 +83,7 @@ class CborWriters:
     def __init__(self) -> None:
         self._writers: dict[str, _Write] = {}
 
-    def encode(self, shape: MessageSpec, value: msgspec.Struct) -> bytes:
+    def encode(self, spec: MessageSpec, value: msgspec.Struct) -> bytes:
         """The CBOR map of a value.
 
         Raises:
@@ -91,16 +91,16 @@ class CborWriters:
         """
         out: list[bytes] = []
         try:
-            (self._writers.get(shape.name) or self.writer(shape))(value, out)
+            (self._writers.get(spec.name) or self.writer(spec))(value, out)
         except (struct.error, ValueError, TypeError, OverflowError, AttributeError) as error:
-            raise EncodingError(f"{shape.name}: cannot be written as CBOR: {error}") from error
+            raise EncodingError(f"{spec.name}: cannot be written as CBOR: {error}") from error
         return b"".join(out)
 
-    def writer(self, shape: MessageSpec) -> _Write:
+    def writer(self, spec: MessageSpec) -> _Write:
         """The writer of a message type, made at its first use."""
-        writer = self._writers.get(shape.name)
+        writer = self._writers.get(spec.name)
         if writer is None:
-            writer = self._writers[shape.name] = _compile(shape, self.writer)
+            writer = self._writers[spec.name] = _compile(spec, self.writer)
         return writer
 
 
@@ -145,23 +145,23 @@ class _CborSource(Source):
         parts = [self.bind("c", item) if isinstance(item, bytes) else item for item in run]
         super().piece(f"{self.bind('pack', struct.Struct(layout).pack)}({', '.join(parts)})")
 
-    def message(self, shape: MessageSpec, value: str) -> None:
+    def message(self, spec: MessageSpec, value: str) -> None:
         """The map of a message that `value` stands for."""
-        self.constant(head(_MAP, len(shape.slots)))
-        for wire, slot in shape.slots.items():
+        self.constant(head(_MAP, len(spec.fields)))
+        for wire, field_spec in spec.fields.items():
             self.constant(_text(wire))
-            item = f"{value}.{slot.attribute}"
-            if slot.field.array is not None:
-                self.array(slot, shape, self.keep(item))
-            elif slot.shape is None:
-                self.scalar(slot.field.type, shape, item)
-            elif count_fields(slot.shape) <= MAX_INLINE:
-                self.message(slot.shape, self.keep(item))
+            item = f"{value}.{field_spec.attribute}"
+            if field_spec.definition.array is not None:
+                self.array(field_spec, spec, self.keep(item))
+            elif field_spec.nested is None:
+                self.scalar(field_spec.definition.type, spec, item)
+            elif count_fields(field_spec.nested) <= MAX_INLINE:
+                self.message(field_spec.nested, self.keep(item))
             else:
                 self.flush()
-                self.line(f"{self.bind('write', self._nested(slot.shape))}({item}, out)")
+                self.line(f"{self.bind('write', self._nested(field_spec.nested))}({item}, out)")
 
-    def scalar(self, kind: str, shape: MessageSpec, item: str) -> None:
+    def scalar(self, kind: str, spec: MessageSpec, item: str) -> None:
         if kind in {"float32", "float64"}:
             self.double(item)
         elif kind in {"string", "wstring"}:
@@ -169,9 +169,9 @@ class _CborSource(Source):
         elif kind == "bool":
             names = self.bind("c", _TRUE), self.bind("c", _FALSE)
             self.piece(f"{names[0]} if {item} else {names[1]}")
-        elif kind in shape.dialect.times:
+        elif kind in spec.dialect.times:
             time = self.keep(item)
-            parts = shape.dialect.times[kind].__struct_fields__
+            parts = spec.dialect.times[kind].__struct_fields__
             self.constant(head(_MAP, len(parts)))
             for part in parts:
                 self.constant(_text(part))
@@ -179,27 +179,27 @@ class _CborSource(Source):
         else:
             self.piece(f"ints[{item}]")
 
-    def array(self, slot: FieldSpec, shape: MessageSpec, item: str) -> None:
-        kind = slot.field.type
-        if slot.field.is_bytes:
+    def array(self, field_spec: FieldSpec, spec: MessageSpec, item: str) -> None:
+        kind = field_spec.definition.type
+        if field_spec.definition.is_bytes:
             data = self.keep(f"bytes({item})")
             self.piece(f"head({_BYTES}, len({data}))")
             self.piece(data)
-        elif slot.shape is not None:
+        elif field_spec.nested is not None:
             self.piece(f"head({_ARRAY}, len({item}))")
             self.flush()
-            self.line(f"for item in {item}: {self.bind('write', self._nested(slot.shape))}(item, out)")
-        elif kind in shape.dialect.times:
-            parts = shape.dialect.times[kind].__struct_fields__
+            self.line(f"for item in {item}: {self.bind('write', self._nested(field_spec.nested))}(item, out)")
+        elif kind in spec.dialect.times:
+            parts = spec.dialect.times[kind].__struct_fields__
             self.piece(f"{self.bind('times', partial(_times, parts))}({item})")
         elif kind in {"string", "wstring"}:
             self.piece(f"texts({item})")
         elif kind == "bool":
             self.piece(f"bools({item})")
         else:
-            code = code_of(kind, shape.dialect.ros)
+            code = code_of(kind, spec.dialect.ros)
             self.constant(head(_TAG, _ARRAY_TAGS[code]))
-            count = 0 if slot.field.is_bounded else slot.field.array
+            count = 0 if field_spec.definition.is_bounded else field_spec.definition.array
             if count and count <= MAX_STARRED:
                 layout = struct.Struct(f"<{count}{code}")
                 self.constant(head(_BYTES, layout.size))
@@ -208,10 +208,10 @@ class _CborSource(Source):
                 self.piece(f"{self.bind('numbers', partial(_numbers, code))}({item})")
 
 
-def _compile(shape: MessageSpec, nested: Callable[[MessageSpec], _Write]) -> _Write:
+def _compile(spec: MessageSpec, nested: Callable[[MessageSpec], _Write]) -> _Write:
     source = _CborSource(nested)
-    source.message(shape, "value")
-    return source.build("value, out", f"cbor of {shape.name}")
+    source.message(spec, "value")
+    return source.build("value, out", f"cbor of {spec.name}")
 
 
 class _Ints(dict[int, bytes]):

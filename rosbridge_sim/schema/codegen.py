@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from rosbridge_sim.schema.message_spec import MessageSpec
 from rosbridge_sim.schema.names import Generation
-from rosbridge_sim.schema.validate import MessageSpec
 
 __all__ = ["MAX_INLINE", "MAX_STARRED", "Source", "code_of", "count_fields", "pack_numbers"]
 
@@ -109,12 +109,12 @@ class Source:
         return function
 
 
-def count_fields(shape: MessageSpec) -> int:
+def count_fields(spec: MessageSpec) -> int:
     """The fields of a message and of all in it that are no arrays; no more than needed to know it is large."""
     total = 0
-    for slot in shape.slots.values():
-        is_inline = slot.shape is not None and slot.field.array is None
-        total += count_fields(slot.shape) if is_inline and slot.shape is not None else 1
+    for field_spec in spec.fields.values():
+        is_inline = field_spec.nested is not None and field_spec.definition.array is None
+        total += count_fields(field_spec.nested) if is_inline and field_spec.nested is not None else 1
         if total > MAX_INLINE:
             break
     return total

@@ -12,13 +12,13 @@ from collections.abc import Iterable, Mapping
 from typing import Final, Literal, TypeAlias
 
 from rosbridge_sim.errors import TypeNameError
+from rosbridge_sim.printable import MAX_QUOTED, printable
 
 __all__ = [
     "RENAMED_FIELDS",
     "RENAMED_PACKAGES",
     "DefinitionKind",
     "Generation",
-    "printable",
     "ros2_names",
     "snake_case",
     "spelled",
@@ -59,9 +59,6 @@ _TYPE_NAME: Final = re.compile(r"/*([A-Za-z]\w*)/+(?:(?:msg|srv|action)/+)?([A-Z
 _ROS2_FIELD: Final = re.compile(r"[a-z](?:_?[a-z0-9])*")
 _WORD_BORDER: Final = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 
-_MAX_SHOWN: Final = 200
-"""Characters of a path or a type name in an error text: far more than any real one has."""
-
 
 def split_name(name: str) -> tuple[str, str]:
     """Package and type of a name, `pkg/Type` or with the kind between.
@@ -71,7 +68,7 @@ def split_name(name: str) -> tuple[str, str]:
     """
     match = _TYPE_NAME.fullmatch(name)
     if match is None:
-        raise TypeNameError(f"{printable(name)} is not a valid type string")
+        raise TypeNameError(f"{printable(name, MAX_QUOTED)} is not a valid type string")
     return match[1], match[2]
 
 
@@ -101,9 +98,3 @@ def ros2_names(names: Iterable[str]) -> dict[str, str]:
         # of two that meet in one name neither has it
         found[other] = "" if other in found else name
     return {other: name for other, name in found.items() if name}
-
-
-def printable(text: str) -> str:
-    """A text of a peer's as an error text may repeat it: not endless, and without half surrogate pairs."""
-    shown = text if len(text) <= _MAX_SHOWN else text[:_MAX_SHOWN] + "..."
-    return shown.encode("utf-8", "backslashreplace").decode()

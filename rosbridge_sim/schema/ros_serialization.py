@@ -17,10 +17,10 @@ import msgspec
 
 from rosbridge_sim.errors import EncodingError, FieldError
 from rosbridge_sim.schema.codegen import MAX_INLINE, MAX_STARRED, Source, code_of, count_fields, pack_numbers
+from rosbridge_sim.schema.message_spec import FieldSpec, MessageSpec
 from rosbridge_sim.schema.names import Generation
-from rosbridge_sim.schema.validate import FieldSpec, MessageSpec
 
-__all__ = ["RosWire"]
+__all__ = ["RosWriters"]
 
 _Write = Callable[..., Any]
 """`(value, out)`, or `(value, out, at)` to the new `at` for CDR; Any: a generated struct."""
@@ -31,7 +31,7 @@ _ENCAPSULATION: Final = b"\0\1\0\0"
 _PADS: Final = [bytes(length) for length in range(8)]
 
 
-class RosWire:
+class RosWriters:
     """The writers of all types that were asked for; one for each store.
 
     Args:
@@ -42,14 +42,14 @@ class RosWire:
         self._is_cdr = ros != 1
         self._writers: dict[str, _Write] = {}
 
-    def serialize(self, shape: MessageSpec, value: msgspec.Struct) -> bytes:
+    def serialize(self, spec: MessageSpec, value: msgspec.Struct) -> bytes:
         """The bytes of a value; CDR begins with its four bytes of encapsulation.
 
         Raises:
             FieldError: nobody agrees on the type's bytes.
             EncodingError: the value does not fit its type: a bug, since whoever sends one has it checked.
         """
-        write = self._writers.get(shape.name) or self._writer(shape)
+        write = self._writers.get(spec.name) or self._writer(spec)
         out: list[bytes] = []
         try:
             if self._is_cdr:
@@ -58,15 +58,15 @@ class RosWire:
             else:
                 write(value, out)
         except (struct.error, ValueError, TypeError, OverflowError, AttributeError) as error:
-            raise EncodingError(f"{shape.name}: cannot be written as ROS does: {error}") from error
+            raise EncodingError(f"{spec.name}: cannot be written as ROS does: {error}") from error
         return b"".join(out)
 
-    def _writer(self, shape: MessageSpec) -> _Write:
-        writer = self._writers.get(shape.name)
+    def _writer(self, spec: MessageSpec) -> _Write:
+        writer = self._writers.get(spec.name)
         if writer is None:
             source = _RosSource(self._writer, is_cdr=self._is_cdr)
-            source.message(shape, "value")
-            writer = self._writers[shape.name] = source.finish(shape)
+            source.message(spec, "value")
+            writer = self._writers[spec.name] = source.finish(spec)
         return writer
 
 
@@ -84,11 +84,11 @@ class _RosSource(Source):
         self._is_cdr = is_cdr
         self._run: list[tuple[int, str, str]] = []
 
-    def finish(self, shape: MessageSpec) -> _Write:
+    def finish(self, spec: MessageSpec) -> _Write:
         self.flush()
         if self._is_cdr:
             self.line("return at")
-        return self.build("value, out, at" if self._is_cdr else "value, out", f"bytes of {shape.name}")
+        return self.build("value, out, at" if self._is_cdr else "value, out", f"bytes of {spec.name}")
 
     # Pieces
 
@@ -133,58 +133,60 @@ class _RosSource(Source):
 
     # Fields
 
-    def message(self, shape: MessageSpec, value: str) -> None:
+    def message(self, spec: MessageSpec, value: str) -> None:
         """All fields of a message that `value` stands for."""
-        for slot in shape.slots.values():
-            item = f"{value}.{slot.attribute}"
-            if slot.field.array is not None:
-                self.array(slot, shape, self.keep(item))
-            elif slot.shape is None:
-                self.scalar(slot.field.type, shape, item)
-            elif count_fields(slot.shape) <= MAX_INLINE:
-                self.message(slot.shape, self.keep(item))
+        for field_spec in spec.fields.values():
+            item = f"{value}.{field_spec.attribute}"
+            if field_spec.definition.array is not None:
+                self.array(field_spec, spec, self.keep(item))
+            elif field_spec.nested is None:
+                self.scalar(field_spec.definition.type, spec, item)
+            elif count_fields(field_spec.nested) <= MAX_INLINE:
+                self.message(field_spec.nested, self.keep(item))
             else:
-                self.call(self.bind("write", self._nested(slot.shape)), item)
-        if not shape.slots and self._is_cdr:
+                self.call(self.bind("write", self._nested(field_spec.nested)), item)
+        if not spec.fields and self._is_cdr:
             self.fixed("B", "0")
 
-    def scalar(self, kind: str, shape: MessageSpec, item: str) -> None:
+    def scalar(self, kind: str, spec: MessageSpec, item: str) -> None:
         if kind in {"string", "wstring"}:
-            self._check_wide(kind, shape)
+            self._check_wide(kind, spec)
             text = self.keep(f"{item}.encode() + b'\\0'" if self._is_cdr else f"{item}.encode()")
             self.fixed("I", f"len({text})")
             self.data(text)
-        elif kind in shape.dialect.times:
+        elif kind in spec.dialect.times:
             time = self.keep(item)
-            parts = zip(shape.dialect.times[kind].__struct_fields__, shape.dialect.time_parts[kind], strict=True)
+            parts = zip(spec.dialect.times[kind].__struct_fields__, spec.dialect.time_parts[kind], strict=True)
             for name, part in parts:
                 self.fixed(code_of(part), f"{time}.{name}")
         else:
-            self.fixed(code_of(kind, shape.dialect.ros), item)
+            self.fixed(code_of(kind, spec.dialect.ros), item)
 
-    def array(self, slot: FieldSpec, shape: MessageSpec, item: str) -> None:
-        kind = slot.field.type
-        count = 0 if slot.field.is_bounded or not slot.field.array else slot.field.array
-        is_number = slot.shape is None and kind not in {"string", "wstring", *shape.dialect.times}
-        if is_number and 0 < count <= MAX_STARRED and not slot.field.is_bytes:
-            self.fixed(f"{count}{code_of(kind, shape.dialect.ros)}", f"*{item}")
+    def array(self, field_spec: FieldSpec, spec: MessageSpec, item: str) -> None:
+        kind = field_spec.definition.type
+        count = (
+            0 if field_spec.definition.is_bounded or not field_spec.definition.array else field_spec.definition.array
+        )
+        is_number = field_spec.nested is None and kind not in {"string", "wstring", *spec.dialect.times}
+        if is_number and 0 < count <= MAX_STARRED and not field_spec.definition.is_bytes:
+            self.fixed(f"{count}{code_of(kind, spec.dialect.ros)}", f"*{item}")
             return
         if not count:
             self.fixed("I", f"len({item})")
-        if slot.shape is not None:
+        if field_spec.nested is not None:
             self.flush()
-            write = self.bind("write", self._nested(slot.shape))
+            write = self.bind("write", self._nested(field_spec.nested))
             self.line(f"for item in {item}: {'at = ' if self._is_cdr else ''}{write}(item, out{self._at})")
         elif kind in {"string", "wstring"}:
-            self._check_wide(kind, shape)
+            self._check_wide(kind, spec)
             self.call(self.bind("texts", _cdr_texts if self._is_cdr else _texts), item)
-        elif kind in shape.dialect.times:
-            pack = struct.Struct("<" + "".join(code_of(part) for part in shape.dialect.time_parts[kind])).pack
+        elif kind in spec.dialect.times:
+            pack = struct.Struct("<" + "".join(code_of(part) for part in spec.dialect.time_parts[kind])).pack
             self.data(self.keep(f"{self.bind('times', partial(_times, pack))}({item})"), align=4)
-        elif slot.field.is_bytes or kind == "bool":
+        elif field_spec.definition.is_bytes or kind == "bool":
             self.data(self.keep(f"bytes({item})"))
         else:
-            code = code_of(kind, shape.dialect.ros)
+            code = code_of(kind, spec.dialect.ros)
             numbers = self.bind("numbers", partial(pack_numbers, code))
             self.data(self.keep(f"{numbers}({item})"), align=struct.calcsize("<" + code))
 
@@ -192,9 +194,9 @@ class _RosSource(Source):
     def _at(self) -> str:
         return ", at" if self._is_cdr else ""
 
-    def _check_wide(self, kind: str, shape: MessageSpec) -> None:
+    def _check_wide(self, kind: str, spec: MessageSpec) -> None:
         if kind == "wstring" and self._is_cdr:
-            raise FieldError(f"{shape.name} has a wstring, whose bytes differ from one ROS 2 to the next")
+            raise FieldError(f"{spec.name} has a wstring, whose bytes differ from one ROS 2 to the next")
 
 
 def _layout(run: list[tuple[int, str, str]], start: int) -> struct.Struct:

@@ -15,7 +15,7 @@ import msgspec
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.schema.validate import MessageSpec
+from rosbridge_sim.schema.message_spec import MessageSpec
 
 __all__ = ["MAX_COST", "Skeleton"]
 
@@ -32,31 +32,31 @@ _List = tuple[str, int, "_Plan | None"]
 class _Plan:
     """The lists of messages of a type, and how they are counted; a flat plan passes over those in elements."""
 
-    __slots__ = ("inner", "lists", "struct")
+    __slots__ = ("inner", "lists", "struct_type")
 
-    def __init__(self, shape: MessageSpec, *, is_flat: bool = False) -> None:
+    def __init__(self, spec: MessageSpec, *, is_flat: bool = False) -> None:
         self.lists: list[_List] = []
         self.inner: list[tuple[str, _Plan]] = []
         columns: list[tuple[str, Any, Any]] = []
         names: dict[str, str] = {}
-        for i, (wire, slot) in enumerate(shape.slots.items()):
-            if slot.shape is None:
+        for i, (wire, field_spec) in enumerate(spec.fields.items()):
+            if field_spec.nested is None:
                 continue
-            plan = _Plan(slot.shape, is_flat=is_flat)
-            is_list = slot.field.array is not None
+            plan = _Plan(field_spec.nested, is_flat=is_flat)
+            is_list = field_spec.definition.array is not None
             if not is_list and not plan.has_lists:
                 continue
             attribute = f"f{i}"
             names[attribute] = wire
             if is_list:
                 within = plan if plan.has_lists and not is_flat else None
-                element = msgspec.Raw if within is None else within.struct
+                element = msgspec.Raw if within is None else within.struct_type
                 columns.append((attribute, GenericAlias(list, (element,)), msgspec.field(default_factory=list)))
-                self.lists.append((attribute, _cost_of(slot.shape), within))
+                self.lists.append((attribute, _cost_of(field_spec.nested), within))
             else:
-                columns.append((attribute, plan.struct | None, None))
+                columns.append((attribute, plan.struct_type | None, None))
                 self.inner.append((attribute, plan))
-        self.struct: Any = msgspec.defstruct("Skeleton", columns, rename=names, gc=False)
+        self.struct_type: Any = msgspec.defstruct("Skeleton", columns, rename=names, gc=False)
 
     @property
     def is_nested(self) -> bool:
@@ -83,14 +83,20 @@ class _Plan:
         return total
 
 
-def _cost_of(shape: MessageSpec) -> int:
+def _cost_of(spec: MessageSpec) -> int:
     """Cost of a message with nothing but defaults."""
     cost = 1
-    for slot in shape.slots.values():
-        count = 1 if slot.field.array is None else 0 if slot.field.is_bounded else slot.field.array
-        if slot.shape is not None:
-            cost += count * _cost_of(slot.shape)
-        elif slot.field.type == "float32" and slot.field.array is None:
+    for field_spec in spec.fields.values():
+        count = (
+            1
+            if field_spec.definition.array is None
+            else 0
+            if field_spec.definition.is_bounded
+            else field_spec.definition.array
+        )
+        if field_spec.nested is not None:
+            cost += count * _cost_of(field_spec.nested)
+        elif field_spec.definition.type == "float32" and field_spec.definition.array is None:
             cost += _ROUNDING
     return cost
 
@@ -100,16 +106,16 @@ class Skeleton:
 
     __slots__ = ("_counts",)
 
-    def __init__(self, shape: MessageSpec) -> None:
+    def __init__(self, spec: MessageSpec) -> None:
         """Made at a type's first long body.
 
         Args:
-            shape: the type.
+            spec: the type.
         """
-        plan = _Plan(shape)
+        plan = _Plan(spec)
         # The elements alone come first: 150,000 `{}` are too many, and looking into each takes 0.1 s and 25 MB.
-        plans = [_Plan(shape, is_flat=True), plan] if plan.is_nested else [plan] if plan.has_lists else []
-        self._counts = [(msgspec.json.Decoder(each.struct).decode, each.cost) for each in plans]
+        plans = [_Plan(spec, is_flat=True), plan] if plan.is_nested else [plan] if plan.has_lists else []
+        self._counts = [(msgspec.json.Decoder(each.struct_type).decode, each.cost) for each in plans]
 
     def check(self, name: str, body: bytes | msgspec.Raw) -> None:
         """Refuse a body that would cost too much.

@@ -12,9 +12,9 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+from rosbridge_sim.schema.message_spec import MessageSpec
 from rosbridge_sim.schema.names import Generation, ros2_names, snake_case
 from rosbridge_sim.schema.parse import TYPE_TOKEN, Constant, Definition, Field
-from rosbridge_sim.schema.validate import MessageSpec
 
 __all__ = ["TypeDef", "full_text", "typedefs"]
 
@@ -52,27 +52,27 @@ def typedefs(root: MessageSpec) -> list[TypeDef]:
     return list(_typedefs(root, set()))
 
 
-def _typedefs(shape: MessageSpec, seen: set[str]) -> Iterator[TypeDef]:
-    seen.add(shape.name)
-    times = _TIMES[shape.dialect.ros]
-    fields = [slot.field for slot in shape.slots.values()]
+def _typedefs(spec: MessageSpec, seen: set[str]) -> Iterator[TypeDef]:
+    seen.add(spec.name)
+    times = _TIMES[spec.dialect.ros]
+    fields = [field_spec.definition for field_spec in spec.fields.values()]
     yield TypeDef(
-        type=shape.name,
+        type=spec.name,
         fieldnames=[f.name for f in fields],
         fieldtypes=[times.get(f.type, f.type) for f in fields],
         fieldarraylen=[-1 if f.array is None else 0 if f.is_bounded else f.array for f in fields],
-        examples=[_example(f, slot.make) for f, slot in zip(fields, shape.slots.values(), strict=True)],
-        constnames=[c.name for c in shape.definition.constants],
-        constvalues=[str(c.value) for c in shape.definition.constants],
+        examples=[_example(f, field_spec.make) for f, field_spec in zip(fields, spec.fields.values(), strict=True)],
+        constnames=[c.name for c in spec.definition.constants],
+        constvalues=[str(c.value) for c in spec.definition.constants],
     )
-    for f, slot in zip(fields, shape.slots.values(), strict=True):
-        if slot.shape is not None:
-            if slot.shape.name not in seen:
-                yield from _typedefs(slot.shape, seen)
+    for f, field_spec in zip(fields, spec.fields.values(), strict=True):
+        if field_spec.nested is not None:
+            if field_spec.nested.name not in seen:
+                yield from _typedefs(field_spec.nested, seen)
         elif f.type in times and times[f.type] not in seen:
             seen.add(times[f.type])
-            names = list(shape.dialect.times[f.type].__struct_fields__)
-            parts = list(shape.dialect.time_parts[f.type])
+            names = list(spec.dialect.times[f.type].__struct_fields__)
+            parts = list(spec.dialect.time_parts[f.type])
             yield TypeDef(times[f.type], names, parts, [-1, -1], ["0", "0"], [], [])
 
 
@@ -91,14 +91,14 @@ def full_text(root: MessageSpec) -> str:
     return "\n".join([parts.pop(root.name), *(f"{_BORDER}\nMSG: {name}\n{text}" for name, text in parts.items())])
 
 
-def _texts(shape: MessageSpec, ros: Generation) -> Iterator[tuple[str, str]]:
+def _texts(spec: MessageSpec, ros: Generation) -> Iterator[tuple[str, str]]:
     """Name and text of a type and of those in it; some come twice."""
-    yield shape.name, _text(shape.definition, ros)
-    for slot in shape.slots.values():
-        if slot.shape is not None:
-            yield from _texts(slot.shape, ros)
-        elif ros != 1 and slot.field.type in _TIMES[2]:
-            yield _TIMES[2][slot.field.type], "int32 sec\nuint32 nanosec"
+    yield spec.name, _text(spec.definition, ros)
+    for field_spec in spec.fields.values():
+        if field_spec.nested is not None:
+            yield from _texts(field_spec.nested, ros)
+        elif ros != 1 and field_spec.definition.type in _TIMES[2]:
+            yield _TIMES[2][field_spec.definition.type], "int32 sec\nuint32 nanosec"
 
 
 def _text(definition: Definition, ros: Generation) -> str:

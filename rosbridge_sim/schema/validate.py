@@ -13,110 +13,26 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import islice
-from typing import Annotated, Any, TypeAlias
+from typing import Any
 
 import msgspec
 import numpy as np
-import numpy.typing as npt
-import orjson
 
 from rosbridge_sim.errors import FieldError, Reason
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.schema.names import Generation, printable
-from rosbridge_sim.schema.parse import INT_RANGES, MAX_FLOAT32, Definition, Field
+from rosbridge_sim.printable import MAX_QUOTED, printable
+from rosbridge_sim.schema.dialect import Dialect
+from rosbridge_sim.schema.float32 import LONG_ARRAY, NumberArray, round32, round32_list
+from rosbridge_sim.schema.message_spec import FieldSpec, MessageSpec
+from rosbridge_sim.schema.parse import INT_RANGES, MAX_FLOAT32, Field
 from rosbridge_sim.suggestions import hint, listing
 
-__all__ = [
-    "ROS1",
-    "ROS2",
-    "Dialect",
-    "Duration",
-    "FieldSpec",
-    "Leniency",
-    "MessageSpec",
-    "Time",
-    "Time2",
-    "check",
-    "round32",
-    "round32_list",
-]
-
-_UInt32 = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
-_Int32 = Annotated[int, msgspec.Meta(ge=-(2**31), le=2**31 - 1)]
-
-
-class Time(msgspec.Struct, frozen=True, forbid_unknown_fields=True, gc=False):
-    """A point in time as ROS 1 writes it [s, ns]."""
-
-    secs: _UInt32 = 0
-    nsecs: _UInt32 = 0
-
-
-class Duration(msgspec.Struct, frozen=True, forbid_unknown_fields=True, gc=False):
-    """A span of time as ROS 1 writes it [s, ns]."""
-
-    secs: _Int32 = 0
-    nsecs: _Int32 = 0
-
-
-class Time2(msgspec.Struct, frozen=True, forbid_unknown_fields=True, gc=False):
-    """A point in time, or a span of it, as ROS 2 writes both [s, ns]."""
-
-    sec: _Int32 = 0
-    nanosec: _UInt32 = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Dialect:
-    """What differs between the personalities of the two ROS generations.
-
-    Attributes:
-        ros: the generation.
-        times: the structs of `time` and `duration`; their two fields are the spelling that goes out.
-        time_parts: the integer types of their two fields.
-        ints: least and greatest value of each integer type, `byte` and `char` included.
-        no_stamp: the default of a header's stamp, known by identity: it stands until the time of now takes its place.
-    """
-
-    ros: Generation
-    times: Mapping[str, type[msgspec.Struct]]
-    time_parts: Mapping[str, tuple[str, str]]
-    ints: Mapping[str, tuple[int, int]]
-    no_stamp: msgspec.Struct
-
-    def time(self, stamp_ns: int) -> msgspec.Struct:
-        """The value of a `time` field at that time [ns]."""
-        return self.times["time"](*divmod(stamp_ns, 1_000_000_000))
-
-
-ROS1 = Dialect(
-    ros=1,
-    times={"time": Time, "duration": Duration},
-    time_parts={"time": ("uint32", "uint32"), "duration": ("int32", "int32")},
-    # In ROS 1 `byte` is an old name of int8 and `char` of uint8.
-    ints={**INT_RANGES, "byte": INT_RANGES["int8"], "char": INT_RANGES["uint8"]},
-    no_stamp=Time(),
-)
-
-ROS2 = Dialect(
-    ros=2,
-    times={"time": Time2, "duration": Time2},
-    time_parts={"time": ("int32", "uint32"), "duration": ("int32", "uint32")},
-    # In ROS 2 both are a byte without a sign.
-    ints={**INT_RANGES, "byte": INT_RANGES["uint8"], "char": INT_RANGES["uint8"]},
-    no_stamp=Time2(),
-)
-
-NumberArray: TypeAlias = npt.NDArray[Any]
-"""A typed array of CBOR: any numeric dtype of native byte order."""
+__all__ = ["check"]
 
 _MANY = 32
 """From so many elements on, checking all at once is quicker than one by one."""
-
-_LONG_ARRAY = 4_096
-"""From so many elements on, a typed array stays one: as a list it would take four to eight times its memory."""
 
 _DTYPES = {"byte": "int8", "char": "uint8"}
 """numpy's names of integer types that are not our own."""
@@ -125,72 +41,11 @@ _SPELLINGS = (("secs", "sec"), ("nsecs", "nanosec"))
 """Each part of a time in the spelling of ROS 1 and of ROS 2."""
 
 
-@dataclass(frozen=True, slots=True)
-class Leniency:
-    """Names and shapes that documents use in place of the wire's.
-
-    Attributes:
-        types: accepted type name -> the type's own name.
-        fields: type -> {accepted field name: wire name}.
-        scalars: type -> array fields that may come as a single element.
-        numerals: type -> integer fields that may come as text: `"13"`, or `"IntTL13"` with the digits at its end.
-    """
-
-    types: Mapping[str, str] = field(default_factory=dict)
-    fields: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    scalars: Mapping[str, frozenset[str]] = field(default_factory=dict)
-    numerals: Mapping[str, frozenset[str]] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True)
-class FieldSpec:
-    """A field with all that is needed to fill it.
-
-    Attributes:
-        attribute: its name in the struct: the wire name, unless Python cannot have it.
-        make: makes the default value.
-        zero: what `null` means as an element of an array; None where the type has no such value of its own.
-        shape: the nested message, or None.
-        is_single: may come as a single element instead of an array.
-        is_numeral: may come as text.
-    """
-
-    field: Field
-    attribute: str
-    make: Callable[[], object]
-    zero: object
-    shape: MessageSpec | None
-    is_single: bool
-    is_numeral: bool
-
-
-@dataclass(frozen=True, slots=True)
-class MessageSpec:
-    """A message type as `check` sees it.
-
-    Attributes:
-        slots: by wire name, in wire order.
-        aliases: accepted name -> wire name.
-        is_header: its stamp is set to the time of now where none is given.
-        finish: `(value, stamp_ns)`: does in place what is left to do on a struct that was made with its defaults; None
-            where nothing is.
-    """
-
-    name: str
-    definition: Definition
-    dialect: Dialect
-    struct: type[msgspec.Struct]
-    slots: Mapping[str, FieldSpec]
-    aliases: Mapping[str, str]
-    is_header: bool
-    finish: Callable[[Any, int], None] | None = None
-
-
-def check(shape: MessageSpec, value: object, stamp_ns: int, root: str | None = None) -> Struct:
+def check(spec: MessageSpec, value: object, stamp_ns: int, root: str | None = None) -> Struct:
     """The struct that a body (as Python objects) stands for.
 
     Args:
-        shape: the type.
+        spec: the type.
         value: what came: dicts, lists, numbers, text, and bytes where a binary encoding has them.
         stamp_ns: the time of now, for headers without a stamp and for the text `now` [ns].
         root: what error texts call the type; its own name when None.
@@ -198,14 +53,14 @@ def check(shape: MessageSpec, value: object, stamp_ns: int, root: str | None = N
     Raises:
         FieldError: the body does not fit.
     """
-    root = root or shape.name
+    root = root or spec.name
     if not isinstance(value, dict):
         raise FieldError(f"Expected a JSON object for type {root} but received a {type(value)}")
     try:
-        return _Check(shape.dialect, stamp_ns).message(shape, value)
+        return _Check(spec.dialect, stamp_ns).message(spec, value)
     except _Misfit as misfit:
         path = "".join(reversed(misfit.path)).removeprefix(".")
-        raise FieldError(misfit.say(root, printable(path)), reason=misfit.reason) from None
+        raise FieldError(misfit.say(root, printable(path, MAX_QUOTED)), reason=misfit.reason) from None
 
 
 class _Misfit(Exception):  # noqa: N818 - never leaves this module
@@ -233,36 +88,36 @@ def _wrong_value(full_type: str, why: str) -> _Misfit:
     )
 
 
-def _unknown(name: str, shape: MessageSpec, given: Mapping[object, object]) -> _Misfit:
+def _unknown(name: str, spec: MessageSpec, given: Mapping[object, object]) -> _Misfit:
     """A field that a message does not have, with what is likely meant by it."""
 
     def say(root: str, path: str) -> str:
-        owner = "it" if path == printable(name) else shape.name
-        return f"Message type {root} does not have a field {path}{_advise(name, shape, given, owner)}"
+        owner = "it" if path == printable(name, MAX_QUOTED) else spec.name
+        return f"Message type {root} does not have a field {path}{_advise(name, spec, given, owner)}"
 
     misfit = _Misfit(say, Reason.UNKNOWN_FIELD)
     misfit.path.append("." + name)
     return misfit
 
 
-def _advise(name: str, shape: MessageSpec, given: Mapping[object, object], owner: str) -> str:
+def _advise(name: str, spec: MessageSpec, given: Mapping[object, object], owner: str) -> str:
     """Return the nearest field and all that there are; or that what was given belongs into the only one.
 
     Args:
         name: the unknown field.
-        shape: the message that lacks it.
+        spec: the message that lacks it.
         given: all that was given for that message.
         owner: what the sentence calls it.
     """
-    if not shape.slots:
+    if not spec.fields:
         return f"; {owner} has no fields"
-    (field_name, slot), *others = shape.slots.items()
-    inner = slot.shape
-    if inner is not None and not others and slot.field.array is None and field_name not in given:
-        known = inner.slots.keys() | inner.aliases.keys()
+    (field_name, field_spec), *others = spec.fields.items()
+    inner = field_spec.nested
+    if inner is not None and not others and field_spec.definition.array is None and field_name not in given:
+        known = inner.fields.keys() | inner.aliases.keys()
         if any(key in known for key in islice(given, _LOOKED_AT)):  # the message itself, without what wraps it
             return f'; wrap it in `{field_name}`: {{"{field_name}": {{...}}}}'
-    return f"{hint(name, [*shape.slots, *shape.aliases])}; {owner} has {listing(shape.slots)}"
+    return f"{hint(name, [*spec.fields, *spec.aliases])}; {owner} has {listing(spec.fields)}"
 
 
 _LOOKED_AT = 100
@@ -274,82 +129,87 @@ class _Check:
     dialect: Dialect
     stamp_ns: int
 
-    def message(self, shape: MessageSpec, value: object) -> msgspec.Struct:
+    def message(self, spec: MessageSpec, value: object) -> msgspec.Struct:
         """A nested or root message; an absent one (`null`) is like one without any fields."""
         if value is None:
-            return self.default(shape)
+            return self.default(spec)
         if not isinstance(value, dict):  # before any comparison: an array compares element by element
-            raise _wrong_type(shape.name, value)
+            raise _wrong_type(spec.name, value)
         if not value:
-            return self.default(shape)
+            return self.default(spec)
         given = {}
         for key, item in value.items():
-            if key in shape.slots:
+            if key in spec.fields:
                 given[key] = item
-            elif key in shape.aliases:
+            elif key in spec.aliases:
                 # Where both names are given the wire's own one counts.
-                given.setdefault(shape.aliases[key], value.get(shape.aliases[key], item))
-            elif not (shape.is_header and key == "seq"):
-                raise _unknown(str(key), shape, value)
+                given.setdefault(spec.aliases[key], value.get(spec.aliases[key], item))
+            elif not (spec.is_header and key == "seq"):
+                raise _unknown(str(key), spec, value)
         values = {}
-        for name, slot in shape.slots.items():
+        for name, field_spec in spec.fields.items():
             try:
-                values[slot.attribute] = (
-                    self.field(shape, slot, given[name]) if name in given else self.absent(shape, slot)
+                values[field_spec.attribute] = (
+                    self.field(spec, field_spec, given[name]) if name in given else self.absent(spec, field_spec)
                 )
             except _Misfit as misfit:
                 misfit.path.append("." + name)
                 raise
-        return shape.struct(**values)
+        return spec.struct_type(**values)
 
-    def absent(self, shape: MessageSpec, slot: FieldSpec) -> object:
+    def absent(self, spec: MessageSpec, field_spec: FieldSpec) -> object:
         """The default of a field that was not given."""
-        if slot.shape is not None:
-            if slot.field.array is None:
-                return self.default(slot.shape)
-            return [self.default(slot.shape) for _ in range(0 if slot.field.is_bounded else slot.field.array)]
-        if shape.is_header and slot.field.name == "stamp":
+        if field_spec.nested is not None:
+            if field_spec.definition.array is None:
+                return self.default(field_spec.nested)
+            return [
+                self.default(field_spec.nested)
+                for _ in range(0 if field_spec.definition.is_bounded else field_spec.definition.array)
+            ]
+        if spec.is_header and field_spec.definition.name == "stamp":
             return self.dialect.time(self.stamp_ns)
-        return slot.make()
+        return field_spec.make()
 
-    def default(self, shape: MessageSpec) -> msgspec.Struct:
+    def default(self, spec: MessageSpec) -> msgspec.Struct:
         """A message of which nothing was given."""
-        value = shape.struct()
-        if shape.finish is not None:
-            shape.finish(value, self.stamp_ns)
+        value = spec.struct_type()
+        if spec.finalize is not None:
+            spec.finalize(value, self.stamp_ns)
         return value
 
-    def field(self, shape: MessageSpec, slot: FieldSpec, value: object) -> object:
-        if value is None and (slot.field.array is not None or not slot.field.type.startswith("float")):
-            return self.absent(shape, slot)
-        if slot.field.is_bytes:
-            return self.bytes(slot, value)
-        if slot.field.array is not None:
-            return self.array(slot, value)
-        return self.element(slot, value)
+    def field(self, spec: MessageSpec, field_spec: FieldSpec, value: object) -> object:
+        if value is None and (
+            field_spec.definition.array is not None or not field_spec.definition.type.startswith("float")
+        ):
+            return self.absent(spec, field_spec)
+        if field_spec.definition.is_bytes:
+            return self.bytes(field_spec, value)
+        if field_spec.definition.array is not None:
+            return self.array(field_spec, value)
+        return self.element(field_spec, value)
 
-    def array(self, slot: FieldSpec, value: object) -> list[object] | NumberArray:
+    def array(self, field_spec: FieldSpec, value: object) -> list[object] | NumberArray:
         if isinstance(value, np.ndarray):
-            return self.numbers(slot, value)
-        if slot.is_single and not isinstance(value, (list, tuple)):
+            return self.numbers(field_spec, value)
+        if field_spec.is_single and not isinstance(value, (list, tuple)):
             value = [value]
         if not isinstance(value, (list, tuple)):
-            raise _wrong_type(slot.field.full_type, value)
-        _check_length(slot.field, len(value), "elements")
-        if len(value) >= _MANY and (plain := self.plain_numbers(slot, value)) is not None:
+            raise _wrong_type(field_spec.definition.full_type, value)
+        _check_length(field_spec.definition, len(value), "elements")
+        if len(value) >= _MANY and (plain := self.plain_numbers(field_spec, value)) is not None:
             return plain
         values = []
         for i, item in enumerate(value):
             try:
-                values.append(self.element(slot, item))
+                values.append(self.element(field_spec, item))
             except _Misfit as misfit:
                 misfit.path.append(f"[{i}]")
                 raise
         return values
 
-    def plain_numbers(self, slot: FieldSpec, value: Sequence[Any]) -> list[object] | NumberArray | None:
+    def plain_numbers(self, field_spec: FieldSpec, value: Sequence[Any]) -> list[object] | NumberArray | None:
         """A long list of numbers of one kind, checked all at once; None where it must be looked at one by one."""
-        kind = slot.field.type
+        kind = field_spec.definition.type
         kinds = set(map(type, value))
         if kind in self.dialect.ints and kinds == {int}:
             low, high = self.dialect.ints[kind]
@@ -363,22 +223,22 @@ class _Check:
         if kind == "float64":
             floats: list[object] = wide.tolist()
             return floats
-        if len(value) < _LONG_ARRAY:
+        if len(value) < LONG_ARRAY:
             is_plain = bool(np.isfinite(wide).all()) and float(np.abs(wide).max()) < MAX_FLOAT32
             return round32_list(wide.tolist()) if is_plain else None  # type: ignore[return-value] # a list of objects
         with np.errstate(over="ignore"):
             narrow = wide.astype(np.float32)
         return narrow if np.array_equal(np.isinf(narrow), np.isinf(wide)) else None
 
-    def numbers(self, slot: FieldSpec, value: NumberArray) -> list[object] | NumberArray:
+    def numbers(self, field_spec: FieldSpec, value: NumberArray) -> list[object] | NumberArray:
         """A typed array; a long one stays an array, which all encoders take."""
-        kind = slot.field.type
+        kind = field_spec.definition.type
         is_float = kind in {"float32", "float64"}
         if not is_float and kind not in self.dialect.ints:
-            raise _wrong_type(slot.field.full_type, [])
-        _check_length(slot.field, len(value), "elements")
-        if len(value) < _LONG_ARRAY:
-            return self.array(slot, value.tolist())
+            raise _wrong_type(field_spec.definition.full_type, [])
+        _check_length(field_spec.definition, len(value), "elements")
+        if len(value) < LONG_ARRAY:
+            return self.array(field_spec, value.tolist())
         if is_float:
             with np.errstate(over="ignore"):  # it is looked for in the next line
                 floats = value.astype(kind)
@@ -392,42 +252,42 @@ class _Check:
             raise _wrong_value(kind, f"a number out of its range ({low} to {high})")
         return value.astype(_DTYPES.get(kind, kind))
 
-    def bytes(self, slot: FieldSpec, value: object) -> bytes:
+    def bytes(self, field_spec: FieldSpec, value: object) -> bytes:
         """Base64 (white space in it is harmless), numbers, or bytes from a binary encoding."""
         if isinstance(value, np.ndarray):
-            numbers = self.numbers(slot, value)
+            numbers = self.numbers(field_spec, value)
             return numbers.astype(np.uint8).tobytes() if isinstance(numbers, np.ndarray) else bytes(numbers)  # type: ignore[arg-type] # checked to be integers
         if isinstance(value, (list, tuple)):
-            return bytes(self.array(slot, value))  # type: ignore[arg-type] # its elements are checked to be integers
+            return bytes(self.array(field_spec, value))  # type: ignore[arg-type] # its elements are checked to be integers
         if isinstance(value, str):
             try:
                 value = msgspec.convert("".join(value.split()), bytes)
             except (msgspec.ValidationError, UnicodeEncodeError):
-                raise _wrong_value(slot.field.full_type, "text that is not base64") from None
+                raise _wrong_value(field_spec.definition.full_type, "text that is not base64") from None
         if not isinstance(value, (bytes, bytearray, memoryview)):
-            raise _wrong_type(slot.field.full_type, value)
+            raise _wrong_type(field_spec.definition.full_type, value)
         value = bytes(value)
-        _check_length(slot.field, len(value), "bytes")
+        _check_length(field_spec.definition, len(value), "bytes")
         return value
 
-    def element(self, slot: FieldSpec, value: object) -> object:
+    def element(self, field_spec: FieldSpec, value: object) -> object:
         """A scalar field, or one element of an array."""
-        kind = slot.field.type
-        if slot.shape is not None:
-            return self.message(slot.shape, value)
+        kind = field_spec.definition.type
+        if field_spec.nested is not None:
+            return self.message(field_spec.nested, value)
         if kind in {"float32", "float64"}:
             return _float(kind, value)
         if value is None:
-            return slot.zero
+            return field_spec.zero
         if kind in self.dialect.times:
             return self.time(kind, value)
         if kind in {"string", "wstring"}:
-            return _text(slot.field, value)
-        return _bool(value) if kind == "bool" else self.integer(slot, value)
+            return _text(field_spec.definition, value)
+        return _bool(value) if kind == "bool" else self.integer(field_spec, value)
 
-    def integer(self, slot: FieldSpec, value: object) -> int:
-        kind = slot.field.type
-        if isinstance(value, str) and slot.is_numeral:
+    def integer(self, field_spec: FieldSpec, value: object) -> int:
+        kind = field_spec.definition.type
+        if isinstance(value, str) and field_spec.is_numeral:
             value = _numeral(value)
         return _integer(kind, value, self.dialect.ints[kind])
 
@@ -505,45 +365,3 @@ def _float(kind: str, value: object) -> float:
         return round32(value) if kind == "float32" else value
     except OverflowError:
         raise _wrong_value(kind, "a number that is out of its range") from None
-
-
-# float32
-
-_MIN32 = 1.2e-38
-"""A little above the least number that float32 holds with full precision."""
-
-
-def round32(value: float) -> float:
-    """The shortest decimal that stands for the same float32: what 0.1 was before it went through four bytes.
-
-    Raises:
-        OverflowError: the number is finite and float32 has none so large.
-    """
-    size = abs(value)
-    if _MIN32 < size < MAX_FLOAT32:
-        # Up to six digits come back from float32 as they went in.
-        if float(f"{value:.6g}") == value:
-            return value
-        return float(orjson.dumps(np.float32(value), option=orjson.OPT_SERIALIZE_NUMPY))
-    if size == 0 or not math.isfinite(value):
-        return value
-    if size >= MAX_FLOAT32:
-        raise OverflowError("float32")
-    return float(orjson.dumps(np.float32(value), option=orjson.OPT_SERIALIZE_NUMPY))
-
-
-def round32_list(values: list[float]) -> list[float] | NumberArray:
-    """`round32` of every element, all at once; the elements are finite. A long list becomes an array of float32.
-
-    Raises:
-        OverflowError: an element is too large.
-    """
-    if len(values) <= 2:  # noqa: PLR2004 - numpy's own cost is that of about three
-        return [round32(value) for value in values]
-    wide = np.array(values, np.float64)
-    if wide.max() >= MAX_FLOAT32 or wide.min() <= -MAX_FLOAT32:
-        raise OverflowError("float32")
-    if len(values) >= _LONG_ARRAY:
-        return wide.astype(np.float32)
-    rounded: list[float] = orjson.loads(orjson.dumps(wide.astype(np.float32), option=orjson.OPT_SERIALIZE_NUMPY))
-    return rounded

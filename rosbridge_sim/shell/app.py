@@ -256,14 +256,16 @@ class Simulator:
         if settings.sync_lease is None:
             _log.info("without --sync-lease, a master behind a bridge stays master when it dies: nobody sees it go")
         limits = AttachLimits(
-            has_line_each=settings.attach_sockets == "per-topic",
+            has_connection_each=settings.attach_sockets == "per-topic",
             max_wait=settings.attach_retry,
             max_frame_size=settings.max_frame_size,
             ping_interval=settings.ping_interval,
             ping_timeout=settings.ping_timeout,
             outbox=_outbox_limits(settings),
         )
-        self.attachments = tuple(Attachment(bus, node, url, limits, scheduler.look) for url in settings.attach)
+        self.attachments = tuple(
+            Attachment(bus, node.participant, url, limits, scheduler.look) for url in settings.attach
+        )
         for attachment in self.attachments:
             attachment.mirror.stamps = stamps
             attachment.mirror.why_gone = node.why_gone
@@ -326,7 +328,7 @@ def list_items(settings: Settings) -> list[ListedInterface]:
     Rosapi(bus)
     WebRepublisher(bus)
     built_in = replace(settings, scenario=Settings().scenario, scenario_path=(), map=None, catalogue=None)
-    return list(_make_node(bus, built_in, None, None).items.listing())
+    return list(_make_node(bus, built_in, None, None).interfaces.listing())
 
 
 def _make_node(
@@ -426,8 +428,9 @@ def _start_recording(settings: Settings, bus: Bus, node: SimulatorNode | None, t
     bag = open_bag(path)
     store = bus.store if bag.ros == bus.store.ros else Store(texts, leniency=LENIENCY, ros=bag.ros)
     loop = asyncio.get_running_loop()
+    owner = None if node is None else node.participant
     return Recorder(
-        bus, BagMessageWriter(bag, store, bus.store), path, simulator=node, patterns=settings.record_topics, loop=loop
+        bus, BagMessageWriter(bag, store, bus.store), path, simulator=owner, patterns=settings.record_topics, loop=loop
     )
 
 
@@ -461,11 +464,11 @@ def _limits(settings: Settings) -> ServerLimits:
 
 def _complete_policy(policy: Policy, node: SimulatorNode | None, *, is_attaching: bool) -> None:
     """Have patterns hold for all names of the simulator's things, and log what they leave open."""
-    ways = SimulatorWays(None if node is None else node.items)
+    ways = SimulatorWays(None if node is None else node.interfaces)
     policy.ways.add(ways.effects, ways.others)
     policy.ways.add(lambda: (WHO_IS_CONNECTED,))
     if node is not None:
-        node.items.on_change = policy.ways.change
+        node.interfaces.on_change = policy.ways.change
     for line in policy.left_open():
         _log.warning("%s", line)
     if is_attaching and not policy.is_open:

@@ -62,14 +62,14 @@ class AttachLimits:
     """What holds for each connection to a far side.
 
     Attributes:
-        has_line_each: a connection for each topic and service.
+        has_connection_each: a connection for each topic and service.
         max_wait: longest wait between two attempts [s].
         max_frame_size: a longer frame closes the connection [bytes].
         ping_interval, ping_timeout: the watchdog against half-open connections [s]; None is off.
         outbox: what may wait for one socket.
     """
 
-    has_line_each: bool = False
+    has_connection_each: bool = False
     max_wait: float = 10.0
     max_frame_size: int = 16 * 2**20
     ping_interval: float | None = 20.0
@@ -109,7 +109,7 @@ class Attachment:
             bus,
             source,
             self.url,
-            has_line_each=limits.has_line_each,
+            has_connection_each=limits.has_connection_each,
             limits=limits.outbox,
             max_frame_size=limits.max_frame_size,
         )
@@ -124,13 +124,13 @@ class Attachment:
     def start(self) -> None:
         """Dial, from now on and for ever."""
         self.mirror.on_attached = self._note_attached
-        self.mirror.on_lines = self._look
+        self.mirror.on_connections_changed = self._look
         self.mirror.on_failure = self._fail
         self._look()
 
     async def stop(self) -> None:
         """Tell the far side that it is over, and close; within LAST_WORD + CLOSE_TIMEOUT. Twice is no error."""
-        self.mirror.on_lines = lambda: None
+        self.mirror.on_connections_changed = lambda: None
         carriers, self._carriers = list(self._carriers.values()), {}
         if carriers:
             self.mirror.leave(asyncio.get_running_loop().time())
@@ -157,7 +157,7 @@ class Attachment:
 
     def _look(self) -> None:
         """Have a carrier for each line."""
-        wanted = dict.fromkeys(self.mirror.lines.values())
+        wanted = dict.fromkeys(self.mirror.connections.values())
         for line in [line for line in self._carriers if line not in wanted]:
             self._carriers.pop(line).let_go()
         for line in wanted:
@@ -313,7 +313,7 @@ class _ConnectionKeeper:
         """Log what happens to the first line. The others mostly share its fate: theirs is told if it stands alone."""
         if not self._line.name:
             _log.log(level, "%s", text)
-        elif level >= logging.WARNING and self._mirror.lines[""].is_ready:
+        elif level >= logging.WARNING and self._mirror.connections[""].is_ready:
             text = text.removeprefix(f"{self._attachment.url}: ")
             self._mirror.note(level, f"the socket of {self._line.name}: {text}", self._loop.time())
 
@@ -323,7 +323,7 @@ class _ConnectionKeeper:
         if not self._line.name:
             self._attachment.connected_at = self._loop.time()
             self._tell(logging.INFO, f"{self._attachment.url}: connected")
-        elif lost_at is not None and self._attachment.connected_at < lost_at and self._mirror.lines[""].is_open:
+        elif lost_at is not None and self._attachment.connected_at < lost_at and self._mirror.connections[""].is_open:
             text = f"the socket of {self._line.name} was lost and made again"
             self._mirror.note(logging.INFO, text, self._loop.time())
 
@@ -373,13 +373,13 @@ class _ConnectionKeeper:
         dialed, line = self._socket, self._line
         if dialed is None:
             return
-        due = line.credit.due
+        due = line.flow_control.due
         while dialed.has_room:
             frames = line.take(ATTACH_WRITE_SIZE, self._loop.time())
             if not frames:
                 break
             dialed.send_messages(frames)
-        if line.credit.due != due:  # a mark is on its way, whose answer may have to be given up
+        if line.flow_control.due != due:  # a probe is on its way, whose answer may have to be given up
             self._on_change()
         if line.outbox.is_overfull:
             _log.warning(

@@ -17,11 +17,11 @@ import time
 from typing import Any, Literal
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.peer import WEBSOCKET_NODE_NAME
-from rosbridge_sim.graph.policy import PolicyEffect, Use, Way
+from rosbridge_sim.graph.peer_base import WEBSOCKET_NODE_NAME
 from rosbridge_sim.graph.topics_services import Topic
+from rosbridge_sim.graph.ways import PolicyEffect, Use, Way
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.refusals import RefusalLog, escape
 from rosbridge_sim.shell.websocket.client import Client
 from rosbridge_sim.shell.websocket.server import Server
@@ -124,7 +124,7 @@ class ServerTopics:
         known = self._entries
         for client in self._server.clients:
             if client not in known:
-                make = store.message("rosbridge_msgs/ConnectedClient").struct
+                make = store.message("rosbridge_msgs/ConnectedClient").struct_type
                 known[client] = make(ip_address=client.host, connection_time=store.time_value(client.connected_ns))
         self._entries = {client: known[client] for client in self._server.clients}
         self.publish(self._count, data=len(self._entries))
@@ -140,7 +140,7 @@ class ServerTopics:
         self._refusals_timer = None
         self._refusals_at = self._loop.time()
         store = self.bus.store
-        make = store.message("rosbridge_sim_msgs/Refusal").struct
+        make = store.message("rosbridge_sim_msgs/Refusal").struct_type
         refusals = [
             make(
                 stamp=store.time_value(noted.stamp_ns),
@@ -159,13 +159,13 @@ class ServerTopics:
     def stamp(self) -> Struct:
         """A header with the time of day: these topics are about this process, not about the world in it."""
         store = self.bus.store
-        return store.message("std_msgs/Header").struct(stamp=store.time_value(time.time_ns()))
+        return store.message("std_msgs/Header").struct_type(stamp=store.time_value(time.time_ns()))
 
     def _advertise(self, name: str, type_name: str, *, depth: int = 0, is_exclusive: bool = False) -> Topic:
         return self.bus.advertise(self, name, type_name, depth=depth, is_exclusive=is_exclusive)
 
     def _struct(self, topic: Topic) -> Any:  # noqa: ANN401 - a class that is generated
-        return self.bus.store.message(topic.type.name).struct
+        return self.bus.store.message(topic.type.name).struct_type
 
     def _tick(self) -> None:
         self._timer = self._loop.call_later(REPORT_PERIOD, self._tick)
@@ -187,7 +187,7 @@ class ServerTopics:
         store = self.bus.store
         session, outbox = client.peer.session, client.outbox
         dropped = sorted((topic, count) for topic, count in outbox.dropped.items() if count)
-        return store.message("rosbridge_sim_msgs/ClientStatus").struct(
+        return store.message("rosbridge_sim_msgs/ClientStatus").struct_type(
             address=client.peer.address,
             connection_time=store.time_value(client.connected_ns),
             frames_received=session.num_received,

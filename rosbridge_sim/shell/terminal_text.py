@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-__all__ = ["escape_char", "safe"]
+__all__ = ["safe"]
 
 
 def safe(text: str) -> str:
     """Return a text on one line, without what a terminal could take for a command."""
-    return "".join(c if c.isprintable() else escape_char(c) for c in text)
+    return "".join(c if c.isprintable() else _escape(c) for c in text)
 
 
-def escape_char(char: str) -> str:
+def _escape(char: str) -> str:
     """A character as both YAML and Python write it in quotes."""
     short = {"\n": "\\n", "\t": "\\t", "\r": "\\r"}.get(char)
     code = ord(char)

@@ -1,6 +1,6 @@
-"""A grid over boxes that never move: which of them can be near to a place, without a look at all of them.
+"""A grid over boxes that never move: it finds those that can be near a place without a look at all of them.
 
-It finds more than what is near and never less; whoever asks measures what it finds.
+It finds more boxes than are near, and never fewer; the caller measures the distances.
 """
 
 from __future__ import annotations
@@ -11,27 +11,33 @@ import numpy as np
 
 from rosbridge_sim.world.geometry import FloatArray, IntArray, ranges
 
-__all__ = ["REACH", "BlockGrid"]
+__all__ = ["CELL_COLUMN", "REACH", "BlockGrid"]
 
 REACH: Final = 16.0
-"""How near a box must be for its being found to be certain [m]: a long lorry, and a bit."""
+"""A box within this distance is certainly found [m]: the length of a long lorry."""
 
 CELL: Final = 64.0
-"""Side of a cell [m]; doubled until a box lies in `CELLS_EACH` of them in the mean, as on a map of very long lines."""
+"""Side of a cell [m]. On a map of very long lines it is doubled until a box lies in few enough cells."""
 
 CELLS_EACH: Final = 16
+"""Cells that a box lies in at most, in the mean: it bounds the memory of the grid."""
 
-COLUMN: Final = 1 << 32
-"""From a cell to its eastern neighbour, in numbers of cells; to its northern one it is 1."""
+CELL_COLUMN: Final = 1 << 32
+"""Key stride: + CELL_COLUMN moves one cell east, + 1 one cell north."""
 
 
 class BlockGrid:
-    """Boxes by the cells that they reach into."""
+    """Boxes by the cells that they, enlarged by `REACH`, lie in."""
 
     __slots__ = ("_block", "_number", "_size")
 
     def __init__(self, low: FloatArray, high: FloatArray) -> None:
-        """Lay boxes down; (b, 2) their corners, east and north [m]."""
+        """Sort boxes into cells.
+
+        Args:
+            low: (b, 2) south-western corners of the boxes, east and north [m].
+            high: (b, 2) north-eastern corners [m].
+        """
         self._size = CELL
         while True:
             first = np.floor((low - REACH) / self._size).astype(np.int64)
@@ -42,7 +48,7 @@ class BlockGrid:
         num = width * height
         block = np.arange(len(low)).repeat(num)
         place = ranges(np.zeros_like(num), num)
-        number = (first[block, 0] + place // height[block]) * COLUMN + first[block, 1] + place % height[block]
+        number = (first[block, 0] + place // height[block]) * CELL_COLUMN + first[block, 1] + place % height[block]
         order = number.argsort(kind="stable")
         self._number, self._block = number[order], block[order]
 
@@ -53,10 +59,10 @@ class BlockGrid:
             place: (n, 2) east and north [m].
 
         Returns:
-            (m,) which place, rising; and (m,) the boxes, rising for each place.
+            (m,) int64, index of the place, rising, and (m,) int64, index of the box, rising for each place.
         """
         column, line = np.floor(place / self._size).astype(np.int64).T
-        number = column * COLUMN + line
+        number = column * CELL_COLUMN + line
         start = self._number.searchsorted(number, side="left")
         count = self._number.searchsorted(number, side="right") - start
         return np.arange(len(place)).repeat(count), self._block[ranges(start, count)]

@@ -27,7 +27,7 @@ NOBODY: Final = Body()  # in the rows that nobody has
 # for `walking`; so a gather is one call. Runs are named by their first and last column in those modules.
 FLOATS: Final = (
     # read by dynamics
-    *("target", "accel_max", "accel_min", "throttle_max", "sense", "drive", "hold", "steer_cmd"),
+    *("target", "accel_max", "accel_min", "throttle_max", "sense", "drive", "holding", "steer_cmd"),
     *("wheelbase", "steer_rate", "max_accel", "max_decel", "rolling", "drag"),
     # written by dynamics
     *("throttle", "brake", "steer", "accel", "lateral_accel", "yaw_rate"),
@@ -37,7 +37,17 @@ FLOATS: Final = (
     *("z", "arc", "leg_start", "leg_end", "leg_x", "leg_y", "leg_z", "leg_dx", "leg_dy", "leg_dz"),
     *("leg_yaw", "leg_turn"),
     # neither
-    *("path_length", "wish", "roll", "pitch", "speed_cmd", "accel_cmd", "max_steer", "speed_accel", "speed_decel"),
+    *(
+        "path_length",
+        "desired_speed",
+        "roll",
+        "pitch",
+        "speed_cmd",
+        "accel_cmd",
+        "max_steer",
+        "speed_accel",
+        "speed_decel",
+    ),
     # written by waiting
     *("start_within", "start_speed"),
     # read by motion
@@ -110,7 +120,7 @@ class EntityArrays:
     throttle_max: FloatArray
     sense: FloatArray
     drive: FloatArray
-    hold: FloatArray
+    holding: FloatArray
     steer_cmd: FloatArray
     wheelbase: FloatArray
     steer_rate: FloatArray
@@ -141,7 +151,7 @@ class EntityArrays:
     leg_yaw: FloatArray
     leg_turn: FloatArray
     path_length: FloatArray
-    wish: FloatArray
+    desired_speed: FloatArray
     roll: FloatArray
     pitch: FloatArray
     speed_cmd: FloatArray

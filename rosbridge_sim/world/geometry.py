@@ -25,11 +25,8 @@ __all__ = [
     "chain",
     "do_boxes_meet",
     "nearest_on_polyline",
-    "point_at",
     "quaternion",
     "ranges",
-    "to_body",
-    "to_map",
     "turn",
     "turn_back",
     "wrap_angle",
@@ -72,18 +69,6 @@ def wrap_angle(angle: npt.ArrayLike) -> FloatArray:
     wrapped = value - FULL_TURN * np.ceil((value - math.pi) / FULL_TURN)
     # A value next to the border may round to the far side of it by one last place: both mean pi.
     return np.asarray(np.where(np.abs(wrapped) >= math.pi, math.pi, wrapped))
-
-
-def to_map(x: npt.ArrayLike, y: npt.ArrayLike, yaw: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Turn vectors of body frames with heading `yaw` into the map frame; shapes broadcast."""
-    u, v, cos, sin = np.asarray(x), np.asarray(y), np.cos(yaw), np.sin(yaw)
-    return np.asarray(u * cos - v * sin), np.asarray(u * sin + v * cos)
-
-
-def to_body(x: npt.ArrayLike, y: npt.ArrayLike, yaw: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Turn vectors of the map frame into body frames with heading `yaw`; the inverse of `to_map`."""
-    u, v, cos, sin = np.asarray(x), np.asarray(y), np.cos(yaw), np.sin(yaw)
-    return np.asarray(u * cos + v * sin), np.asarray(v * cos - u * sin)
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:
@@ -141,18 +126,6 @@ def arc_lengths(points: FloatArray) -> FloatArray:
     arcs = np.zeros(len(points))
     np.cumsum(np.sqrt(np.square(np.diff(points, axis=0)).sum(axis=1)), out=arcs[1:])
     return arcs
-
-
-def point_at(points: FloatArray, arcs: FloatArray, arc: npt.ArrayLike) -> FloatArray:
-    """Return the points of a polyline at the given arc lengths, (q, d); beyond an end it is that end.
-
-    Args:
-        points: (m, d) vertices [m].
-        arcs: (m,) what `arc_lengths` says of them [m].
-        arc: (q,) arc lengths asked for [m].
-    """
-    at = np.atleast_1d(np.asarray(arc, dtype=np.float64))
-    return np.column_stack([np.interp(at, arcs, column) for column in points.T])
 
 
 def nearest_on_polyline(points: FloatArray, x: npt.ArrayLike, y: npt.ArrayLike) -> Nearest:

@@ -18,8 +18,8 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
-from rosbridge_sim.world.roads import Roads, ranges
+from rosbridge_sim.world.geometry import FloatArray, IntArray, ranges, wrap_angle
+from rosbridge_sim.world.roads import Roads
 
 __all__ = ["COMFORT", "LaneConflicts", "Links"]
 
@@ -32,7 +32,7 @@ MAX_LATERAL: Final = 2.5
 NO_LIMIT: Final = 50.0 / 3.6
 """Where no limit is told [m/s]."""
 
-MIN_PACE: Final = 1.5
+MIN_SAFE_SPEED: Final = 1.5
 """However sharp a corner of the line is, it is gone round at a walk [m/s]."""
 
 BEND: Final = 3.0
@@ -109,12 +109,12 @@ class LaneConflicts:
         shared: (l,) the greatest of these, 0 without siblings [m].
     """
 
-    __slots__ = ("hold", "legs", "onward", "out", "pace", "rivals", "roads", "shared", "siblings")
+    __slots__ = ("clear_point", "legs", "onward", "rivals", "roads", "safe_speed", "shared", "siblings", "wait_point")
 
     def __init__(self, roads: Roads) -> None:
         self.roads = roads
         curvature = _curvature(roads)
-        self.pace = _pace(roads, curvature)
+        self.safe_speed = _safe_speed(roads, curvature)
         self.legs = _legs(roads)
         self.onward = _onward(roads)
         pairs = _overlaps(roads, curvature)
@@ -126,11 +126,11 @@ class LaneConflicts:
         rival = ~is_sibling & ~_are_in_turn(roads, pairs.lane, pairs.other)
         lane, other = pairs.lane[rival], pairs.other[rival]
         self.rivals = _links(num, lane, other, pairs.other_to_s[rival] + TAIL)
-        hold = np.full(num, np.inf)
-        np.minimum.at(hold, lane, pairs.from_s[rival])
-        self.hold = np.where(hold < AT_START, 0.0, hold - TAIL)
-        self.out = np.zeros(num)
-        np.maximum.at(self.out, lane, pairs.to_s[rival] + TAIL)
+        wait_point = np.full(num, np.inf)
+        np.minimum.at(wait_point, lane, pairs.from_s[rival])
+        self.wait_point = np.where(wait_point < AT_START, 0.0, wait_point - TAIL)
+        self.clear_point = np.zeros(num)
+        np.maximum.at(self.clear_point, lane, pairs.to_s[rival] + TAIL)
 
 
 def _links(num: int, lane: IntArray, other: IntArray, figure: FloatArray) -> Links:
@@ -155,13 +155,13 @@ def _curvature(roads: Roads) -> FloatArray:
     return np.asarray(2.0 * area / np.maximum(np.hypot(*ab.T) * np.hypot(*bc.T) * np.hypot(*ac.T), 1e-9))
 
 
-def _pace(roads: Roads, curvature: FloatArray) -> FloatArray:
+def _safe_speed(roads: Roads, curvature: FloatArray) -> FloatArray:
     lane = np.repeat(np.arange(len(roads), dtype=np.int64), np.diff(roads.first))
     limit = np.where(roads.speed_limit > 0.0, roads.speed_limit, NO_LIMIT)[lane]
     if not len(lane):
         return limit
     bend = np.sqrt(MAX_LATERAL / np.maximum(curvature, 1e-9))
-    square = np.square(np.minimum(limit, np.maximum(bend, MIN_PACE)))
+    square = np.square(np.minimum(limit, np.maximum(bend, MIN_SAFE_SPEED)))
     # Slow enough for all that follows on the lane: v^2 + 2 b s never rises backwards. The lanes are set apart on the
     # scale by more than any speed is worth, so that one sweep does for all.
     along = 2.0 * COMFORT * roads.s

@@ -27,9 +27,9 @@ import numpy as np
 
 from rosbridge_sim.world.geometry import ComplexArray, FloatArray, IntArray
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
+from rosbridge_sim.world.lane_position import find_ahead
 from rosbridge_sim.world.paths import DX, DY, DZ, START, X, Y, Z
 from rosbridge_sim.world.state import DT, Kind, World
-from rosbridge_sim.world.traffic import onto
 
 __all__ = ["SPAN", "motion"]
 
@@ -169,7 +169,7 @@ def _on_paths(world: World, rows: IntArray, arc: FloatArray) -> _Points:
 def _on_lanes(world: World, rows: IntArray, arc: FloatArray) -> _Points:
     """Return the same on the lanes of rows; before the lane that they have come from they go straight as well."""
     roads = world.roads
-    lane, s = onto(roads, world.int_block("lane", "ahead_5")[:, rows], arc)
+    lane, s = find_ahead(roads, world.int_block("lane", "ahead_5")[:, rows], arc)
     behind = world.behind[rows]
     is_before = ((s < 0.0) & (behind >= 0)).nonzero()[0]
     if len(is_before):

@@ -1,15 +1,10 @@
-"""The roads as lanes: which lane is here, how far along it, where it leads, what lies beside it.
+"""The roads of a map as lanes: which lane is here, how far along it, where it leads, which lanes lie beside it.
 
-A lane is a polyline in driving direction. All lanes lie end to end in one set of arrays, so that a question about
-many places is a handful of numpy calls. Where a map comes from is not known here.
+A lane is a polyline in driving direction. All lanes lie end to end in one set of arrays, so that a question about many
+places takes a handful of numpy calls. This module does not know where a map comes from.
 
-Arc length and distance are measured in the plane (east, north); the height is only carried along. That is what a
-driver's `s` and lateral offset mean, and on a slope of 10 % the difference to the way driven is 0.5 %.
-
-The nearest lane is found exactly, near a road or far from any. The segments lie in blocks of a few tens that follow
-one another on a lane; a block's bounding box says how near it can be at best, its middle point how near it is at
-least. Only the segments of blocks that can still win are looked at. (A grid of cells answers a single question as
-fast, but grows with the area of the map and has nothing to say off the road.)
+Arc length and distance are measured in the plane (east, north); the height is only carried along. On a slope of 10 %
+the difference to the driven distance is 0.5 %.
 """
 
 from __future__ import annotations
@@ -22,45 +17,24 @@ from typing import TypeVar, cast
 import numpy as np
 import numpy.typing as npt
 
-from rosbridge_sim.world.block_grid import REACH, BlockGrid
-from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray, ranges, wrap_angle
+from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray, wrap_angle
+from rosbridge_sim.world.segment_search import LaneSegments, SegmentSearch
 
-__all__ = ["LanePlaces", "Roads", "ranges"]
+__all__ = ["LanePlaces", "Roads"]
 
 T = TypeVar("T")
-
-BLOCK = 32
-"""Segments in a block: about the root of their number on a small map, and 16 to 32 m of road."""
-
-TURN_COST = 3.0
-"""A lane across the heading counts as this much farther away [m], an opposite lane as twice as much: an oncoming
-lane (3.5 m) loses against one's own even while one drives on the line between them."""
-
-BESIDE = 0.5
-"""Who is farther than this beyond a lane's end, or outside of a corner, is not beside it [m]."""
-
-MAX_SEGMENTS = 1 << 19
-"""Pairs (place, segment) of one look for lanes near places, about 40 ms: 10,000 entities on the lanes of a town."""
-
-SQUARE = 4.0
-CROWD = 64
-"""Where there are more, so many are looked at in a square of this side [m], and of all squares the first ones before
-the second ones. On the lanes, whoever stands among others in one place changes little."""
-
-MAX_SEGMENT_PAIRS = 1 << 18
-"""Pairs (place, block) compared at once: 2 MB for each temporary array, which stays inside the cache."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LanePlaces:
-    """Where given points are, relative to the lane nearest to each; one row for each point.
+    """Where given points are, relative to a lane near each; (n,) each, one entry for each point.
 
     Attributes:
-        lane: (n,) int64, row of the lane; -1 where there is no road at all (the rest is then 0, `distance` inf).
-        s: (n,) arc length from the lane's start to the foot point [m].
-        lateral: (n,) offset from the lane's line, left positive [m].
-        distance: (n,) distance to the foot point; more than |lateral| beyond a lane's end [m].
-        yaw: (n,) direction of the lane at the foot point, counter-clockwise from east, (-pi, pi] [rad].
+        lane: int64, row of the lane; -1 where there is no road at all (the rest is then 0, `distance` inf).
+        s: arc length from the lane's start to the foot point [m].
+        lateral: offset from the lane's line, left positive [m].
+        distance: to the foot point; more than |lateral| beyond a lane's end [m].
+        yaw: direction of the lane at the foot point, counter-clockwise from east, (-pi, pi] [rad].
     """
 
     lane: IntArray
@@ -74,37 +48,31 @@ class Roads:
     """All lanes of a map, end to end; never changed after it is made.
 
     Attributes:
-        ids: (l,) names of the lanes, as the map spells them.
+        ids: (l,) names of the lanes, as the map gives them.
         points: (n, 3) float64, the lanes' lines one after the other, east, north, up [m].
-        first: (l + 1,) int64; lane `i` owns the points `first[i]:first[i + 1]`, two or more.
+        first: (l + 1,) int64; lane `i` has the points `first[i]:first[i + 1]`, two or more.
         s: (n,) arc length of each point from its lane's start [m].
         length: (l,) [m].
         width: (l,) [m].
-        speed_limit: (l,) [m/s]; 0 means none given.
-        turn: (l,) by how much the lane turns from its start to its end, left positive; more than pi for a loop [rad].
+        speed_limit: (l,) [m/s]; 0 where none is given.
+        turn: (l,) angle by which the lane turns from its start to its end, left positive; more than pi for a loop
+            [rad].
         left, right: (l,) int64, rows of the lanes beside that one may change into; -1 where there is none.
         is_stop: (l,) bool, a stop line lies across the lane's end.
-        border: (n, 2) how far the lane's edges lie to the left and to the right of each point, half a width where
-            the map does not say [m].
+        border: (n, 2) distances of the lane's edges to the left and to the right of each point; half a width where the
+            map does not say [m].
         first_successor, successor: (l + 1,) and (k,) int64; `successor[first_successor[i]:first_successor[i + 1]]`
             are the rows of the lanes that begin where lane `i` ends.
-        base, chain: (l,) and (n,) one scale for all lanes: the place `s` on lane `i` is `base[i] + s`, and `chain` has
-            the points' places, rising; between two lanes lies a metre of nothing [m].
+        base, chain: (l,) and (n,) one scale for all lanes: the place `s` on lane `i` is `base[i] + s`. `chain` has the
+            points' places, rising. Between two lanes there is an unused metre [m].
         digest: 16 bytes that stand for all of it.
     """
 
     __slots__ = (
-        "_block_first",
-        "_block_high",
-        "_block_low",
-        "_block_middle",
-        "_block_size",
         "_derived",
         "_rows",
-        "_segment_direction",
-        "_segment_lane",
-        "_segment_length",
-        "_segment_point",
+        "_search",
+        "_segments",
         "base",
         "border",
         "chain",
@@ -137,34 +105,34 @@ class Roads:
         is_stop: Sequence[bool] | None = None,
         borders: Mapping[int, FloatArray] | None = None,
     ) -> None:
-        """Lay the lanes out; without arguments, a place without roads.
+        """Make the lanes; without arguments, a map without roads.
 
         Args:
-            ids: name of each lane, all different.
-            lines: for each lane (k, 3) points in driving direction [m], finite. Repeated points are left out.
+            ids: for each lane its name, all different.
+            lines: for each lane (k, 3) points in driving direction, finite [m]. Repeated points are left out.
             successors: for each lane the rows of the lanes that go on where it ends.
-            width: for each lane [m].
-            speed_limit: for each lane [m/s].
-            left: for each lane the row of the one to its left, or -1; None: nowhere is one.
-            right: the same to the right.
-            is_stop: for each lane whether it ends at a stop line; None: none does.
-            borders: for some lanes (k, 2) the distances to the left and right edge at each point of its line [m].
+            width: for each lane its width [m].
+            speed_limit: for each lane its speed limit, 0 where none is given [m/s].
+            left: for each lane the row of the lane to its left, or -1; None for no such lanes.
+            right: for each lane the row of the lane to its right, or -1; None for no such lanes.
+            is_stop: for each lane whether it ends at a stop line; None for no stop lines.
+            borders: for some lanes (k, 2) the distances to the left and the right edge at each point of the line [m].
 
         Raises:
-            ValueError: the lengths differ, a name comes twice or a line has no length.
+            ValueError: the arguments differ in length, a name comes twice or a line has no length.
         """
         if not len(ids) == len(lines) == len(successors) == len(width) == len(speed_limit):
-            raise ValueError("every lane needs a name, a line, successors, a width and a speed limit")
+            raise ValueError("expected a name, a line, successors, a width and a speed limit for every lane")
         num = len(ids)
         self.left = np.array([-1] * num if left is None else left, dtype=np.int64)
         self.right = np.array([-1] * num if right is None else right, dtype=np.int64)
         self.is_stop = np.array([False] * num if is_stop is None else is_stop, dtype=bool)
         if not len(self.left) == len(self.right) == len(self.is_stop) == num:
-            raise ValueError("what lies beside and at the end of the lanes is told for each of them")
+            raise ValueError("left, right and is_stop: expected one value for each lane")
         self.ids = tuple(ids)
         self._rows = {name: i for i, name in enumerate(self.ids)}
         if len(self._rows) != len(self.ids):
-            raise ValueError("two lanes have one name")
+            raise ValueError("ids: expected different names, but two lanes have the same one")
         kept = [_is_new(line) for line in lines]
         clean = [np.asarray(line, dtype=np.float64)[mask] for line, mask in zip(lines, kept, strict=True)]
         short = next((i for i, line in enumerate(clean) if len(line) < 2), None)  # noqa: PLR2004  # a line's two ends
@@ -180,7 +148,7 @@ class Roads:
         for lane, distances in (borders or {}).items():
             self.border[self.first[lane] : self.first[lane + 1]] = distances[kept[lane]]
         self._measure()
-        self._lay_blocks()
+        self._search = SegmentSearch(self._segments, num) if num else None
         self._derived: dict[object, object] = {}
         self.digest = self._hash()
 
@@ -188,7 +156,7 @@ class Roads:
         return len(self.ids)
 
     def row(self, name: str) -> int:
-        """The row of the lane with this name.
+        """Return the row of the lane with this name.
 
         Raises:
             KeyError: there is no such lane.
@@ -196,18 +164,22 @@ class Roads:
         return self._rows[name]
 
     def successors(self, lane: int) -> IntArray:
-        """(k,) rows of the lanes that begin where this one ends, in the map's order; empty at a dead end."""
+        """Return the lanes that begin where a lane ends.
+
+        Returns:
+            (k,) int64, rows in the map's order; empty at a dead end.
+        """
         return self.successor[self.first_successor[lane] : self.first_successor[lane + 1]]
 
     def derived(self, make: Callable[[Roads], T]) -> T:
-        """`make(roads)`, made at the first call and kept."""
+        """Return `make(roads)`, made at the first call and kept."""
         value = self._derived.get(make)
         if value is None:
             value = self._derived[make] = make(self)
         return cast("T", value)  # the key says what the value is
 
     def at(self, lane: npt.ArrayLike, s: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Points on lanes.
+        """Return points on lanes.
 
         Args:
             lane: (n,) rows of lanes.
@@ -220,10 +192,10 @@ class Roads:
         point, share = self.locate(lane, np.asarray(s, dtype=np.float64))
         start = self.points[point]
         # Each lane before has one segment fewer than it has points.
-        return start + share[:, None] * (self.points[point + 1] - start), self._yaw(point - lane)
+        return start + share[:, None] * (self.points[point + 1] - start), self._segments.yaw(point - lane)
 
     def beside(self, places: LanePlaces) -> tuple[FloatArray, FloatArray]:
-        """How far the edges of their lanes are from given places.
+        """Return how far the edges of their lanes are from given places.
 
         Args:
             places: from `nearest`.
@@ -239,11 +211,15 @@ class Roads:
         return border[:, 0] - places.lateral, border[:, 1] + places.lateral
 
     def locate(self, lane: IntArray, s: FloatArray) -> tuple[IntArray, FloatArray]:
-        """(n,) the row of the point before each place, and (n,) the share of the way from it to the next one.
+        """Return between which points of the roads given places lie.
 
         Args:
             lane: (n,) rows of lanes.
             s: (n,) arc lengths, held within the lane [m].
+
+        Returns:
+            (n,) int64, the row of the point before each place, and (n,) the share of the distance from it to the next
+            point, 0..1.
         """
         length = self.length[lane]
         s = np.fmin(np.fmax(s, 0.0), length)
@@ -255,39 +231,34 @@ class Roads:
             at = np.flatnonzero(is_wrong)
             found = np.searchsorted(self.chain, self.base[lane[at]] + s[at], side="right") - 1
             point[at] = np.minimum(np.maximum(found, first[at]), last[at])
-        return point, (s - self.s[point]) / self._segment_length[point - lane]
+        return point, (s - self.s[point]) / self._segments.length[point - lane]
 
     def nearest(self, x: npt.ArrayLike, y: npt.ArrayLike, yaw: npt.ArrayLike | None = None) -> LanePlaces:
-        """The lane nearest to each point, and where on it.
+        """Return the lane nearest to each point, and the place on it.
 
         Args:
             x: (n,) east, finite [m].
             y: (n,) north, finite [m].
-            yaw: (n,) headings [rad]; when given, lanes of another direction count as farther away (`TURN_COST`).
+            yaw: (n,) headings [rad]; when given, lanes of another direction count as farther away
+                (`segment_search.TURN_COST`).
 
         Returns:
-            One row for each point. Of equally near lanes the first in the map's order.
+            (n,) places. Of equally near lanes the first in the map's order.
         """
         x, y = np.broadcast_arrays(np.atleast_1d(np.asarray(x, np.float64)), np.atleast_1d(np.asarray(y, np.float64)))
         place = np.stack((x, y), axis=-1)
         n = len(place)
-        if len(self) == 0 or n == 0:
+        if self._search is None or n == 0:
             zero = np.zeros(n)
             return LanePlaces(np.full(n, -1, dtype=np.int64), zero, zero.copy(), np.full(n, np.inf), zero.copy())
         heading = None
         if yaw is not None:
             angle = np.broadcast_to(np.asarray(yaw, dtype=np.float64), (n,))
             heading = np.stack((np.cos(angle), np.sin(angle)), axis=-1)
-
-        best = np.zeros(n, dtype=np.int64)
-        step = max(1, MAX_SEGMENT_PAIRS // len(self._block_size))
-        for i in range(0, n, step):  # turns, not rows: nearly always one
-            part = slice(i, i + step)
-            best[part] = self._best(place[part], None if heading is None else heading[part])
-        return self._places(place, best)
+        return self._places(place, self._search.nearest(place, heading))
 
     def within(self, x: FloatArray, y: FloatArray, radius: FloatArray) -> tuple[IntArray, LanePlaces]:
-        """All lanes near each point; beside the middle of a lane, not beyond its ends.
+        """Return all lanes near each point. A point beyond the ends of a lane is not near it.
 
         Args:
             x: (n,) east, finite [m].
@@ -295,134 +266,47 @@ class Roads:
             radius: (n,) how near [m].
 
         Returns:
-            (m,) int64, which point, rising; and (m,) the lanes, those of one point in the map's order. Of crowds beyond
-            `MAX_SEGMENTS` not all points are looked at.
+            (m,) int64, index of the point, rising; and (m,) places, those of one point in the map's order. Of crowds
+            beyond `segment_search.MAX_SEGMENTS` not all points are looked at.
         """
         place = np.stack((x, y), axis=-1)
-        if len(self) == 0 or len(place) == 0:
+        if self._search is None or len(place) == 0:
             none, empty = np.zeros(0, dtype=np.int64), np.zeros(0)
             return none, LanePlaces(none, empty, empty, empty, empty)
-        owner, block = self._blocks_within(place, radius)
-        is_seen = _thin_out(place, owner, self._block_size[block])
-        owner, block = owner[is_seen], block[is_seen]
-        size = self._block_size[block]
-        owner, segment = np.repeat(owner, size), ranges(self._block_first[block], size)
-        _, lateral, distance = self._project(place[owner], segment)
-        is_near = (distance <= radius[owner]) & (distance - np.abs(lateral) < BESIDE)
-        owner, segment, distance = owner[is_near], segment[is_near], distance[is_near]
-        key = owner * len(self) + self._segment_lane[segment]
-        order = np.lexsort((distance, key))
-        best = order[np.flatnonzero(np.diff(key[order], prepend=-1))]
-        return owner[best], self._places(place[owner[best]], segment[best])
-
-    def _blocks_within(self, place: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
-        """(m,) which place, rising, and (m,) the blocks whose boxes are within its radius, rising for each."""
-        owner, block = self.derived(_lay_grid).find(place)
-        is_seen = _thin_out(place, owner, np.ones_like(owner))
-        owner, block = owner[is_seen], block[is_seen]
-        far = np.flatnonzero(radius > REACH)  # seldom anybody: these are compared with all blocks
-        if len(far):
-            is_near = radius[owner] <= REACH
-            num = len(self._block_size)
-            owner = np.concatenate([owner[is_near], far.repeat(num)])
-            block = np.concatenate([block[is_near], np.tile(np.arange(num), len(far))])
-            order = np.lexsort((block, owner))
-            owner, block = owner[order], block[order]
-        gap = np.maximum(self._block_low[block] - place[owner], place[owner] - self._block_high[block])
-        is_within = _length(np.maximum(gap, 0.0)) <= radius[owner]
-        return owner[is_within], block[is_within]
+        owner, segment = self._search.within(place, radius)
+        return owner, self._places(place[owner], segment)
 
     def _places(self, place: FloatArray, segment: IntArray) -> LanePlaces:
-        """What there is to say of `place` (n, 2) relative to the segments (n,) chosen for it."""
-        along, lateral, distance = self._project(place, segment)
-        lane = self._segment_lane[segment]
-        return LanePlaces(lane, self.s[self._segment_point[segment]] + along, lateral, distance, self._yaw(segment))
-
-    def _best(self, place: FloatArray, heading: FloatArray | None) -> IntArray:
-        """(n,) the best segment for each place, its `heading` (n, 2) as a unit vector taken into account."""
-        segment, count = self._candidates(place, slack=0.0 if heading is None else 2.0 * TURN_COST)
-        owner = np.repeat(np.arange(len(place)), count)
-        score = self._project(place[owner], segment)[2]
-        if heading is not None:
-            towards = (heading[owner] * self._segment_direction[segment]).sum(axis=1)
-            score += TURN_COST * (1.0 - towards)
-        start = np.cumsum(count) - count
-        least = np.minimum.reduceat(score, start)
-        hit = np.flatnonzero(score == least[owner])
-        return np.asarray(segment[hit[np.searchsorted(hit, start)]])
-
-    def _candidates(self, place: FloatArray, slack: float) -> tuple[IntArray, IntArray]:
-        """The segments that can be the nearest, for each place one or more, and how many for each.
-
-        Args:
-            place: (n, 2) [m].
-            slack: how much farther than the nearest one a segment may be [m].
-
-        Returns:
-            (sum of count,) segments, those of the first place first, and (n,) count.
-        """
-        gap = np.maximum(self._block_low - place[:, None], place[:, None] - self._block_high)
-        at_best = _length(np.maximum(gap, 0.0))
-        at_most = _length(place[:, None] - self._block_middle).min(axis=1) + slack
-        # A hair more, so that rounding cannot lose the block that the bound itself comes from.
-        owner, block = np.nonzero(at_best <= (at_most * (1.0 + 1e-9) + 1e-9)[:, None])
-        size = self._block_size[block]
-        count = np.bincount(np.repeat(owner, size), minlength=len(place))
-        return ranges(self._block_first[block], size), count
-
-    def _project(self, place: FloatArray, segment: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Foot points: along the segment [m], offset to the left of its line [m], distance [m]."""
-        away = place - self.points[self._segment_point[segment], :2]
-        direction = self._segment_direction[segment]
-        full = away[:, 0] * direction[:, 0] + away[:, 1] * direction[:, 1]
-        lateral = away[:, 1] * direction[:, 0] - away[:, 0] * direction[:, 1]
-        along = np.clip(full, 0.0, self._segment_length[segment])
-        return along, lateral, np.hypot(full - along, lateral)
-
-    def _yaw(self, segment: IntArray) -> FloatArray:
-        direction = self._segment_direction[segment]
-        return np.arctan2(direction[:, 1], direction[:, 0])
+        """Return the places of points (n, 2) relative to the segments (n,) chosen for them."""
+        segments = self._segments
+        along, lateral, distance = segments.project(place, segment)
+        s = self.s[segments.point[segment]] + along
+        return LanePlaces(segments.lane[segment], s, lateral, distance, segments.yaw(segment))
 
     def _measure(self) -> None:
-        """Segments, their directions, and arc lengths."""
+        """Work out segments, arc lengths and turns."""
         lane_of_point = np.repeat(np.arange(len(self), dtype=np.int64), np.diff(self.first))
         is_last = np.zeros(len(self.points), dtype=bool)
         is_last[self.first[1:] - 1] = True
-        self._segment_point = np.flatnonzero(~is_last)
-        self._segment_lane = lane_of_point[self._segment_point]
-        step = self.points[self._segment_point + 1, :2] - self.points[self._segment_point, :2]
-        self._segment_length = np.hypot(step[:, 0], step[:, 1])
-        self._segment_direction = step / self._segment_length[:, None]
+        point = np.flatnonzero(~is_last)
+        lane = lane_of_point[point]
+        start, end = self.points[point, :2], self.points[point + 1, :2]
+        step = end - start
+        length = np.hypot(step[:, 0], step[:, 1])
+        self._segments = LaneSegments(lane, point, start, end, length, step / length[:, None])
 
-        # One ascending scale for all lanes, a metre of nothing between two of them: a single search serves them all.
+        # One rising scale for all lanes, with an unused metre between two of them: a single search serves them all.
         gap = np.ones(len(self.points))
-        gap[self._segment_point] = self._segment_length
-        end = np.cumsum(gap)
-        self.chain = end - gap
+        gap[point] = length
+        chain_end = np.cumsum(gap)
+        self.chain = chain_end - gap
         self.base = self.chain[self.first[:-1]]
         self.s = self.chain - self.base[lane_of_point]
         self.length = self.s[self.first[1:] - 1]
 
-        yaw = self._yaw(np.arange(len(self._segment_lane)))
-        bend = np.where(self._segment_lane[1:] == self._segment_lane[:-1], wrap_angle(np.diff(yaw)), 0.0)
-        self.turn = np.bincount(self._segment_lane[1:], weights=bend, minlength=len(self))
-
-    def _lay_blocks(self) -> None:
-        """Cut each lane into blocks of at most `BLOCK` segments."""
-        num = np.diff(self.first) - 1  # segments of each lane
-        blocks = -(-num // BLOCK)
-        lane = np.repeat(np.arange(len(self), dtype=np.int64), blocks)
-        offset = BLOCK * ranges(np.zeros_like(blocks), blocks)
-        self._block_first = self.first[lane] - lane + offset
-        self._block_size = np.minimum(num[lane] - offset, BLOCK)
-        point = self._segment_point[self._block_first]
-        self._block_middle = self.points[point + self._block_size // 2, :2]
-        if len(lane) == 0:
-            self._block_low = self._block_high = self._block_middle
-            return
-        a, b = self.points[self._segment_point, :2], self.points[self._segment_point + 1, :2]
-        self._block_low = np.minimum.reduceat(np.minimum(a, b), self._block_first)
-        self._block_high = np.maximum.reduceat(np.maximum(a, b), self._block_first)
+        yaw = self._segments.yaw(np.arange(len(lane)))
+        bend = np.where(lane[1:] == lane[:-1], wrap_angle(np.diff(yaw)), 0.0)
+        self.turn = np.bincount(lane[1:], weights=bend, minlength=len(self))
 
     def _hash(self) -> bytes:
         state = blake2b(repr(self.ids).encode(), digest_size=16)
@@ -432,38 +316,9 @@ class Roads:
         return state.digest()
 
 
-def _length(vector: FloatArray) -> FloatArray:
-    """Lengths of plane vectors (..., 2)."""
-    return np.asarray(np.sqrt(vector[..., 0] * vector[..., 0] + vector[..., 1] * vector[..., 1]))
-
-
-def _is_new(line: FloatArray) -> npt.NDArray[np.bool_]:
-    """(k,) False for the points of a line that stand where the one before them stands (in the plane)."""
+def _is_new(line: FloatArray) -> BoolArray:
+    """Return (k,) False for the points of a line that are, in the plane, where the point before them is."""
     line = np.asarray(line, dtype=np.float64)
     is_new = np.ones(len(line), dtype=bool)
     is_new[1:] = (line[1:, 0] != line[:-1, 0]) | (line[1:, 1] != line[:-1, 1])
     return is_new
-
-
-def _lay_grid(roads: Roads) -> BlockGrid:
-    """A grid over the blocks of the lanes."""
-    return BlockGrid(roads._block_low, roads._block_high)  # noqa: SLF001 - a part of it, made when it is needed
-
-
-def _thin_out(place: FloatArray, owner: IntArray, cost: IntArray) -> BoolArray | slice:
-    """Choose the pairs to be looked at, of (m,) pairs that belong to places and cost so much each.
-
-    All of them, where they cost `MAX_SEGMENTS` together at most; else those of some places.
-    """
-    if cost.sum() <= MAX_SEGMENTS:
-        return slice(None)
-    cost_of_place = np.bincount(owner, weights=cost, minlength=len(place))
-    _, square = np.unique(np.floor(place / SQUARE), axis=0, return_inverse=True)
-    order = square.argsort(kind="stable")
-    num = np.bincount(square)
-    rank = np.empty(len(place), dtype=np.int64)
-    rank[order] = ranges(np.zeros_like(num), num)
-    in_turn = rank.argsort(kind="stable")
-    is_seen = np.empty(len(place), dtype=bool)
-    is_seen[in_turn] = (cost_of_place[in_turn].cumsum() <= MAX_SEGMENTS) & (rank[in_turn] < CROWD)
-    return np.asarray(is_seen[owner])

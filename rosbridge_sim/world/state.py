@@ -20,6 +20,7 @@ from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 
+from rosbridge_sim.world.control_columns import update_control_columns
 from rosbridge_sim.world.entity_arrays import INTS, LEG_COLUMNS, NOBODY, BoolArray, EntityArrays
 from rosbridge_sim.world.entity_types import MAX_COORDINATE, MAX_SPEED, Body, Gear, Kind, Mode
 from rosbridge_sim.world.geometry import FloatArray, IntArray, nearest_on_polyline, wrap_angle
@@ -64,10 +65,6 @@ STEP_NS: Final = 20_000_000  # the same [ns]
 MAX_UID: Final = 2**31 - 1  # ids go out as int32
 FIRST_UID: Final = 1  # 0 is left to the first ego, whose id is given
 
-# A resistance too small to see that is left out when the controller works out its pedals. Where throttle and rolling
-# resistance balance at rest it decides against the 1e-18 m/s that rounding would leave.
-STICTION: Final = 1e-9  # [m/s^2]
-
 _SURELY_WRAPPED: Final = 3.14
 """Angles within this are wrapped, however the last place of pi is rounded [rad]."""
 
@@ -96,8 +93,7 @@ _BODY_COLUMNS: Final = {
     "speed_decel": "speed_mode_decel",
 }
 _BOX_COLUMNS: Final = ("half_length", "half_width", "height", "centre")
-_GEAR_DRIVE: Final = {Gear.PARK: 0.0, Gear.REVERSE: -1.0, Gear.NEUTRAL: 0.0, Gear.DRIVE: 1.0}
-_LANE_COLUMNS: Final = ("wish", *INTS[INTS.index("turns") :], "has_lane", "is_loop")
+_LANE_COLUMNS: Final = ("desired_speed", *INTS[INTS.index("turns") :], "has_lane", "is_loop")
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,7 +226,7 @@ class World(EntityArrays):
         if kind == Kind.EGO:
             for column in _BODY_COLUMNS:
                 getattr(self, column)[row] = getattr(body, _BODY_COLUMNS[column])
-            self.aim(row)
+            update_control_columns(self, row)
         if segments is not None:
             self.has_path[row], self.is_loop[row] = True, is_loop
             self.path_base[row], self.path_length[row] = base, segments[-1, END]
@@ -442,35 +438,6 @@ class World(EntityArrays):
         self.leg_yaw[rows], self.leg_turn[rows] = self.yaw[rows], 0.0
         self.lateral_speed[rows] = self.climb[rows] = self.climb_accel[rows] = 0.0
         self.touch()
-
-    def aim(self, row: int) -> None:
-        """Work out the columns that follow from gear, mode and commands of a driven row.
-
-        sense: +1, or -1 in R: speeds and accelerations of the commands count in this direction.
-        drive: acceleration of full throttle along the heading, 0 in P and N [m/s^2].
-        hold: what resists even without a pedal: the pawl of P [m/s^2].
-        target, accel_min, accel_max: the controller asks for (target - sense * speed) / dt, within these bounds. The
-            acceleration mode is the case where both bounds are the command.
-        throttle_max: 0 where the wish is to stand, so that no throttle balances the rolling resistance at rest.
-        """
-        gear, mode = self.gear.item(row), self.mode.item(row)
-        is_reverse = gear == Gear.REVERSE
-        self.sense[row] = -1.0 if is_reverse else 1.0
-        self.drive[row] = self.max_accel.item(row) * _GEAR_DRIVE[Gear(gear)]
-        self.hold[row] = self.max_decel.item(row) if gear == Gear.PARK else STICTION
-        throttle_max = 1.0
-        if mode == Mode.ACCEL:
-            self.accel_min[row] = self.accel_max[row] = self.accel_cmd.item(row)
-        else:
-            # A target is a magnitude in the direction of the gear. A negative one can only mean backwards: taken as
-            # such in R, and as a stop in the gears that cannot go there.
-            wish = self.speed_cmd.item(row)
-            target = abs(wish) if is_reverse else max(wish, 0.0)
-            self.target[row] = target
-            self.accel_min[row], self.accel_max[row] = -self.speed_decel.item(row), self.speed_accel.item(row)
-            if mode == Mode.SPEED and target == 0.0:
-                throttle_max = 0.0
-        self.throttle_max[row] = throttle_max
 
     # -- inside
 

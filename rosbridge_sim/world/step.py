@@ -26,9 +26,9 @@ from collections.abc import Callable
 
 from rosbridge_sim.world import collisions
 from rosbridge_sim.world.dynamics import drive
+from rosbridge_sim.world.lane_following import drive_lanes
 from rosbridge_sim.world.path_following import walk
 from rosbridge_sim.world.state import DT, World
-from rosbridge_sim.world.traffic import drive_lanes
 from rosbridge_sim.world.waiting import start
 
 __all__ = ["step"]

@@ -23,11 +23,12 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from rosbridge_sim.world.dynamics import command, drive
+from rosbridge_sim.world.commands import command
+from rosbridge_sim.world.dynamics import drive
+from rosbridge_sim.world.lane_following import drive_lanes
 from rosbridge_sim.world.path_following import walk
 from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
-from rosbridge_sim.world.traffic import drive_lanes
 
 CAR = Body()
 

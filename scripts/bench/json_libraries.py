@@ -25,7 +25,7 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, create_model
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from rosbridge_sim.morai.releases import LENIENCY
-from rosbridge_sim.schema.compile import MessageType
+from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.library import read_definitions
 from scripts.bench import bodies

@@ -29,14 +29,15 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.world.dynamics import command
+from rosbridge_sim.world.commands import command
 from rosbridge_sim.world.geometry import FloatArray
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
+from rosbridge_sim.world.lane_following import DECISION
+from rosbridge_sim.world.lane_position import keep_lane
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import SignalPlan
 from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
-from rosbridge_sim.world.traffic import DECISION, keep_lane
 
 CAR = Body()
 CARS_IN_TOWN = 250  # one to 49 m of lanes: busy, not jammed
@@ -110,8 +111,8 @@ def town(num: int) -> World:
     world.lay_roads(*towns(-(-num // CARS_IN_TOWN)))
     roads = world.roads
     world.spawn(Kind.EGO, CAR, name="ego", x=0.0, y=-5.25)
-    hold = roads.derived(LaneConflicts).hold
-    places = [(i, s) for i in np.flatnonzero(np.isinf(hold)) for s in np.arange(6.0, roads.length[i] - 6.0, 14.0)]
+    wait_point = roads.derived(LaneConflicts).wait_point
+    places = [(i, s) for i in np.flatnonzero(np.isinf(wait_point)) for s in np.arange(6.0, roads.length[i] - 6.0, 14.0)]
     rng.shuffle(places)
     for lane, s in places[:num]:
         uid = world.spawn(Kind.VEHICLE, CAR, name="npc", x=0.0, y=0.0, speed=5.0)

@@ -21,8 +21,8 @@ from PIL import Image
 
 from rosbridge_sim.errors import PeerError
 from rosbridge_sim.loose_types import JsonValue
+from rosbridge_sim.schema.message_spec import FieldSpec, MessageSpec
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.schema.validate import FieldSpec, MessageSpec
 from scripts.soak.fuzz_raw import part_of_frame, raw_bytes
 from scripts.soak.fuzz_values import (
     ENCODINGS,
@@ -206,7 +206,7 @@ class FrameMaker:
         if type_name is None:
             return self._pick((3, [{"a": 1, "b": 2}, [1, 2], {"data": True}, {}]), (1, ODD))
         try:
-            args = self._body(self._interface.store.service(type_name).request.shape, self._care())
+            args = self._body(self._interface.store.service(type_name).request.spec, self._care())
         except PeerError:
             return {}
         return list(args.values()) if self.chance.random() < 0.05 else args
@@ -328,43 +328,43 @@ class FrameMaker:
 
     def _message(self, type_name: str) -> object:
         try:
-            shape = self._interface.store.message(type_name).shape
+            spec = self._interface.store.message(type_name).spec
         except PeerError:
             return self._pick((1, [{"any": ["thing", 1, None]}]), (1, ODD))
-        return self._body(shape, self._care())
+        return self._body(spec, self._care())
 
-    def _body(self, shape: MessageSpec, care: float, depth: int = 0) -> Op:
+    def _body(self, spec: MessageSpec, care: float, depth: int = 0) -> Op:
         length = self.chance.choice((0, 1, 1, 2, 3)) if care else self.chance.choice((0, 1, 40))
         keep = self.chance.choice((1.0, 1.0, 0.7))
         return {
-            name: self._field(name, slot, care, length, depth)
-            for name, slot in shape.slots.items()
+            name: self._field(name, field_spec, care, length, depth)
+            for name, field_spec in spec.fields.items()
             if self.chance.random() < keep
         }
 
-    def _field(self, name: str, slot: FieldSpec, care: float, length: int, depth: int) -> object:
-        bounds = slot.field
+    def _field(self, name: str, field_spec: FieldSpec, care: float, length: int, depth: int) -> object:
+        bounds = field_spec.definition
         if bounds.array is None:
-            return self._element(name, slot, care, depth)
+            return self._element(name, field_spec, care, depth)
         if bounds.array:
             length = self.chance.randint(0, bounds.array) if bounds.is_bounded else bounds.array
             if self.chance.random() > care:
                 length += self.chance.choice((-1, 1, 5))
-        if depth > 3 or (slot.shape is not None and depth):
+        if depth > 3 or (field_spec.nested is not None and depth):
             length = min(length, 2)
         if bounds.is_bytes and self.chance.random() < 0.7:
             return base64.b64encode(self.chance.randbytes(max(0, length))).decode()
-        return [self._element(name, slot, care, depth) for _ in range(max(0, length))]
+        return [self._element(name, field_spec, care, depth) for _ in range(max(0, length))]
 
-    def _element(self, name: str, slot: FieldSpec, care: float, depth: int) -> object:  # noqa: PLR0911 - one for each kind
-        if slot.shape is not None:
-            return self._body(slot.shape, care, depth + 1)
+    def _element(self, name: str, field_spec: FieldSpec, care: float, depth: int) -> object:  # noqa: PLR0911 - one for each kind
+        if field_spec.nested is not None:
+            return self._body(field_spec.nested, care, depth + 1)
         is_careful = self.chance.random() < care
         if not is_careful:
             return self.chance.choice(ODD)
         if name in PLAUSIBLE and self.chance.random() < 0.9:
             return self.chance.choice(PLAUSIBLE[name])
-        kind = slot.field.type
+        kind = field_spec.definition.type
         if kind in {"time", "duration"}:
             return self.chance.choice(({"secs": 1, "nsecs": 5}, {"sec": 0, "nanosec": 0}, {}, "now"))
         if kind in {"string", "wstring"}:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from rosbridge_sim.shell.files.library import DATA
 from tests.cli.tool_fixture import run
-from tests.morai.maps import KOREAN, ROADRUNNER
+from tests.morai.small_maps import KOREAN, ROADRUNNER
 from tests.mutations import Edit, edits, examples, spoil
 
 SCENARIOS: dict[str, Any] = {

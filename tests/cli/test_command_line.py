@@ -111,7 +111,7 @@ def test_start_that_fails_is_one_line_and_code_2(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_world_that_fails_ends_the_program_with_its_traceback_and_code_1() -> None:
-    broken = "import sys; from rosbridge_sim.morai import simulator_node; simulator_node.step = None; "
+    broken = "import sys; from rosbridge_sim.morai import frame_stepper; frame_stepper.step = None; "
     done = run("--port", "0", code=broken + "from rosbridge_sim.__main__ import main; sys.exit(main())")
     assert done.returncode == 1
     assert "Traceback" in done.stderr
@@ -131,7 +131,7 @@ def test_first_line_and_health(serve: Serve) -> None:
 
 @pytest.mark.slow
 def test_server_without_its_world_is_unhealthy_and_ends_with_code_0(tmp_path: Path) -> None:
-    code = "import sys; from rosbridge_sim.morai import simulator_node; simulator_node.step = None; "
+    code = "import sys; from rosbridge_sim.morai import frame_stepper; frame_stepper.step = None; "
     code += "from rosbridge_sim.__main__ import main; sys.exit(main())"
     words = ["serve", "--port", "0", "--on-world-failure", "serve"]
     with (tmp_path / "log.txt").open("wb") as log:

@@ -103,7 +103,7 @@ async def hear(client: Client, messages: list[Frame]) -> list[Any]:
     for message in messages:
         msg = heard[message["topic"]]
         if msg.keys() == {"secs", "nsecs", "bytes"}:
-            msg = Rosbags(1).read(shared_store().message(message["type"]).shape, msg["bytes"])
+            msg = Rosbags(1).read(shared_store().message(message["type"]).spec, msg["bytes"])
         heard[message["topic"]] = as_json(msg)
     return [heard[message["topic"]] for message in messages]
 

@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import GraphError
-from rosbridge_sim.graph.actionlib import BEAT, MAX_ENDED, MEMORY, Actionlib, ActionlibStatus
+from rosbridge_sim.graph.actionlib import ENDED_GOAL_MEMORY, MAX_ENDED, STATUS_PERIOD, Actionlib, ActionlibStatus
 from rosbridge_sim.graph.actions import Goal, GoalStatus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from tests.graph.bus_fixture import make_bus
 
 NAME = "/count"
@@ -85,7 +85,7 @@ class Stage:
         return who
 
     def sequence(self, *numbers: int) -> Struct:
-        return self.bus.store.action(TYPE).result.struct(sequence=list(numbers))
+        return self.bus.store.action(TYPE).result.struct_type(sequence=list(numbers))
 
     def advance(self, seconds: float) -> int:
         """Let time pass, with turns just when they are asked for; how many."""
@@ -106,7 +106,7 @@ def test_a_goal_comes_to_its_end_with_feedback_on_the_way() -> None:
     (goal,) = scene.goals
     assert goal.caller is who
     assert goal.request.order == 2  # type: ignore[attr-defined] # a generated struct
-    goal.report(scene.bus.store.action(TYPE).feedback.struct(sequence=[0, 1]))
+    goal.report(scene.bus.store.action(TYPE).feedback.struct_type(sequence=[0, 1]))
     (feedback,) = who.messages("feedback")
     assert feedback["feedback"] == {"sequence": [0, 1]}
     assert feedback["status"] == {
@@ -186,9 +186,9 @@ def test_an_ended_goal_is_listed_for_a_while() -> None:
     who = scene.somebody()
     who.send()
     scene.goals[0].end(GoalStatus.SUCCEEDED, scene.sequence())
-    scene.advance(MEMORY - 2 * BEAT)
+    scene.advance(ENDED_GOAL_MEMORY - 2 * STATUS_PERIOD)
     assert who.statuses() == {"g": ActionlibStatus.SUCCEEDED}
-    scene.advance(4 * BEAT)
+    scene.advance(4 * STATUS_PERIOD)
     assert who.statuses() == {}
 
 
@@ -224,7 +224,7 @@ def test_a_goal_that_is_known_is_not_started_again() -> None:
     who.send()
     assert len(scene.goals) == 1
     assert who.told == [("warning", "Goal g of /count is known already")] * 2
-    scene.now += MEMORY
+    scene.now += ENDED_GOAL_MEMORY
     who.send()
     assert len(scene.goals) == 2
 

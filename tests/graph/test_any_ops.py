@@ -9,9 +9,10 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rosbridge_sim.graph.bus import TYPE_MEMORY, Bus
+from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.topic_table import TYPE_MEMORY
 from rosbridge_sim.protocol.outbox import BinaryFrame, Outbox
 from tests.graph.bus_fixture import make_bus, make_peer
 from tests.vector_player import read_frame

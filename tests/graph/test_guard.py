@@ -18,8 +18,8 @@ from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.graph.topics_services import Answer, Call, Topic
 from rosbridge_sim.protocol.outbox import Outbox
-from rosbridge_sim.schema.compile import MessageType
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
+from rosbridge_sim.schema.message_type import MessageType
 from tests.graph.bus_fixture import make_bus, make_peer
 
 STRING = "std_msgs/String"
@@ -89,7 +89,7 @@ class BrokenType:
 
 def text(bus: Bus, data: object) -> Message:
     message_type = bus.store.message(STRING)
-    return Message(message_type, message_type.struct(data=data))
+    return Message(message_type, message_type.struct_type(data=data))
 
 
 def make_client(bus: Bus) -> tuple[Peer, Outbox]:
@@ -213,7 +213,7 @@ def test_listener_that_is_the_sender_itself_fails_in_the_middle_of_its_own_messa
     (client, box), other = make_client(bus), Guest(bus)
     say(client, "subscribe", topic="/t", type=STRING)
     bus.subscribe(other, "/t", other.hear)
-    client._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
+    client.topics._subscriptions["/t"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
     say(client, "publish", topic="/t", msg={"data": "x"})
     assert other.heard == ["x"]
     assert client not in bus.owners()
@@ -286,7 +286,7 @@ def test_end_that_fails_is_logged_with_what_led_to_it(caplog: pytest.LogCaptureF
     assert isinstance(error.__context__, Fault)
 
 
-@pytest.mark.parametrize("hook", ["on_topic", "on_holdings", "watchers"])
+@pytest.mark.parametrize("hook", ["on_topic", "on_holdings", "on_leave"])
 def test_hook_that_fails_keeps_nothing_from_being_done(hook: str, caplog: pytest.LogCaptureFixture) -> None:
     bus, seen = make_bus(), list[object]()
     hooks = getattr(bus, hook)
@@ -341,7 +341,7 @@ def test_answer_that_cannot_be_written_is_a_refusal(caplog: pytest.LogCaptureFix
     provider, (client, box) = Guest(bus), make_client(bus)
 
     def answer(call: Call, _now: float) -> None:
-        call.answer(call.service.type.response.struct(True, object()))  # noqa: FBT003 - the message's fields
+        call.answer(call.service.type.response.struct_type(True, object()))  # noqa: FBT003 - the message's fields
 
     bus.provide(provider, "/s", SERVICE, answer)
     say(client, "call_service", service="/s", id="c", args={"data": True})
@@ -360,7 +360,7 @@ def test_request_that_cannot_be_written_for_its_provider_is_refused(caplog: pyte
     handle = bus.services["/s"].handle
 
     def spoil(call: Call, now: float) -> None:
-        call.request = call.service.type.request.struct(data=object())
+        call.request = call.service.type.request.struct_type(data=object())
         handle(call, now)
 
     bus.services["/s"].handle = spoil
@@ -443,9 +443,9 @@ def test_feedback_and_results_that_cannot_be_written_hurt_nobody(caplog: pytest.
     bus.actions.provide(provider, "/a", ACTION, goals.append, break_down)
     say(client, "send_action_goal", action="/a", action_type=ACTION, id="g", args={"order": 3}, feedback=True)
     kind = goals[0].action.type
-    goals[0].report(kind.feedback.struct(object()))
-    goals[0].report(kind.feedback.struct([1]))
-    goals[0].end(GoalStatus.SUCCEEDED, kind.result.struct(object()))
+    goals[0].report(kind.feedback.struct_type(object()))
+    goals[0].report(kind.feedback.struct_type([1]))
+    goals[0].end(GoalStatus.SUCCEEDED, kind.result.struct_type(object()))
     feedback, end = frames(box)
     assert feedback["values"] == {"sequence": [1]}
     assert (end["result"], end["status"], "cannot be written" in end["values"]) == (False, 0, True)
@@ -528,7 +528,7 @@ def test_client_that_fails_as_it_leaves_is_off_the_bus_all_the_same() -> None:
     say(client, "advertise", topic="/u", type=STRING)
     say(client, "advertise_service", service="/s", type=SERVICE)
     call(bus, caller)
-    client._listenings = None  # type: ignore[assignment] # as good a bug as any
+    client.topics._subscriptions = None  # type: ignore[assignment] # as good a bug as any
     with pytest.raises(AttributeError):
         client.leave(0.0)
     assert client not in bus.owners()
@@ -577,9 +577,9 @@ def test_bridge_is_told_all_but_the_latched_message_that_cannot_be_written(caplo
     for data in (object(), "12 GA 3456"):
         bus.publish(source, topic, text(bus, data), 0.0)
     mirror = Mirror(bus, source, "ws://far")
-    (line,) = mirror.lines.values()
-    mirror.connected(line, lambda: None, lambda: None, 0.0)
-    said = [json.loads(frame) for frame in line.outbox.take(2**30)]
+    (connection,) = mirror.connections.values()
+    mirror.connected(connection, lambda: None, lambda: None, 0.0)
+    said = [json.loads(frame) for frame in connection.outbox.take(2**30)]
     assert [frame["topic"] for frame in said if frame["op"] == "advertise"] == ["/plate", "/state"]
     assert [frame["msg"]["data"] for frame in said if frame["op"] == "publish"] == ["12 GA 3456"]
     assert bus.guard.num_unencoded == len(tracebacks(caplog)) == 1
@@ -591,15 +591,15 @@ def test_failure_of_a_bridge_is_told_to_the_one_that_dials_it() -> None:
     topic = bus.advertise(source, "/state", STRING)
     mirror = Mirror(bus, source, "ws://far")
     mirror.on_failure = failures.append
-    (line,) = mirror.lines.values()
-    mirror.connected(line, lambda: None, lambda: None, 0.0)
-    line.has_services = True
+    (connection,) = mirror.connections.values()
+    mirror.connected(connection, lambda: None, lambda: None, 0.0)
+    connection.has_services = True
     bus.subscribe(last, "/state", last.hear)
-    line.outbox = None  # type: ignore[assignment] # as good a bug as any
+    connection.outbox = None  # type: ignore[assignment] # as good a bug as any
     bus.publish(source, topic, text(bus, "x"), 0.0)
     assert (len(failures), last.heard) == (1, ["x"])
     release = mirror.hold()
-    line.on_released = break_down
+    connection.on_released = break_down
     release()
     assert len(failures) == bus.guard.num_faults == 2
 

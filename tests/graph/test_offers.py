@@ -59,7 +59,7 @@ def test_client_that_loses_its_service_to_another_is_told(bus: Bus) -> None:
     first.says(op="advertise_service", service="/s", type=TRIGGER)
     assert second.says(op="advertise_service", service="s", type=TRIGGER) == []
     assert first.hears() == [lost("Service", "/s")]
-    assert first.peer._provisions == {}
+    assert first.peer.services._provided == {}
 
 
 def test_client_that_offers_its_own_again_is_told_nothing(bus: Bus) -> None:

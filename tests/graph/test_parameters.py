@@ -98,7 +98,7 @@ def test_a_namespace_that_is_read_twice_is_written_once() -> None:
 
 
 def test_a_large_removal_leaves_the_rest(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parameters_module, "FEW", 2)
+    monkeypatch.setattr(parameters_module, "MAX_REMOVED_SINGLY", 2)
     parameters, client = Parameters(), _Client()
     for name in ("/a/1", "/a/2", "/a/3", "/b"):
         parameters.put(name, "1", client)

@@ -7,10 +7,11 @@ from typing import Any
 
 import pytest
 
-from rosbridge_sim.graph.bus import MAX_CALLS, TYPE_MEMORY
 from rosbridge_sim.graph.participant import hold, notifier
 from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.graph.policy import Policy
+from rosbridge_sim.graph.service_table import MAX_CALLS
+from rosbridge_sim.graph.topic_table import TYPE_MEMORY
 from rosbridge_sim.protocol.outbox import Outbox
 from tests.graph.bus_fixture import make_bus, make_peer
 

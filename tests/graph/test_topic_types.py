@@ -8,12 +8,13 @@ import pytest
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.attach.mirror import Mirror
-from rosbridge_sim.graph.bus import TYPE_MEMORY, Bus
+from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.policy import Policy
 from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.topic_table import TYPE_MEMORY
 from rosbridge_sim.graph.topics_services import Topic
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from tests.graph.bus_fixture import Wire, make_bus
 
 INT, STRING, IMAGE = "std_msgs/Int32", "std_msgs/String", "sensor_msgs/Image"
@@ -232,7 +233,7 @@ def test_own_topic_that_comes_later_is_the_simulators_whatever_a_client_publishe
     (status,) = client.says(op="publish", topic="/ego", msg={"data": "x"})
     assert "published by /morai_sim alone" in status["msg"]
     assert client.says(op="unadvertise", topic="/ego", id=1) == []
-    assert client.peer._num_ids == 0
+    assert client.peer.topics.num_held == 0
 
 
 def test_client_that_published_another_type_where_the_simulator_listens_is_told(bus: Bus) -> None:
@@ -288,5 +289,5 @@ def test_mirror_announces_the_simulators_types_whatever_clients_wanted_there(bus
     client.says(op="advertise", topic="/in", type=STRING)
     bus.advertise(part, "/out", INT, is_exclusive=True)
     bus.subscribe(part, "/in", part.hear, type_name=INT)
-    assert [key[:3] for key in mirror._items] == [("topic", "/out", INT), ("input", "/in", INT)]
+    assert [key[:3] for key in mirror._registry.items] == [("topic", "/out", INT), ("input", "/in", INT)]
     assert len(client.hears()) == 2

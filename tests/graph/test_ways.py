@@ -9,11 +9,13 @@ from typing import Any
 import cbor2
 import pytest
 
-from rosbridge_sim.graph import policy as policy_module
-from rosbridge_sim.graph.bus import TYPE_MEMORY, Bus
-from rosbridge_sim.graph.policy import Policy, PolicyEffect, Rule, Use, Way, Ways
+from rosbridge_sim.graph import ways as ways_module
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
+from rosbridge_sim.graph.topic_table import TYPE_MEMORY
+from rosbridge_sim.graph.ways import PolicyEffect, Use, Way, Ways
 from rosbridge_sim.protocol.png import Picture
 from tests.graph.bus_fixture import Wire, make_bus
 
@@ -414,7 +416,7 @@ def test_names_are_looked_up_once_and_not_per_message(join: Join, tables: Tables
 
 
 def test_what_is_known_of_names_is_bounded(tables: Tables, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(policy_module, "MAX_KNOWN_NAMES", 3)
+    monkeypatch.setattr(ways_module, "MAX_KNOWN_NAMES", 3)
     policy = with_rows(deny(service="/pedal"), tables)
     for i in range(20):
         policy.check_publish(f"/t{i}")
@@ -440,7 +442,7 @@ def test_client_loses_what_becomes_another_name_of_something_denied(bus: Bus, jo
         ("error", f"{hearing}: this client's subscription has ended"),
     ]
     assert (bus.topics["/drive"].publishers, bus.topics["/ears"].all_subscriptions) == ({}, ())
-    assert client.peer._num_ids == 1
+    assert client.peer.topics.num_held == 1
     assert is_refused(client, {"op": "publish", "topic": "drive", "type": STRING, "msg": {}})
     assert client.says(op="publish", topic="/kept", msg={}) == []
     assert gone.hears() == []

@@ -10,22 +10,22 @@ from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.morai.replays.recording import Recording
 from rosbridge_sim.morai.replays.recording_builder import RecordingBuilder, Then
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 
-__all__ = ["Tape"]
+__all__ = ["MemoryRecordings"]
 
 
-class Tape:
+class MemoryRecordings:
     """Recordings in memory: messages as they went over a bus.
 
     Attributes:
-        takes: name -> (topic, struct, stamp [ns]) in order.
+        messages: recording -> (topic, struct, stamp [ns]) in order.
     """
 
-    name = "/tape"
+    name = "/recordings"
 
     def __init__(self) -> None:
-        self.takes: dict[str, list[tuple[str, Any, int]]] = {}
+        self.messages: dict[str, list[tuple[str, Any, int]]] = {}
         self.waiting: list[tuple[RecordingBuilder, Then]] = []
         self.is_slow = False
 
@@ -33,10 +33,10 @@ class Tape:
         raise AssertionError((level, text))
 
     def record(self, bus: Bus, name: str, *topics: str) -> None:
-        take = self.takes.setdefault(name, [])
+        messages = self.messages.setdefault(name, [])
 
         def hear(topic: Topic, message: Message, _sender: Participant, _now: float) -> None:
-            take.append((topic.name, message.value, bus.stamp_ns))
+            messages.append((topic.name, message.value, bus.stamp_ns))
 
         for topic in topics:
             bus.subscribe(self, topic, hear)
@@ -45,7 +45,7 @@ class Tape:
         if self.is_slow:
             self.waiting.append((reading, then))
             return
-        then(self._finish(reading) if name in self.takes else DocumentError(f"no recording {name!r}"), 100.0)
+        then(self._finish(reading) if name in self.messages else DocumentError(f"no recording {name!r}"), 100.0)
 
     def deliver(self) -> None:
         for reading, then in self.waiting:
@@ -53,7 +53,7 @@ class Tape:
         self.waiting.clear()
 
     def _finish(self, reading: RecordingBuilder) -> Recording:
-        for topic, value, stamp_ns in self.takes[reading.name]:
+        for topic, value, stamp_ns in self.messages[reading.name]:
             if topic.endswith("/Ego_topic"):
                 reading.take_ego(2 if topic.startswith("/Ego-2/") else 0, value, (stamp_ns, stamp_ns))
             elif topic == "/Object_topic":

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from tests.morai.maps import ROADRUNNER, Files
+from tests.morai.small_maps import ROADRUNNER, Files
 
 __all__ = ["CONTROLLERS", "MAP", "MAP_NAME", "edited_scenario", "saved_scenario"]
 

@@ -24,8 +24,8 @@ from rosbridge_sim.morai.simulator_node import NodeSettings
 from rosbridge_sim.shell.files.library import DATA
 from rosbridge_sim.world.signals import Signals
 from rosbridge_sim.world.state import World
-from tests.morai.maps import KOREAN, ROADRUNNER, read
 from tests.morai.sim_harness import ALL, Client, make_store
+from tests.morai.small_maps import KOREAN, ROADRUNNER, read
 from tests.mutations import Edit, Flip, damage, edits, examples, flips, spoil
 
 SCENARIOS: dict[str, Any] = {
@@ -72,18 +72,18 @@ def explain(text: bytes) -> bool:
 @pytest.mark.slow
 @examples(60)
 @given(name=st.sampled_from(sorted(SCENARIOS)), changes=edits())
-def test_a_scenario_with_odd_values_is_read_or_told(name: str, changes: list[Edit]) -> None:
+def test_scenario_with_odd_values_is_read_or_gives_one_error_line(name: str, changes: list[Edit]) -> None:
     explain(json.dumps(spoil(SCENARIOS[name], changes)).encode())
 
 
 @examples(60)
 @given(name=st.sampled_from(sorted(SCENARIOS)), changes=flips())
-def test_a_damaged_scenario_is_read_or_told(name: str, changes: list[Flip]) -> None:
+def test_damaged_scenario_is_read_or_gives_one_error_line(name: str, changes: list[Flip]) -> None:
     explain(damage(json.dumps(SCENARIOS[name]).encode(), changes))
 
 
 @pytest.mark.parametrize("name", sorted(SCENARIOS))
-def test_what_they_start_from_is_good(name: str) -> None:
+def test_undamaged_scenarios_are_valid(name: str) -> None:
     assert explain(json.dumps(SCENARIOS[name]).encode())
 
 
@@ -112,7 +112,7 @@ def survey(files: dict[str, bytes]) -> bool:
 @pytest.mark.slow
 @examples(60)
 @given(name=st.sampled_from(sorted(MAPS)), data=st.data())
-def test_a_map_with_odd_values_is_read_or_told(name: str, data: st.DataObject) -> None:
+def test_map_with_odd_values_is_read_or_gives_one_error_line(name: str, data: st.DataObject) -> None:
     files = dict(MAPS[name])
     for file in data.draw(st.lists(st.sampled_from(sorted(files)), min_size=1, max_size=2, unique=True)):
         files[file] = spoil(files[file], data.draw(edits()))
@@ -121,7 +121,7 @@ def test_a_map_with_odd_values_is_read_or_told(name: str, data: st.DataObject) -
 
 @examples(30)
 @given(name=st.sampled_from(sorted(MAPS)), data=st.data())
-def test_a_damaged_map_is_read_or_told(name: str, data: st.DataObject) -> None:
+def test_damaged_map_is_read_or_gives_one_error_line(name: str, data: st.DataObject) -> None:
     files = {file: json.dumps(content).encode() for file, content in MAPS[name].items()}
     file = data.draw(st.sampled_from(sorted(files)))
     files[file] = damage(files[file], data.draw(flips()))
@@ -129,7 +129,7 @@ def test_a_damaged_map_is_read_or_told(name: str, data: st.DataObject) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(MAPS))
-def test_what_maps_start_from_is_good(name: str) -> None:
+def test_undamaged_maps_are_valid(name: str) -> None:
     assert survey({file: json.dumps(content).encode() for file, content in MAPS[name].items()})
 
 
@@ -152,7 +152,7 @@ class Shelf:
 
 @examples(15)
 @given(name=st.sampled_from(sorted(SCENARIOS)), changes=edits())
-def test_a_load_of_an_odd_scenario_is_whole_or_changes_nothing(name: str, changes: list[Edit]) -> None:
+def test_load_of_an_odd_scenario_is_complete_or_changes_nothing(name: str, changes: list[Edit]) -> None:
     shelf = Shelf()
     shelf.text = json.dumps({"egoVehicle": {"initPosition": {"pos": {"x": 1.0, "y": 2.0, "z": 0.0}}}}).encode()
     bus, world = Bus(make_store()), World(seed=0)

@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given, settings
 
 from rosbridge_sim.errors import PeerError
-from rosbridge_sim.morai.sync import MAX_WAITING_COMMANDS
-from rosbridge_sim.schema.compile import MessageType
+from rosbridge_sim.morai.sync_table import MAX_WAITING_COMMANDS
+from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.world.state import Kind
-from tests.morai.memory_recordings import Tape
+from tests.morai.memory_recordings import MemoryRecordings
 from tests.morai.sim_harness import SCENARIOS, Client, SimHarness, make_store
 
 SERVICES = {
@@ -87,13 +87,13 @@ def bodies(message_type: MessageType, num: int = 2) -> st.SearchStrategy[dict[st
 
 
 @cache
-def tape() -> Tape:
+def recordings() -> MemoryRecordings:
     """Recordings `a`, of a second in the crowd, and `b`, of nothing."""
-    tape, harness = Tape(), SimHarness()
-    tape.record(harness.bus, "a", "/Ego_topic", "/Object_topic")
+    recordings, harness = MemoryRecordings(), SimHarness()
+    recordings.record(harness.bus, "a", "/Ego_topic", "/Object_topic")
     harness.run(1.0)
-    tape.takes["b"] = []
-    return tape
+    recordings.messages["b"] = []
+    return recordings
 
 
 def acts() -> st.SearchStrategy[tuple[str, dict[str, Any]]]:
@@ -131,8 +131,10 @@ def act(harness: SimHarness, client: Client, name: str, body: dict[str, Any]) ->
     st.sampled_from(["run", "sync"]),
     st.sampled_from(["crowd", "crossing"]),
 )
-def test_any_calls_in_any_order(calls: list[tuple[int, tuple[str, dict[str, Any]]]], start: str, scene: str) -> None:
-    harness = SimHarness(scene, start=start, sync_on_loss="wait", sync_lease=0.5, recordings=tape())
+def test_any_calls_in_any_order_keep_the_invariants(
+    calls: list[tuple[int, tuple[str, dict[str, Any]]]], start: str, scene: str
+) -> None:
+    harness = SimHarness(scene, start=start, sync_on_loss="wait", sync_lease=0.5, recordings=recordings())
     clients = [harness.client(), harness.client()]
     clients[0].listen(*[name for name, topic in harness.bus.topics.items() if topic.publishers])
     for who, (name, body) in calls:

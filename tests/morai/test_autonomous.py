@@ -17,7 +17,7 @@ ITSELF = {"option": 1, "ctrl_mode": CtrlMode.AUTONOMOUS.value}
 
 
 @pytest.mark.slow
-def test_it_drives_through_the_town_and_no_red_light() -> None:
+def test_self_driving_ego_passes_the_town_without_running_a_red_light() -> None:
     town = Crossroads.built_in("town")
     town.client.start()
     assert town.client.ask("/Service_MoraiEventCmd", **ITSELF)["ctrl_mode"] == 6
@@ -33,7 +33,7 @@ def test_it_drives_through_the_town_and_no_red_light() -> None:
     assert (judge.num, hits) == (0, 0.0)
 
 
-def test_who_commands_it_in_synchronous_mode_drives_from_then_on() -> None:
+def test_command_in_synchronous_mode_ends_self_driving() -> None:
     town = Crossroads.built_in("town")
     town.client.start()
     town.client.ask("/Service_MoraiEventCmd", **ITSELF)
@@ -44,7 +44,7 @@ def test_who_commands_it_in_synchronous_mode_drives_from_then_on() -> None:
     assert town.client.ask("/Service_MoraiEventCmd", option=0)["ctrl_mode"] == 3
 
 
-def test_in_real_time_control_by_topic_is_ignored_meanwhile() -> None:
+def test_control_topic_is_ignored_while_the_ego_drives_itself() -> None:
     harness = SimHarness("elsewhere")
     client = harness.client()
     assert client.ask("/Service_MoraiEventCmd", **ITSELF)["gear"] == 4
@@ -56,7 +56,7 @@ def test_in_real_time_control_by_topic_is_ignored_meanwhile() -> None:
     assert harness.world.speed[0] > 1.0
 
 
-def test_off_the_road_the_mode_is_refused() -> None:
+def test_self_driving_mode_is_refused_off_the_road() -> None:
     harness = SimHarness()  # on a map without roads
     client = harness.client()
     assert client.ask("/Service_MoraiEventCmd", **ITSELF)["ctrl_mode"] == 3
@@ -65,7 +65,7 @@ def test_off_the_road_the_mode_is_refused() -> None:
     ]
 
 
-def test_a_scenario_that_moves_it_off_the_road_ends_the_mode() -> None:
+def test_scenario_that_moves_the_ego_off_the_road_ends_self_driving() -> None:
     harness = SimHarness("elsewhere")
     client = harness.client()
     client.ask("/Service_MoraiEventCmd", **ITSELF)
@@ -75,7 +75,7 @@ def test_a_scenario_that_moves_it_off_the_road_ends_the_mode() -> None:
     assert client.ask("/Service_MoraiEventCmd", option=0)["ctrl_mode"] == 1
 
 
-def test_a_scenario_whose_ego_is_parked_lets_it_drive_on() -> None:
+def test_scenario_with_a_parked_ego_keeps_self_driving() -> None:
     harness = SimHarness("elsewhere")
     client = harness.client()
     client.ask("/Service_MoraiEventCmd", **ITSELF)
@@ -88,7 +88,7 @@ def test_a_scenario_whose_ego_is_parked_lets_it_drive_on() -> None:
     assert client.ask("/Service_MoraiEventCmd", option=0)["gear"] == 4
 
 
-def test_put_elsewhere_it_drives_on_from_there() -> None:
+def test_teleported_self_driving_ego_drives_on_from_there() -> None:
     harness = SimHarness("elsewhere")
     client = harness.client()
     lists = ("global_position_x", "global_position_y", "global_position_z", "global_roll", "global_pitch", "global_yaw")
@@ -104,7 +104,7 @@ def test_put_elsewhere_it_drives_on_from_there() -> None:
     assert client.told[0][1].startswith("/ego_setting: ctrl_mode AUTONOMOUS refused")
 
 
-def test_a_reset_gives_the_wheel_back() -> None:
+def test_reset_ends_self_driving() -> None:
     harness = SimHarness("elsewhere")
     client = harness.client()
     client.ask("/Service_MoraiEventCmd", **ITSELF)

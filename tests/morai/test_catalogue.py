@@ -27,7 +27,7 @@ from rosbridge_sim.world.state import Kind
         (" Cargo-Box ", "Cargo_Box"),
     ],
 )
-def test_names_are_found_whatever_their_case_and_joints(asked: str, name: str) -> None:
+def test_names_are_found_regardless_of_case_and_separators(asked: str, name: str) -> None:
     model = find_model(asked)
     assert model is not None
     assert model.name == name
@@ -38,7 +38,7 @@ def test_an_unknown_name_finds_nothing(asked: str) -> None:
     assert find_model(asked) is None
 
 
-def test_no_two_models_answer_to_one_name_or_number() -> None:
+def test_names_and_numbers_of_models_are_unique() -> None:
     for model in CATALOGUE:
         assert find_model(model.name) is model
         assert find_model(model.name.lower().replace("_", " ")) is model
@@ -46,7 +46,7 @@ def test_no_two_models_answer_to_one_name_or_number() -> None:
             assert model_of_data_id(data_id, model.kind) is model
 
 
-def test_numbers_of_known_models() -> None:
+def test_known_models_have_the_documented_numbers() -> None:
     cone = model_of_data_id(40100005, Kind.OBSTACLE)
     assert cone is not None
     assert cone.name == "Traffic_Cone"
@@ -63,7 +63,7 @@ def test_every_kind_has_a_default_of_its_own_kind(kind: Kind) -> None:
     assert default_model(Kind.EGO) is DEFAULT_EGO
 
 
-def test_the_published_figures() -> None:
+def test_dimensions_equal_the_published_ones() -> None:
     wheelbases = {model.name: model.body.wheelbase for model in CATALOGUE if model.kind is Kind.VEHICLE}
     published = {
         "2016_Hyundai_Ioniq": 2.700,
@@ -79,14 +79,14 @@ def test_the_published_figures() -> None:
 
 
 @pytest.mark.parametrize("model", CATALOGUE, ids=lambda model: model.name)
-def test_every_body_is_one_piece(model: Model) -> None:
+def test_body_dimensions_are_consistent(model: Model) -> None:
     body = model.body
     assert body.length == pytest.approx(body.front_overhang + body.wheelbase + body.rear_overhang)
     assert 0.0 < body.width <= 2.5
     assert 0.0 < body.height <= 4.0
 
 
-def test_a_name_that_is_too_long_is_no_models() -> None:
+def test_overlong_name_finds_nothing() -> None:
     assert find_model("2016_Hyundai_Ioniq") is not None
     assert find_model("2016_Hyundai_Ioniq" + " " * 10_000) is None
 

@@ -24,7 +24,7 @@ def add(client: Client, name: str, x: float, y: float, heading: float = 0.0) -> 
     client.send("/SyncModeAddObj", "morai_msgs/SyncModeAddObj", name=name, position=position, heading=heading, frame=0)
 
 
-def test_without_a_hit_the_list_is_empty_and_comes_at_its_rate() -> None:
+def test_collision_topic_without_a_hit_is_empty_and_keeps_its_rate() -> None:
     harness = SimHarness("parked", network=rates({"/CollisionData": 10.0}))
     client = harness.client()
     client.listen("/CollisionData", "/VehicleCollisionData")
@@ -38,7 +38,7 @@ def test_without_a_hit_the_list_is_empty_and_comes_at_its_rate() -> None:
     assert npcs[0]["header"]["frame_id"] == "VehicleCollisionData"
 
 
-def test_driving_through_a_box_is_told_from_bumper_to_bumper_and_stops_nobody() -> None:
+def test_drive_through_a_box_is_reported_from_first_to_last_touch_and_stops_nothing() -> None:
     _, client = in_sync()
     add(client, "Cargo_Box", 10.0, 40.0, AHEAD)
     client.control(0, longlCmdType=2, velocity=36.0)
@@ -57,7 +57,7 @@ def test_driving_through_a_box_is_told_from_bumper_to_bumper_and_stops_nobody() 
     assert (what["name"], what["type"], what["heading"]) == ("Cargo_Box", 2, pytest.approx(AHEAD))
 
 
-def test_all_that_is_hit_is_listed_by_id_and_the_place_is_that_of_the_first() -> None:
+def test_all_hit_objects_are_listed_by_id_with_the_position_of_the_first() -> None:
     _, client = in_sync()
     for name, x in (("Box", 9.5), ("Man", 10.5), ("2015_Kia_K5", 10.0)):
         add(client, name, x, 22.0)
@@ -73,7 +73,7 @@ def test_all_that_is_hit_is_listed_by_id_and_the_place_is_that_of_the_first() ->
     assert hit["global_offset_x"] == 9.5
 
 
-def test_vehicles_that_run_into_each_other_are_told_in_pairs_without_egos_and_people() -> None:
+def test_vehicle_collisions_are_pairs_without_egos_and_pedestrians() -> None:
     _, client = in_sync()
     for x in (200.0, 203.0, 206.0):
         add(client, "2015_Kia_K5", x, 0.0)
@@ -86,7 +86,7 @@ def test_vehicles_that_run_into_each_other_are_told_in_pairs_without_egos_and_pe
     assert len(client.messages("/CollisionData")[0]["collision_object"]) == 1
 
 
-def test_what_is_taken_away_is_no_longer_hit() -> None:
+def test_removed_object_is_no_longer_hit() -> None:
     _, client = in_sync()
     add(client, "Box", 10.0, 20.0)
     client.tick()
@@ -97,7 +97,7 @@ def test_what_is_taken_away_is_no_longer_hit() -> None:
 
 
 @pytest.mark.slow
-def test_a_heap_of_cars_gives_a_message_of_bounded_size() -> None:
+def test_many_touching_cars_give_a_bounded_message() -> None:
     _, client = in_sync()
     for _ in range(60):
         add(client, "2015_Kia_K5", 500.0, 0.0)

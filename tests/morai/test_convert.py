@@ -15,7 +15,7 @@ from rosbridge_sim.morai.maps.mgeo import Projection, RoadMap
 from rosbridge_sim.morai.releases import FIELD, LENIENCY, MANUAL, RELEASES, Profile, choose_profile
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.library import read_definitions
-from rosbridge_sim.world import dynamics
+from rosbridge_sim.world import commands
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import Body, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
@@ -53,9 +53,9 @@ def test_seq_counts_through_all_of_its_32_bits(frame: int, seq: int) -> None:
     assert Converter(make_store()).header(frame).seq == seq
 
 
-def test_the_ego_is_in_metres_degrees_and_its_own_frame() -> None:
+def test_ego_status_is_in_metres_and_degrees_in_the_body_frame() -> None:
     world = a_world()
-    dynamics.command(world, 0, mode=Mode.PEDALS, steer=0.01, throttle=0.25)
+    commands.command(world, 0, mode=Mode.PEDALS, steer=0.01, throttle=0.25)
     for _ in range(60):
         step(world)
     status = ego(world)
@@ -74,23 +74,23 @@ def test_headings_stay_within_half_a_turn() -> None:
     assert ego(world)["heading"] == 180.0
 
 
-def test_float32_fields_go_out_as_float32() -> None:
+def test_float32_fields_are_rounded_to_float32() -> None:
     world = a_world()
-    dynamics.command(world, 0, mode=Mode.PEDALS, steer=0.0, throttle=1.0 / 3.0)
+    commands.command(world, 0, mode=Mode.PEDALS, steer=0.0, throttle=1.0 / 3.0)
     step(world)
     assert ego(world)["accel"] == 0.33333334
 
 
-def test_the_field_profile_reads_as_clients_do() -> None:
+def test_field_profile_uses_the_units_of_client_programs() -> None:
     world = a_world()
-    dynamics.command(world, 0, mode=Mode.PEDALS, steer=0.01)
+    commands.command(world, 0, mode=Mode.PEDALS, steer=0.01)
     step(world)
     assert ego(world, FIELD)["wheel_angle"] == pytest.approx(math.degrees(0.01), rel=1e-6)
     size = objects(world, FIELD)["obstacle_list"][0]["size"]
     assert size == {"x": 2.0, "y": 1.0, "z": 0.5}
 
 
-def test_objects_by_kind_in_order_of_spawning() -> None:
+def test_objects_are_listed_by_kind_in_order_of_spawning() -> None:
     listed = objects(a_world())
     assert listed["header"]["frame_id"] == "ObjectInfo"
     assert [listed[f"num_of_{kind}"] for kind in ("npcs", "pedestrian", "obstacle")] == [2, 1, 1]
@@ -104,11 +104,11 @@ def test_objects_by_kind_in_order_of_spawning() -> None:
     assert box["velocity"] == box["acceleration"] == {"x": 0.0, "y": 0.0, "z": 0.0}
 
 
-def test_object_velocity_in_metres_a_second() -> None:
+def test_object_velocity_can_be_in_metres_per_second() -> None:
     assert objects(a_world(), Profile(object_velocity_unit="m/s"))["npc_list"][0]["velocity"]["x"] == 10.0
 
 
-def test_a_limit_lists_the_nearest_and_counts_what_it_lists() -> None:
+def test_object_limit_lists_and_counts_the_nearest() -> None:
     listed = objects(a_world(), Profile(object_limit=2))
     assert [one["name"] for one in listed["npc_list"]] == ["near"]
     assert [one["name"] for one in listed["obstacle_list"]] == ["box"]
@@ -117,7 +117,7 @@ def test_a_limit_lists_the_nearest_and_counts_what_it_lists() -> None:
     assert len(objects(a_world(), Profile(object_limit=4))["npc_list"]) == 2
 
 
-def test_who_comes_and_goes_is_listed_at_once() -> None:
+def test_added_and_removed_objects_are_listed_at_once() -> None:
     world = a_world()
     converter = Converter(make_store())
 
@@ -131,13 +131,13 @@ def test_who_comes_and_goes_is_listed_at_once() -> None:
     assert names() == ["near", "box", "new"]
 
 
-def test_a_world_without_objects() -> None:
+def test_world_without_objects_has_empty_lists() -> None:
     world = World()
     world.spawn(Kind.EGO, Body(), name="car", x=0.0, y=0.0, uid=0)
     assert objects(world, FIELD)["npc_list"] == []
 
 
-def test_specifications() -> None:
+def test_vehicle_specification_is_in_metres() -> None:
     converter = Converter(make_store())
     spec = shown("VehicleSpec", converter.vehicle_spec(Body()))
     assert spec["size"] == {"x": 4.47, "y": 1.82, "z": 1.45}
@@ -166,7 +166,7 @@ def command(**fields: object) -> Struct:
 
 
 @pytest.mark.parametrize(("number", "mode"), [(0, Mode.PEDALS), (1, Mode.PEDALS), (2, Mode.SPEED), (3, Mode.ACCEL)])
-def test_a_command_in_the_worlds_units(number: int, mode: Mode) -> None:
+def test_control_command_is_converted_to_world_units(number: int, mode: Mode) -> None:
     control = Converter(make_store()).control(
         command(longlCmdType=number, accel=2.0, brake=-1.0, steering=0.5, velocity=36.0, acceleration=-1.5)
     )
@@ -183,18 +183,18 @@ def test_an_unknown_control_type_is_refused(number: int) -> None:
 
 @pytest.mark.parametrize("field", ["accel", "brake", "steering", "velocity", "acceleration"])
 @pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
-def test_what_is_no_number_is_refused_in_any_field(field: str, number: float) -> None:
+def test_non_finite_number_is_refused_in_every_field(field: str, number: float) -> None:
     with pytest.raises(FieldError, match=rf"CtrlCmd\.{field}: expected a finite number"):
         Converter(make_store()).control(command(**{field: number}))
 
 
-def test_gears() -> None:
+def test_gears_are_converted_both_ways() -> None:
     assert [gear_of(number) for number in (-1, 0, 1, 4)] == [None, None, Gear.PARK, Gear.DRIVE]
     with pytest.raises(FieldError, match="gear: expected"):
         gear_of(5)
 
 
-def test_documented_names_mean_the_wires() -> None:
+def test_documented_field_names_are_aliases_of_wire_names() -> None:
     store = make_store()
     assert store.canonical("morai_msg/CtrlCmd") == "morai_msgs/CtrlCmd"
     assert store.canonical("morai_msg/msg/ObjectStatusList") == "morai_msgs/ObjectStatusList"
@@ -210,28 +210,28 @@ def test_documented_names_mean_the_wires() -> None:
     assert crossing.check({"intersection_index": "IntTL13"}, 0).intersection_index == 13
 
 
-def test_every_alias_leads_to_a_type_that_is_there() -> None:
+def test_every_alias_names_an_existing_type() -> None:
     stores = [make_store(release) for release in RELEASES]
     known = {name for store in stores for kind in ("msg", "srv") for name in store.names(kind)}
     assert set(LENIENCY.types.values()) <= known
     assert {*LENIENCY.fields, *LENIENCY.scalars, *LENIENCY.numerals} <= known
 
 
-def test_profiles_and_single_choices() -> None:
+def test_profile_settings_can_be_overridden_one_by_one() -> None:
     assert choose_profile("manual") == MANUAL
     assert choose_profile("field") == FIELD == Profile("deg", "length-width-height", 20, "km/h")
     mixed = choose_profile("field", wheel_angle_unit="rad", object_limit=0)
     assert mixed == Profile("rad", "length-width-height", 0, "km/h")
 
 
-def test_a_users_own_definition_may_have_other_fields() -> None:
+def test_user_definitions_may_have_other_fields() -> None:
     texts = {("x", "msg", "Pair"): "int32 extra\nint32 a\n"}
     make = maker(Store(texts), "x/Pair", "a", "b")
     value = make(1, 2)
     assert (value.a, value.extra) == (1, 0)
 
 
-def test_the_newer_name_of_the_steering_is_read_where_a_type_has_it() -> None:
+def test_newer_steering_field_is_read_where_the_type_has_it() -> None:
     texts = read_definitions("22.R2")
     old = texts["morai_msgs", "msg", "CtrlCmd"]
     texts["morai_msgs", "msg", "CtrlCmd"] = old.replace("steering", "front_steer")

@@ -47,34 +47,34 @@ def test_numbers_may_be_texts(written: object, meant: float) -> None:
     "written",
     ["", " ", "-", ".", ",5", "1,2", "12,34,567", "1,2345", "0x10", "nan", "inf", "1_0", "1 2", "²", "1" * 50],
 )
-def test_texts_that_are_no_numbers(written: str) -> None:
+def test_texts_that_are_not_numbers_are_refused(written: str) -> None:
     with pytest.raises(DocumentError, match=r"^sample\.json: number: expected a number, got '"):
         read(number=written)
 
 
 @pytest.mark.parametrize(("written", "meant"), [(True, True), (0, False), (1, True), ("False", False), ("true ", True)])
-def test_flags(written: object, meant: bool) -> None:  # noqa: FBT001  # a column
+def test_flags_are_read_in_every_spelling(written: object, meant: bool) -> None:  # noqa: FBT001  # a column
     assert read(flag=written).flag is meant
 
 
 @pytest.mark.parametrize("written", [2, 0.0, "", "on", None, []])
-def test_what_is_no_flag(written: object) -> None:
+def test_other_values_are_not_flags(written: object) -> None:
     with pytest.raises(DocumentError, match=r"^sample\.json: flag: expected true or false, got "):
         read(flag=written)
 
 
 @pytest.mark.parametrize(("written", "meant"), [(2.0, 2), ("20200012", 20200012), ("-1", -1), ("1,000", 1000)])
-def test_whole_numbers(written: object, meant: int) -> None:
+def test_whole_numbers_are_read(written: object, meant: int) -> None:
     assert read(whole=written).whole == meant
 
 
-def test_a_number_serves_as_text_and_unknown_keys_are_passed_over() -> None:
+def test_numbers_are_accepted_as_text_and_unknown_keys_ignored() -> None:
     assert read(text=12, other=[]).text == "12"
 
 
 @settings(max_examples=60)
 @given(st.binary(max_size=60) | st.text(max_size=60).map(str.encode))
-def test_any_bytes_are_read_or_told_in_one_line(text: bytes) -> None:
+def test_any_bytes_are_read_or_give_one_error_line(text: bytes) -> None:
     told = ""
     try:
         read_document(SAMPLE, text, "sample.json", 50)
@@ -85,6 +85,6 @@ def test_any_bytes_are_read_or_told_in_one_line(text: bytes) -> None:
 
 @settings(max_examples=60)
 @given(st.floats(-1e12, 1e12))
-def test_any_number_is_read_as_text_too(value: float) -> None:
+def test_any_number_can_be_given_as_text(value: float) -> None:
     assert read(number=repr(value)).number == value
     assert math.isclose(read(number=f"{value:,.3f}").number, value, abs_tol=1e-3)

@@ -17,7 +17,7 @@ from rosbridge_sim.morai.scene import WHOLE, LoadOptions, Scene
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.state import Gear, Kind, World
 from rosbridge_sim.world.step import step
-from tests.morai.maps import ROADRUNNER, read
+from tests.morai.small_maps import ROADRUNNER, read
 from tests.world.road_factory import built_in
 
 LINK = {"initPositionMode": "Link", "initLink": "A1B1", "initLinkRatio": 0.25}
@@ -40,10 +40,15 @@ def refusal(**vehicle: Any) -> str:  # noqa: ANN401 - keys of a vehicle
 # Documents
 
 
-def test_whoever_starts_on_a_link_keeps_to_the_lanes() -> None:
+def test_vehicle_that_starts_on_a_link_follows_the_lanes() -> None:
     (spawn,) = placed(initPosition=LINK, velocityType=1, linkVelocity=30, currentVelocity=18).vehicles
     assert spawn.driver is not None
-    assert (spawn.driver.lane, spawn.driver.s, spawn.driver.wish, spawn.driver.route) == (0, 25.0, math.inf, ())
+    assert (spawn.driver.lane, spawn.driver.s, spawn.driver.desired_speed, spawn.driver.route) == (
+        0,
+        25.0,
+        math.inf,
+        (),
+    )
     assert (spawn.x, spawn.y, spawn.speed, spawn.path) == (25.0, 0.0, 5.0, None)
 
 
@@ -59,17 +64,17 @@ def test_whoever_starts_on_a_link_keeps_to_the_lanes() -> None:
         ({"constantVelocity": -36}, 0.0, 0.0),
     ],
 )
-def test_speeds_of_ones_own_are_wishes(speeds: dict[str, Any], wish: float, speed: float) -> None:
+def test_own_speed_of_a_vehicle_is_its_desired_speed(speeds: dict[str, Any], wish: float, speed: float) -> None:
     (spawn,) = placed(initPosition=LINK, **speeds).vehicles
     assert spawn.driver is not None
-    assert (spawn.driver.wish, spawn.speed) == (wish, speed)
+    assert (spawn.driver.desired_speed, spawn.speed) == (wish, speed)
 
 
 def at(x: float, y: float, yaw: float = 0.0) -> dict[str, Any]:
     return {"initPositionMode": "Absolute", "pos": {"x": x, "y": y}, "rot": {"yaw": yaw}}
 
 
-def test_without_waypoints_one_keeps_to_the_lane_that_one_stands_on() -> None:
+def test_vehicle_without_waypoints_follows_the_lane_it_stands_on() -> None:
     (spawn,) = placed(initPosition=at(40.0, 2.4, 10.0), isWaypointMode=False).vehicles
     assert spawn.driver is not None
     assert (spawn.driver.lane, spawn.driver.s) == (1, 40.0)
@@ -78,26 +83,26 @@ def test_without_waypoints_one_keeps_to_the_lane_that_one_stands_on() -> None:
 
 
 @pytest.mark.parametrize("where", [at(40.0, 30.0), at(40.0, 1.0, 180.0), at(40.0, 1.0, 60.0)])
-def test_off_the_lanes_or_across_them_one_goes_straight_ahead(where: dict[str, Any]) -> None:
+def test_vehicle_off_or_across_the_lanes_goes_straight_ahead(where: dict[str, Any]) -> None:
     scenario = placed(initPosition=where, isWaypointMode=False, constantVelocity=36)
     assert (scenario.vehicles[0].driver, scenario.vehicles[0].speed) == (None, 10.0)
     assert scenario.notes == ("vehicleList[0]: no lane leads there; it goes straight ahead",)
 
 
-def test_a_link_that_the_map_lacks_is_sought_by_the_place() -> None:
+def test_unknown_link_is_replaced_by_the_lane_at_the_position() -> None:
     start = {**at(40.0, 0.0), "initPositionMode": "Link", "initLink": "gone"}
     (spawn,) = placed(initPosition=start).vehicles
     assert spawn.driver is not None
     assert (spawn.driver.lane, spawn.driver.s) == (0, 40.0)
 
 
-def test_a_path_beats_the_lanes() -> None:
+def test_path_takes_precedence_over_lanes() -> None:
     path = [{"pathName": "way", "waypointData": [{"pos": {"x": 0, "z": 0}}, {"pos": {"x": -50, "z": 0}}]}]
     scenario = scenario_of({"initPosition": LINK, "pathName": "way"}, waypointDataList=path)
     assert place_on_roads(scenario, read(ROADRUNNER).roads).vehicles[0].driver is None
 
 
-def test_a_route_is_links_that_follow_one_another() -> None:
+def test_route_must_be_consecutive_links() -> None:
     (spawn,) = placed(initPosition=LINK, route=["A1B1", "B1C1"]).vehicles
     assert spawn.driver is not None
     assert spawn.driver.route == (0, 2)
@@ -109,7 +114,7 @@ def test_a_route_is_links_that_follow_one_another() -> None:
     assert refusal(initPosition=LINK, **loop) == f"{where}[1]: 'A1B1' does not follow 'B1C1'"
 
 
-def test_phases_of_intersections_are_read() -> None:
+def test_initial_phases_of_intersections_are_read() -> None:
     scenario = scenario_of(tlList=[{"index": "IntTL13", "state": 1, "deltaTime": "2.5"}, {"index": 7}])
     assert [(p.controller, p.phase, p.elapsed) for p in scenario.phases] == [("IntTL13", 1, 2.5), ("7", 0, 0.0)]
     with pytest.raises(DocumentError, match=r"drive.json: tlList\[0\].deltaTime: expected at least 0, got -1"):
@@ -136,7 +141,7 @@ def stage_of(scenario: Scenario) -> Scene:
     return Scene(World(), TinyLibrary(), scenario, ego_gear=Gear.DRIVE)
 
 
-def test_drivers_drive() -> None:
+def test_vehicle_on_a_link_follows_its_route_and_another_goes_straight() -> None:
     scenario = scenario_of(
         {"initPosition": LINK, "route": ["A1B1", "B1C1"]}, {"initPosition": at(0, 50), "constantVelocity": 36}
     )
@@ -149,7 +154,7 @@ def test_drivers_drive() -> None:
     assert world.x[other] == pytest.approx(40.0)
 
 
-def test_lights_begin_where_the_scenario_says(caplog: pytest.LogCaptureFixture) -> None:
+def test_lights_begin_in_the_phase_of_the_scenario(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
     phases = [{"index": "IntTL13", "state": 1, "deltaTime": 2.0}, {"index": "IntTL9"}, {"index": "IntTL13", "state": 7}]
     scene = stage_of(scenario_of(tlList=phases))
@@ -161,7 +166,7 @@ def test_lights_begin_where_the_scenario_says(caplog: pytest.LogCaptureFixture) 
     assert late.remaining(0) == 1
 
 
-def test_a_load_leaves_the_lights_alone_unless_it_says_or_changes_the_map() -> None:
+def test_load_keeps_the_lights_unless_it_sets_phases_or_changes_the_map() -> None:
     scene = stage_of(scenario_of())
     world = scene.world
     for _ in range(700):
@@ -174,7 +179,7 @@ def test_a_load_leaves_the_lights_alone_unless_it_says_or_changes_the_map() -> N
     assert (len(world.signals.plan.controllers), len(world.roads)) == (0, 33)
 
 
-def test_on_another_map_drivers_of_the_old_one_stand() -> None:
+def test_vehicles_of_an_old_map_stand_after_a_map_change() -> None:
     scene = stage_of(scenario_of({"initPosition": LINK, "currentVelocity": 36}))
     keep = LoadOptions(delete_all=False, ego=False, vehicles=True, pedestrians=False, obstacles=False)
     scene.carry_out(scene.prepare(scenario_of(mapInfo={"mapName": "loop"}), keep))
@@ -183,7 +188,7 @@ def test_on_another_map_drivers_of_the_old_one_stand() -> None:
     assert (bool(world.has_lane[row]), float(world.speed[row])) == (False, 0.0)
 
 
-def test_a_load_is_carried_out_on_the_map_that_it_was_prepared_for() -> None:
+def test_load_uses_the_map_it_was_prepared_for() -> None:
     scene = stage_of(scenario_of())
     load = scene.prepare(scenario_of({"initPosition": LINK}), WHOLE)
     scene.carry_out(scene.prepare(scenario_of(mapInfo={"mapName": "loop"}), WHOLE))
@@ -193,7 +198,7 @@ def test_a_load_is_carried_out_on_the_map_that_it_was_prepared_for() -> None:
     assert world.roads.ids[world.lane[world.rows(Kind.VEHICLE)[0]]] == "A1B1"
 
 
-def test_a_reset_is_the_beginning_again() -> None:
+def test_reset_restores_the_beginning() -> None:
     phases = [{"index": "IntTL13", "state": 1, "deltaTime": 2.0}]
     scene = stage_of(scenario_of({"initPosition": LINK}, tlList=phases))
     before = scene.world.digest()
@@ -203,7 +208,7 @@ def test_a_reset_is_the_beginning_again() -> None:
     assert scene.world.digest() == before
 
 
-def test_a_load_that_fails_leaves_roads_and_lights_as_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_load_keeps_roads_and_lights(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = stage_of(scenario_of({"initPosition": LINK}))
     load = scene.prepare(scenario_of({"initPosition": at(0, 0)}, mapInfo={"mapName": "loop"}), WHOLE)
     for _ in range(50):
@@ -223,7 +228,7 @@ def test_a_load_that_fails_leaves_roads_and_lights_as_they_were(monkeypatch: pyt
 
 
 @pytest.mark.parametrize(("name", "num"), [("town", 24), ("loop", 20)])
-def test_the_built_in_scenes_drive(name: str, num: int) -> None:
+def test_traffic_of_the_built_in_scenarios_drives(name: str, num: int) -> None:
     library = DiskLibrary()
     scenario = library.scenario(name)
     assert scenario.notes == ()

@@ -30,7 +30,7 @@ def test_a_status_is_made_once_for_each_state() -> None:
     assert ego.status().position.x == 5.0
 
 
-def test_it_finds_itself_in_another_row() -> None:
+def test_ego_is_found_after_its_row_changed() -> None:
     world, ego = an_ego()
     world.spawn(Kind.VEHICLE, Body(), name="other", x=0.0, y=0.0)
     world.remove(0)
@@ -41,7 +41,7 @@ def test_it_finds_itself_in_another_row() -> None:
     assert ego.status().position.x == 9.0
 
 
-def test_gears_change_at_rest_alone() -> None:
+def test_gear_changes_only_at_rest() -> None:
     world, ego = an_ego()
     assert ego.shift(Gear.REVERSE) is None
     ego.control(THROTTLE)
@@ -54,7 +54,7 @@ def test_gears_change_at_rest_alone() -> None:
     assert ego.shift(Gear.REVERSE) is None
 
 
-@pytest.mark.parametrize("change", ["put", "renew", "shift"])
+@pytest.mark.parametrize("change", ["teleport", "reset_controls", "shift"])
 def test_refused_gear_is_logged_once_and_again_after_the_car_has_changed(
     change: str, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -62,8 +62,8 @@ def test_refused_gear_is_logged_once_and_again_after_the_car_has_changed(
     caplog.set_level(logging.INFO, "rosbridge_sim")
     world, ego = an_ego()
     changes: dict[str, Callable[[], object]] = {
-        "put": lambda: ego.put(GhostPose(5.0, 0.0, 0.0, 0.0, 0.0, 0.0, speed=9.0)),
-        "renew": ego.renew,
+        "teleport": lambda: ego.teleport(GhostPose(5.0, 0.0, 0.0, 0.0, 0.0, 0.0, speed=9.0)),
+        "reset_controls": ego.reset_controls,
         "shift": lambda: ego.shift(ego.gear),
     }
     world.speed[ego.row] = 9.0
@@ -76,20 +76,20 @@ def test_refused_gear_is_logged_once_and_again_after_the_car_has_changed(
     assert len(caplog.records) == 2
 
 
-def test_only_handing_over_from_a_client_lifts_the_feet() -> None:
+def test_only_a_change_from_client_control_releases_the_pedals() -> None:
     world, ego = an_ego()
     ego.control(THROTTLE)
-    ego.hand_over(CtrlMode.EXTERNAL)
+    ego.set_ctrl_mode(CtrlMode.EXTERNAL)
     assert world.throttle[ego.row] == 1.0
-    ego.hand_over(CtrlMode.GAME_PAD)
+    ego.set_ctrl_mode(CtrlMode.GAME_PAD)
     assert world.throttle[ego.row] == 0.0
     ego.control(THROTTLE)
-    ego.hand_over(CtrlMode.KEYBOARD)
+    ego.set_ctrl_mode(CtrlMode.KEYBOARD)
     assert world.throttle[ego.row] == 1.0
 
 
-def test_a_new_car_has_its_lamps_off() -> None:
+def test_new_ego_has_its_lamps_off() -> None:
     _, ego = an_ego()
     ego.turn_signal = ego.emergency_signal = 1
-    ego.renew()
+    ego.reset_controls()
     assert ego.lamps == (0, 0)

@@ -48,7 +48,7 @@ def two_egos(**settings: Any) -> tuple[SimHarness, Client]:  # noqa: ANN401 - No
 # Who sees whom
 
 
-def test_each_ego_sees_the_others_as_vehicles_of_their_own_type() -> None:
+def test_each_ego_is_listed_for_others_as_a_vehicle_of_type_ego() -> None:
     harness, client = two_egos(start="sync")
     put(client, 3, global_position_x=[-20.0])
     client.listen("/Object_topic", "/Ego-2/Object_topic")
@@ -68,7 +68,7 @@ def test_each_ego_sees_the_others_as_vehicles_of_their_own_type() -> None:
     assert len(harness.node.egos) == 1
 
 
-def test_the_nearest_may_be_an_ego() -> None:
+def test_nearest_object_may_be_an_ego() -> None:
     _, client = two_egos(start="sync", profile=Profile(object_limit=1))
     assert client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)["result"]
     client.send("/SyncModeAddObj", "morai_msgs/SyncModeAddObj", name="Box", position={"x": 500.0})
@@ -81,7 +81,7 @@ def test_the_nearest_may_be_an_ego() -> None:
 # The first ego
 
 
-def test_an_ego_is_put_where_the_message_says() -> None:
+def test_ego_is_placed_at_the_pose_of_the_message() -> None:
     harness = SimHarness()
     client = harness.client()
     client.listen("/Ego_topic")
@@ -99,7 +99,7 @@ def test_an_ego_is_put_where_the_message_says() -> None:
     assert status["velocity"]["x"] == pytest.approx(10.0, abs=0.02)
 
 
-def test_in_synchronous_mode_it_is_a_reset_between_two_ticks() -> None:
+def test_ego_setting_acts_between_ticks_in_synchronous_mode() -> None:
     harness = SimHarness(start="sync")
     client = harness.client()
     client.start()
@@ -122,7 +122,7 @@ def test_in_synchronous_mode_it_is_a_reset_between_two_ticks() -> None:
         {"longlCmdType": 3, "acceleration": 3.0, "steering": 0.5},
     ],
 )
-def test_who_is_put_somewhere_has_forgotten_what_was_commanded(command: dict[str, float]) -> None:
+def test_placed_ego_forgets_its_command(command: dict[str, float]) -> None:
     harness = SimHarness("parked")
     client = harness.client()
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", **command)
@@ -139,7 +139,7 @@ def test_who_is_put_somewhere_has_forgotten_what_was_commanded(command: dict[str
     assert client.messages("/Ego_topic")[-1]["velocity"]["x"] == pytest.approx(5.0, abs=0.01)
 
 
-def test_a_reset_with_speed_rolls_straight_on_without_pedals() -> None:
+def test_ego_placed_with_speed_rolls_straight_without_pedals() -> None:
     harness = SimHarness("parked")
     client = harness.client()
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=2, velocity=60.0, steering=0.5)
@@ -152,7 +152,7 @@ def test_a_reset_with_speed_rolls_straight_on_without_pedals() -> None:
     assert 9.5 < last["velocity"]["x"] < 10.0  # rolling and drag alone
 
 
-def test_a_reset_drops_the_commands_of_that_ego_that_wait_and_the_next_one_counts() -> None:
+def test_placing_an_ego_drops_its_waiting_commands() -> None:
     harness, client = two_egos(start="sync")
     client.start()
     throttle = {"longlCmdType": 1, "accel": 1.0}
@@ -173,7 +173,7 @@ def test_a_reset_drops_the_commands_of_that_ego_that_wait_and_the_next_one_count
     assert client.tick()["vehicle_status"]["velocity"]["x"] > 0.0
 
 
-def test_a_setting_that_is_refused_leaves_the_command_in_force() -> None:
+def test_refused_ego_setting_keeps_the_command() -> None:
     harness = SimHarness("parked")
     client = harness.client()
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
@@ -183,7 +183,7 @@ def test_a_setting_that_is_refused_leaves_the_command_in_force() -> None:
     assert harness.world.speed[harness.world.row(FIRST_EGO)] > 1.0
 
 
-def test_the_gear_changes_at_any_speed_and_0_leaves_it() -> None:
+def test_ego_setting_changes_gear_at_any_speed_and_0_keeps_it() -> None:
     harness = SimHarness()
     client = harness.client()
     put(client, 0, velocity=[-18.0], gear=[2])
@@ -194,7 +194,7 @@ def test_the_gear_changes_at_any_speed_and_0_leaves_it() -> None:
     assert ego.gear.name == "REVERSE"
 
 
-def test_keyboard_mode_takes_the_wheel_from_the_client_and_automatic_gives_it_back() -> None:
+def test_keyboard_mode_blocks_client_control_until_automatic_mode() -> None:
     harness = SimHarness()
     client = harness.client()
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
@@ -212,7 +212,7 @@ def test_keyboard_mode_takes_the_wheel_from_the_client_and_automatic_gives_it_ba
 
 @pytest.mark.parametrize("name", ["ego_index", *LISTS])
 @pytest.mark.parametrize("length", [0, 1, 3])
-def test_a_list_of_another_length_changes_nothing(name: str, length: int) -> None:
+def test_lists_of_different_lengths_change_nothing(name: str, length: int) -> None:
     harness, client = two_egos()
     before = harness.world.digest()
     body = setting(0, 2, global_position_x=[50.0, 60.0])
@@ -237,7 +237,7 @@ def test_a_list_of_another_length_changes_nothing(name: str, length: int) -> Non
         ({"ego_index": [0, -3]}, "expected 0, 2 or more, got -3"),
     ],
 )
-def test_a_bad_entry_changes_nothing_of_the_others(lists: dict[str, Any], text: str) -> None:
+def test_invalid_entry_changes_nothing(lists: dict[str, Any], text: str) -> None:
     harness, client = two_egos()
     before = harness.world.digest()
     with pytest.raises(FieldError, match=text):
@@ -246,24 +246,27 @@ def test_a_bad_entry_changes_nothing_of_the_others(lists: dict[str, Any], text: 
     assert len(harness.node.egos) == 2
 
 
-def test_a_message_about_nobody_is_fine() -> None:
+def test_message_without_egos_is_accepted() -> None:
     harness = SimHarness()
+    before = harness.world.digest()
     put(harness.client())
-    assert harness.node.followed is harness.node.egos[0]
+    assert harness.world.digest() == before
 
 
-def test_the_camera_follows_the_ego_that_is_named_while_there_is_one() -> None:
+@pytest.mark.parametrize("camera_index", [2, 77, -1])
+def test_any_camera_index_is_taken_and_moves_nothing(camera_index: int) -> None:
     harness, client = two_egos()
-    client.send("/ego_setting", SETTING, **setting(0) | {"camera_index": 2})
-    assert harness.node.followed is harness.node.egos[1]
-    client.send("/ego_setting", SETTING, **setting(0) | {"camera_index": 77})
-    assert harness.node.followed is harness.node.egos[0]
+    plain, other = two_egos()
+    client.send("/ego_setting", SETTING, **setting(0) | {"camera_index": camera_index})
+    other.send("/ego_setting", SETTING, **setting(0))
+    assert harness.world.digest() == plain.world.digest()
+    assert client.told == other.told
 
 
 # Further egos
 
 
-def test_a_number_that_is_new_is_a_new_ego_with_topics_and_services_of_its_own() -> None:
+def test_new_number_adds_an_ego_with_its_own_topics_and_services() -> None:
     harness, client = two_egos()
     client.listen("/Ego_topic", "/Ego-2/Ego_topic", "/Ego-2/Object_topic", "/Ego-2/CollisionData")
     client.send("/Ego-2/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
@@ -282,7 +285,7 @@ def test_a_number_that_is_new_is_a_new_ego_with_topics_and_services_of_its_own()
     assert spec["wheel_base"] > 0.0
 
 
-def test_its_number_is_its_own_even_if_an_object_has_the_same() -> None:
+def test_ego_number_may_equal_an_object_id() -> None:
     harness = SimHarness()  # objects have the ids 3, 4, 7 and 9
     client = harness.client()
     put(client, 7, global_position_x=[500.0])
@@ -292,7 +295,7 @@ def test_its_number_is_its_own_even_if_an_object_has_the_same() -> None:
     assert 7 in [npc["unique_id"] for npc in client.messages("/Object_topic")[0]["npc_list"]]
 
 
-def test_synchronous_mode_is_one_for_all_egos() -> None:
+def test_synchronous_mode_is_shared_by_all_egos() -> None:
     harness, client = two_egos(start="sync")
     other = harness.client()
     started = other.ask("/Ego-2/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)
@@ -313,7 +316,7 @@ def test_synchronous_mode_is_one_for_all_egos() -> None:
     assert "/Ego-2/ctrl_cmd is ignored in synchronous mode: use /Ego-2/SyncModeCtrlCmd" in client.told[-1][1]
 
 
-def test_egos_that_touch_hear_of_each_other() -> None:
+def test_touching_egos_report_each_other() -> None:
     harness, client = two_egos()
     put(client, 2, global_position_x=[-5.0])
     client.listen("/CollisionData", "/Ego-2/CollisionData", "/VehicleCollisionData")
@@ -325,7 +328,7 @@ def test_egos_that_touch_hear_of_each_other() -> None:
     assert client.messages("/VehicleCollisionData")[0]["collisions"] == []
 
 
-def test_a_scenario_with_an_ego_that_clears_the_stage_takes_the_others_and_their_names() -> None:
+def test_scenario_that_replaces_the_ego_removes_further_egos_and_their_names() -> None:
     harness, client = two_egos(start="sync")
     client.listen("/Ego-2/Ego_topic")
     client.start()
@@ -344,7 +347,7 @@ def test_a_scenario_with_an_ego_that_clears_the_stage_takes_the_others_and_their
 
 
 @pytest.mark.parametrize("options", [{"delete_all": False}, {"load_ego_vehicle_data": False}])
-def test_other_loads_leave_the_other_egos(options: dict[str, bool]) -> None:
+def test_other_loads_keep_the_further_egos(options: dict[str, bool]) -> None:
     harness, client = two_egos()
     assert client.ask("/Service_MoraiSL", file_name="crowd", **ALL | options)["result"]
     assert [ego.index for ego in harness.node.egos] == [0, 2]
@@ -360,7 +363,7 @@ def test_the_number_of_egos_is_bounded() -> None:
     assert len(harness.node.egos) == MAX_EGOS
 
 
-def test_a_client_that_has_the_names_of_an_ego_before_it_comes_does_not_keep_it_out() -> None:
+def test_client_with_the_names_of_a_further_ego_does_not_block_it() -> None:
     harness = SimHarness()
     client, user = harness.client(), harness.client()
     client.send("/Ego-2/ctrl_cmd", "std_msgs/String", data="mine")
@@ -381,7 +384,7 @@ def test_a_client_that_has_the_names_of_an_ego_before_it_comes_does_not_keep_it_
     assert user.messages("/Ego-2/Ego_topic")[-1]["velocity"]["x"] > 0.0
 
 
-def test_a_topic_that_a_part_of_the_server_gave_another_type_keeps_the_ego_out() -> None:
+def test_topic_with_another_type_of_a_component_blocks_a_further_ego() -> None:
     class Part:
         name = "/part"
 
@@ -401,7 +404,7 @@ def test_a_topic_that_a_part_of_the_server_gave_another_type_keeps_the_ego_out()
     assert [ego.index for ego in harness.node.egos] == [0, 2]
 
 
-def test_another_ego_has_the_rate_of_the_first_or_its_own() -> None:
+def test_further_ego_has_the_first_egos_rate_or_its_own() -> None:
     harness, client = two_egos(network=rates({"/Ego_topic": 10.0, "/Ego-3/Ego_topic": 25.0}))
     put(client, 3)
     client.listen("/Ego-2/Ego_topic", "/Ego-3/Ego_topic", "/Ego-3/Object_topic")
@@ -415,7 +418,7 @@ def test_another_ego_has_the_rate_of_the_first_or_its_own() -> None:
         SimHarness(network=rates({"/Ego-2/Ego_topic": 500.0}))
 
 
-def test_many_comings_and_goings_of_egos_leave_nothing() -> None:
+def test_adding_and_removing_egos_many_times_leaves_no_memory() -> None:
     harness, client = two_egos()
     client.ask("/Service_MoraiSL", file_name="parked", **ALL)
     before = (len(harness.bus.topics), len(harness.bus.services))
@@ -428,7 +431,7 @@ def test_many_comings_and_goings_of_egos_leave_nothing() -> None:
     assert len(harness.bus.topics) <= before[0]
 
 
-def test_a_longer_list_than_there_can_be_egos_is_refused_before_it_is_read() -> None:
+def test_list_longer_than_the_ego_limit_is_refused_before_it_is_read() -> None:
     harness = SimHarness()
     with pytest.raises(FieldError, match=f"there are {MAX_EGOS} egos at most, got {MAX_EGOS + 1} entries"):
         put(harness.client(), *[7] * (MAX_EGOS + 1))
@@ -438,7 +441,7 @@ def test_a_longer_list_than_there_can_be_egos_is_refused_before_it_is_read() -> 
 # Who has left
 
 
-def test_services_of_an_ego_that_left_are_known_until_it_comes_back() -> None:
+def test_services_of_a_removed_ego_are_remembered_until_it_returns() -> None:
     harness, client = two_egos()
     name = "/Ego-2/Service_MoraiEventCmd"
     assert name in harness.bus.services
@@ -452,7 +455,7 @@ def test_services_of_an_ego_that_left_are_known_until_it_comes_back() -> None:
     assert not harness.node.why_gone(name)
 
 
-def test_services_of_an_ego_are_never_taken_for_gone_for_good_while_it_leaves_and_returns() -> None:
+def test_services_of_an_ego_that_leaves_and_returns_are_never_reported_as_unknown() -> None:
     harness, client = two_egos()
     names = [name for name in harness.bus.services if name.startswith("/Ego-2/")]
     lost: list[str] = []
@@ -467,13 +470,13 @@ def test_services_of_an_ego_are_never_taken_for_gone_for_good_while_it_leaves_an
     assert not lost
 
 
-def test_egos_under_ever_new_numbers_are_not_remembered_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rosbridge_sim.morai.simulator_node.MAX_GONE", 3)
+def test_remembered_ego_numbers_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rosbridge_sim.morai.ego_interfaces.MAX_GONE", 3)
     harness, client = two_egos()
     for index in range(10, 20):
         harness.node.reset(None, 0.0)
         put(client, index)
     harness.node.reset(None, 0.0)
-    assert len(harness.node._gone) == 3
+    assert harness.node.context.ego_interfaces.num_remembered == 3
     assert harness.node.why_gone("/Ego-19/Service_MoraiEventCmd")
     assert not harness.node.why_gone("/Ego-10/Service_MoraiEventCmd")

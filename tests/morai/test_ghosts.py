@@ -39,7 +39,7 @@ def npcs_of(client: Client) -> dict[int, dict[str, Any]]:
 # The ego
 
 
-def test_a_ghost_stands_where_it_was_put_and_shows_what_was_said() -> None:
+def test_ghost_keeps_the_pose_and_speed_of_its_message() -> None:
     harness = SimHarness()
     client = harness.client()
     client.listen("/Ego_topic")
@@ -65,7 +65,7 @@ def test_a_ghost_stands_where_it_was_put_and_shows_what_was_said() -> None:
 
 
 @pytest.mark.parametrize("way", ["command", "setting", "mode"])
-def test_a_ghost_drives_again_at_the_next_command_teleport_or_change_of_mode(way: str) -> None:
+def test_ghost_drives_again_after_a_command_teleport_or_mode_change(way: str) -> None:
     harness = SimHarness()
     client = harness.client()
     client.send("/ghost_ctrl_cmd", GHOST, position=vector(70.0), velocity=36.0)
@@ -93,7 +93,7 @@ def test_a_ghost_drives_again_at_the_next_command_teleport_or_change_of_mode(way
     assert harness.world.x[row] == pytest.approx(72.0, abs=0.1)
 
 
-def test_ghost_control_takes_external_mode_and_real_time() -> None:
+def test_ghost_control_needs_external_mode_and_real_time() -> None:
     harness = SimHarness(start_mode="keyboard")
     client = harness.client()
     before = harness.world.digest()
@@ -131,7 +131,7 @@ def test_a_ghost_message_with_a_bad_number_does_nothing(wrong: dict[str, Any]) -
 # Vehicles
 
 
-def test_a_number_that_is_new_brings_a_vehicle_of_the_model() -> None:
+def test_new_number_adds_a_vehicle_of_the_model() -> None:
     harness = SimHarness("empty")
     client = harness.client()
     client.listen("/Object_topic")
@@ -144,7 +144,7 @@ def test_a_number_that_is_new_brings_a_vehicle_of_the_model() -> None:
     assert client.ask("/Service_MoraiVehicleSpec", unique_id=3)["size"]["x"] == pytest.approx(10.955)
 
 
-def test_a_ghost_may_be_a_model_of_the_users() -> None:
+def test_ghost_may_use_a_model_of_the_users_catalogue() -> None:
     lorry = Model("Lorry", Kind.VEHICLE, replace(Body(), length=9.0, front_overhang=5.41))
     harness = SimHarness("empty", catalogue=Catalogue([lorry]))
     client = harness.client()
@@ -154,7 +154,7 @@ def test_a_ghost_may_be_a_model_of_the_users() -> None:
         place(SimHarness("empty").client(), npc(2, 30.0, name="lorry"))
 
 
-def test_a_vehicle_that_drove_becomes_a_ghost() -> None:
+def test_driving_vehicle_can_become_a_ghost() -> None:
     harness = SimHarness()  # 7 is a vehicle that goes at 10 m/s, along no path
     client = harness.client()
     client.listen("/Object_topic")
@@ -164,7 +164,7 @@ def test_a_vehicle_that_drove_becomes_a_ghost() -> None:
     assert npcs_of(client)[7]["velocity"] == vector()
 
 
-def test_in_synchronous_mode_vehicles_are_placed_between_ticks() -> None:
+def test_ghost_vehicles_are_placed_between_ticks_in_synchronous_mode() -> None:
     harness = SimHarness(start="sync")
     client = harness.client()
     client.listen("/Object_topic", "/CollisionData")
@@ -182,7 +182,7 @@ def test_in_synchronous_mode_vehicles_are_placed_between_ticks() -> None:
     assert harness.world.frame == 3
 
 
-def test_the_speed_of_a_ghost_is_worked_out_from_its_way() -> None:
+def test_ghost_speed_is_computed_from_its_motion() -> None:
     harness = SimHarness("empty", start="sync")
     client = harness.client()
     client.listen("/Object_topic")
@@ -207,7 +207,7 @@ def test_the_speed_of_a_ghost_is_worked_out_from_its_way() -> None:
     assert npcs_of(client)[2]["velocity"]["x"] == 0.0
 
 
-def test_the_speed_of_a_ghost_is_its_mean_over_the_window() -> None:
+def test_ghost_speed_is_the_mean_over_a_window() -> None:
     """A window that is a frame longer lags behind whoever brakes."""
     harness = SimHarness("empty", start="sync")
     client = harness.client()
@@ -221,7 +221,7 @@ def test_the_speed_of_a_ghost_is_its_mean_over_the_window() -> None:
     assert npcs_of(client)[2]["velocity"]["x"] / 3.6 == pytest.approx(way / (SPEED_WINDOW * DT))
 
 
-def test_the_newer_release_tells_the_speed() -> None:
+def test_newer_release_gives_the_ghost_speed_in_the_message() -> None:
     harness = SimHarness("empty", release="26.R1", start="sync")
     client = harness.client()
     client.listen("/Object_topic")
@@ -247,7 +247,7 @@ def test_the_newer_release_tells_the_speed() -> None:
         (npc(7, 5.0), "named twice"),
     ],
 )
-def test_one_bad_entry_and_nobody_moves(wrong: dict[str, Any], text: str) -> None:
+def test_one_invalid_entry_moves_nothing(wrong: dict[str, Any], text: str) -> None:
     harness = SimHarness()
     before = harness.world.digest()
     with pytest.raises(FieldError, match=text):
@@ -255,7 +255,7 @@ def test_one_bad_entry_and_nobody_moves(wrong: dict[str, Any], text: str) -> Non
     assert harness.world.digest() == before
 
 
-def test_an_egos_number_is_no_vehicles() -> None:
+def test_ego_number_is_refused_for_a_ghost_vehicle() -> None:
     harness = SimHarness("empty")
     client = harness.client()
     lists = ("global_position_x", "global_position_y", "global_position_z", "global_roll", "global_pitch", "global_yaw")
@@ -273,7 +273,7 @@ def test_an_egos_number_is_no_vehicles() -> None:
         place(client, npc(2, 0.0))
 
 
-def test_a_client_may_use_its_numbers_again_after_a_load_and_new_ids_are_others() -> None:
+def test_ghost_numbers_can_be_used_again_after_a_load() -> None:
     harness = SimHarness("empty")
     client = harness.client()
     client.listen("/Object_topic")
@@ -288,7 +288,7 @@ def test_a_client_may_use_its_numbers_again_after_a_load_and_new_ids_are_others(
     assert list(npcs_of(client)) == [40, 41]
 
 
-def test_the_number_of_ghosts_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_number_of_ghosts_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rosbridge_sim.morai.ghosts.MAX_ENTITIES", 3)
     harness = SimHarness("empty")
     client = harness.client()
@@ -301,7 +301,7 @@ def test_the_number_of_ghosts_is_bounded(monkeypatch: pytest.MonkeyPatch) -> Non
 # Lamps
 
 
-def test_lamps_are_seen_in_the_answer_of_the_event_service() -> None:
+def test_lamps_topic_sets_the_lamps_of_the_event_answer() -> None:
     harness = SimHarness()
     client = harness.client()
     for turn, emergency in ((1, 0), (2, 1), (0, 0)):
@@ -315,7 +315,7 @@ def test_lamps_are_seen_in_the_answer_of_the_event_service() -> None:
     assert client.ask("/Service_MoraiEventCmd", option=0)["lamps"]["turnSignal"] == 1
 
 
-def test_more_vehicles_than_the_world_holds_are_refused_before_they_are_read() -> None:
+def test_too_many_vehicles_are_refused_before_they_are_read() -> None:
     harness = SimHarness()
     before = harness.world.digest()
     with pytest.raises(FieldError, match=f"the world holds 20,000 at most, got {MAX_ENTITIES + 1:,} vehicles"):

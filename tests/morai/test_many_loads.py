@@ -21,8 +21,8 @@ from rosbridge_sim.morai.scene import WHOLE
 from rosbridge_sim.morai.simulator_node import NodeSettings
 from rosbridge_sim.world.state import World
 from scripts.soak.scenes import BAD, GOOD, MISSING
-from tests.morai.maps import KOREAN, ROADRUNNER, read
 from tests.morai.sim_harness import ALL, Client, make_store
+from tests.morai.small_maps import KOREAN, ROADRUNNER, read
 
 MAPS = {"track": KOREAN, "town": ROADRUNNER}
 
@@ -114,7 +114,7 @@ def test_hundreds_of_loads_leave_nothing_behind(caplog: pytest.LogCaptureFixture
 
 
 @pytest.mark.parametrize("name", [*BAD, *MISSING])
-def test_a_bad_load_changes_nothing_and_says_why(name: str) -> None:
+def test_bad_load_changes_nothing_and_gives_the_reason(name: str) -> None:
     run = Run()
     assert run.client.ask("/Service_MoraiSL", file_name="busy", **ALL)["result"]
     before = fingerprint(run)
@@ -131,10 +131,10 @@ def test_a_bad_load_changes_nothing_and_says_why(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["busy", "junction"])
-def test_an_agent_that_the_world_refuses_undoes_the_whole_load(name: str) -> None:
+def test_agent_refused_by_the_world_undoes_the_whole_load(name: str) -> None:
     run = Run()
     before, roads, plan = fingerprint(run), run.world.roads, run.world.signals.plan
-    load = run.node.scene.prepare(run.node.library.scenario(name), WHOLE)
+    load = run.node.scene.prepare(run.node.context.library.scenario(name), WHOLE)
     object.__setattr__((*load.egos, *load.others)[-1], "x", np.inf)
     with pytest.raises(DocumentError, match=f"{name}: "):
         run.node.scene.carry_out(load)

@@ -20,7 +20,7 @@ from tests.morai.sim_harness import SimHarness
         ("/ego", "morai_msgs/EgoVehicleStatus", "of this type there is /Ego_topic"),
     ],
 )
-def test_listener_to_a_sensor_that_is_missing_is_told_so(topic: str, type_name: str, word: str) -> None:
+def test_subscriber_of_a_missing_sensor_is_notified(topic: str, type_name: str, word: str) -> None:
     harness = SimHarness()
     peer, outbox = make_peer(harness.bus)
     for op in ({"op": "set_level", "level": "info"}, {"op": "subscribe", "topic": topic, "type": type_name}):

@@ -25,7 +25,7 @@ def test_the_first_frame_is_due_one_step_after_the_start() -> None:
     assert owed(pace, 7.0 + DT) == 1
 
 
-def test_fifty_frames_a_second_without_drift() -> None:
+def test_pacer_owes_fifty_frames_a_second_without_drift() -> None:
     pace = RealTimePacer()
     start = 1_234_567.891
     pace.start(start)
@@ -42,7 +42,7 @@ def test_calling_at_the_due_time_always_owes_exactly_one() -> None:
     assert [owed(pace, pace.due_at) for _ in range(2_000)] == [1] * 2_000
 
 
-def test_what_is_late_is_made_up_for() -> None:
+def test_late_frames_are_owed() -> None:
     pace = RealTimePacer()
     pace.start(0.0)
     assert pace.forgive(0.5) == 0.0
@@ -50,7 +50,7 @@ def test_what_is_late_is_made_up_for() -> None:
     assert pace.num_stalls == 0
 
 
-def test_after_a_stall_one_frame_is_owed_and_the_rest_is_given_up() -> None:
+def test_stall_leaves_one_frame_owed() -> None:
     pace = RealTimePacer()
     pace.start(0.0)
     assert pace.forgive(DT + STALL) == 0.0

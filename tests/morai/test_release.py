@@ -24,7 +24,7 @@ def in_sync(scenario: str = "crowd") -> tuple[SimHarness, Client]:
     return harness, client
 
 
-def test_the_steering_has_its_new_name_and_the_old_one_is_understood() -> None:
+def test_steering_has_its_new_name_and_accepts_the_old_one() -> None:
     for name in ("front_steer", "steering"):
         _, client = in_sync("parked")
         client.control(0, longlCmdType=1, rear_steer=0.3, **{name: 0.2})
@@ -35,7 +35,7 @@ def test_the_steering_has_its_new_name_and_the_old_one_is_understood() -> None:
         assert "wheel_angle" not in status
 
 
-def test_the_ego_knows_where_it_is_on_its_lane() -> None:
+def test_ego_status_has_the_position_on_its_lane() -> None:
     harness, client = in_sync("elsewhere")  # a lane north from (0, 0), 3.5 m wide
     client.listen("/Ego_topic")
     setting: dict[str, Any] = {
@@ -62,7 +62,7 @@ def test_the_ego_knows_where_it_is_on_its_lane() -> None:
     assert harness.node.egos[0].status() is harness.node.egos[0].status()
 
 
-def test_off_any_road_the_figures_of_lanes_are_0() -> None:
+def test_lane_fields_are_0_off_the_road() -> None:
     world = World()
     row = world.row(world.spawn(Kind.EGO, Body(), name="ego", x=0.0, y=0.0))
     for roads in (None, Roads()):
@@ -70,7 +70,7 @@ def test_off_any_road_the_figures_of_lanes_are_0() -> None:
         assert status.lateral_offset == status.distance_left_lane_boundary == status.cross_track_error == 0.0
 
 
-def test_lamps_and_steering_come_with_the_setting_and_may_be_left_out() -> None:
+def test_ego_setting_has_optional_lamps_and_steering() -> None:
     harness, client = in_sync("parked")
     common: dict[str, Any] = {
         "number_of_ego_vehicle": 1,
@@ -88,7 +88,7 @@ def test_lamps_and_steering_come_with_the_setting_and_may_be_left_out() -> None:
     assert client.ask("/Service_MoraiEventCmd", option=0)["lamps"]["emergencySignal"] == 1
 
 
-def test_objects_come_and_go_by_services_and_the_topics_are_no_more() -> None:
+def test_newer_release_adds_and_removes_objects_by_services_only() -> None:
     harness, client = in_sync("empty")
     place = {"name": "Bus", "position": {"x": 40.0, "y": 5.0, "z": 0.0}, "heading": 90.0}
     assert client.ask("/SyncModeAddObject", frame=2, **place) == {"result": True}
@@ -111,13 +111,13 @@ def test_objects_come_and_go_by_services_and_the_topics_are_no_more() -> None:
     assert client.ask("/SyncModeAddObject", frame=0, **place) == {"result": False}
 
 
-def test_the_older_release_has_the_topics_and_no_services() -> None:
+def test_older_release_adds_and_removes_objects_by_topics_only() -> None:
     harness = SimHarness()
     assert harness.bus.find_topic("/SyncModeAddObj") is not None
     assert not [name for name in harness.bus.services if name.endswith("Object")]
 
 
-def test_what_is_hit_stands_under_both_names() -> None:
+def test_collided_objects_are_given_under_both_names() -> None:
     _, client = in_sync("empty")
     client.listen("/CollisionData")
     client.ask("/SyncModeAddObject", name="Box", position={"x": 1.0, "y": 0.0, "z": 0.0}, frame=0)
@@ -127,14 +127,14 @@ def test_what_is_hit_stands_under_both_names() -> None:
     assert hit["collision_objecta"] == hit["collision_object"]
 
 
-def test_the_manual_of_the_newer_release_lists_the_20_nearest() -> None:
+def test_newer_release_lists_the_20_nearest_objects() -> None:
     assert RELEASES["22.R2"] == MANUAL == choose_profile("manual")
     assert choose_profile("manual", NEWER).object_limit == 20
     assert choose_profile("manual", NEWER, object_limit=0) == MANUAL
     assert choose_profile("field", NEWER) == FIELD
 
 
-def test_the_speed_mode_is_held_back_for_all_egos_and_after_a_load() -> None:
+def test_speed_mode_limits_hold_for_all_egos_and_after_a_load() -> None:
     harness = SimHarness(release=NEWER, start="sync", speed_limits=SPEED_LIMITS[NEWER])
     client = harness.client()
     client.start()

@@ -10,7 +10,7 @@ import pytest
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Answer, Topic
 from rosbridge_sim.morai.scene import FIRST_EGO
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from tests.morai.sim_harness import ALL, Client, SimHarness, rates
 
 HEARD = ("/clock", "/Ego_topic", "/Object_topic", "/CollisionData", "/VehicleCollisionData", "/SyncModeInfo")
@@ -51,7 +51,7 @@ def test_a_reset_run_repeats_byte_for_byte() -> None:
         assert harness.world.digest() == digest
 
 
-def test_it_is_as_after_the_start_whatever_has_happened() -> None:
+def test_reset_state_equals_the_start_state() -> None:
     fresh, harness = SimHarness("crowd"), SimHarness("crowd")
     client = harness.client()
     client.ask("/Service_MoraiSL", file_name="elsewhere", **ALL)
@@ -65,15 +65,13 @@ def test_it_is_as_after_the_start_whatever_has_happened() -> None:
     assert harness.world.digest() == fresh.world.digest()
     assert harness.node.scene.road_map.name == "track"
     assert [ego.index for ego in harness.node.egos] == [FIRST_EGO]
-    assert harness.node.camera_index == FIRST_EGO  # else a second ego that comes later would be looked at
-    assert harness.node.followed is harness.node.egos[0]
     assert client.call("/Ego-2/SyncModeCmd", {}).is_ok is False
     state, at_start = (each.ask("/Service_MoraiEventCmd", option=0) for each in (client, fresh.client()))
     assert state == at_start
     assert harness.bus.stamp_ns == 0
 
 
-def test_the_seed_is_set_or_kept() -> None:
+def test_reset_sets_or_keeps_the_seed() -> None:
     harness = SimHarness()
     client = harness.client()
     assert reset(client, 7) == {"frame": 0, "seed": 7}
@@ -84,7 +82,7 @@ def test_the_seed_is_set_or_kept() -> None:
     assert harness.world.rng.random() != drawn
 
 
-def test_master_and_pause_stay_and_waiting_commands_go() -> None:
+def test_reset_keeps_master_and_pause_and_drops_waiting_commands() -> None:
     harness = SimHarness(start="sync")
     client = harness.client()
     client.start()
@@ -105,7 +103,7 @@ def test_master_and_pause_stay_and_waiting_commands_go() -> None:
     assert client.tick()["pause_status"]
 
 
-def test_ids_that_are_made_begin_anew_while_nobody_is_master() -> None:
+def test_generated_master_ids_start_again_without_a_master() -> None:
     harness = SimHarness(start="sync")
     client = harness.client()
     assert client.start("")["user_id"] == "sync-1"
@@ -117,7 +115,7 @@ def test_ids_that_are_made_begin_anew_while_nobody_is_master() -> None:
     assert client.start("")["user_id"] == "sync-1"
 
 
-def test_in_real_time_the_frames_go_on_from_0() -> None:
+def test_real_time_frames_go_on_from_0_after_a_reset() -> None:
     harness = SimHarness(network=rates({"/Ego_topic": 100.0}))
     client = harness.client()
     client.listen("/Ego_topic", "/clock")
@@ -132,7 +130,7 @@ def test_in_real_time_the_frames_go_on_from_0() -> None:
 
 
 @pytest.mark.parametrize("start", ["run", "sync"])
-def test_who_hears_of_a_frame_cannot_reset_from_within_it(start: str) -> None:
+def test_reset_from_a_subscriber_during_a_frame_is_refused(start: str) -> None:
     harness = SimHarness(start=start)
     client = harness.client()
     answers: list[Answer] = []

@@ -11,7 +11,7 @@ import pytest
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from tests.morai.sim_harness import Client
 from tests.morai.town import Crossroads, Driver, Judge, Way
 from tests.world.traffic_observers import RedRuns, Waits
@@ -85,7 +85,7 @@ def drive_round(*, heeds_lights: bool) -> Rounds:
 LIGHTS = ["TL22WL", "TL23SL", "TL13E", "TL12N"]
 
 
-def test_who_obeys_the_lights_drives_a_round_without_a_red_one() -> None:
+def test_client_that_obeys_the_lights_runs_no_red_light() -> None:
     rounds = drive_round(heeds_lights=True)
     judge = rounds.judge
     assert [name for name, _ in judge.passed] == LIGHTS
@@ -93,13 +93,13 @@ def test_who_obeys_the_lights_drives_a_round_without_a_red_one() -> None:
     assert rounds.town.world.frame * 0.02 < 400.0
 
 
-def test_who_ignores_them_is_caught() -> None:
+def test_client_that_ignores_the_lights_is_detected() -> None:
     judge = drive_round(heeds_lights=False).judge
     assert [name for name, _ in judge.passed] == LIGHTS
     assert len(judge.red) >= 2, judge.passed
 
 
-def test_in_ten_minutes_of_the_town_nobody_runs_a_red_light_and_nobody_stands_for_ever() -> None:
+def test_town_traffic_runs_no_red_light_and_never_gets_stuck_in_ten_minutes() -> None:
     rounds = Rounds(heeds_lights=True)
     world = rounds.town.world
     reds, waits = RedRuns(world), Waits(world)
@@ -111,8 +111,8 @@ def test_in_ten_minutes_of_the_town_nobody_runs_a_red_light_and_nobody_stands_fo
             assert rounds.judge.red == []
             num_rounds += 1
             rounds.start()
-    assert (len(waits.way), reds.num) == (24, 0)
+    assert (len(waits.distance), reds.num) == (24, 0)
     assert reds.num_passed > 400
     assert waits.longest.max() < 100.0, "two cycles"
-    assert waits.way.min() > 1_000.0
+    assert waits.distance.min() > 1_000.0
     assert num_rounds >= 2

@@ -39,7 +39,7 @@ def model(name: str) -> Model:
     return found
 
 
-def test_the_opening_scene_keeps_the_documents_ids() -> None:
+def test_opening_scene_keeps_the_ids_of_its_document() -> None:
     scene = a_stage()
     assert population(scene) == {Kind.EGO: [0], Kind.VEHICLE: [7, 10], Kind.PEDESTRIAN: [9], Kind.OBSTACLE: [3, 4]}
     world = scene.world
@@ -48,7 +48,7 @@ def test_the_opening_scene_keeps_the_documents_ids() -> None:
     assert world.speed[world.row(7)] == pytest.approx(10.0)
 
 
-def test_the_opening_gear_beats_the_documents() -> None:
+def test_opening_gear_takes_precedence_over_the_documents() -> None:
     scene = a_stage("parked")
     assert scene.world.gear[scene.world.row(0)] == Gear.DRIVE
     load(scene, "parked")
@@ -61,7 +61,7 @@ def test_a_scene_without_an_ego_gets_one_at_the_origin() -> None:
     assert scene.world.x[scene.world.row(0)] == 0.0
 
 
-def test_a_second_load_replaces_all_and_repeats_no_id() -> None:
+def test_second_load_replaces_everything_and_repeats_no_id() -> None:
     scene = a_stage()
     seen = {uid for kind in (Kind.VEHICLE, Kind.PEDESTRIAN, Kind.OBSTACLE) for uid in uids(scene, kind)}
     for _ in range(3):
@@ -73,7 +73,7 @@ def test_a_second_load_replaces_all_and_repeats_no_id() -> None:
         seen |= set(there)
 
 
-def test_loads_leave_the_frame_count_and_the_same_memory() -> None:
+def test_loads_keep_the_frame_count_and_free_their_memory() -> None:
     scene = a_stage()
     scene.world.frame = 123
     for _ in range(50):
@@ -82,14 +82,14 @@ def test_loads_leave_the_frame_count_and_the_same_memory() -> None:
     assert scene.world.n == 6
 
 
-def test_without_delete_all_a_load_adds() -> None:
+def test_load_without_delete_all_adds_entities() -> None:
     scene = a_stage()
     load(scene, "crowd", LoadOptions(delete_all=False, ego=False, vehicles=True, pedestrians=False, obstacles=False))
     assert len(uids(scene, Kind.VEHICLE)) == 4
     assert len(uids(scene, Kind.OBSTACLE)) == 2
 
 
-def test_delete_all_spares_the_ego_unless_a_new_one_comes() -> None:
+def test_delete_all_keeps_the_ego_unless_a_new_one_comes() -> None:
     scene = a_stage()
     world = scene.world
     world.x[world.row(0)] = 77.0
@@ -118,7 +118,7 @@ def test_a_load_of_nothing_changes_nothing() -> None:
     assert scene.world.digest() == before
 
 
-def test_a_load_without_an_ego_in_it_keeps_the_one_there_is() -> None:
+def test_load_without_an_ego_keeps_the_present_one() -> None:
     scene = a_stage()
     load(scene, "empty")
     assert population(scene) == {Kind.EGO: [0], Kind.VEHICLE: [], Kind.PEDESTRIAN: [], Kind.OBSTACLE: []}
@@ -143,7 +143,7 @@ def test_a_map_is_read_once_for_all_loads_that_name_it() -> None:
     assert shelf.num_maps_read == 1
 
 
-def test_no_other_map_serves_for_one_that_is_not_there() -> None:
+def test_missing_map_is_not_replaced_by_another() -> None:
     scene = a_stage("elsewhere")
     before = scene.world.digest()
     with pytest.raises(DocumentError, match="no map 'R_KR_PG_K-City'"):
@@ -153,7 +153,7 @@ def test_no_other_map_serves_for_one_that_is_not_there() -> None:
         a_stage("nowhere")
 
 
-def test_what_cannot_be_placed_is_found_before_anything_changes() -> None:
+def test_unplaceable_entity_is_found_before_anything_changes() -> None:
     scene = a_stage()
     before = scene.world.digest()
     with pytest.raises(DocumentError, match="no such link"):
@@ -166,7 +166,7 @@ def spawn(name: str, uid: int | None, x: float) -> Spawn:
     return Spawn(found.kind, found, found.name, uid, x, 0.0, 0.0, 0.0)
 
 
-def test_a_load_that_the_world_refuses_half_way_leaves_it_as_it_was() -> None:
+def test_load_refused_half_way_changes_nothing() -> None:
     scene = a_stage()
     before, road_map = scene.world.digest(), scene.road_map
     bad = Scenario("bad", obstacles=(spawn("Box", None, 1.0), spawn("Box", None, 1e12)))
@@ -176,7 +176,7 @@ def test_a_load_that_the_world_refuses_half_way_leaves_it_as_it_was() -> None:
     assert scene.road_map is road_map
 
 
-def test_the_world_has_room_for_so_many(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_number_of_entities_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = a_stage()
     monkeypatch.setattr(stage_module, "MAX_ENTITIES", 8)
     vehicles = LoadOptions(delete_all=False, ego=False, vehicles=True, pedestrians=False, obstacles=False)
@@ -188,14 +188,14 @@ def test_the_world_has_room_for_so_many(monkeypatch: pytest.MonkeyPatch) -> None
         scene.add(model("Box"), x=0.0, y=0.0, z=0.0, yaw=0.0)
 
 
-def test_one_huge_id_in_a_document_does_not_use_up_all() -> None:
+def test_one_huge_id_does_not_exhaust_the_ids() -> None:
     scene = a_stage()
     many = Scenario("many", obstacles=(spawn("Box", 2**31 - 1, 0.0), spawn("Box", 500, 0.0), spawn("Box", None, 0.0)))
     scene.carry_out(scene.prepare(many, WHOLE))
     assert uids(scene, Kind.OBSTACLE) == [501, 500, 502]
 
 
-def test_single_objects_come_and_go() -> None:
+def test_single_objects_can_be_added_and_removed() -> None:
     scene = a_stage()
     uid = scene.add(model("Truck"), x=1.0, y=2.0, z=3.0, yaw=0.5)
     row = scene.world.row(uid)
@@ -210,7 +210,7 @@ def test_single_objects_come_and_go() -> None:
         scene.add(model("Truck"), x=np.nan, y=2.0, z=3.0, yaw=0.5)
 
 
-def test_vehicles_have_figures_by_their_ids() -> None:
+def test_vehicle_specifications_are_found_by_id() -> None:
     scene = a_stage()
     ego = scene.world.bodies[scene.world.row(0)]
     assert scene.vehicle(0) is scene.vehicle(-1) is ego

@@ -9,7 +9,7 @@ import pytest
 from pyproj import Proj
 
 from rosbridge_sim.errors import FieldError
-from rosbridge_sim.world import dynamics
+from rosbridge_sim.world import placement
 from rosbridge_sim.world.sensors import GRAVITY, Mounting, feel
 from tests.morai.sim_harness import ALL, Client, SimHarness, rates
 from tests.support import ROOT
@@ -45,7 +45,7 @@ def on_map(gps: dict[str, Any]) -> tuple[float, float]:
 # What they tell
 
 
-def test_gps_projected_less_its_offsets_is_the_egos_place_all_along_a_drive() -> None:
+def test_projected_gps_minus_offsets_equals_the_ego_position() -> None:
     _, client = in_sync()
     client.listen("/gps", "/Ego_topic")
     client.control(1, longlCmdType=2, velocity=60.0, steering=0.2)
@@ -63,7 +63,7 @@ def test_gps_projected_less_its_offsets_is_the_egos_place_all_along_a_drive() ->
     assert math.dist(on_map(fixes[0]), on_map(fixes[-1])) > 5.0
 
 
-def test_a_map_without_a_usable_projection_has_no_fix(caplog: pytest.LogCaptureFixture) -> None:
+def test_map_without_a_usable_projection_gives_no_fix(caplog: pytest.LogCaptureFixture) -> None:
     harness, client = in_sync()
     object.__setattr__(harness.node.scene.road_map.projection, "ellipse", "bogus")
     client.listen("/gps")
@@ -74,7 +74,7 @@ def test_a_map_without_a_usable_projection_has_no_fix(caplog: pytest.LogCaptureF
     assert sum("no GPS" in record.message for record in caplog.records) == 1
 
 
-def test_imu_tells_heading_turn_and_what_holds_the_car() -> None:
+def test_imu_gives_heading_yaw_rate_and_gravity() -> None:
     harness, client = in_sync()
     client.listen("/imu", "/Ego_topic")
     client.control(1, longlCmdType=1, accel=0.8, steering=0.3)
@@ -92,7 +92,7 @@ def test_imu_tells_heading_turn_and_what_holds_the_car() -> None:
     assert imu["orientation_covariance"] == [0.0] * 9
 
 
-def test_in_real_time_both_come_fifty_times_a_second_or_as_is_chosen() -> None:
+def test_sensors_publish_at_50_hz_or_the_chosen_rate_in_real_time() -> None:
     harness = SimHarness(network=rates({"/gps": 5.0, "/imu": 100.0}))
     client = harness.client()
     client.listen("/gps", "/imu")
@@ -100,7 +100,7 @@ def test_in_real_time_both_come_fifty_times_a_second_or_as_is_chosen() -> None:
     assert (len(client.messages("/gps")), len(client.messages("/imu"))) == (5, 100)
 
 
-def test_in_synchronous_mode_they_keep_their_rate_in_simulated_time() -> None:
+def test_sensors_keep_their_rate_in_simulated_time_in_synchronous_mode() -> None:
     _, client = in_sync(network=rates({"/gps": 5.0}))
     client.listen("/gps", "/imu", "/Ego_topic")
     for _ in range(100):
@@ -110,7 +110,7 @@ def test_in_synchronous_mode_they_keep_their_rate_in_simulated_time() -> None:
 
 
 @pytest.mark.slow
-def test_pyproj_is_imported_by_the_first_position_and_not_before() -> None:
+def test_pyproj_is_imported_at_the_first_fix() -> None:
     script = """
 import sys
 from tests.morai.sim_harness import SimHarness
@@ -131,7 +131,7 @@ assert "pyproj" in sys.modules
 # /SensorPosControl
 
 
-def test_a_moved_antenna_is_seen_in_its_fixes_and_in_tf_static() -> None:
+def test_moved_antenna_changes_fixes_and_tf_static() -> None:
     _, client = in_sync()
     client.listen("/gps", "/tf_static")
     move(client, (0, 1.5, -0.5, 1.75))
@@ -145,7 +145,7 @@ def test_a_moved_antenna_is_seen_in_its_fixes_and_in_tf_static() -> None:
     assert last(client, "/gps")["altitude"] == 6.75
 
 
-def test_a_moved_unit_feels_what_is_true_of_its_place() -> None:
+def test_moved_imu_measures_at_its_new_position() -> None:
     harness, client = in_sync()
     client.listen("/imu", "/tf_static")
     move(client, (1, 2.0, 0.5, 1.0, 0.1, -0.2, 0.75))
@@ -160,7 +160,7 @@ def test_a_moved_unit_feels_what_is_true_of_its_place() -> None:
     assert len(client.messages("/tf_static")) == 1
 
 
-def test_several_at_once_and_one_without_brackets() -> None:
+def test_several_sensors_or_one_without_a_list_can_be_moved() -> None:
     harness, client = in_sync()
     move(client, (1, 0.5), (0, 1.0))
     assert harness.node.egos[0].mountings == {"gps_link": Mounting(1.0), "imu_link": Mounting(0.5)}
@@ -182,7 +182,7 @@ def test_several_at_once_and_one_without_brackets() -> None:
         ([(0, 1.0, 0.0, 0.0, float("inf"))], "expected finite angles"),
     ],
 )
-def test_one_wrong_sensor_and_none_is_moved(sensors: list[tuple[float, ...]], why: str) -> None:
+def test_one_invalid_sensor_moves_none(sensors: list[tuple[float, ...]], why: str) -> None:
     harness, client = in_sync()
     with pytest.raises(FieldError, match=why):
         move(client, *sensors)
@@ -231,7 +231,7 @@ def bring_ego_2(client: Client) -> None:
     )
 
 
-def test_a_further_ego_has_sensors_of_its_own() -> None:
+def test_further_ego_has_its_own_sensors() -> None:
     harness, client = in_sync()
     bring_ego_2(client)
     client.listen("/Ego-2/gps", "/Ego-2/imu", "/gps")
@@ -259,7 +259,7 @@ def read_csv(text: str) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("release", ["22.R2", "26.R1"])
-def test_what_is_saved_is_what_the_topics_say_of_that_frame(release: str) -> None:
+def test_saved_data_equals_the_topics_of_its_frame(release: str) -> None:
     harness, client = in_sync(release=release)
     client.listen("/gps", "/imu")
     assert client.control(1, longlCmdType=1, accel=0.8, steering=0.3)
@@ -283,9 +283,9 @@ def test_what_is_saved_is_what_the_topics_say_of_that_frame(release: str) -> Non
     assert read_csv(files["IMU_{}.csv"]) == header | figures
 
 
-def test_boxes_are_a_line_each_with_class_place_size_heading_distance_speed_and_id() -> None:
+def test_box_file_has_one_line_per_object_with_all_values() -> None:
     harness, client = in_sync()  # the ego stands at (10, 20) and looks north
-    dynamics.teleport(harness.world, harness.world.row(7), x=0.0, y=60.0, z=1.0, yaw=math.radians(135), speed=10.0)
+    placement.teleport(harness.world, harness.world.row(7), x=0.0, y=60.0, z=1.0, yaw=math.radians(135), speed=10.0)
     bring_ego_2(client)
     client.send("/SaveSensorData", "morai_msgs/SaveSensorData")
     ((_, _, files),) = harness.drawer.saved
@@ -303,14 +303,14 @@ def test_boxes_are_a_line_each_with_class_place_size_heading_distance_speed_and_
     assert len(lines) == len(harness.world) - 1
 
 
-def test_nobody_around_is_an_empty_file() -> None:
+def test_box_file_without_objects_is_empty() -> None:
     harness = SimHarness("parked")
     harness.client().send("/SaveSensorData", "morai_msgs/SaveSensorData")
     ((folder, name, files),) = harness.drawer.saved
     assert (folder, name, files["BOXES_{}.txt"]) == ("", "frame_000000", "")
 
 
-def test_a_capture_is_of_the_frame_that_its_command_was_for() -> None:
+def test_saved_data_is_of_the_frame_of_its_command() -> None:
     harness, client = in_sync()
     client.listen("/Ego_topic")
     command = {"longlCmdType": 2, "velocity": 30.0}
@@ -324,7 +324,7 @@ def test_a_capture_is_of_the_frame_that_its_command_was_for() -> None:
     assert x[1] == 20.0 < x[2], "the first frame in which the command shows"
 
 
-def test_several_captures_of_one_tick_are_of_their_frames() -> None:
+def test_several_saves_in_one_tick_are_of_their_own_frames() -> None:
     harness, client = in_sync()
     client.start(time_step=100)
     for frame in (2, 4):
@@ -333,7 +333,7 @@ def test_several_captures_of_one_tick_are_of_their_frames() -> None:
     assert [name for _, name, _ in harness.drawer.saved] == ["frame_000002", "frame_000004"]
 
 
-def test_a_command_that_is_refused_or_dropped_saves_nothing() -> None:
+def test_refused_or_dropped_save_command_writes_nothing() -> None:
     harness, client = in_sync()
     assert client.ask("/SyncModeCtrlCmd", frame=1, command={"longlCmdType": 9}, sensor_capture=True)["result"] is False
     assert client.ask("/SyncModeCtrlCmd", frame=5, command={}, sensor_capture=True)["result"] is True
@@ -343,7 +343,7 @@ def test_a_command_that_is_refused_or_dropped_saves_nothing() -> None:
     assert harness.drawer.saved == []
 
 
-def test_a_capture_of_an_ego_that_has_gone_meanwhile_is_none() -> None:
+def test_save_for_a_removed_ego_writes_nothing() -> None:
     harness, client = in_sync()
     bring_ego_2(client)
     assert client.ask("/Ego-2/SyncModeCtrlCmd", frame=3, command={}, sensor_capture=True)["result"] is True
@@ -353,7 +353,7 @@ def test_a_capture_of_an_ego_that_has_gone_meanwhile_is_none() -> None:
     assert (harness.drawer.saved, client.told) == ([], [])
 
 
-def test_what_cannot_be_saved_is_told_to_whoever_asked() -> None:
+def test_failed_save_is_reported_to_its_caller() -> None:
     harness, client = in_sync()
     harness.drawer.refusal = "the disk is full"
     with pytest.raises(FieldError, match=r"^morai_msgs/SaveSensorData: the disk is full$"):
@@ -363,7 +363,7 @@ def test_what_cannot_be_saved_is_told_to_whoever_asked() -> None:
     assert client.told == [("error", "sensor_capture: the disk is full")]
 
 
-def test_a_custom_name_must_be_one() -> None:
+def test_custom_file_name_must_be_valid() -> None:
     harness, client = in_sync()
     with pytest.raises(FieldError, match="custom_file_name: expected a name"):
         client.send("/SaveSensorData", "morai_msgs/SaveSensorData", is_custom_file_name=True)
@@ -374,7 +374,7 @@ def test_a_custom_name_must_be_one() -> None:
 # What it costs
 
 
-def test_nothing_is_made_while_nobody_listens(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sensors_compute_nothing_without_subscribers(monkeypatch: pytest.MonkeyPatch) -> None:
     harness, client = in_sync()
 
     def fail(*_args: object) -> None:
@@ -385,4 +385,4 @@ def test_nothing_is_made_while_nobody_listens(monkeypatch: pytest.MonkeyPatch) -
     client.listen("/Ego_topic")
     client.tick()
     assert len(client.messages("/Ego_topic")) == 1
-    assert harness.node.afterwards == []
+    assert harness.node.context.hooks.once_after_frame == []

@@ -10,7 +10,7 @@ import pytest
 
 from rosbridge_sim.errors import FieldError, GraphError
 from rosbridge_sim.morai.scene import FIRST_EGO
-from rosbridge_sim.morai.sync import MAX_AHEAD, MAX_WAITING_COMMANDS
+from rosbridge_sim.morai.sync_table import MAX_AHEAD, MAX_WAITING_COMMANDS
 from tests.morai.sim_harness import ALL, Client, SimHarness
 
 NOT_NUMBERS = [math.nan, math.inf, -math.inf]
@@ -30,7 +30,7 @@ def in_sync(**settings: Any) -> tuple[SimHarness, Client]:  # noqa: ANN401 - Nod
 # /ctrl_cmd
 
 
-def test_a_mistaken_command_is_told_and_the_old_one_holds() -> None:
+def test_invalid_command_is_reported_and_the_last_one_holds() -> None:
     harness = SimHarness()
     client = harness.client()
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=2, velocity=36.0)
@@ -41,7 +41,7 @@ def test_a_mistaken_command_is_told_and_the_old_one_holds() -> None:
     assert harness.world.speed[ego_row(harness)] == pytest.approx(10.0)
 
 
-def test_commands_are_clipped_at_what_the_car_can_do() -> None:
+def test_commands_are_clipped_to_vehicle_limits() -> None:
     harness = SimHarness()
     client = harness.client()
     client.listen("/Ego_topic")
@@ -52,7 +52,7 @@ def test_commands_are_clipped_at_what_the_car_can_do() -> None:
     assert status["wheel_angle"] == pytest.approx(-math.radians(36.25), rel=1e-6)
 
 
-def test_the_topic_is_ignored_in_synchronous_mode_with_one_warning_a_peer() -> None:
+def test_control_topic_is_ignored_in_synchronous_mode_with_one_warning_per_client() -> None:
     harness, client = in_sync()
     other = harness.client()
     for _ in range(3):
@@ -67,7 +67,7 @@ def test_the_topic_is_ignored_in_synchronous_mode_with_one_warning_a_peer() -> N
     assert "/ctrl_cmd_0 is ignored in synchronous mode" in other.told[0][1]
 
 
-def test_the_topic_is_ignored_under_keyboard_control_until_the_mode_is_external() -> None:
+def test_control_topic_is_ignored_until_the_mode_is_external() -> None:
     harness = SimHarness(start_mode="keyboard")
     client = harness.client()
     state = client.ask("/Service_MoraiEventCmd", option=0)
@@ -84,7 +84,7 @@ def test_the_topic_is_ignored_under_keyboard_control_until_the_mode_is_external(
     assert harness.world.speed[ego_row(harness)] > 1.0
 
 
-def test_who_takes_over_from_a_client_has_pressed_nothing() -> None:
+def test_change_from_client_control_releases_the_pedals() -> None:
     harness = SimHarness()
     client = harness.client()
     client.listen("/Ego_topic")
@@ -98,7 +98,7 @@ def test_who_takes_over_from_a_client_has_pressed_nothing() -> None:
 # /SyncModeCtrlCmd, /SyncModeSetGear
 
 
-def test_a_command_is_in_force_from_its_frame_on() -> None:
+def test_command_takes_effect_at_its_frame() -> None:
     harness, client = in_sync()
     client.listen("/Ego_topic")
     assert client.control(3, longlCmdType=1, accel=0.5)
@@ -109,7 +109,7 @@ def test_a_command_is_in_force_from_its_frame_on() -> None:
     assert harness.node.sync.num_waiting == 0
 
 
-def test_commands_within_one_tick_take_their_own_frames() -> None:
+def test_commands_within_one_tick_take_effect_at_their_own_frames() -> None:
     harness = SimHarness(start="sync")
     client = harness.client()
     client.start(time_step=100)
@@ -130,7 +130,7 @@ def test_synchronous_control_needs_no_external_mode() -> None:
     assert harness.world.speed[ego_row(harness)] > 0.0
 
 
-def test_commands_are_refused_while_the_mode_is_off() -> None:
+def test_sync_commands_are_refused_without_synchronous_mode() -> None:
     harness = SimHarness()
     client = harness.client()
     assert client.control(1, longlCmdType=1, accel=1.0) is False
@@ -141,7 +141,7 @@ def test_commands_are_refused_while_the_mode_is_off() -> None:
     ]
 
 
-def test_wrong_commands_are_refused_with_a_reason() -> None:
+def test_invalid_commands_are_refused_with_a_reason() -> None:
     harness, client = in_sync()
     assert client.control(1, longlCmdType=9) is False
     assert client.control(1, longlCmdType=1, steering=None) is False
@@ -153,7 +153,7 @@ def test_wrong_commands_are_refused_with_a_reason() -> None:
     assert harness.node.sync.num_waiting == 0
 
 
-def test_commands_are_bounded_in_number_and_reach() -> None:
+def test_waiting_commands_are_bounded_in_number_and_frame_distance() -> None:
     harness, client = in_sync()
     assert client.control(MAX_AHEAD, longlCmdType=1)
     assert client.control(MAX_AHEAD + 1, longlCmdType=1) is False
@@ -165,7 +165,7 @@ def test_commands_are_bounded_in_number_and_reach() -> None:
     assert harness.node.sync.num_waiting == MAX_WAITING_COMMANDS
 
 
-def test_stop_drops_what_waits() -> None:
+def test_stop_drops_waiting_commands() -> None:
     harness, client = in_sync()
     client.control(3, longlCmdType=1, accel=1.0)
     client.stop()
@@ -173,7 +173,7 @@ def test_stop_drops_what_waits() -> None:
     assert harness.world.speed[ego_row(harness)] == 0.0
 
 
-def test_a_gear_at_speed_is_refused_at_its_frame_and_the_log_says_why(caplog: pytest.LogCaptureFixture) -> None:
+def test_gear_change_at_speed_is_refused_at_its_frame_and_logged(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
     _, client = in_sync()
     client.control(0, longlCmdType=1, accel=1.0)
@@ -188,7 +188,7 @@ def test_a_gear_at_speed_is_refused_at_its_frame_and_the_log_says_why(caplog: py
 
 
 @pytest.mark.parametrize("gear", [-1, 0])
-def test_a_gear_of_minus_one_or_zero_leaves_it(gear: int) -> None:
+def test_gear_minus_one_or_zero_keeps_the_gear(gear: int) -> None:
     _, client = in_sync()
     assert client.ask("/SyncModeSetGear", gear=gear, frame=0)["result"] is True
     client.tick()
@@ -198,7 +198,7 @@ def test_a_gear_of_minus_one_or_zero_leaves_it(gear: int) -> None:
 # /SyncModeAddObj, /SyncModeRemoveObj
 
 
-def test_objects_come_and_go_at_their_frames() -> None:
+def test_objects_are_added_and_removed_at_their_frames() -> None:
     harness, client = in_sync()
     client.listen("/Object_topic")
     client.send(
@@ -230,7 +230,7 @@ def test_objects_come_and_go_at_their_frames() -> None:
     assert len(harness.world) == 7
 
 
-def test_objects_are_refused_while_the_mode_is_off() -> None:
+def test_adding_objects_is_refused_without_synchronous_mode() -> None:
     harness = SimHarness()
     client = harness.client()
     with pytest.raises(GraphError, match="/SyncModeAddObj: synchronous mode is off"):
@@ -240,7 +240,7 @@ def test_objects_are_refused_while_the_mode_is_off() -> None:
 
 
 @pytest.mark.parametrize("number", NOT_NUMBERS)
-def test_objects_that_cannot_be(number: float) -> None:
+def test_invalid_objects_are_refused(number: float) -> None:
     harness, client = in_sync()
     with pytest.raises(FieldError, match="the catalogue has no model 'dragon'"):
         client.send("/SyncModeAddObj", "morai_msgs/SyncModeAddObj", name="dragon")
@@ -266,7 +266,7 @@ def test_objects_that_cannot_be(number: float) -> None:
 # Scenarios
 
 
-def test_a_load_at_once_keeps_the_frame_and_the_mode() -> None:
+def test_immediate_load_keeps_the_frame_and_the_mode() -> None:
     harness, client = in_sync()
     client.control(0, longlCmdType=1, accel=1.0)
     for _ in range(5):
@@ -279,7 +279,7 @@ def test_a_load_at_once_keeps_the_frame_and_the_mode() -> None:
     assert client.ask("/Service_MoraiEventCmd", option=0)["gear"] == 1
 
 
-def test_a_load_shows_in_the_answer_even_before_the_next_frame() -> None:
+def test_load_shows_in_the_answer_before_the_next_frame() -> None:
     _, client = in_sync()
     client.tick()
     client.ask("/Service_MoraiSL", file_name="parked", **ALL)
@@ -288,7 +288,7 @@ def test_a_load_shows_in_the_answer_even_before_the_next_frame() -> None:
     assert refused["vehicle_status"]["position"]["x"] == -5.0
 
 
-def test_a_load_at_a_frame() -> None:
+def test_load_takes_effect_at_its_frame() -> None:
     harness, client = in_sync()
     assert client.ask("/SyncModeScenarioLoad", file_name="parked", frame=3, **ALL) == {"result": True}
     sizes = []
@@ -299,7 +299,7 @@ def test_a_load_at_a_frame() -> None:
 
 
 @pytest.mark.parametrize("name", ["nothing", "torn", "lost", "", "../../etc/passwd"])
-def test_a_load_that_cannot_be_is_false_and_says_why(name: str) -> None:
+def test_impossible_load_is_refused_with_a_reason(name: str) -> None:
     harness, client = in_sync()
     before = harness.world.digest()
     assert client.ask("/Service_MoraiSL", file_name=name, **ALL) == {"result": False}
@@ -312,7 +312,7 @@ def test_a_load_that_cannot_be_is_false_and_says_why(name: str) -> None:
 LOAD = ("/ScenarioLoad", "morai_msgs/ScenarioLoad")
 
 
-def test_a_load_over_the_topic_is_that_of_the_service_in_either_mode() -> None:
+def test_load_by_topic_equals_load_by_service_in_both_modes() -> None:
     harness = SimHarness()
     client = harness.client()
     client.send(*LOAD, file_name="parked", **ALL)
@@ -325,7 +325,7 @@ def test_a_load_over_the_topic_is_that_of_the_service_in_either_mode() -> None:
 
 
 @pytest.mark.parametrize("name", ["nothing", "torn", "lost", "", "../../etc/passwd"])
-def test_a_load_over_the_topic_that_cannot_be_is_told_to_its_sender(name: str) -> None:
+def test_impossible_load_by_topic_is_reported_to_its_sender(name: str) -> None:
     harness = SimHarness()
     client = harness.client()
     before = harness.world.digest()
@@ -334,7 +334,7 @@ def test_a_load_over_the_topic_that_cannot_be_is_told_to_its_sender(name: str) -
     assert harness.world.digest() == before
 
 
-def test_a_load_may_pause() -> None:
+def test_load_may_pause_the_simulation() -> None:
     harness, client = in_sync()
     assert client.ask("/Service_MoraiSL", file_name="crowd", set_pause=True, **ALL) == {"result": True}
     answer = client.tick()
@@ -347,7 +347,7 @@ def test_a_load_may_pause() -> None:
     assert harness.world.frame == 1
 
 
-def test_documented_option_names_are_understood() -> None:
+def test_documented_option_names_are_accepted() -> None:
     harness = SimHarness("empty")
     client = harness.client()
     options = {"load_object_data": True, "load_network_connection": True}
@@ -355,7 +355,7 @@ def test_documented_option_names_are_understood() -> None:
     assert len(harness.world) == 1 + 2
 
 
-def test_a_load_of_nothing_says_so() -> None:
+def test_load_without_options_is_reported() -> None:
     harness = SimHarness()
     client = harness.client()
     assert client.ask("/Service_MoraiSL", file_name="crowd") == {"result": True}
@@ -363,7 +363,7 @@ def test_a_load_of_nothing_says_so() -> None:
     assert client.told == [("warning", "nothing to load: delete_all and all load_... are false")]
 
 
-def test_a_new_ego_has_its_lamps_off_and_keeps_who_drives() -> None:
+def test_new_ego_has_its_lamps_off_and_keeps_the_control_mode() -> None:
     harness = SimHarness()
     client = harness.client()
     lamps = {"turnSignal": 1, "emergencySignal": 1}
@@ -394,7 +394,7 @@ def state_of(answer: dict[str, Any]) -> tuple[int, int, int, int, bool]:
         (32 + 64, (3, 4, 0, 0, False)),
     ],
 )
-def test_each_bit_takes_its_own_fields_and_the_answer_is_the_state_after(
+def test_each_event_bit_applies_its_fields_and_the_answer_is_the_new_state(
     option: int, state: tuple[int, int, int, int, bool]
 ) -> None:
     client = SimHarness().client()
@@ -405,7 +405,7 @@ def test_each_bit_takes_its_own_fields_and_the_answer_is_the_state_after(
     assert client.told == []
 
 
-def test_a_gear_at_speed_is_refused_and_the_answer_shows_the_old_one() -> None:
+def test_gear_change_at_speed_is_refused_and_the_answer_shows_the_old_gear() -> None:
     harness = SimHarness()
     client = harness.client()
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=1.0)
@@ -426,9 +426,7 @@ def test_a_gear_at_speed_is_refused_and_the_answer_shows_the_old_one() -> None:
         (4, {"lamps": {"emergencySignal": 2}}, "emergencySignal: expected"),
     ],
 )
-def test_an_event_that_makes_no_sense_is_refused_and_changes_nothing(
-    option: int, fields: dict[str, object], complaint: str
-) -> None:
+def test_invalid_event_is_refused_and_changes_nothing(option: int, fields: dict[str, object], complaint: str) -> None:
     client = SimHarness().client()
     sound: dict[str, object] = {"ctrl_mode": 1, "gear": 1, "lamps": {"turnSignal": 1}, "set_pause": True}
     assert complaint in client.refused("/Service_MoraiEventCmd", option=15 | option, **{**sound, **fields})
@@ -446,7 +444,7 @@ def test_the_first_ego_has_two_names(unique_id: int) -> None:
 
 
 @pytest.mark.parametrize("unique_id", [99, 9, -2])
-def test_nobodys_figures_are_zeros_and_a_status_lists_the_ids(unique_id: int) -> None:
+def test_unknown_id_gives_zeros_and_a_status_with_known_ids(unique_id: int) -> None:
     client = SimHarness().client()
     spec = client.ask("/Service_MoraiVehicleSpec", unique_id=unique_id)
     assert spec["size"] == {"x": 0.0, "y": 0.0, "z": 0.0}
@@ -462,7 +460,7 @@ def test_nobodys_figures_are_zeros_and_a_status_lists_the_ids(unique_id: int) ->
     ]
 
 
-def test_a_long_list_of_ids_is_cut_short() -> None:
+def test_list_of_known_ids_is_shortened() -> None:
     harness = SimHarness()
     client = harness.client()
     client.start()
@@ -474,7 +472,7 @@ def test_a_long_list_of_ids_is_cut_short() -> None:
     assert ", ... and 8 more; got 999" in text
 
 
-def test_the_maps_figures_follow_the_scenario() -> None:
+def test_map_specification_follows_the_scenario() -> None:
     client = SimHarness().client()
     spec = client.ask("/Service_MoraiMapSpec", load_map_data=True)
     assert (spec["plane_coordinate_system"], spec["utm_num"]) == (0, 52)
@@ -491,17 +489,17 @@ def test_the_maps_figures_follow_the_scenario() -> None:
 # Peers that go
 
 
-def test_warnings_are_forgotten_with_their_peer() -> None:
+def test_warnings_are_repeated_for_a_new_client() -> None:
     harness, _ = in_sync()
     for _ in range(3):
         client = harness.client()
         client.send("/ctrl_cmd", "morai_msgs/CtrlCmd")
         assert len(client.told) == 1
         client.leave()
-    assert not harness.node._told
+    assert len(harness.node.context.warnings) == 0
 
 
-def test_a_command_outlives_the_peer_that_sent_it() -> None:
+def test_command_outlives_its_client() -> None:
     harness, client = in_sync()
     other = harness.client()
     other.control(2, longlCmdType=1, accel=0.5)

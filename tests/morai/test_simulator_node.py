@@ -17,11 +17,11 @@ from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Answer, Topic
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.morai.node_factory import make_node
+from rosbridge_sim.morai.real_time import MAX_FRAMES_AT_ONCE
 from rosbridge_sim.morai.releases import FIELD
 from rosbridge_sim.morai.replays.recording_builder import RecordingBuilder, Then
 from rosbridge_sim.morai.scene import FIRST_EGO
-from rosbridge_sim.morai.simulator_node import MAX_FRAMES_AT_ONCE
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.state import World
 from tests.morai.sim_harness import ALL, Client, SimHarness, make_store
@@ -44,7 +44,7 @@ def test_real_time_makes_fifty_frames_a_second() -> None:
     assert harness.bus.stamp_ns == 1_000_000_000
 
 
-def test_nothing_is_computed_before_it_is_owed() -> None:
+def test_no_frame_is_computed_before_it_is_due() -> None:
     harness = SimHarness()
     assert harness.node.next_due(5.0) == 5.0
     harness.node.advance(5.0)
@@ -58,7 +58,7 @@ def test_nothing_is_computed_before_it_is_owed() -> None:
     assert harness.world.frame == 1
 
 
-def test_a_late_call_is_made_up_for_in_small_portions() -> None:
+def test_late_frames_are_computed_in_small_portions() -> None:
     harness = SimHarness()
     harness.node.advance(0.0)
     harness.node.advance(0.4)
@@ -72,7 +72,7 @@ def test_a_late_call_is_made_up_for_in_small_portions() -> None:
     assert harness.node.num_stalls == 0
 
 
-def test_after_a_stall_the_clock_shifts_and_says_so_once(caplog: pytest.LogCaptureFixture) -> None:
+def test_stall_shifts_the_clock_and_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
     harness = SimHarness()
     harness.node.advance(0.0)
     harness.node.advance(1_000.0)
@@ -122,7 +122,7 @@ def test_frames_are_measured_and_counted_by_real_time_and_by_ticks() -> None:
     assert harness.node.num_frames == 9, "a counter never goes back"
 
 
-def test_a_first_script_moves_the_car() -> None:
+def test_control_topic_drives_and_brakes_the_car_without_setup() -> None:
     harness = SimHarness()
     client = harness.client()
     client.listen("/Ego_topic")
@@ -145,7 +145,7 @@ def test_the_last_command_holds() -> None:
     assert harness.world.speed[harness.world.row(FIRST_EGO)] == pytest.approx(10.0)
 
 
-def test_a_pause_stops_real_time_and_nothing_is_made_up_for_afterwards() -> None:
+def test_pause_stops_real_time_without_catching_up_later() -> None:
     harness = SimHarness()
     client = harness.client()
     harness.run(0.2)
@@ -160,7 +160,7 @@ def test_a_pause_stops_real_time_and_nothing_is_made_up_for_afterwards() -> None
     assert harness.node.num_stalls == 0
 
 
-def test_nothing_is_made_for_topics_without_listeners() -> None:
+def test_topics_without_subscribers_are_not_computed() -> None:
     harness = SimHarness()
     published = harness.bus.num_published
     harness.run(0.2)
@@ -170,7 +170,7 @@ def test_nothing_is_made_for_topics_without_listeners() -> None:
 # Synchronous mode
 
 
-def test_start_sync_stands_at_frame_0_until_a_master_ticks() -> None:
+def test_world_with_start_sync_stays_at_frame_0_until_a_tick() -> None:
     harness = SimHarness(start="sync")
     client = harness.client()
     assert harness.node.next_due(0.0) is None
@@ -182,7 +182,7 @@ def test_start_sync_stands_at_frame_0_until_a_master_ticks() -> None:
     assert client.tick("sync-1")["frame"] == 1
 
 
-def test_the_topics_of_a_tick_come_before_its_answer() -> None:
+def test_topics_of_a_tick_come_before_its_answer() -> None:
     harness = SimHarness(start="sync")
     client = harness.client()
     client.start(time_step=60)
@@ -209,7 +209,7 @@ def test_the_answer_holds_the_true_frame_time_and_ego() -> None:
 
 
 @pytest.mark.parametrize("frame", [0, 1, 5, 6, 7, 99, 6.0, 2**63])
-def test_a_tick_moves_one_time_step_whatever_frame_it_names(frame: float) -> None:
+def test_tick_moves_one_time_step_regardless_of_its_frame(frame: float) -> None:
     harness = SimHarness(start="sync")
     client = harness.client()
     client.start()
@@ -252,7 +252,7 @@ def test_refused_ticks_move_nothing() -> None:
     assert client.told[0] == ("warning", "/SyncModeWaitForTick: synchronous mode is off")
 
 
-def test_there_is_one_master_and_the_others_learn_who() -> None:
+def test_second_master_is_refused_and_told_the_present_one() -> None:
     harness = SimHarness()
     first, second = harness.client(), harness.client()
     first.start("a", 100)
@@ -266,7 +266,7 @@ def test_there_is_one_master_and_the_others_learn_who() -> None:
 
 
 @pytest.mark.parametrize("step", [1, 10, 30, 1_001, 1_020, 2**32 - 1])
-def test_time_steps_that_cannot_be_had(step: int) -> None:
+def test_invalid_time_steps_are_refused(step: int) -> None:
     harness = SimHarness()
     client = harness.client()
     assert client.start("a", step) == {"user_id": "", "frame": 0, "result": False, "time_step": 20}
@@ -292,7 +292,7 @@ def test_sync_mode_info_follows_every_change() -> None:
     ]
 
 
-def test_stop_lets_real_time_go_on_without_a_race() -> None:
+def test_real_time_resumes_after_stop_without_catching_up() -> None:
     harness = SimHarness()
     client = harness.client()
     harness.run(0.1)
@@ -306,14 +306,14 @@ def test_stop_lets_real_time_go_on_without_a_race() -> None:
     assert harness.node.num_stalls == 0
 
 
-def test_anyone_may_stop_where_that_is_allowed() -> None:
+def test_any_client_may_stop_if_allowed() -> None:
     harness = SimHarness(anyone_may_stop=True)
     harness.client().start("a")
     assert harness.client().stop("b")["result"] is True
     assert harness.node.sync.is_free
 
 
-def test_a_tick_from_within_a_tick_is_refused() -> None:
+def test_tick_during_a_tick_is_refused() -> None:
     harness = SimHarness(start="sync")
     client = harness.client()
     client.start()
@@ -335,7 +335,7 @@ def test_a_tick_from_within_a_tick_is_refused() -> None:
 @pytest.mark.parametrize(
     ("on_loss", "status", "is_moving"), [("run", False, True), ("pause", False, False), ("wait", True, False)]
 )
-def test_the_world_goes_on_as_said_when_the_master_leaves(on_loss: str, status: bool, is_moving: bool) -> None:  # noqa: FBT001
+def test_world_follows_sync_on_loss_when_the_master_leaves(on_loss: str, status: bool, is_moving: bool) -> None:  # noqa: FBT001
     harness = SimHarness(sync_on_loss=on_loss)
     master, watcher = harness.client(), harness.client()
     watcher.listen("/SyncModeInfo")
@@ -360,7 +360,7 @@ def test_the_world_goes_on_as_said_when_the_master_leaves(on_loss: str, status: 
     assert (answer["tick_status"], answer["frame"]) == (True, frame + 1)
 
 
-def test_the_id_lives_as_long_as_one_of_those_who_used_it() -> None:
+def test_master_id_lives_as_long_as_one_of_its_holders() -> None:
     harness = SimHarness(sync_on_loss="wait")
     first, second, stranger = harness.client(), harness.client(), harness.client()
     first.start("a")
@@ -402,13 +402,13 @@ def break_world(harness: SimHarness) -> None:
     def fail() -> None:
         raise ZeroDivisionError("planted")
 
-    harness.node._placing.append(fail)
+    harness.node.context.hooks.place.append(fail)
 
 
 WHY = "the world has failed: ZeroDivisionError('planted')"
 
 
-def test_step_that_fails_in_real_time_is_raised_again_and_again() -> None:
+def test_failed_step_in_real_time_is_raised_at_every_call() -> None:
     harness = SimHarness()
     break_world(harness)
     harness.node.advance(harness.now)
@@ -420,7 +420,7 @@ def test_step_that_fails_in_real_time_is_raised_again_and_again() -> None:
     assert harness.world.frame == 0
 
 
-def test_tick_that_fails_is_refused_and_raised_at_the_next_turn() -> None:
+def test_failed_tick_is_refused_and_raised_at_the_next_call() -> None:
     harness = SimHarness(start="sync")
     client = harness.client()
     client.start()
@@ -433,7 +433,7 @@ def test_tick_that_fails_is_refused_and_raised_at_the_next_turn() -> None:
 
 
 @pytest.mark.parametrize("start", ["run", "sync"])
-def test_node_that_serves_on_stands_still_and_refuses_everything(start: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_node_with_serve_refuses_everything_after_a_failure(start: str, caplog: pytest.LogCaptureFixture) -> None:
     harness = SimHarness(start=start, on_world_failure="serve")
     client, master = harness.client(), harness.client()
     client.listen("/Ego_topic", "/SyncModeInfo")
@@ -463,7 +463,7 @@ def test_node_that_serves_on_stands_still_and_refuses_everything(start: str, cap
     assert record.exc_info is not None
 
 
-def test_call_in_flight_is_refused_when_the_world_fails() -> None:
+def test_pending_call_is_refused_when_the_world_fails() -> None:
     harness = SimHarness(recordings=NeverRead(), on_world_failure="serve")
     client = harness.client()
     answers: list[Answer] = []
@@ -498,7 +498,7 @@ def break_down(*_: object) -> None:
 
 
 @pytest.mark.parametrize("start", ["run", "sync"])
-def test_listener_that_fails_within_a_frame_is_no_failure_of_the_world(start: str) -> None:
+def test_failing_subscriber_is_not_a_failure_of_the_world(start: str) -> None:
     harness = SimHarness(start=start)
     frail, good, part = Frail(harness.bus, "/frail"), harness.client(), harness.client()
     frail.break_down("/Ego_topic")
@@ -516,13 +516,13 @@ def test_listener_that_fails_within_a_frame_is_no_failure_of_the_world(start: st
     assert harness.bus.guard.num_faults == 1 + 5
 
 
-def test_message_of_the_world_that_cannot_be_written_is_no_failure_of_the_world(
+def test_unencodable_message_is_not_a_failure_of_the_world(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     harness = SimHarness(start="sync")
     good = harness.client()
     good.listen("/Ego_topic", "/Object_topic")
-    (feed,) = [feed for feed in harness.node._outputs._feeds if feed.name == "/Ego_topic"]
+    (feed,) = [feed for feed in harness.node.context.publishers._periodic if feed.name == "/Ego_topic"]
     feed.make = object
     good.start()
     for _ in range(5):
@@ -535,7 +535,7 @@ def test_message_of_the_world_that_cannot_be_written_is_no_failure_of_the_world(
 
 
 @pytest.mark.parametrize(("on_loss", "status"), [("run", False), ("pause", False), ("wait", True)])
-def test_master_that_fails_within_its_tick_leaves_behind_the_last_frame_of_it(on_loss: str, status: bool) -> None:  # noqa: FBT001
+def test_master_that_fails_during_its_tick_is_lost_after_its_last_frame(on_loss: str, status: bool) -> None:  # noqa: FBT001
     harness = SimHarness(sync_on_loss=on_loss)
     master, watcher = Frail(harness.bus, "/master"), harness.client()
     watcher.listen("/SyncModeInfo")
@@ -556,11 +556,11 @@ def test_master_that_fails_within_its_tick_leaves_behind_the_last_frame_of_it(on
     assert harness.node.failure is None
 
 
-def test_master_is_lost_whatever_else_fails_at_its_departure() -> None:
+def test_master_is_lost_although_other_departure_hooks_fail() -> None:
     harness = SimHarness(sync_on_loss="run")
     master = harness.client()
     master.start("a")
-    harness.node._parts[0].on_leave = break_down  # type: ignore[assignment, method-assign] # as good a bug as any
+    harness.node.context.hooks.on_leave.insert(0, break_down)  # as good a bug as any
     master.leave()
     assert harness.node.sync.master_id == ""
     assert harness.bus.guard.num_faults == 1
@@ -573,7 +573,7 @@ class NeverRead:
         """Leave the caller waiting."""
 
 
-def test_its_names_are_its_own() -> None:
+def test_clients_cannot_take_names_of_the_simulator() -> None:
     harness = SimHarness()
     client = harness.client()
     for name, type_name in (
@@ -623,19 +623,19 @@ def drive(harness: SimHarness) -> tuple[list[bytes], str]:
     return client.raw, harness.world.digest()
 
 
-def test_two_runs_are_the_same_to_the_byte() -> None:
+def test_two_runs_give_the_same_bytes() -> None:
     first, second = drive(SimHarness(start="sync")), drive(SimHarness(start="sync"))
     assert len(set(first[0])) > 600
     assert first == second
 
 
-def test_who_else_listens_changes_nothing() -> None:
+def test_further_subscribers_change_no_bytes() -> None:
     alone, watched = SimHarness(start="sync", profile=FIELD), SimHarness(start="sync", profile=FIELD)
     Client(watched.bus, "/watcher").listen("/Ego_topic", "/Object_topic")
     assert drive(alone) == drive(watched)
 
 
-def test_the_built_in_scene_opens() -> None:
+def test_built_in_scene_is_loaded_at_the_start() -> None:
     library, world, bus = DiskLibrary(), World(), Bus(make_store())
     node = make_node(bus, world, library, library.scenario("demo"))
     assert len(world) > 5
@@ -722,7 +722,7 @@ def learner(client: Client) -> list[dict[str, Any]]:
     [lambda c: planner(c, 20), lambda c: planner(c, 40), planner_with_scenario, course, constant, learner],
     ids=["planner", "planner 40", "scenario", "course", "constant", "learner"],
 )
-def test_programs_of_the_field_drive(program: Callable[[Client], list[dict[str, Any]]], start: str) -> None:
+def test_known_client_programs_drive(program: Callable[[Client], list[dict[str, Any]]], start: str) -> None:
     harness = SimHarness(start=start)
     client = harness.client()
     answers = program(client)
@@ -738,7 +738,7 @@ def test_programs_of_the_field_drive(program: Callable[[Client], list[dict[str, 
     assert harness.node.sync.is_free
 
 
-def test_sync_for_a_change_of_gear_alone() -> None:
+def test_synchronous_mode_can_be_used_for_gear_changes_only() -> None:
     harness = SimHarness()
     client = harness.client()
     harness.run(0.1)
@@ -802,7 +802,7 @@ EVERYTHING = (
 
 
 @pytest.mark.parametrize("is_synchronous", [False, True])
-def test_all_topics_of_a_frame_have_one_time_of_day(*, is_synchronous: bool) -> None:
+def test_all_topics_of_a_frame_have_one_wall_clock_stamp(*, is_synchronous: bool) -> None:
     harness = SimHarness("crossing")
     day = Day()
     harness.node.use_wall_time(day.read_ns, harness.now)
@@ -827,7 +827,7 @@ def test_all_topics_of_a_frame_have_one_time_of_day(*, is_synchronous: bool) -> 
     assert harness.bus.time_ns == harness.world.frame * 20_000_000, "bags and rates count in simulated time"
 
 
-def test_time_of_day_renews_what_is_latched() -> None:
+def test_wall_clock_stamps_renew_latched_messages() -> None:
     harness = SimHarness()
     client = harness.client()
     client.listen(*EVERYTHING)
@@ -836,7 +836,7 @@ def test_time_of_day_renews_what_is_latched() -> None:
     assert all(stamps_in(message.get("header", message))[0] == DAY_NS + 1_000 for _, message in client.heard)
 
 
-def test_messages_and_answers_without_a_stamp_of_their_own_get_that_of_the_frame() -> None:
+def test_messages_and_answers_without_a_stamp_get_the_frames() -> None:
     harness = SimHarness()
     harness.node.use_wall_time(Day().read_ns, 0.0)
     client = harness.client()
@@ -870,6 +870,6 @@ def drive_all(*, has_wall: bool) -> tuple[list[Any], str]:
     return [without_stamps(client.heard), without_stamps(answers), harness.drawer.saved], harness.world.digest()
 
 
-def test_time_of_day_changes_stamps_and_nothing_else() -> None:
+def test_wall_clock_time_changes_only_stamps() -> None:
     assert drive_all(has_wall=True) == drive_all(has_wall=False)
     assert drive_all(has_wall=False)[0][2][0][2], "sensor data was saved"

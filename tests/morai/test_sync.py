@@ -9,7 +9,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from rosbridge_sim.morai.sync import (
+from rosbridge_sim.morai.sync import Sync
+from rosbridge_sim.morai.sync_table import (
     FRAME_MS,
     MAX_AHEAD,
     MAX_STEP_MS,
@@ -19,7 +20,6 @@ from rosbridge_sim.morai.sync import (
     OF_A_MASTER,
     OF_WAITING,
     SYNC_TABLE,
-    Sync,
     SyncEffect,
     SyncEvent,
     SyncOutcome,
@@ -37,7 +37,7 @@ def a_sync(state: SyncState, *, on_loss: str = "run", is_strict: bool = False) -
     if state in (SyncState.LED, SyncState.LED_PAUSED, SyncState.WAITING):
         sync.start("boss", 40, ME, 0.0)
     if state in (SyncState.FREE_PAUSED, SyncState.OPEN_PAUSED, SyncState.LED_PAUSED):
-        sync.pause()
+        sync.pause(1.0)
     if state is SyncState.WAITING:
         sync.submit("scenario", FRAME + 1, FRAME, YOU, 0.0, is_ready=False)
         sync.tick("boss", FRAME + 2, FRAME, ME, 0.0)
@@ -74,8 +74,8 @@ ACTS: dict[SyncEvent, Callable[[Sync[str]], SyncOutcome | None]] = {
     SyncEvent.START_BY_MASTER: lambda s: s.start("boss", 60, ME, 1.0),
     SyncEvent.START_BY_OTHER: lambda s: s.start("rival", 20, YOU, 1.0),
     SyncEvent.START_MISFIT: lambda s: s.start("boss", 30, ME, 1.0),
-    SyncEvent.STOP_BY_MASTER: lambda s: s.stop("boss"),
-    SyncEvent.STOP_BY_OTHER: lambda s: s.stop("rival"),
+    SyncEvent.STOP_BY_MASTER: lambda s: s.stop("boss", 1.0),
+    SyncEvent.STOP_BY_OTHER: lambda s: s.stop("rival", 1.0),
     SyncEvent.TICK_BY_MASTER: tick,
     SyncEvent.TICK_EARLY: tick_early,
     SyncEvent.TICK_BY_OTHER: lambda s: s.tick("rival", FRAME + 1, FRAME, YOU, 1.0),
@@ -83,19 +83,19 @@ ACTS: dict[SyncEvent, Callable[[Sync[str]], SyncOutcome | None]] = {
     SyncEvent.COMMAND: lambda s: s.submit("go", FRAME + 1, FRAME, YOU, 1.0),
     SyncEvent.COMMAND_TOO_FAR: lambda s: s.submit("go", FRAME + MAX_AHEAD + 3, FRAME, YOU, 1.0),
     SyncEvent.COMMAND_TOO_MANY: lambda s: crowded(s).submit("go", FRAME + 1, FRAME, YOU, 1.0),
-    SyncEvent.PAUSE: lambda s: s.pause(),
-    SyncEvent.RESUME: lambda s: s.resume(),
-    SyncEvent.LOSS_TO_RUN: lambda s: s.leave(ME),
-    SyncEvent.LOSS_TO_PAUSE: lambda s: s.leave(ME),
-    SyncEvent.LOSS_TO_WAIT: lambda s: s.leave(ME),
-    SyncEvent.RESET: lambda s: s.forget(),
+    SyncEvent.PAUSE: lambda s: s.pause(1.0),
+    SyncEvent.RESUME: lambda s: s.resume(1.0),
+    SyncEvent.LOSS_TO_RUN: lambda s: s.leave(ME, 1.0),
+    SyncEvent.LOSS_TO_PAUSE: lambda s: s.leave(ME, 1.0),
+    SyncEvent.LOSS_TO_WAIT: lambda s: s.leave(ME, 1.0),
+    SyncEvent.RESET: lambda s: s.forget(1.0),
 }
 ON_LOSS = {SyncEvent.LOSS_TO_RUN: "run", SyncEvent.LOSS_TO_PAUSE: "pause", SyncEvent.LOSS_TO_WAIT: "wait"}
 
 
 @pytest.mark.parametrize("state", SyncState)
 @pytest.mark.parametrize("event", SyncEvent)
-def test_every_state_meets_every_event_as_the_table_says(state: SyncState, event: SyncEvent) -> None:
+def test_every_state_handles_every_event_as_in_the_table(state: SyncState, event: SyncEvent) -> None:
     if event in OF_WAITING:
         return  # see below
     if not is_possible(state, event):
@@ -114,22 +114,79 @@ def test_every_state_meets_every_event_as_the_table_says(state: SyncState, event
     check_invariants(sync)
 
 
-def test_ticks_that_wait_take_their_turns_once_their_commands_are_ready() -> None:
+@pytest.mark.parametrize("state", SyncState)
+@pytest.mark.parametrize("event", SyncEvent)
+def test_effects_beyond_the_mode_call_their_hooks_in_the_order_of_the_row(state: SyncState, event: SyncEvent) -> None:
+    if event in OF_WAITING or not is_possible(state, event):
+        return
+    sync = a_sync(state, on_loss=ON_LOSS.get(event, "run"), is_strict=event is SyncEvent.TICK_MISFIT)
+    called: list[SyncEffect] = []
+    sync.hooks.move.append(lambda _num_frames, _now: called.append(SyncEffect.MOVE))
+    sync.hooks.refuse.append(lambda _why, _now: called.append(SyncEffect.REFUSE))
+    sync.hooks.flow.append(lambda _now: called.append(SyncEffect.FLOW))
+    sync.hooks.announce.append(lambda _now: called.append(SyncEffect.ANNOUNCE))
+    outcome = ACTS[event](sync)
+    assert outcome is not None
+    beyond = {SyncEffect.MOVE, SyncEffect.REFUSE, SyncEffect.FLOW, SyncEffect.ANNOUNCE}
+    assert called == [effect for effect in outcome.effects if effect in beyond]
+
+
+def test_hooks_are_called_when_the_state_has_changed_and_with_the_time_of_the_event() -> None:
+    sync = a_sync(SyncState.WAITING)
+    seen: list[tuple[object, ...]] = []
+    sync.hooks.refuse.append(lambda why, now: seen.append((sync.state, sync.master_id, sync.num_ticks, why[:28], now)))
+    sync.hooks.flow.append(lambda now: seen.append((sync.state, now)))
+    sync.stop("boss", 7.5)
+    assert seen == [(SyncState.FREE, "", 0, "synchronous mode has ended, ", 7.5), (SyncState.FREE, 7.5)]
+
+
+@pytest.mark.parametrize(
+    ("act", "why"),
+    [
+        (lambda s: s.pause(1.0), "the simulation was paused while"),
+        (lambda s: s.forget(1.0), "the simulation was reset while"),
+        (lambda s: s.leave(ME, 1.0), "synchronous mode has ended, or its master was lost, while"),
+    ],
+)
+def test_ticks_that_wait_are_refused_with_the_reason(act: Callable[[Sync[str]], object], why: str) -> None:
+    sync = a_sync(SyncState.WAITING)
+    texts: list[str] = []
+    sync.hooks.refuse.append(lambda text, _now: texts.append(text))
+    act(sync)
+    assert [text.startswith(why) for text in texts] == [True]
+
+
+def test_tick_and_turn_move_the_frames_of_the_step_in_force_when_the_tick_came() -> None:
+    sync = a_sync(SyncState.WAITING)  # its tick has 2 frames
+    moved: list[tuple[int, float]] = []
+    sync.hooks.move.append(lambda num_frames, now: moved.append((num_frames, now)))
+    waiting: list[int] = []
+    sync.start("boss", 100, ME, 1.0)
+    sync.tick("boss", 0, FRAME, ME, 2.0, on_wait=lambda: waiting.append(sync.num_ticks))
+    assert (moved, waiting) == ([], [2])
+    sync.ready("scenario")
+    sync.take_turn(FRAME, 3.0)
+    sync.take_turn(FRAME + 2, 4.0)
+    sync.tick("boss", 0, FRAME + 7, ME, 5.0, on_wait=lambda: waiting.append(sync.num_ticks))
+    assert (moved, waiting) == ([(2, 3.0), (5, 4.0), (5, 5.0)], [2])
+
+
+def test_waiting_ticks_run_in_order_once_their_commands_are_ready() -> None:
     sync = a_sync(SyncState.WAITING)
     sync.tick("boss", 0, FRAME, ME, 1.0)
-    assert (sync.num_ticks, sync.take_turn(FRAME)) == (2, 0)
+    assert (sync.num_ticks, sync.take_turn(FRAME, 1.0)) == (2, 0)
     sync.ready("scenario")
-    assert sync.take_turn(FRAME) == 2
+    assert sync.take_turn(FRAME, 1.0) == 2
     assert sync.state is SYNC_TABLE[SyncState.WAITING][SyncEvent.TURN].state
     check_invariants(sync)
     assert sync.due(FRAME + 1) == ["scenario"]
-    assert sync.take_turn(FRAME + 2) == 2
+    assert sync.take_turn(FRAME + 2, 1.0) == 2
     assert sync.state is SYNC_TABLE[SyncState.WAITING][SyncEvent.LAST_TURN].state
     check_invariants(sync)
-    assert sync.take_turn(FRAME + 4) == 0
+    assert sync.take_turn(FRAME + 4, 1.0) == 0
 
 
-def test_the_table_has_no_row_that_cannot_happen() -> None:
+def test_every_row_of_the_table_can_happen() -> None:
     assert {(s, e) for s, rows in SYNC_TABLE.items() for e in rows} == {
         (s, e) for s in SyncState for e in SyncEvent if is_possible(s, e)
     }
@@ -143,7 +200,7 @@ def test_only_an_accepted_tick_of_the_master_moves_the_world(state: SyncState) -
 
 
 @pytest.mark.parametrize("state", SyncState)
-def test_ticks_wait_in_one_state_alone_and_are_refused_whenever_it_ends_without_them(state: SyncState) -> None:
+def test_ticks_wait_in_one_state_and_are_refused_when_it_ends(state: SyncState) -> None:
     for event, outcome in SYNC_TABLE[state].items():
         assert (SyncEffect.WAIT not in outcome.effects) or outcome.state is SyncState.WAITING
         ends = state is SyncState.WAITING is not outcome.state and SyncEffect.MOVE not in outcome.effects
@@ -159,7 +216,7 @@ def test_real_time_flows_exactly_when_the_world_becomes_free(state: SyncState) -
 def check_invariants(sync: Sync[str]) -> None:
     has_master = sync.state not in NO_MASTER
     assert bool(sync.master_id) is has_master
-    assert (sync.num_holders > 0) is has_master
+    assert (len(sync._holders) > 0) is has_master
     assert sync.is_on or sync.num_waiting == 0
     assert sync.num_waiting <= MAX_WAITING_COMMANDS
     assert (sync.num_ticks > 0) is (sync.state is SyncState.WAITING)
@@ -220,7 +277,7 @@ class AnyOrder(RuleBasedStateMachine):
     @rule(user_id=IDS)
     def stop(self, user_id: str) -> None:
         master = self.sync.master_id
-        outcome = self.sync.stop(user_id)
+        outcome = self.sync.stop(user_id, 1.0)
         assert outcome.is_accepted == (not master or user_id == master)
         if outcome.is_accepted:
             self.drop()
@@ -243,7 +300,7 @@ class AnyOrder(RuleBasedStateMachine):
 
     @rule()
     def take_turn(self) -> None:
-        num_frames = self.sync.take_turn(self.frame)
+        num_frames = self.sync.take_turn(self.frame, 1.0)
         can_go = bool(self.ticks) and all(due > self.frame + self.ticks[0] for due in self.unready.values())
         assert num_frames == (self.ticks.pop(0) if can_go else 0)
         self.move(num_frames)
@@ -261,7 +318,7 @@ class AnyOrder(RuleBasedStateMachine):
 
     @rule()
     def reset(self) -> None:
-        self.sync.forget()
+        self.sync.forget(1.0)
         self.drop()
         self.frame = 0
 
@@ -279,7 +336,7 @@ class AnyOrder(RuleBasedStateMachine):
     @rule()
     def pause(self) -> None:
         is_on = self.sync.is_on
-        self.sync.pause()
+        self.sync.pause(1.0)
         self.ticks.clear()
         assert self.sync.is_paused
         assert self.sync.is_on == is_on
@@ -287,13 +344,13 @@ class AnyOrder(RuleBasedStateMachine):
     @rule()
     def resume(self) -> None:
         is_on = self.sync.is_on
-        self.sync.resume()
+        self.sync.resume(1.0)
         assert not self.sync.is_paused
         assert self.sync.is_on == is_on
 
     @rule(peer=PEERS)
     def leave(self, peer: str) -> None:
-        self.after_loss(self.sync.leave(peer))
+        self.after_loss(self.sync.leave(peer, 1.0))
 
     @rule(seconds=st.sampled_from([0.0, 1.0, 9.0, 10.0]))
     def wait(self, seconds: float) -> None:
@@ -319,7 +376,7 @@ AnyOrder.TestCase.settings = settings(
 TestAnyOrder = AnyOrder.TestCase
 
 
-def test_command_that_comes_while_ticks_wait_is_for_the_frame_after_them() -> None:
+def test_command_during_waiting_ticks_is_for_the_frame_after_them() -> None:
     """The client has sent it after the ticks, so it must not act on the frames that they compute."""
     sync: Sync[str] = Sync()
     sync.start("me", 40, ME, 0.0)
@@ -331,23 +388,23 @@ def test_command_that_comes_while_ticks_wait_is_for_the_frame_after_them() -> No
     assert [sync.due(frame) for frame in range(11, 16)] == [["scenario"], [], [], [], ["brake"]]
 
 
-def test_made_ids_begin_anew_with_a_reset_unless_somebody_has_one() -> None:
+def test_generated_ids_start_again_at_a_reset_unless_one_is_in_use() -> None:
     """A reset run is the same as the first one; but two masters must never have the same id."""
     sync: Sync[str] = Sync()
     sync.start("", 20, ME, 0.0)
     first = sync.master_id
-    sync.stop(first)
-    sync.forget()
+    sync.stop(first, 1.0)
+    sync.forget(1.0)
     sync.start("", 20, ME, 0.0)
     assert sync.master_id == first
-    sync.forget()
-    sync.stop(first)
+    sync.forget(1.0)
+    sync.stop(first, 1.0)
     sync.start("", 20, ME, 0.0)
     assert sync.master_id != first
 
 
 @pytest.mark.parametrize("way", ["drop", "withdraw"])
-def test_commands_that_are_left_after_others_are_forgotten_come_in_the_order_of_their_frames(way: str) -> None:
+def test_remaining_commands_keep_the_order_of_their_frames(way: str) -> None:
     """A heap that lost entries is no heap: a late command hides an early one, which is then carried out too late."""
     sync: Sync[str] = Sync()
     sync.start("me", 20, ME, 0.0)
@@ -368,7 +425,7 @@ def test_generated_ids_are_the_same_on_every_run() -> None:
         for _ in range(3):
             sync.start("", 20, ME, 0.0)
             ids.append(sync.master_id)
-            sync.stop(sync.master_id)
+            sync.stop(sync.master_id, 1.0)
         return ids
 
     assert run() == run() == ["sync-1", "sync-2", "sync-3"]
@@ -380,12 +437,12 @@ def test_a_time_step_of_zero_is_one_frame() -> None:
     assert (sync.step_ms, sync.num_frames) == (20, 1)
 
 
-def test_the_master_may_change_its_time_step_and_keeps_what_waits() -> None:
+def test_master_may_change_its_time_step_and_keep_waiting_commands() -> None:
     sync: Sync[str] = Sync()
     sync.start("a", 20, ME, 0.0)
     sync.submit("go", 5, 0, ME, 0.0)
     assert sync.start("a", 100, YOU, 0.0).is_accepted
-    assert (sync.num_frames, sync.num_waiting, sync.num_holders) == (5, 1, 2)
+    assert (sync.num_frames, sync.num_waiting, len(sync._holders)) == (5, 1, 2)
 
 
 def test_commands_keep_their_order_of_arrival_within_their_frame() -> None:
@@ -404,14 +461,14 @@ def test_strict_frames_take_only_the_frame_that_the_tick_ends_on() -> None:
     assert [named for named in range(8, 16) if sync.tick("a", named, 10, ME, 0.0).is_accepted] == [12]
 
 
-def test_anyone_may_stop_where_that_is_allowed() -> None:
+def test_any_client_may_stop_if_allowed() -> None:
     sync: Sync[str] = Sync(may_anyone_stop=True)
     sync.start("a", 20, ME, 0.0)
-    assert sync.stop("somebody").is_accepted
+    assert sync.stop("somebody", 1.0).is_accepted
     assert sync.is_free
 
 
-def test_an_empty_id_never_ticks_and_never_takes_over() -> None:
+def test_empty_id_can_neither_tick_nor_become_master() -> None:
     sync: Sync[str] = Sync(is_on=True)
     assert not sync.tick("", 1, 0, ME, 0.0).is_accepted
     sync.start("a", 20, ME, 0.0)
@@ -425,14 +482,14 @@ def test_the_lease_ends_with_the_last_holder_of_the_id() -> None:
     sync.start("a", 20, ME, 0.0)
     sync.tick("a", 1, 0, YOU, 0.0)
     sync.tick("b", 1, 0, "stranger", 0.0)  # did not use the master's id with success
-    assert sync.leave("stranger") is None
-    assert sync.leave(ME) is None
-    assert sync.leave(ME) is None
-    assert sync.leave(YOU) is not None
+    assert sync.leave("stranger", 1.0) is None
+    assert sync.leave(ME, 1.0) is None
+    assert sync.leave(ME, 1.0) is None
+    assert sync.leave(YOU, 1.0) is not None
     assert sync.is_free
 
 
-def test_silence_ends_the_lease_and_any_word_of_a_holder_renews_it() -> None:
+def test_silence_ends_the_lease_and_any_message_renews_it() -> None:
     sync: Sync[str] = Sync(lease=5.0, on_loss="pause")
     assert sync.lease_due is None
     sync.start("a", 20, ME, 10.0)
@@ -446,7 +503,7 @@ def test_silence_ends_the_lease_and_any_word_of_a_holder_renews_it() -> None:
     assert sync.expire(100.0) is None
 
 
-def test_silence_does_not_count_while_a_holder_is_held_back() -> None:
+def test_silence_does_not_count_while_a_holder_is_held() -> None:
     sync: Sync[str] = Sync(lease=5.0)
     sync.start("a", 20, ME, 10.0)
     sync.mute(YOU)  # no holder
@@ -463,7 +520,7 @@ def test_silence_does_not_count_while_a_holder_is_held_back() -> None:
     assert sync.expire(205.0) is not None
 
 
-def test_tick_waits_with_the_time_step_of_its_arrival_and_strict_frames_count_it() -> None:
+def test_waiting_tick_keeps_its_time_step_and_strict_frames_count_it() -> None:
     sync: Sync[str] = Sync(is_strict=True)
     sync.start("a", 40, ME, 0.0)
     sync.submit("scenario", 12, 10, ME, 0.0, is_ready=False)
@@ -472,33 +529,33 @@ def test_tick_waits_with_the_time_step_of_its_arrival_and_strict_frames_count_it
     assert not sync.tick("a", 15, 10, YOU, 0.0).is_accepted
     assert sync.tick("a", 17, 10, YOU, 0.0).is_accepted
     sync.ready("scenario")
-    assert (sync.take_turn(10), sync.take_turn(12), sync.take_turn(17)) == (2, 5, 0)
+    assert (sync.take_turn(10, 1.0), sync.take_turn(12, 1.0), sync.take_turn(17, 1.0)) == (2, 5, 0)
 
 
-def test_tick_before_the_frame_of_a_scenario_that_is_being_read_does_not_wait() -> None:
+def test_tick_before_the_frame_of_an_unread_scenario_does_not_wait() -> None:
     sync: Sync[str] = Sync()
     sync.start("a", 40, ME, 0.0)
     sync.submit("scenario", 13, 10, ME, 0.0, is_ready=False)
     assert sync.tick("a", 0, 10, ME, 0.0).effects == (SyncEffect.MOVE,)
     assert sync.tick("a", 0, 12, ME, 0.0).effects == (SyncEffect.WAIT,)
     sync.withdraw("scenario")
-    assert (sync.take_turn(12), sync.due(13)) == (2, [])
+    assert (sync.take_turn(12, 1.0), sync.due(13)) == (2, [])
 
 
 def test_a_pause_outlives_its_master() -> None:
     sync: Sync[str] = Sync()
     sync.start("a", 20, ME, 0.0)
-    sync.pause()
+    sync.pause(1.0)
     assert not sync.tick("a", 1, 0, ME, 0.0).is_accepted
-    sync.leave(ME)
+    sync.leave(ME, 1.0)
     assert sync.state is SyncState.FREE_PAUSED
     sync.start("b", 20, YOU, 0.0)
     assert not sync.can_send_tick
-    sync.resume()
+    sync.resume(1.0)
     assert sync.can_send_tick
 
 
-def test_commands_that_are_dropped_are_not_due_and_leave_their_room() -> None:
+def test_dropped_commands_are_not_due_and_free_their_room() -> None:
     sync: Sync[str] = Sync()
     sync.start("me", 20, "peer", 0.0)
     for i in range(MAX_WAITING_COMMANDS):
@@ -511,11 +568,11 @@ def test_commands_that_are_dropped_are_not_due_and_leave_their_room() -> None:
     assert not any(command.startswith("even") for command in due)
 
 
-def test_a_command_that_is_dropped_holds_up_no_tick() -> None:
+def test_dropped_command_delays_no_tick() -> None:
     sync: Sync[str] = Sync()
     sync.start("me", 20, "peer", 0.0)
     sync.submit("scenario", 1, 0, "peer", 0.0, is_ready=False)
     assert SyncEffect.WAIT in sync.tick("me", 1, 0, "peer", 0.0).effects
     assert sync.drop(lambda command: command == "scenario") == 1
-    assert sync.take_turn(0) == 1
+    assert sync.take_turn(0, 1.0) == 1
     assert sync.num_waiting == 0

@@ -11,7 +11,7 @@ from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.morai.convert import Converter
 from rosbridge_sim.morai.tf_publisher import TfPublisher
-from rosbridge_sim.world import dynamics
+from rosbridge_sim.world import placement
 from rosbridge_sim.world.geometry import quaternion
 from tests.morai.sim_harness import ALL, Client, SimHarness, rates
 
@@ -41,7 +41,7 @@ def turned(q: tuple[float, float, float, float], vector: list[float]) -> npt.NDA
     ("roll", "pitch", "yaw"),
     [(0, 0, 0.3), (0, 0, math.pi), (0.1, 0, 0), (0, 0.2, 0), (0.1, -0.2, 2.5), (-1.0, 1.2, -3.0)],
 )
-def test_an_orientation_is_yaw_then_pitch_then_roll(roll: float, pitch: float, yaw: float) -> None:
+def test_orientation_is_yaw_then_pitch_then_roll(roll: float, pitch: float, yaw: float) -> None:
     q = quaternion(roll, pitch, yaw)
     assert math.hypot(*q) == pytest.approx(1.0, abs=1e-15)
     m = axis_turn(2, yaw) @ axis_turn(1, pitch) @ axis_turn(0, roll)
@@ -55,7 +55,7 @@ def only(message: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
-def test_tf_says_with_every_frame_where_the_ego_stands() -> None:
+def test_tf_has_the_ego_pose_of_every_frame() -> None:
     harness = SimHarness(start="sync")
     client = harness.client()
     client.listen("/tf", "/Ego_topic")
@@ -79,7 +79,7 @@ def test_tf_says_with_every_frame_where_the_ego_stands() -> None:
 
 def test_a_vehicle_on_a_slope_is_tilted_in_tf() -> None:
     harness = SimHarness()
-    dynamics.teleport(
+    placement.teleport(
         harness.world, harness.world.row(0), x=1.0, y=2.0, z=3.0, yaw=0.4, speed=0.0, roll=0.1, pitch=-0.2
     )
     message = TfPublisher(harness.bus.store, harness.world, Converter(harness.bus.store)).moving(harness.node.egos)
@@ -89,7 +89,7 @@ def test_a_vehicle_on_a_slope_is_tilted_in_tf() -> None:
     assert (q.x, q.y, q.z, q.w) == quaternion(0.1, -0.2, 0.4)
 
 
-def test_tf_has_a_rate_of_its_own_and_is_not_made_for_nobody() -> None:
+def test_tf_has_its_own_rate_and_is_not_computed_without_subscribers() -> None:
     harness = SimHarness(network=rates({"/tf": 10.0}))
     num_published = harness.bus.num_published
     harness.run(1.0)
@@ -100,7 +100,7 @@ def test_tf_has_a_rate_of_its_own_and_is_not_made_for_nobody() -> None:
     assert [only(message)["header"]["seq"] for message in client.messages("/tf")] == list(range(55, 101, 5))
 
 
-def test_the_middle_of_the_vehicle_is_static_and_waits_for_whoever_comes() -> None:
+def test_vehicle_centre_frame_is_static_and_latched() -> None:
     harness = SimHarness()
     (message,) = harness.bus.topics["/tf_static"].latched
     transform, *_ = message.value.transforms
@@ -111,7 +111,7 @@ def test_the_middle_of_the_vehicle_is_static_and_waits_for_whoever_comes() -> No
     assert transform.transform.rotation.w == 1.0
 
 
-def test_static_frames_are_told_again_when_they_have_changed_and_only_then() -> None:
+def test_static_frames_are_published_again_only_after_a_change() -> None:
     harness = SimHarness()
     client = harness.client()
     client.listen("/tf_static")
@@ -143,13 +143,13 @@ def test_static_frames_are_told_again_when_they_have_changed_and_only_then() -> 
     assert len(client.messages("/tf_static")[-1]["transforms"]) == 3
 
 
-def test_no_static_frames_at_all_are_a_message_too() -> None:
+def test_empty_static_frames_are_published() -> None:
     harness = SimHarness()
     transforms = TfPublisher(harness.bus.store, harness.world, Converter(harness.bus.store))
     assert transforms.static(transforms.mounts([])).transforms == []
 
 
-def test_clients_may_add_frames_of_their_own() -> None:
+def test_clients_may_publish_further_frames() -> None:
     harness = SimHarness()
     camera = {"header": {"frame_id": "base_link"}, "child_frame_id": "camera", "transform": {"rotation": {"w": 1.0}}}
     harness.client().send("/tf_static", "tf2_msgs/TFMessage", transforms=[camera])
@@ -159,14 +159,14 @@ def test_clients_may_add_frames_of_their_own() -> None:
         harness.client().send("/clock", "rosgraph_msgs/Clock")
 
 
-def test_a_program_may_call_tf_by_its_old_type() -> None:
+def test_tf_accepts_its_old_type_name() -> None:
     harness = SimHarness()
     client = harness.client()
     client.send("/tf", "tf/tfMessage", transforms=[])
     assert harness.bus.topics["/tf"].type.name == "tf2_msgs/TFMessage"
 
 
-def test_what_is_latched_after_a_reset_is_of_frame_0() -> None:
+def test_latched_messages_after_a_reset_are_of_frame_0() -> None:
     harness = SimHarness()
     (before,) = harness.bus.topics["/tf_static"].latched
     harness.run(0.5)
@@ -189,7 +189,7 @@ def subscribe(client: Client, harness: SimHarness, *sources: str, rate: float = 
     return heard
 
 
-def test_what_a_tick_moved_is_republished_before_the_tick_is_answered() -> None:
+def test_republished_transforms_of_a_tick_come_before_its_answer() -> None:
     harness = SimHarness(start="sync")
     WebRepublisher(harness.bus)
     client = harness.client()
@@ -210,7 +210,7 @@ def test_what_a_tick_moved_is_republished_before_the_tick_is_answered() -> None:
     assert shift.y == pytest.approx(harness.world.y[row] + offset * math.sin(yaw), abs=1e-12)
 
 
-def test_republishing_is_the_same_on_every_run_however_long_it_takes() -> None:
+def test_republishing_gives_the_same_bytes_at_any_speed() -> None:
     runs = []
     for pause in (0.0, 3.3):
         harness = SimHarness(start="sync")

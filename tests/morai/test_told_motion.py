@@ -39,7 +39,7 @@ def drive(client: Client, frames: int, **command: float) -> list[dict[int, dict[
 
 
 @pytest.mark.parametrize("profile", [MANUAL, FIELD])
-def test_position_is_the_rear_axle_of_vehicles_and_the_centre_of_others(profile: Profile) -> None:
+def test_position_is_the_rear_axle_of_vehicles_and_the_centre_of_other_objects(profile: Profile) -> None:
     harness = SimHarness(start="sync", profile=profile)  # the ego stands at (10, 20) and looks north
     client = harness.client()
     client.start()
@@ -63,7 +63,7 @@ def test_position_is_the_rear_axle_of_vehicles_and_the_centre_of_others(profile:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("profile", "unit"), [(MANUAL, 1.0 / 3.6), (Profile(object_velocity_unit="m/s"), 1.0)])
-def test_accelerations_in_object_topic_are_the_change_of_its_velocities(profile: Profile, unit: float) -> None:
+def test_object_accelerations_are_differences_of_object_velocities(profile: Profile, unit: float) -> None:
     harness = SimHarness("crossing", start="sync", profile=profile)
     client = harness.client()
     client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(0, 2) | {"camera_index": 0})
@@ -83,7 +83,7 @@ def test_accelerations_in_object_topic_are_the_change_of_its_velocities(profile:
     assert waiting > 100, "somebody waits at the light"
 
 
-def test_another_ego_is_told_as_it_tells_itself() -> None:
+def test_other_egos_are_listed_as_in_their_own_status() -> None:
     harness = SimHarness("parked", start="sync")
     client = harness.client()
     client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(0, 2) | {"camera_index": 0})
@@ -97,7 +97,7 @@ def test_another_ego_is_told_as_it_tells_itself() -> None:
 
 
 @pytest.mark.parametrize("name", ["", "shot"])
-def test_without_a_custom_name_files_are_called_after_their_frame(name: str) -> None:
+def test_files_without_a_custom_name_are_named_after_their_frame(name: str) -> None:
     harness = SimHarness(start="sync")
     client = harness.client()
     client.start()

@@ -38,7 +38,7 @@ def ask(harness: Crossroads, index: str) -> tuple[str, int]:
 # The light ahead
 
 
-def test_the_light_ahead_is_told_with_every_frame() -> None:
+def test_light_ahead_is_published_every_frame() -> None:
     harness = Crossroads.tiny()
     harness.client.listen(STATUS)
     harness.run(0.1)
@@ -63,7 +63,7 @@ def test_the_light_ahead_is_told_with_every_frame() -> None:
         (-6.0, 3.5, 0.0, False),  # before the road begins
     ],
 )
-def test_there_is_a_light_or_silence(x: float, y: float, yaw_deg: float, is_told: bool) -> None:  # noqa: FBT001 - a column
+def test_nothing_is_published_without_a_light_ahead(x: float, y: float, yaw_deg: float, is_told: bool) -> None:  # noqa: FBT001 - a column
     harness = Crossroads.tiny()
     harness.put(x, y, yaw_deg)
     harness.client.listen(STATUS)
@@ -71,7 +71,7 @@ def test_there_is_a_light_or_silence(x: float, y: float, yaw_deg: float, is_told
     assert (harness.last(STATUS) is not None) == is_told
 
 
-def test_a_stop_line_is_seen_from_a_hundred_metres() -> None:
+def test_light_is_published_from_100_m_before_the_stop_line() -> None:
     town = Crossroads.built_in("town")
     town.client.listen(STATUS)
     town.put(-100.0, -5.25)  # inside of crossing 12, 86 m before the next line
@@ -84,7 +84,7 @@ def test_a_stop_line_is_seen_from_a_hundred_metres() -> None:
     assert town.last(STATUS) is None
 
 
-def test_the_motorway_has_no_lights() -> None:
+def test_motorway_gives_no_light_messages() -> None:
     loop = Crossroads.built_in("loop")
     loop.client.listen(STATUS, INSIDE, ALL)
     loop.run(0.02)
@@ -104,7 +104,7 @@ def test_the_light_ahead_changes_with_its_phase() -> None:
     assert changes == [(1, 16), (500, 4), (650, 1), (1025, 16)]
 
 
-def test_every_type_of_light_is_told() -> None:
+def test_every_light_type_is_published() -> None:
     town = Crossroads.built_in("town")
     town.client.listen(STATUS)
     kinds = {}
@@ -119,7 +119,7 @@ def test_every_type_of_light_is_told() -> None:
     assert kinds[100] == ("TL44S", 4)
 
 
-def test_each_ego_is_told_of_its_own() -> None:
+def test_each_ego_gets_its_own_light() -> None:
     harness = Crossroads.tiny()
     harness.client.send(
         "/ego_setting",
@@ -148,7 +148,7 @@ def test_each_ego_is_told_of_its_own() -> None:
 # Setting lights
 
 
-def test_a_set_light_takes_its_group_until_the_next_phase() -> None:
+def test_set_light_applies_to_its_group_until_the_next_phase() -> None:
     harness = Crossroads.tiny()
     harness.client.listen(STATUS)
     harness.run(1.0)
@@ -164,7 +164,7 @@ def test_a_set_light_takes_its_group_until_the_next_phase() -> None:
     assert (ask(harness, "C1"), ask(harness, "C2"), ask(harness, "L1")) == (("C1", 1), ("C2", 4), ("L1", 32))
 
 
-def test_a_set_light_is_handed_back() -> None:
+def test_light_set_to_minus_one_returns_to_its_schedule() -> None:
     harness = Crossroads.tiny()
     set_light(harness, "C1", 0)
     assert ask(harness, "C1") == ("C1", 0)
@@ -174,7 +174,7 @@ def test_a_set_light_is_handed_back() -> None:
     assert (ask(harness, "P1"), ask(harness, "C1")) == (("P1", 16), ("C1", 16))
 
 
-def test_setting_it_at_every_message_keeps_it() -> None:
+def test_repeated_setting_keeps_a_light() -> None:
     harness = Crossroads.tiny()
     harness.client.start()
     for _ in range(900):
@@ -193,7 +193,7 @@ def test_setting_it_at_every_message_keeps_it() -> None:
         ("C1", 4096, "got 4096"),
     ],
 )
-def test_what_no_light_can_show_is_refused(index: str, status: int, message: str) -> None:
+def test_impossible_light_value_is_refused(index: str, status: int, message: str) -> None:
     harness = Crossroads.tiny()
     with pytest.raises(FieldError, match=message):
         set_light(harness, index, status)
@@ -207,7 +207,7 @@ def test_an_unknown_light_has_no_name_and_no_status() -> None:
 # Intersections
 
 
-def test_the_intersection_is_told_while_one_is_inside() -> None:
+def test_intersection_status_is_published_inside_the_intersection() -> None:
     harness = Crossroads.tiny()
     harness.client.listen(INSIDE)
     harness.run(14.0)
@@ -223,7 +223,7 @@ def test_the_intersection_is_told_while_one_is_inside() -> None:
 
 
 @pytest.mark.parametrize("number", [13, "13", "IntTL13"])
-def test_an_intersection_can_be_put_into_a_phase(number: object) -> None:
+def test_intersection_can_be_set_to_a_phase(number: object) -> None:
     harness = Crossroads.tiny()
     harness.client.listen(ALL)
     set_light(harness, "C1", 0)
@@ -252,7 +252,7 @@ def test_an_intersection_can_be_put_into_a_phase(number: object) -> None:
         (13, 1, math.nan, "intersection_status_time: phase 1 lasts 7.50 s, got nan"),
     ],
 )
-def test_phases_that_are_not_there_are_refused(number: int, phase: int, seconds: float, message: str) -> None:
+def test_unknown_phases_are_refused(number: int, phase: int, seconds: float, message: str) -> None:
     harness = Crossroads.tiny()
     before = harness.world.digest()
     with pytest.raises(FieldError, match=message):
@@ -269,7 +269,7 @@ def test_an_intersection_without_a_schedule_has_no_phase() -> None:
     assert harness.world.signals.phase.tolist() == [0]
 
 
-def test_all_intersections_are_told_at_once() -> None:
+def test_all_intersections_are_published_in_one_message() -> None:
     town = Crossroads.built_in("town")
     town.client.listen(ALL)
     town.run(0.02)
@@ -283,7 +283,7 @@ def test_all_intersections_are_told_at_once() -> None:
 # Determinism
 
 
-def test_the_same_calls_give_the_same_bytes() -> None:
+def test_same_calls_give_the_same_bytes() -> None:
     def play() -> list[bytes]:
         town = Crossroads.built_in("town")
         town.client.listen(STATUS, INSIDE, ALL, "/Object_topic")
@@ -298,7 +298,7 @@ def test_the_same_calls_give_the_same_bytes() -> None:
     assert play() == first
 
 
-def test_a_reset_begins_the_lights_anew() -> None:
+def test_reset_restarts_the_lights() -> None:
     harness = Crossroads.tiny()
     before = harness.world.digest()
     harness.run(14.0)

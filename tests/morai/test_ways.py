@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import GraphError
-from rosbridge_sim.graph.policy import Policy, Rule, Use
+from rosbridge_sim.graph.policy import Policy, Rule
+from rosbridge_sim.graph.ways import Use
 from rosbridge_sim.morai.interfaces.network_settings import InterfaceKind
 from rosbridge_sim.morai.interfaces.registry import ListedInterface
 from rosbridge_sim.morai.ways import _EFFECTS, _SAME, SimulatorWays
@@ -23,10 +24,10 @@ RENAMED = {
 
 
 def completed(policy: Policy, harness: SimHarness | None) -> Policy:
-    ways = SimulatorWays(None if harness is None else harness.node.items)
+    ways = SimulatorWays(None if harness is None else harness.node.interfaces)
     policy.ways.add(ways.effects, ways.others)
     if harness is not None:
-        harness.node.items.on_change = policy.ways.change
+        harness.node.interfaces.on_change = policy.ways.change
     return policy
 
 
@@ -59,7 +60,7 @@ def renamed() -> SimHarness:
 
 
 @pytest.mark.parametrize("row", _SAME, ids=lambda row: row[0].name)
-def test_denying_any_name_of_a_thing_denies_all(harness: SimHarness, row: tuple[tuple[Use, str], ...]) -> None:
+def test_denying_one_alias_denies_all(harness: SimHarness, row: tuple[tuple[Use, str], ...]) -> None:
     flags = {Use.PUBLISH: "publish", Use.SUBSCRIBE: "subscribe", Use.SERVICE: "service"}
     for use, name in row:
         policy = denying(harness, **{flags[use]: name})
@@ -70,9 +71,9 @@ def test_denying_any_name_of_a_thing_denies_all(harness: SimHarness, row: tuple[
 
 
 @pytest.mark.parametrize("release", ["22.R2", "26.R1"])
-def test_names_in_the_table_are_the_simulators(release: str) -> None:
+def test_names_in_the_alias_table_exist_in_the_simulator(release: str) -> None:
     """Of one release or the other."""
-    items = {(item.kind, item.default) for item in SimHarness(release=release).node.items.listing()}
+    items = {(item.kind, item.default) for item in SimHarness(release=release).node.interfaces.listing()}
     items |= {(InterfaceKind.SUBSCRIBER, f"/SyncMode{what}Obj") for what in ("Add", "Remove")}
     items |= {(InterfaceKind.SERVICE, f"/SyncMode{what}Object") for what in ("Add", "Remove")}
     kinds = {
@@ -85,7 +86,7 @@ def test_names_in_the_table_are_the_simulators(release: str) -> None:
         assert any((kind, name) in items for kind in kinds[use]) or name == "/rosapi/get_time", name
 
 
-def test_every_input_and_service_that_changes_something_is_in_the_log_table(harness: SimHarness) -> None:
+def test_every_input_and_service_with_an_effect_is_in_the_log_table(harness: SimHarness) -> None:
     """Whoever adds one has to say what it does, so that the log can name it."""
     known = {way for effect in _EFFECTS for way in (*effect.ways, *effect.also)}
     alone = {"/SensorPosControl", "/Service_MoraiVehicleSpec", "/Service_MoraiMapSpec"}
@@ -94,11 +95,11 @@ def test_every_input_and_service_that_changes_something_is_in_the_log_table(harn
         use = Use.SERVICE if item.kind is InterfaceKind.SERVICE else Use.PUBLISH
         return (use, item.default) in known or item.default in alone
 
-    items = [item for item in harness.node.items.listing() if item.kind is not InterfaceKind.PUBLISHER]
+    items = [item for item in harness.node.interfaces.listing() if item.kind is not InterfaceKind.PUBLISHER]
     assert [item.default for item in items if not is_known(item)] == []
 
 
-def test_pattern_without_a_prefix_holds_for_further_egos_and_not_the_reverse(harness: SimHarness) -> None:
+def test_pattern_without_an_ego_prefix_holds_for_further_egos_and_not_the_reverse(harness: SimHarness) -> None:
     policy = denying(harness, publish="/ctrl_cmd", service="/SyncModeCtrlCmd", subscribe="/Ego_topic")
     for prefix in ("/", "/Ego-2/", "/Ego-31/"):
         assert not may(policy, Use.PUBLISH, f"{prefix}ctrl_cmd")
@@ -112,7 +113,7 @@ def test_pattern_without_a_prefix_holds_for_further_egos_and_not_the_reverse(har
     ]
 
 
-def test_allowing_one_name_of_a_thing_allows_all(harness: SimHarness) -> None:
+def test_allowing_one_alias_allows_all(harness: SimHarness) -> None:
     policy = completed(Policy(publish=Rule(allow=("/ctrl_cmd",)), service=Rule(allow=("/Service_MoraiSL",))), harness)
     assert may(policy, Use.PUBLISH, "/ctrl_cmd_0")
     assert may(policy, Use.PUBLISH, "/Ego-2/ctrl_cmd")
@@ -129,16 +130,14 @@ def test_allowing_one_name_of_a_thing_allows_all(harness: SimHarness) -> None:
 
 
 @pytest.mark.parametrize("pattern", ["/ctrl_cmd", "/ctrl_cmd_0", "/car/drive"])
-def test_pattern_holds_for_the_name_that_settings_give_and_for_the_default_one(
-    renamed: SimHarness, pattern: str
-) -> None:
+def test_pattern_holds_for_custom_and_default_names(renamed: SimHarness, pattern: str) -> None:
     policy = denying(renamed, publish=pattern)
     for name in ("/car/drive", "/ctrl_cmd", "/ctrl_cmd_0", "/Ego-2/car/drive", "/Ego-2/ctrl_cmd", "/third"):
         assert not may(policy, Use.PUBLISH, name), name
     assert may(policy, Use.PUBLISH, "/car")
 
 
-def test_renamed_outputs_and_services_keep_their_other_names(renamed: SimHarness) -> None:
+def test_renamed_outputs_and_services_keep_their_aliases(renamed: SimHarness) -> None:
     policy = denying(renamed, subscribe="/Ego_topic", service="/load", publish="/tf")
     assert not may(policy, Use.SUBSCRIBE, "/car/state")
     assert not may(policy, Use.SUBSCRIBE, "/Ego-2/car/state")
@@ -148,7 +147,7 @@ def test_renamed_outputs_and_services_keep_their_other_names(renamed: SimHarness
     assert may(policy, Use.SUBSCRIBE, "/frames")
 
 
-def test_scenario_that_renames_something_does_not_open_it() -> None:
+def test_rename_by_a_scenario_does_not_allow_a_denied_name() -> None:
     harness = SimHarness()
     harness.networks.tables["parked"] = RENAMED
     policy = denying(harness, publish="/ctrl_cmd")
@@ -159,7 +158,7 @@ def test_scenario_that_renames_something_does_not_open_it() -> None:
     assert not may(policy, Use.PUBLISH, "/ctrl_cmd")
 
 
-def test_client_that_had_the_new_name_before_loses_it() -> None:
+def test_client_that_had_a_new_denied_name_loses_it() -> None:
     from tests.graph.bus_fixture import Wire  # noqa: PLC0415 - the one client with a policy here
 
     harness = SimHarness()
@@ -173,7 +172,7 @@ def test_client_that_had_the_new_name_before_loses_it() -> None:
     assert status["msg"].startswith("Not allowed to publish to /car/drive")
 
 
-def test_client_that_listens_under_the_new_name_hears_nothing_there() -> None:
+def test_subscriber_under_a_new_denied_name_receives_nothing() -> None:
     """What is latched is said again under a new name, at once."""
     from tests.graph.bus_fixture import Wire  # noqa: PLC0415 - as above
 
@@ -186,7 +185,7 @@ def test_client_that_listens_under_the_new_name_hears_nothing_there() -> None:
     assert status["msg"].startswith("Not allowed to subscribe to /mode, another way of listening to /SyncModeInfo")
 
 
-def test_further_ego_that_comes_later_is_closed_from_the_start() -> None:
+def test_further_ego_added_later_is_denied_from_the_start() -> None:
     from tests.graph.bus_fixture import Wire  # noqa: PLC0415 - as above
 
     harness = SimHarness()
@@ -198,7 +197,7 @@ def test_further_ego_that_comes_later_is_closed_from_the_start() -> None:
     assert status["level"] == "error"
 
 
-def test_names_hold_where_a_client_is_the_simulator() -> None:
+def test_aliases_hold_where_a_client_is_the_simulator() -> None:
     policy = denying(None, publish="/ctrl_cmd", service="/Service_MoraiSL")
     assert not may(policy, Use.PUBLISH, "/Ego-2/ctrl_cmd_0")
     assert not may(policy, Use.PUBLISH, "/ScenarioLoad")
@@ -234,20 +233,20 @@ LINES: tuple[tuple[Mapping[str, Any], dict[str, str], str], ...] = (
 )
 
 
-def test_log_names_the_loads_among_what_can_pause(harness: SimHarness) -> None:
+def test_start_log_names_loads_among_the_ways_to_pause(harness: SimHarness) -> None:
     (line,) = denying(harness, service="/SyncModeCmd").left_open()
     assert "to stop time or let it go on: calling /Service_MoraiEventCmd, /SyncModeWaitForTick, publishing" in line
     assert "publishing /ScenarioLoad" in line
 
 
 @pytest.mark.parametrize(("network", "patterns", "line"), LINES)
-def test_log_names_what_else_has_the_same_effect(
+def test_start_log_names_other_routes_with_the_same_effect(
     network: Mapping[str, Any], patterns: dict[str, str], line: str
 ) -> None:
     assert denying(SimHarness(network=network), **patterns).left_open() == [line]
 
 
-def test_denying_one_way_among_many_to_do_much_says_nothing_of_the_rest(harness: SimHarness) -> None:
+def test_denying_one_of_many_broad_routes_logs_nothing_about_the_others(harness: SimHarness) -> None:
     (line,) = denying(harness, service="/Service_MoraiSL").left_open()
     assert "to put another scene in place: calling /sim/reset" in line
     assert "/ctrl_cmd" not in line

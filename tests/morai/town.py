@@ -15,11 +15,12 @@ from rosbridge_sim.morai.node_factory import make_node
 from rosbridge_sim.morai.scenarios.reader import Scenario, read_scenario
 from rosbridge_sim.morai.simulator_node import NodeSettings
 from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.world.geometry import arc_lengths, nearest_on_polyline, point_at
+from rosbridge_sim.world.geometry import arc_lengths, nearest_on_polyline
 from rosbridge_sim.world.signal_plan import Lamp
 from rosbridge_sim.world.state import World
-from tests.morai.maps import ROADRUNNER, read
 from tests.morai.sim_harness import Client, make_store
+from tests.morai.small_maps import ROADRUNNER, read
+from tests.world.polylines import point_at
 
 __all__ = ["Crossroads", "Driver", "Judge", "Town", "Way"]
 

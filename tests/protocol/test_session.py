@@ -14,8 +14,8 @@ from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.codec import HEAVY
 from rosbridge_sim.protocol.ops import Advertise, Op, Subscribe
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
-from rosbridge_sim.protocol.session import Feed, Session
-from rosbridge_sim.protocol.subscription import SubscriptionOptions
+from rosbridge_sim.protocol.session import Session
+from rosbridge_sim.protocol.subscription import Feed, SubscriptionOptions
 
 T = TypeVar("T")
 
@@ -27,7 +27,7 @@ def make_session(*, is_talkative: bool = True, account: Account | None = None) -
 
 def make_feed(session: Session, terms: SubscriptionOptions, topic: str = "/t") -> Feed:
     feed = Feed(session, topic)
-    feed.set_terms(None, terms)
+    feed.set_options(None, terms)
     return feed
 
 
@@ -129,7 +129,7 @@ def test_a_silent_session_makes_no_remarks_and_still_answers() -> None:
 def test_messages_answers_and_calls() -> None:
     session = make_session()
     feed = Feed(session, "/t")
-    feed.set_terms(None, SubscriptionOptions())
+    feed.set_options(None, SubscriptionOptions())
     feed.deliver(Body(), 0.0, 0)
     session.answer("/s", None, Body(), is_ok=True)
     session.say("call_service", {"args": Body()}, service="/s", id="service_request:/s:1")
@@ -221,13 +221,13 @@ def test_queue_of_a_feed_without_throttle_is_what_the_outbox_keeps_of_it() -> No
     session = make_session()
     feed = make_feed(session, SubscriptionOptions(queue_length=3))
     assert session.outbox.bursts == {"/t": 3}
-    feed.set_terms(None, SubscriptionOptions(interval=0.1, queue_length=3))
+    feed.set_options(None, SubscriptionOptions(interval=0.1, queue_length=3))
     assert session.outbox.bursts == {}
-    feed.set_terms(None, SubscriptionOptions(queue_length=4))
+    feed.set_options(None, SubscriptionOptions(queue_length=4))
     assert session.outbox.bursts == {"/t": 4}
-    feed.set_terms(None, SubscriptionOptions())
+    feed.set_options(None, SubscriptionOptions())
     assert session.outbox.bursts == {}
-    feed.set_terms(None, SubscriptionOptions(queue_length=4))
+    feed.set_options(None, SubscriptionOptions(queue_length=4))
     session.drop_feed(feed)
     assert session.outbox.bursts == {}
 
@@ -332,7 +332,7 @@ def test_listener_is_told_once_that_messages_have_no_such_encoding(text_length: 
             told.append(0)
             while len(session.outbox):
                 told[-1] += len(session.outbox.take(2**30))
-        feed.set_terms(None, SubscriptionOptions(compression="cbor"))
+        feed.set_options(None, SubscriptionOptions(compression="cbor"))
     assert told == [1, 0, 0, 1, 0, 0]
 
 

@@ -26,7 +26,7 @@ from rosbridge_sim.protocol.subscription import (
 
 def paced(interval: float, queue_length: int) -> Throttle[int]:
     pace: Throttle[int] = Throttle()
-    pace.set_terms(SubscriptionOptions(interval=interval, queue_length=queue_length))
+    pace.set_options(SubscriptionOptions(interval=interval, queue_length=queue_length))
     return pace
 
 
@@ -80,11 +80,11 @@ def test_what_waits_survives_new_terms_and_leaves_when_they_allow() -> None:
     pace = paced(10.0, 5)
     for i in range(4):
         pace.admit(i, 0.0)
-    pace.set_terms(SubscriptionOptions(interval=1.0, queue_length=2))
+    pace.set_options(SubscriptionOptions(interval=1.0, queue_length=2))
     assert pace.num_dropped == 1
     assert (pace.due(), pace.release(1.0), pace.release(2.0)) == (1.0, 2, 3)
     pace.admit(4, 2.5)
-    pace.set_terms(SubscriptionOptions())
+    pace.set_options(SubscriptionOptions())
     assert pace.due() is None
 
 

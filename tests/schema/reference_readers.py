@@ -17,8 +17,8 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 
 from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.schema.message_spec import FieldSpec, MessageSpec
 from rosbridge_sim.schema.names import Generation
-from rosbridge_sim.schema.validate import FieldSpec, MessageSpec
 
 __all__ = ["ARRAY_TAGS", "Rosbags", "alike", "as_json", "plain", "read_cbor"]
 
@@ -31,23 +31,25 @@ ARRAY_TAGS = {
 _NUMPY = {64: "u1", 69: "<u2", 70: "<u4", 71: "<u8", 72: "i1", 77: "<i2", 78: "<i4", 79: "<i8", 85: "<f4", 86: "<f8"}
 
 
-def plain(shape: MessageSpec, value: Struct) -> dict[str, Any]:
+def plain(spec: MessageSpec, value: Struct) -> dict[str, Any]:
     """A value as Python objects: lists, dicts, numbers, text, bytes."""
-    return {name: _plain(slot, getattr(value, slot.attribute), shape) for name, slot in shape.slots.items()}
+    return {
+        name: _plain(field_spec, getattr(value, field_spec.attribute), spec) for name, field_spec in spec.fields.items()
+    }
 
 
-def _plain(slot: FieldSpec, value: Any, shape: MessageSpec) -> Any:  # noqa: ANN401 - any value
+def _plain(field_spec: FieldSpec, value: Any, spec: MessageSpec) -> Any:  # noqa: ANN401 - any value
     if isinstance(value, bytes):
         return value
-    if slot.field.array is not None:
-        return [_element(slot, item, shape) for item in value]
-    return _element(slot, value, shape)
+    if field_spec.definition.array is not None:
+        return [_element(field_spec, item, spec) for item in value]
+    return _element(field_spec, value, spec)
 
 
-def _element(slot: FieldSpec, value: Any, shape: MessageSpec) -> Any:  # noqa: ANN401 - any value
-    if slot.shape is not None:
-        return plain(slot.shape, value)
-    return msgspec.structs.asdict(value) if slot.field.type in shape.dialect.times else value
+def _element(field_spec: FieldSpec, value: Any, spec: MessageSpec) -> Any:  # noqa: ANN401 - any value
+    if field_spec.nested is not None:
+        return plain(field_spec.nested, value)
+    return msgspec.structs.asdict(value) if field_spec.definition.type in spec.dialect.times else value
 
 
 def as_json(value: Any) -> Any:  # noqa: ANN401 - any value
@@ -89,53 +91,59 @@ class Rosbags:
             ]
             self._types.register({f"ros1/msg/{kind}": ([], columns)})
 
-    def read(self, shape: MessageSpec, data: bytes) -> dict[str, Any]:
+    def read(self, spec: MessageSpec, data: bytes) -> dict[str, Any]:
         """The value as Python objects."""
-        name = self._learn(shape)
+        name = self._learn(spec)
         read = self._types.deserialize_ros1 if self._ros == 1 else self._types.deserialize_cdr
-        return self._plain(read(data, name), shape)
+        return self._plain(read(data, name), spec)
 
-    def _learn(self, shape: MessageSpec) -> str:
-        name = shape.name.replace("/", "/msg/")
+    def _learn(self, spec: MessageSpec) -> str:
+        name = spec.name.replace("/", "/msg/")
         if name not in self._types.types:
-            columns = [(slot.attribute, self._describe(slot)) for slot in shape.slots.values()]
+            columns = [(field_spec.attribute, self._describe(field_spec)) for field_spec in spec.fields.values()]
             if not columns and self._ros != 1:
                 columns = [("structure_needs_at_least_one_member", (Nodetype.BASE, ("uint8", 0)))]
             self._types.register({name: ([], columns)})
         return name
 
-    def _describe(self, slot: FieldSpec) -> Any:  # noqa: ANN401 - rosbags' nested tuples
-        kind = slot.field.type
+    def _describe(self, field_spec: FieldSpec) -> Any:  # noqa: ANN401 - rosbags' nested tuples
+        kind = field_spec.definition.type
         package = "ros1" if self._ros == 1 else "builtin_interfaces"
         old = {"byte": "int8" if self._ros == 1 else "uint8", "char": "uint8", "wstring": "string"}
         element: Any = (Nodetype.BASE, (old.get(kind, kind), 0))
-        if slot.shape is not None:
-            element = (Nodetype.NAME, self._learn(slot.shape))
+        if field_spec.nested is not None:
+            element = (Nodetype.NAME, self._learn(field_spec.nested))
         elif kind in {"time", "duration"}:
             element = (Nodetype.NAME, f"{package}/msg/{kind.title()}")
-        count = slot.field.array
+        count = field_spec.definition.array
         if count is None:
             return element
-        return (Nodetype.ARRAY if count and not slot.field.is_bounded else Nodetype.SEQUENCE, (element, count))
+        return (
+            Nodetype.ARRAY if count and not field_spec.definition.is_bounded else Nodetype.SEQUENCE,
+            (element, count),
+        )
 
-    def _plain(self, value: Any, shape: MessageSpec) -> dict[str, Any]:  # noqa: ANN401 - a dataclass of rosbags'
-        return {name: self._field(getattr(value, slot.attribute), slot, shape) for name, slot in shape.slots.items()}
+    def _plain(self, value: Any, spec: MessageSpec) -> dict[str, Any]:  # noqa: ANN401 - a dataclass of rosbags'
+        return {
+            name: self._field(getattr(value, field_spec.attribute), field_spec, spec)
+            for name, field_spec in spec.fields.items()
+        }
 
-    def _field(self, value: Any, slot: FieldSpec, shape: MessageSpec) -> Any:  # noqa: ANN401 - any value
-        if slot.field.is_bytes:
+    def _field(self, value: Any, field_spec: FieldSpec, spec: MessageSpec) -> Any:  # noqa: ANN401 - any value
+        if field_spec.definition.is_bytes:
             return bytes(value)
         if isinstance(value, np.ndarray):
             return value.tolist()
-        if slot.field.array is not None:
-            return [self._element(item, slot, shape) for item in value]
-        return self._element(value, slot, shape)
+        if field_spec.definition.array is not None:
+            return [self._element(item, field_spec, spec) for item in value]
+        return self._element(value, field_spec, spec)
 
-    def _element(self, value: Any, slot: FieldSpec, shape: MessageSpec) -> Any:  # noqa: ANN401 - any value
-        if slot.shape is not None:
-            return self._plain(value, slot.shape)
-        kind = slot.field.type
-        if kind in shape.dialect.times:
-            names = shape.dialect.times[kind].__struct_fields__
+    def _element(self, value: Any, field_spec: FieldSpec, spec: MessageSpec) -> Any:  # noqa: ANN401 - any value
+        if field_spec.nested is not None:
+            return self._plain(value, field_spec.nested)
+        kind = field_spec.definition.type
+        if kind in spec.dialect.times:
+            names = spec.dialect.times[kind].__struct_fields__
             theirs = ("secs", "nsecs") if self._ros == 1 else ("sec", "nanosec")
             return {name: getattr(value, their) for name, their in zip(names, theirs, strict=True)}
         return value

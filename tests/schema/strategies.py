@@ -15,11 +15,12 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from rosbridge_sim.schema.compile import MessageType
+from rosbridge_sim.schema.dialect import Dialect
+from rosbridge_sim.schema.message_spec import FieldSpec, MessageSpec
+from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.parse import INT_RANGES
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.schema.validate import Dialect, FieldSpec, MessageSpec
 
 __all__ = [
     "SCHEMAS",
@@ -118,12 +119,12 @@ _CHARS = st.characters(exclude_categories=["Cs"])
 
 def bodies(message_type: MessageType) -> st.SearchStrategy[Body]:
     """Bodies that need no kindness but defaults: some fields are missing, the others are as the wire wants them."""
-    return _body(message_type.shape, _PLAIN)
+    return _body(message_type.spec, _PLAIN)
 
 
 def odd_bodies(message_type: MessageType) -> st.SearchStrategy[Body]:
     """Bodies that are accepted though they are not as the wire wants them."""
-    return _body(message_type.shape, _ODD)
+    return _body(message_type.spec, _ODD)
 
 
 def values(message_type: MessageType) -> st.SearchStrategy[Any]:
@@ -133,7 +134,7 @@ def values(message_type: MessageType) -> st.SearchStrategy[Any]:
 
 def wild_values(message_type: MessageType) -> st.SearchStrategy[Any]:
     """The same, NaN and infinities among them."""
-    return _body(message_type.shape, _WILD).map(lambda body: message_type.check(body, STAMP_NS))
+    return _body(message_type.spec, _WILD).map(lambda body: message_type.check(body, STAMP_NS))
 
 
 def broken_texts(message_type: MessageType) -> st.SearchStrategy[bytes]:
@@ -195,14 +196,14 @@ _PLAIN, _ODD, _WILD = range(3)
 """As the wire wants it; as it is tolerated; as the wire wants it, with floats that are no numbers."""
 
 
-def _body(shape: MessageSpec, how: int) -> st.SearchStrategy[Body]:
-    fields = {name: _field(slot, shape.dialect, how) for name, slot in shape.slots.items()}
+def _body(spec: MessageSpec, how: int) -> st.SearchStrategy[Body]:
+    fields = {name: _field(field_spec, spec.dialect, how) for name, field_spec in spec.fields.items()}
     return st.fixed_dictionaries({}, optional=fields)
 
 
-def _field(slot: FieldSpec, dialect: Dialect, how: int) -> st.SearchStrategy[Any]:
-    element = _element(slot, dialect, how)
-    field = slot.field
+def _field(field_spec: FieldSpec, dialect: Dialect, how: int) -> st.SearchStrategy[Any]:
+    element = _element(field_spec, dialect, how)
+    field = field_spec.definition
     if field.array is None:
         return element | st.none() if how == _ODD else element
     low = 0 if field.array == 0 or field.is_bounded else field.array
@@ -217,10 +218,10 @@ def _field(slot: FieldSpec, dialect: Dialect, how: int) -> st.SearchStrategy[Any
     return listed | st.none() if how == _ODD else listed
 
 
-def _element(slot: FieldSpec, dialect: Dialect, how: int) -> st.SearchStrategy[Any]:
-    kind = slot.field.type
-    if slot.shape is not None:
-        return _body(slot.shape, how)
+def _element(field_spec: FieldSpec, dialect: Dialect, how: int) -> st.SearchStrategy[Any]:
+    kind = field_spec.definition.type
+    if field_spec.nested is not None:
+        return _body(field_spec.nested, how)
     if kind in dialect.ints:
         low, high = dialect.ints[kind]
         whole = st.integers(low, high)
@@ -232,7 +233,7 @@ def _element(slot: FieldSpec, dialect: Dialect, how: int) -> st.SearchStrategy[A
         floats = _FLOATS32 if kind == "float32" else _FLOATS
         return floats | st.sampled_from([math.nan, math.inf, -math.inf]) if how == _WILD else floats
     if kind in {"string", "wstring"}:
-        most = slot.field.max_chars
+        most = field_spec.definition.max_chars
         return st.text(_CHARS, max_size=12 if most is None else most)
     return st.booleans()
 

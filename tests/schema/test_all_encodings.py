@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.schema.cbor import encode_plain
-from rosbridge_sim.schema.compile import MessageType
+from rosbridge_sim.schema.message_spec import MessageSpec
+from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.names import Generation
-from rosbridge_sim.schema.validate import MessageSpec
 from tests.schema.reference_readers import Rosbags, alike, as_json, plain, read_cbor
 from tests.schema.strategies import STAMP_NS, all_types, every_type, wild_values
 
@@ -24,23 +24,23 @@ def rosbags(ros: Generation) -> Rosbags:
     return Rosbags(ros)
 
 
-def has_wide(shape: MessageSpec) -> bool:
+def has_wide(spec: MessageSpec) -> bool:
     """Whether there is a wstring in a type: the one thing without agreed bytes."""
-    inner = any(slot.shape is not None and has_wide(slot.shape) for slot in shape.slots.values())
-    return inner or any(slot.field.type == "wstring" for slot in shape.slots.values())
+    inner = any(field_spec.nested is not None and has_wide(field_spec.nested) for field_spec in spec.fields.values())
+    return inner or any(field_spec.definition.type == "wstring" for field_spec in spec.fields.values())
 
 
 def check_encodings(message_type: MessageType, value: object) -> None:
-    shape = message_type.shape
-    expected = plain(shape, value)
+    spec = message_type.spec
+    expected = plain(spec, value)
     assert json.loads(message_type.encode_json(value)) == as_json(expected)
     assert alike(read_cbor(message_type.encode_cbor(value)), expected)
-    if shape.dialect.ros != 1 and has_wide(shape):
+    if spec.dialect.ros != 1 and has_wide(spec):
         with pytest.raises(FieldError, match="wstring"):
             message_type.encode_raw(value)
     else:
         raw = message_type.encode_raw(value)
-        assert alike(rosbags(shape.dialect.ros).read(shape, raw), expected)
+        assert alike(rosbags(spec.dialect.ros).read(spec, raw), expected)
 
 
 @pytest.mark.slow
@@ -66,7 +66,7 @@ def test_every_type_can_be_written(ros: Generation) -> None:
     for message_type in all_types(ros):
         value = message_type.default()
         assert message_type.encode_cbor(value)[:1] >= b"\xa0"
-        if ros == 1 or not has_wide(message_type.shape):
+        if ros == 1 or not has_wide(message_type.spec):
             assert message_type.encode_raw(value).startswith(b"" if ros == 1 else b"\0\1\0\0")
 
 

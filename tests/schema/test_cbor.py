@@ -15,9 +15,10 @@ from hypothesis import strategies as st
 from rosbridge_sim.errors import EncodingError, FieldError
 from rosbridge_sim.schema.cbor import encode_plain, head
 from rosbridge_sim.schema.codegen import MAX_INLINE
-from rosbridge_sim.schema.compile import OpaqueType
+from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.names import Generation
-from rosbridge_sim.schema.store import Message, Store
+from rosbridge_sim.schema.opaque_types import OpaqueType
+from rosbridge_sim.schema.store import Store
 from tests.schema.reference_readers import ARRAY_TAGS, read_cbor
 from tests.schema.strategies import shared_store
 from tests.schema.type_factory import make
@@ -25,7 +26,7 @@ from tests.schema.type_factory import make
 
 def written(text: str, ros: Generation = 1, **fields: Any) -> bytes:  # noqa: ANN401 - any field
     message_type = make(text, ros=ros)
-    return message_type.encode_cbor(message_type.struct(**fields))
+    return message_type.encode_cbor(message_type.struct_type(**fields))
 
 
 def test_an_annotated_message() -> None:
@@ -81,7 +82,7 @@ def test_floats_are_doubles_whatever_they_are(number: float) -> None:
 @given(st.integers(-(2**63), 2**64 - 1))
 def test_integers_have_the_shortest_head(number: int) -> None:
     t = make("uint64 i" if number >= 0 else "int64 i")
-    assert t.encode_cbor(t.struct(i=number)) == b"\xa1\x61i" + cbor2.dumps(number)
+    assert t.encode_cbor(t.struct_type(i=number)) == b"\xa1\x61i" + cbor2.dumps(number)
 
 
 @pytest.mark.parametrize("length", [0, 23, 24, 255, 256, 65_535, 65_536])
@@ -129,7 +130,7 @@ def test_messages_too_large_to_be_written_out_in_place_call_each_other() -> None
 def test_a_value_that_does_not_fit_its_type_is_said_to_be_so(fields: dict[str, Any]) -> None:
     t = make("int32 i\nstring s\nfloat64 f\nU u\ntime t\nfloat64[3] a", U="int8 x")
     with pytest.raises(EncodingError, match=r"^p/T: cannot be written as CBOR: "):
-        t.encode_cbor(t.struct(**fields))
+        t.encode_cbor(t.struct_type(**fields))
 
 
 # Types that nobody knows
@@ -162,7 +163,7 @@ def test_values_of_unknown_types_are_written_too() -> None:
 
 def test_a_message_is_encoded_once() -> None:
     store: Store = shared_store()
-    message = Message(store.message("std_msgs/String"), store.message("std_msgs/String").struct(data="x"))
+    message = Message(store.message("std_msgs/String"), store.message("std_msgs/String").struct_type(data="x"))
     assert message.cbor == b"\xa1\x64data\x61x"
     assert message.cbor is message.cbor
     assert message.raw == b"\1\0\0\0x"

@@ -1,4 +1,4 @@
-"""Compiled types: the fast way against the slow one, encoding, and the types that nobody knows."""
+"""Compiled types: encoding, and the fast decoder against the slow rules."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import json
 import subprocess
 import sys
 
-import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,7 +13,9 @@ from hypothesis import strategies as st
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.schema.compile import _REFUSALS, MessageType, OpaqueType, _parse_json
+from rosbridge_sim.schema.json_text import parse_json
+from rosbridge_sim.schema.message_type import REFUSALS, MessageType
+from rosbridge_sim.schema.opaque_types import OpaqueType
 from tests.schema.strategies import STAMP_NS, bodies, broken_texts, every_type, odd_bodies, values
 from tests.schema.type_factory import make
 from tests.support import ROOT
@@ -24,7 +25,7 @@ from tests.support import ROOT
 
 def test_numpy_values_are_encoded() -> None:
     t = make("float64 f\nint32 i\nfloat32[] a\nuint8[] d\nfloat64[] m\nint32[] n")
-    value = t.struct(
+    value = t.struct_type(
         f=np.float64(0.5),
         i=np.int32(3),
         a=np.array([0.1, np.nan], np.float32),
@@ -35,12 +36,7 @@ def test_numpy_values_are_encoded() -> None:
     expected = b'{"f":0.5,"i":3,"a":[0.1,null],"d":"aGk=","m":[1.0,0.0],"n":[2,1,0]}'
     assert t.encode_json(value) == expected
     with pytest.raises(TypeError, match="no value of a field"):
-        t.encode_json(t.struct(f=object()))
-
-
-def test_to_builtins_is_what_goes_out() -> None:
-    t = make("float64 f\nuint8[] d\nint32 class")
-    assert t.to_builtins(t.check({"f": None, "d": [1], "class": 2}, 0)) == {"f": None, "d": "AQ==", "class": 2}
+        t.encode_json(t.struct_type(f=object()))
 
 
 # Fast against slow
@@ -50,15 +46,15 @@ def read_fast(message_type: MessageType, text: bytes) -> Struct:
     """What the fast way makes of a text by itself; None where it leaves it to the slow one."""
     try:
         value = message_type._decode(text)
-        if message_type.after is not None:
-            message_type.after(value, STAMP_NS)
-    except _REFUSALS:
+        if message_type.finalize is not None:
+            message_type.finalize(value, STAMP_NS)
+    except REFUSALS:
         return None
     return value
 
 
 def read_slowly(message_type: MessageType, text: bytes) -> Struct:
-    return message_type.check(_parse_json(message_type.name, text, ValueError()), STAMP_NS)
+    return message_type.check(parse_json(message_type.name, text, ValueError()), STAMP_NS)
 
 
 def same(message_type: MessageType, a: object, b: object) -> bool:
@@ -143,35 +139,7 @@ def test_any_bytes_give_a_value_or_a_field_error(body: bytes, message_type: Mess
         assert text
 
 
-# Unknown types
-
-
-def test_an_opaque_type_passes_any_object() -> None:
-    t = OpaqueType("who/Knows")
-    for text in (b'{"a":[1,{"b":null}],"c":"x"}', b"{}"):
-        assert t.encode_json(t.decode_json(text, 0)) == text
-        assert t.encode_json(t.decode_json(msgspec.Raw(text), 0)) == text
-    assert t.encode_json(t.decode_json(b'{"a": NaN}', 0)) == b'{"a":null}'
-    assert t.check({"a": 1}, 0) == t.to_builtins({"a": 1}) == {"a": 1}
-    assert t.default() == {}
-
-
-@pytest.mark.parametrize("text", [b"[]", b"1", b"", b"{", b'{"a":"\\ud800"}', b'{"a":"\xff"}'])
-def test_an_opaque_type_refuses_what_is_no_object(text: bytes) -> None:
-    with pytest.raises(FieldError):
-        OpaqueType("who/Knows").decode_json(text, 0)
-
-
-@pytest.mark.parametrize("depth", [200, 253, 254, 255, 500, 2_000, 200_000])
-def test_what_an_opaque_type_accepts_it_can_encode(depth: int) -> None:
-    t = OpaqueType("who/Knows")
-    text = b'{"a":' + b"[" * depth + b"]" * depth + b"}"
-    try:
-        value = t.decode_json(text, 0)
-    except FieldError:
-        assert depth >= 250
-    else:
-        assert t.encode_json(value) == text
+# Names
 
 
 def test_types_show_their_names() -> None:

@@ -92,7 +92,7 @@ def test_a_wide_string_has_no_agreed_bytes_in_ros_2() -> None:
 def test_fixed_arrays_of_any_length_stand_in_any_place(ros: Generation, count: int, kind: str, before: str) -> None:
     t = make(f"{before}\n{kind}[{count}] x\nint8 y\n{kind}[2] z", ros=ros)
     value = t.check({"y": 7}, 0)
-    assert alike(Rosbags(ros).read(t.shape, t.encode_raw(value)), plain(t.shape, value))
+    assert alike(Rosbags(ros).read(t.spec, t.encode_raw(value)), plain(t.spec, value))
 
 
 @pytest.mark.parametrize("ros", [1, 2])
@@ -100,17 +100,17 @@ def test_large_messages_call_each_other(ros: Generation) -> None:
     small = "".join(f"float64 x{i}\n" for i in range(MAX_INLINE))
     t = make("int8 a\nU u\nV v\nV[2] vs\nint16 b", ros=ros, U=small, V=small + "float64 last\nstring s\n")
     value = t.check({"a": 1, "v": {"last": 2.0, "s": "x"}, "vs": [{"s": "abc"}, {"s": "de"}], "b": 3}, 0)
-    assert alike(Rosbags(ros).read(t.shape, t.encode_raw(value)), plain(t.shape, value))
+    assert alike(Rosbags(ros).read(t.spec, t.encode_raw(value)), plain(t.spec, value))
 
 
 @pytest.mark.parametrize("ros", [1, 2])
 def test_numpy_values_are_written(ros: Generation) -> None:
     t = make("float64 f\nint32 i\nbool b\nfloat32[] a\nuint8[] d\nfloat64[6] m\nint32[] n\nbool[] o", ros=ros)
-    value = t.struct(
+    value = t.struct_type(
         f=np.float32(0.5), i=np.int64(-3), b=np.bool_(1), a=np.array([0.5, np.nan]), d=np.array([1, 2], np.uint8),
         m=np.eye(6)[:, 0], n=np.arange(300)[::-1], o=np.array([True, False]),
     )  # fmt: skip
-    again = Rosbags(ros).read(t.shape, t.encode_raw(value))
+    again = Rosbags(ros).read(t.spec, t.encode_raw(value))
     assert (again["f"], again["i"], again["b"], again["d"], again["m"]) == (0.5, -3, True, b"\1\2", [1, 0, 0, 0, 0, 0])
     assert (again["n"][:2], len(again["n"]), again["o"]) == ([299, 298], 300, [True, False])
     assert (again["a"][0], math.isnan(again["a"][1])) == (0.5, True)
@@ -123,4 +123,4 @@ def test_numpy_values_are_written(ros: Generation) -> None:
 def test_a_value_that_does_not_fit_its_type_is_said_to_be_so(ros: Generation, fields: dict[str, Any]) -> None:
     t = make("int32 i\nstring s\nfloat32 f\nU u\ntime t\nfloat64[3] a\nuint8[] u8", ros=ros, U="int8 x")
     with pytest.raises(EncodingError, match=r"^p/T: cannot be written as ROS does: "):
-        t.encode_raw(t.struct(**fields))
+        t.encode_raw(t.struct_type(**fields))

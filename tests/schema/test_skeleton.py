@@ -20,7 +20,7 @@ def decode(name: str, body: dict[str, Any]) -> Struct:
 
 
 def cost(name: str, body: dict[str, Any]) -> int:
-    return max(Skeleton(STORE.message(name).shape).costs(orjson.dumps(body)), default=0)
+    return max(Skeleton(STORE.message(name).spec).costs(orjson.dumps(body)), default=0)
 
 
 def test_a_marker_costs_its_structs_and_the_float32_of_its_colour() -> None:
@@ -40,7 +40,7 @@ def test_lists_within_single_messages_are_found() -> None:
 
 def test_elements_are_counted_before_the_lists_in_them() -> None:
     markers: dict[str, Any] = {"markers": [{"points": [{}] * 7}] * 2}
-    flat, whole = Skeleton(STORE.message("visualization_msgs/MarkerArray").shape).costs(orjson.dumps(markers))
+    flat, whole = Skeleton(STORE.message("visualization_msgs/MarkerArray").spec).costs(orjson.dumps(markers))
     assert flat == cost("visualization_msgs/MarkerArray", {"markers": [{}] * 2})
     assert whole == flat + 14
 

@@ -42,7 +42,7 @@ def test_what_only_the_other_generation_has_is_there_too(ros: Generation) -> Non
 
 
 def test_each_generation_has_its_own_definition() -> None:
-    fields = {ros: Store({}, ros=ros).message("sensor_msgs/CameraInfo").shape.slots for ros in BOTH}
+    fields = {ros: Store({}, ros=ros).message("sensor_msgs/CameraInfo").spec.fields for ros in BOTH}
     assert "K" in fields[1]
     assert "k" in fields[2]
     for ros in BOTH:
@@ -57,7 +57,7 @@ def test_headers_and_quaternions_are_those_of_ros_2() -> None:
         ("geometry_msgs", "msg", "Quaternion"): "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
     }
     store = Store(texts, ros=2)
-    assert list(store.message("std_msgs/Header").shape.slots) == ["stamp", "frame_id"]
+    assert list(store.message("std_msgs/Header").spec.fields) == ["stamp", "frame_id"]
     assert store.message("geometry_msgs/Pose").default().orientation.w == 1.0
     assert Store(texts).message("geometry_msgs/Pose").default().orientation.w == 0.0
     assert ros2_text("std_msgs", "String") is None
@@ -74,7 +74,7 @@ def test_bounds_are_kept() -> None:
 def test_example_interfaces_has_the_plain_messages() -> None:
     for ros in BOTH:
         t = Store({}, ros=ros).message("example_interfaces/Int32MultiArray")
-        assert t.shape.slots["layout"].field.type == "example_interfaces/MultiArrayLayout"
+        assert t.spec.fields["layout"].definition.type == "example_interfaces/MultiArrayLayout"
         assert standard_text(ros, "example_interfaces", "Header") is None
 
 

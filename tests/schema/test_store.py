@@ -1,4 +1,4 @@
-"""Types by name: spellings, what is unknown, what is found in rosbags, texts for rosapi, messages."""
+"""Types by name: spellings, unknown names, standard packages from rosbags, texts for rosapi."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ import sys
 
 import pytest
 
-from rosbridge_sim.errors import DefinitionError, EncodingError, FieldError, TypeNameError, UnknownPackageError
-from rosbridge_sim.schema.compile import OpaqueType
-from rosbridge_sim.schema.store import Leniency, Message, Store
-from rosbridge_sim.schema.validate import Time, Time2
+from rosbridge_sim.errors import FieldError, TypeNameError, UnknownPackageError
+from rosbridge_sim.schema.dialect import Leniency, Time, Time2
+from rosbridge_sim.schema.store import Store
 from tests.schema.strategies import SCHEMAS, shared_store
 
 HEADER = "uint32 seq\ntime stamp\nstring frame_id\n"
@@ -140,18 +139,13 @@ def test_a_users_package_may_use_standard_ones() -> None:
         ({"T": "uint8[] b [1, -1]"}, r"p/msg/T\.msg:1:\d+: -1 is out of the range of uint8"),
     ],
 )
-def test_a_broken_definition_is_a_peers_error_in_use_and_a_document_error_at_start(
-    texts: dict[str, str], words: str
-) -> None:
+def test_a_broken_definition_is_a_peers_error(texts: dict[str, str], words: str) -> None:
     store = store_of(**texts)
     for _ in range(2):
         with pytest.raises(TypeNameError, match=f"^Unable to resolve type p/T: {words}"):
             store.message("p/T")
         with pytest.raises(TypeNameError, match=r"^Unable to resolve type p/S: "):
             store.service("p/S")
-        with pytest.raises(DefinitionError, match=f"^{words}"):
-            store.verify(["p"])
-    store.verify(["other"])
     assert store.message("std_msgs/String")
 
 
@@ -222,9 +216,9 @@ def test_actionlibs_messages_come_from_the_action() -> None:
 def test_a_message_that_is_there_is_not_made_from_an_action() -> None:
     texts = {("p", "action", "A"): "int32 x\n---\n---", ("p", "msg", "AGoal"): "int32 y", ("p", "msg", "AAction"): ""}
     store = Store(texts)
-    assert list(store.message("p/AGoal").shape.slots) == ["y"]
-    assert store.message("p/AAction").shape.slots == {}
-    assert list(store.action("p/A").goal.shape.slots) == ["x"]
+    assert list(store.message("p/AGoal").spec.fields) == ["y"]
+    assert store.message("p/AAction").spec.fields == {}
+    assert list(store.action("p/A").goal.spec.fields) == ["x"]
     assert list(store.message("p/AActionGoal").default().goal.__struct_fields__) == ["y"]
 
 
@@ -239,8 +233,6 @@ def test_actions_that_are_not_there_or_broken() -> None:
     for name in ("p/AGoal", "p/AAction", "p/BActionGoal"):
         with pytest.raises(TypeNameError, match="Unable to resolve type"):
             store.message(name)
-    with pytest.raises(DefinitionError, match=r"^p/action/A\.action:1:1: "):
-        store.verify()
 
 
 # ROS 2
@@ -274,7 +266,7 @@ def test_snake_case_of_morais_fields_is_accepted_and_never_sent() -> None:
         assert t.check({name: 3}, 0).longlCmdType == 3
 
 
-# Texts and messages
+# Texts
 
 
 def test_full_text_has_each_nested_type_once_and_by_its_full_name() -> None:
@@ -315,17 +307,6 @@ def test_time_value_is_a_time_of_the_personality() -> None:
     assert shared_store().time_value(1_500_000_000) == Time(1, 500_000_000)
 
 
-def test_a_message_is_encoded_once() -> None:
-    message_type = shared_store().message("std_msgs/String")
-    message = Message(message_type, message_type.struct(data="x"))
-    assert message.json == b'{"data":"x"}'
-    assert message.json is message.json
-    assert message.framed(b'{"msg":') == b'{"msg":{"data":"x"}}'
-    assert message.framed(b'{"msg":') is message.framed(b'{"msg":')
-    assert message.framed(b'{"m":') == b'{"m":{"data":"x"}}'
-    assert Message(OpaqueType("who/Knows"), {"a": 1}).json == b'{"a":1}'
-
-
 def test_spellings_with_needless_slashes_find_the_type_and_are_not_kept() -> None:
     store = Store({("p", "msg", "T"): "int8 a", ("p", "srv", "S"): "---\n"})
     known = store.message("p/T"), store.service("p/S")
@@ -341,27 +322,16 @@ def test_spellings_with_needless_slashes_find_the_type_and_are_not_kept() -> Non
 def test_the_types_of_the_simulator_do_without_rosbags() -> None:
     code = (
         "import sys; from tests.schema.strategies import read_texts; from rosbridge_sim.schema.store import Store;"
+        "from tests.schema.type_factory import compile_all;"
         "from rosbridge_sim.schema.standard import PACKAGES; texts = read_texts();"
         "own = {p for p, *_ in texts} - PACKAGES[1] - PACKAGES[2] - {'composition_interfaces'};"
-        "stores = [Store(texts, ros=ros) for ros in (1, 2)]; [store.verify(own) for store in stores];"
+        "own = [name for name in texts if name[0] in own]; stores = [Store(texts, ros=ros) for ros in (1, 2)];"
+        "[compile_all(store, own) for store in stores];"
         "[store.message(f'{p}/{name}') for store in stores for p, kind, name in texts if kind == 'msg'];"
         "print('rosbags' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=SCHEMAS.parent)
     assert done.stdout.strip() == "False"
-
-
-def test_message_that_could_not_be_written_once_is_not_tried_again() -> None:
-    message_type = shared_store().message("std_msgs/String")
-    message = Message(message_type, message_type.struct(data=object()))
-    for _ in range(2):
-        with pytest.raises(EncodingError, match="std_msgs/String: cannot be written as JSON: TypeError") as caught:
-            _ = message.json
-        assert isinstance(caught.value.__cause__, TypeError)
-        message.value.data = "whole"
-    assert message.cbor.endswith(b"whole")
-    with pytest.raises(EncodingError, match="std_msgs/String: cannot be written: ZeroDivisionError"):
-        message.shared("a form", lambda: 1 // 0)
 
 
 def test_nearest_standard_type_and_package_are_suggested() -> None:

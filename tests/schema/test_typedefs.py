@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 
-from rosbridge_sim.schema.compile import MessageType
+from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.parse import parse_message
 from rosbridge_sim.schema.store import Store
@@ -23,13 +23,13 @@ TEXTS = {
 
 
 def test_root_first_then_each_type_once_depth_first() -> None:
-    described = typedefs(Store(TEXTS).message("a_msgs/Root").shape)
+    described = typedefs(Store(TEXTS).message("a_msgs/Root").spec)
     names = ["a_msgs/Root", "std_msgs/Header", "time", "a_msgs/Inner", "geometry_msgs/Point"]
     assert [d.type for d in described] == names
 
 
 def test_fields_lengths_examples_and_constants() -> None:
-    root = typedefs(Store(TEXTS).message("a_msgs/Root").shape)[0]
+    root = typedefs(Store(TEXTS).message("a_msgs/Root").spec)[0]
     assert root == TypeDef(
         type="a_msgs/Root",
         fieldnames=["header", "inners", "one", "three", "yes", "name", "when", "x"],
@@ -43,7 +43,7 @@ def test_fields_lengths_examples_and_constants() -> None:
 
 def test_times_are_types_in_the_personalitys_words() -> None:
     text = "time a\nduration[] b\nstring<=5 c\nint8[<=3] d\nfloat32 e 0.5"
-    first, *others = typedefs(make(text).shape)
+    first, *others = typedefs(make(text).spec)
     assert (first.fieldtypes, first.fieldarraylen) == (
         ["time", "duration", "string", "int8", "float32"],
         [-1, 0, -1, 0, -1],
@@ -53,7 +53,7 @@ def test_times_are_types_in_the_personalitys_words() -> None:
         ("time", ["secs", "nsecs"], ["uint32", "uint32"]),
         ("duration", ["secs", "nsecs"], ["int32", "int32"]),
     ]
-    first, *others = typedefs(make(text, ros=2).shape)
+    first, *others = typedefs(make(text, ros=2).spec)
     assert first.fieldtypes[:2] == ["builtin_interfaces/Time", "builtin_interfaces/Duration"]
     assert [(d.type, d.fieldnames, d.fieldtypes) for d in others] == [
         ("builtin_interfaces/Time", ["sec", "nanosec"], ["int32", "uint32"]),
@@ -63,15 +63,15 @@ def test_times_are_types_in_the_personalitys_words() -> None:
 
 def test_parts_of_services_and_actions_are_types_too() -> None:
     store = shared_store()
-    topics = typedefs(store.service("rosapi/Topics").response.shape)
+    topics = typedefs(store.service("rosapi/Topics").response.spec)
     assert [(d.type, d.fieldnames) for d in topics] == [("rosapi/TopicsResponse", ["topics", "types"])]
-    goal = typedefs(store.action("tf2_msgs/LookupTransform").goal.shape)
+    goal = typedefs(store.action("tf2_msgs/LookupTransform").goal.spec)
     assert [d.type for d in goal] == ["tf2_msgs/LookupTransformGoal", "time", "duration"]
 
 
 @given(every_type())
 def test_lists_are_parallel_and_nothing_comes_twice(message_type: MessageType) -> None:
-    described = typedefs(message_type.shape)
+    described = typedefs(message_type.spec)
     names = [d.type for d in described]
     assert (names[0], len(set(names))) == (message_type.name, len(names))
     for d in described:
@@ -95,7 +95,7 @@ def test_nested_types_come_once_and_by_their_full_names() -> None:
         ("geometry_msgs", "msg", "Point"): "float64 x\n",
     }
     nested = f"{BORDER}\nMSG: p/Other\ngeometry_msgs/Point at\n{BORDER}\nMSG: geometry_msgs/Point\nfloat64 x\n{BORDER}"
-    assert full_text(Store(texts).message("p/T").shape) == (
+    assert full_text(Store(texts).message("p/T").spec) == (
         "# Other x\np/Other[] x  # an Other\nstd_msgs/Header  h\nint32 K=1  # Other\n"
         f"geometry_msgs/Point p\n\tp/Other y\n{nested}\nMSG: std_msgs/Header\ntime stamp"
     )
@@ -129,14 +129,14 @@ def test_nested_types_come_once_and_by_their_full_names() -> None:
 )
 def test_lines_are_in_the_grammar_of_the_personality(line: str, in_ros_1: str, in_ros_2: str) -> None:
     for ros, expected in ((1, in_ros_1), (2, in_ros_2)):
-        shown = full_text(make(f"{line}\nint8 last", ros=2 if ros == 2 else 1).shape)
+        shown = full_text(make(f"{line}\nint8 last", ros=2 if ros == 2 else 1).spec)
         assert shown.split(BORDER)[0].strip() == f"{expected}\nint8 last"
 
 
 @given(every_type())
 def test_every_text_can_be_parsed_again(message_type: MessageType) -> None:
-    ros: Generation = message_type.shape.dialect.ros
-    root, *parts = full_text(message_type.shape).split(f"{BORDER}\n")
+    ros: Generation = message_type.spec.dialect.ros
+    root, *parts = full_text(message_type.spec).split(f"{BORDER}\n")
     named = dict([part.removeprefix("MSG: ").split("\n", 1) for part in parts]) | {message_type.name: root}
     for name, text in named.items():
         definition = parse_message(name, text, ros=ros)

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 
 import pytest
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.schema.compile import MessageType
+from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.store import Store
 from tests.schema.strategies import STAMP_NS
 
-__all__ = ["decode", "make", "refusal"]
+__all__ = ["compile_all", "decode", "make", "refusal"]
 
 
 def make(text: str, ros: Generation = 1, **other: str) -> MessageType:
@@ -21,6 +22,13 @@ def make(text: str, ros: Generation = 1, **other: str) -> MessageType:
     texts = {("p", "msg", name): body for name, body in {"T": text, **other}.items()}
     texts["std_msgs", "msg", "Header"] = "uint32 seq\ntime stamp\nstring frame_id"
     return Store(texts, ros=ros).message("p/T")
+
+
+def compile_all(store: Store, names: Iterable[tuple[str, str, str]]) -> None:
+    """Compile the types of definition texts, given by (package, `msg` or `srv` or `action`, name)."""
+    compilers = {"msg": store.message, "srv": store.service, "action": store.action}
+    for package, kind, name in names:
+        compilers[kind](f"{package}/{name}")
 
 
 def decode(message_type: MessageType, body: object) -> Struct:

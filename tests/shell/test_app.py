@@ -224,9 +224,9 @@ async def test_world_that_fails_is_told_and_everybody_is_sent_away(
     await client.settle()
     assert sim.num_bugs == 0
     assert sim.node is not None
-    sim.node.world = None  # type: ignore[assignment] # as good a bug as any
+    sim.node.context.hooks.place.append(lambda: 1 // 0)  # as good a bug as any
     async with asyncio.timeout(PATIENCE):
-        with pytest.raises(WorldFailedError, match="the world has failed: AttributeError"):
+        with pytest.raises(WorldFailedError, match="the world has failed: ZeroDivisionError"):
             await sim.wait()
         await client.socket.wait_closed()
     assert client.socket.close_code == 1001
@@ -243,7 +243,7 @@ async def test_tick_that_fails_ends_it_as_a_step_in_real_time_does(connect: Conn
     client = await connect(sim.url)
     await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)
     assert sim.node is not None
-    sim.node._placing.append(lambda: 1 // 0)  # type: ignore[arg-type] # as good a bug as any
+    sim.node.context.hooks.place.append(lambda: 1 // 0)  # as good a bug as any
     answer = await client.call("/SyncModeWaitForTick", {"request": {"user_id": "me", "frame": 1}})
     assert (answer["result"], answer["values"][:40]) == (False, "the world has failed: ZeroDivisionError("[:40])
     with pytest.raises(WorldFailedError):
@@ -257,7 +257,7 @@ async def test_gateway_goes_on_without_a_world_that_has_failed(
         client, other = await connect(sim.url), await connect(sim.url)
         assert (await get(sim.port, "/healthz"))[0] == 200
         assert sim.node is not None
-        sim.node._placing.append(lambda: 1 // 0)  # type: ignore[arg-type] # as good a bug as any
+        sim.node.context.hooks.place.append(lambda: 1 // 0)  # as good a bug as any
         await client.send("subscribe", topic="/rosout", type="rosgraph_msgs/Log")
         await client.message_where("/rosout", lambda line: line["level"] == 16)
         status, body = await get(sim.port, "/healthz")
@@ -304,7 +304,7 @@ async def test_failures_of_listeners_within_frames_do_not_end_the_world(
         assert sim._server is not None
         assert sim._scheduler is not None
         served = next(iter(sim._server.clients))
-        served.peer._listenings["/Ego_topic"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
+        served.peer.topics._subscriptions["/Ego_topic"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
         async with asyncio.timeout(PATIENCE):
             await bad.socket.wait_closed()
         assert bad.socket.close_code == 1011
@@ -327,7 +327,7 @@ async def test_master_that_fails_on_a_topic_of_its_own_tick_is_lost_and_another_
         await bad.ask("/SyncModeCmd", user_id="bad", start_sync_mode=True, time_step=60)
         assert sim._server is not None
         served = next(iter(sim._server.clients))
-        served.peer._listenings["/Ego_topic"].feed._head = 5  # type: ignore[assignment] # as above
+        served.peer.topics._subscriptions["/Ego_topic"].feed._head = 5  # type: ignore[assignment] # as above
         await bad.send("call_service", service="/SyncModeWaitForTick", args={"request": {"user_id": "bad", "frame": 3}})
         async with asyncio.timeout(PATIENCE):
             await bad.socket.wait_closed()
@@ -455,13 +455,15 @@ async def test_printed_config_lists_what_the_node_has_and_gives_it_back(release:
     async with Simulator(port=0, release=release) as plain, Simulator(config=str(file)) as printed:
         assert plain.node is not None
         assert printed.node is not None
-        assert list(printed.node.items.listing()) == list(plain.node.items.listing())
+        assert list(printed.node.interfaces.listing()) == list(plain.node.interfaces.listing())
         listed = set(re.findall(r'^"([^"]+)" = \{ name = "\1", (?:rate = [\d.]+, )?on = true \}$', text, re.MULTILINE))
         for sim in (plain, printed):
             assert sim.bus is not None
-            own = {name for name, service in sim.bus.services.items() if service.owner is sim.node}
+            assert sim.node is not None
+            owner = sim.node.participant
+            own = {name for name, service in sim.bus.services.items() if service.owner is owner}
             for topic in sim.bus.topics.values():
-                if sim.node in topic.publishers or any(s.owner is sim.node for s in topic.subscriptions):
+                if owner in topic.publishers or any(s.owner is owner for s in topic.subscriptions):
                     own.add(topic.name)
             assert listed == own
 

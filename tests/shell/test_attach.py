@@ -15,7 +15,7 @@ import pytest
 from websockets.asyncio.server import ServerConnection, serve
 
 from rosbridge_sim import DocumentError, Simulator
-from rosbridge_sim.graph.attach import mirror, rosapi_watch
+from rosbridge_sim.graph.attach import announcing, rosapi_watch, survey
 from rosbridge_sim.morai.loads import Loads
 from rosbridge_sim.shell import attach
 from rosbridge_sim.shell.app import AddressError
@@ -98,7 +98,7 @@ async def test_caller_behind_a_bridge_is_told_that_the_world_has_failed(connect:
     async with gateway() as bridge, attached(bridge.url, start="run", on_world_failure="serve") as sim:
         client = await connect(bridge.url)
         assert sim.node is not None
-        sim.node._placing.append(lambda: 1 // 0)  # type: ignore[arg-type] # as good a bug as any
+        sim.node.context.hooks.place.append(lambda: 1 // 0)  # as good a bug as any
         await until(lambda: sim.node is not None and sim.node.failure is not None)
         for _ in range(2):
             answer = await client.call("/Service_MoraiVehicleSpec")
@@ -119,7 +119,7 @@ async def test_bridge_that_fails_is_dialled_anew_and_the_other_one_misses_nothin
         for client in clients:
             await client.subscribe("/Ego_topic")
         frame = await lead(clients[1])
-        (line,) = sim.attachments[0].mirror.lines.values()
+        (line,) = sim.attachments[0].mirror.connections.values()
         with monkeypatch.context() as patch:
             if seam == "delivery":
                 patch.setattr(line, "offer", break_down)
@@ -152,9 +152,9 @@ async def test_command_on_a_bridge_drives(connect: Connect) -> None:
 async def test_flood_behind_a_load_is_not_read_before_the_load_has_taken_effect(connect: Connect) -> None:
     async with gateway() as bridge, attached(bridge.url) as sim:
         assert sim.node is not None
-        loads = next(part for part in sim.node._parts if isinstance(part, Loads))
+        loads = next(each for each in sim.node.components if isinstance(each, Loads))
         reader = loads._reader = ByHand()
-        (line,) = sim.attachments[0].mirror.lines.values()
+        (line,) = sim.attachments[0].mirror.connections.values()
         client = await connect(bridge.url)
         await lead(client)
         await client.send("publish", topic="/ScenarioLoad", type="morai_msgs/ScenarioLoad", msg={"file_name": "town"})
@@ -413,14 +413,14 @@ async def test_a_bridge_that_stands_still_is_not_buried() -> None:
     async with FarSide() as far_side, attached(far_side.url, start="run") as sim:
         assert sim.node is not None
         far_side.may_work.clear()
-        line = sim.attachments[0].mirror.lines[""]
-        await until(lambda: line.credit.is_spent)
+        line = sim.attachments[0].mirror.connections[""]
+        await until(lambda: line.flow_control.is_blocked)
         num_waiting = far_side.most_waiting
         frame = sim.node.world.frame
         await until(lambda: sim.node is not None and sim.node.world.frame > frame + 10)
         assert far_side.most_waiting <= num_waiting + 100  # what was on its way
         far_side.may_work.set()
-        await until(lambda: not line.credit.is_spent)
+        await until(lambda: not line.flow_control.is_blocked)
 
 
 @pytest.mark.slow
@@ -451,14 +451,14 @@ async def test_an_answer_comes_at_last_from_behind_more_topics_than_a_silent_bri
                     while (answer := await frames.get()).get("id") != mark:
                         pass
             assert answer["values"]["response"]["frame"] == 25
-            assert sim.attachments[0].mirror.lines[""].credit.is_late
+            assert sim.attachments[0].mirror.connections[""].flow_control.is_late
 
 
 @pytest.mark.slow
 async def test_a_missing_package_is_one_line_and_the_rest_goes_on(
     lines: Callable[[], list[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(mirror, "SURVEYS", (0.0, 0.1, 0.1))
+    monkeypatch.setattr(survey, "SURVEY_DELAYS", (0.0, 0.1, 0.1))
     async with FarSide(without=["tf2_msgs"]) as far_side, attached(far_side.url):
         assert "/Ego_topic" in far_side.graph.topics
         await until(lambda: any("package" in line for line in lines()))
@@ -717,13 +717,13 @@ async def test_everything_is_there_again_after_the_master_behind_the_bridge_was_
     for module, name, value in (
         (rosapi_watch, "LOOK_PERIOD", 0.1),
         (rosapi_watch, "LOST_PERIOD", 0.05),
-        (mirror, "SURVEYS", (0.0, 0.05, 0.1)),
-        (mirror, "UNREGISTER_TIME", 0.5),
+        (survey, "SURVEY_DELAYS", (0.0, 0.05, 0.1)),
+        (announcing, "UNREGISTER_TIME", 0.5),
         (far_graph, "UNREGISTER_TIMEOUT", 0.2),
     ):
         monkeypatch.setattr(module, name, value)
     async with FarSide() as far_side, attached(far_side.url) as sim:
-        await until(lambda: sim.attachments[0].mirror._findings._listed >= {"/Ego_topic", "/tf_static"})
+        await until(lambda: sim.attachments[0].mirror.diagnostics._listed >= {"/Ego_topic", "/tf_static"})
         far_side.restart_master()
         await until(lambda: any("any more" in line for line in lines()))
         assert len([line for line in lines() if "any more" in line]) == 1

@@ -135,7 +135,7 @@ async def test_listener_of_rosout_that_fails_hurts_neither_the_writer_nor_others
             await client.subscribe("/rosout")
         assert sim._server is not None
         served = list(sim._server.clients)[1]
-        served.peer._listenings["/rosout"].feed._head = 5  # type: ignore[assignment] # as above
+        served.peer.topics._subscriptions["/rosout"].feed._head = 5  # type: ignore[assignment] # as above
         logging.getLogger("rosbridge_sim.app").warning("a line")
         assert (await good.message("/rosout"))["msg"] == "a line"
         await bad.socket.wait_closed()
@@ -152,7 +152,7 @@ async def test_client_that_fails_on_the_line_about_its_own_failure_ends_once(
         await client.subscribe("/t", type="std_msgs/String")
         assert sim._server is not None
         (served,) = sim._server.clients
-        for listening in served.peer._listenings.values():
+        for listening in served.peer.topics._subscriptions.values():
             listening.feed._head = 5  # type: ignore[assignment] # as above
         await client.send("publish", topic="/t", msg={"data": "x"})
         await client.socket.wait_closed()

@@ -8,10 +8,10 @@ import numpy as np
 
 from rosbridge_sim.morai.maps.mgeo import MAP_FILES, RoadMap, read_map
 from rosbridge_sim.world.geometry import FloatArray
+from rosbridge_sim.world.lane_position import keep_lane
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import Controller, Lamp, Light, Phase, SignalPlan
 from rosbridge_sim.world.state import Body, Gear, Kind, World
-from rosbridge_sim.world.traffic import keep_lane
 
 __all__ = ["CAR", "MAPS", "arc", "built_in", "car", "crossing", "ego", "line", "make", "road", "signalled"]
 
@@ -64,6 +64,21 @@ def crossing() -> Roads:
     )
 
 
+def ring() -> Roads:
+    """A loop with a choice of two ways on half of it."""
+
+    def half(radius: float) -> FloatArray:
+        return np.concatenate([arc(60, radius, radius, -90, 180), line((0, 2 * radius))])
+
+    return make(
+        a=(line((0, 0), (60, 0)), "b c"),
+        b=(half(30.0), "d"),
+        c=(half(40.0), "e"),
+        d=(arc(0, 30, 30, 90, 180), "a"),
+        e=(arc(0, 40, 40, 90, 180), "a"),
+    )
+
+
 def signalled(green: int = 300, yellow: int = 150) -> tuple[Roads, SignalPlan]:
     """The same with lights: first the east has green, then the north; so many frames each."""
     roads = crossing()
@@ -73,11 +88,25 @@ def signalled(green: int = 300, yellow: int = 150) -> tuple[Roads, SignalPlan]:
 
 
 def car(
-    world: World, lane: str, s: float, *, speed: float = 0.0, body: Body = CAR, wish: float = np.inf, route: str = ""
+    world: World,
+    lane: str,
+    s: float,
+    *,
+    speed: float = 0.0,
+    body: Body = CAR,
+    desired_speed: float = np.inf,
+    route: str = "",
 ) -> int:
     """A driver on a lane; returns the row."""
     row = world.row(world.spawn(Kind.VEHICLE, body, name="car", x=0.0, y=0.0, speed=speed))
-    keep_lane(world, row, world.roads.row(lane), s, wish=wish, route=[world.roads.row(name) for name in route.split()])
+    keep_lane(
+        world,
+        row,
+        world.roads.row(lane),
+        s,
+        desired_speed=desired_speed,
+        route=[world.roads.row(name) for name in route.split()],
+    )
     return row
 
 

@@ -10,10 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rosbridge_sim.world import collisions
-from rosbridge_sim.world.collisions import LIFE, MARGIN, SMALL, TURN_MARGIN
-from rosbridge_sim.world.dynamics import command, teleport
+from rosbridge_sim.world import collisions, near_pairs
+from rosbridge_sim.world.collisions import LIFE, MARGIN, MAX_PAIRWISE, TURN_MARGIN
+from rosbridge_sim.world.commands import command
 from rosbridge_sim.world.geometry import BoolArray, ComplexArray, do_boxes_meet
+from rosbridge_sim.world.placement import teleport
 from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
 
@@ -332,7 +333,7 @@ def crowd(seed: int, num: int, size: float) -> World:
 
 
 @pytest.mark.parametrize(
-    ("num", "size"), [(SMALL, 30.0), (SMALL + 1, 30.0), pytest.param(400, 120.0, marks=pytest.mark.slow)]
+    ("num", "size"), [(MAX_PAIRWISE, 30.0), (MAX_PAIRWISE + 1, 30.0), pytest.param(400, 120.0, marks=pytest.mark.slow)]
 )
 def test_lists_leave_nobody_out(num: int, size: float) -> None:
     fast, slow = crowd(3, num, size), crowd(3, num, size)
@@ -406,12 +407,12 @@ def test_a_heap_costs_bounded_memory_and_leaves_out_no_ego() -> None:
     world = heap(1_200, ego=600)
     step(world)
     assert np.count_nonzero((world.contacts == 601).any(axis=1)) == 1_199
-    assert len(world.contacts) < 1_200 + collisions.MAX_NEAR // 2
+    assert len(world.contacts) < 1_200 + near_pairs.MAX_NEAR // 2
 
 
 def test_a_heap_takes_no_contact_from_those_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(collisions, "MAX_BOX_PAIRS", 400)
-    monkeypatch.setattr(collisions, "MAX_NEAR", 200)
+    monkeypatch.setattr(near_pairs, "MAX_BOX_PAIRS", 400)
+    monkeypatch.setattr(near_pairs, "MAX_NEAR", 200)
     judged = count_judged(monkeypatch)
     world = heap(200)
     elsewhere = []
@@ -444,8 +445,8 @@ def test_many_that_turn_at_once_are_judged_in_coarser_pieces(monkeypatch: pytest
 
 
 def test_where_there_is_no_room_for_all_pairs_the_egos_come_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(collisions, "MAX_BOX_PAIRS", 400)
-    monkeypatch.setattr(collisions, "MAX_NEAR", 200)
+    monkeypatch.setattr(near_pairs, "MAX_BOX_PAIRS", 400)
+    monkeypatch.setattr(near_pairs, "MAX_NEAR", 200)
     world = heap(199, ego=150)
     for _ in range(2):
         step(world)

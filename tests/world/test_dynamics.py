@@ -1,3 +1,5 @@
+"""Motion of driven rows: the model against closed forms, and against a slow twin."""
+
 from __future__ import annotations
 
 import math
@@ -10,44 +12,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rosbridge_sim.world.dynamics import (
-    command,
-    drive,
-    place_ghost,
-    place_ghosts,
-    release,
-    shift,
-    teleport,
-    turn_wheels,
-)
-from rosbridge_sim.world.geometry import arc_lengths, nearest_on_polyline, point_at, to_body
-from rosbridge_sim.world.state import DT, STICTION, Body, Gear, Kind, Mode, World
+from rosbridge_sim.world.commands import command, shift
+from rosbridge_sim.world.control_columns import STICTION
+from rosbridge_sim.world.dynamics import drive
+from rosbridge_sim.world.geometry import arc_lengths, nearest_on_polyline
+from rosbridge_sim.world.placement import teleport
+from rosbridge_sim.world.state import DT, Body, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
-
-CAR = Body()
-# No drag at all: so that circles and ways have closed forms.
-SLICK = replace(CAR, rolling=0.0, drag=0.0, max_steer_rate=1e6)
-
-
-def ego(body: Body = CAR, **figures: Any) -> World:  # noqa: ANN401 - whatever spawn takes
-    """A world of one ego, in row 0, at the origin and looking east unless `figures` says otherwise."""
-    world = World()
-    usual: dict[str, Any] = {"x": 0.0, "y": 0.0}
-    world.spawn(Kind.EGO, body, name="ego", **(usual | figures))
-    return world
-
-
-def pedals(world: World, throttle: float = 0.0, brake: float = 0.0, steer: float = 0.0, row: int = 0) -> None:
-    command(world, row, mode=Mode.PEDALS, throttle=throttle, brake=brake, steer=steer)
-
-
-def speeds(world: World, seconds: float) -> list[float]:
-    trace = []
-    for _ in range(round(seconds / DT)):
-        step(world)
-        trace.append(float(world.speed[0]))
-    return trace
-
+from tests.world.driven_cars import CAR, SLICK, ego, pedals, speeds
+from tests.world.polylines import left_of, point_at
 
 # -- steering and the arc
 
@@ -236,13 +209,6 @@ def test_pedals_are_clipped_and_reported_as_commanded() -> None:
     assert (world.throttle[0], world.brake[0]) == (0.25, 0.125)
 
 
-def test_a_command_holds_until_the_next_one() -> None:
-    world = ego()
-    pedals(world, throttle=0.5)
-    trace = speeds(world, 20.0)
-    assert trace == sorted(trace)
-
-
 # -- gears
 
 
@@ -272,16 +238,6 @@ def test_reverse_drives_backwards() -> None:
     assert speeds(world, 2.0)[-1] == 0.0
 
 
-def test_a_gear_change_is_refused_at_speed_and_the_lever_stays() -> None:
-    world = ego(speed=0.1)
-    assert not shift(world, 0, Gear.REVERSE)
-    assert world.gear[0] == Gear.DRIVE
-    assert shift(world, 0, Gear.DRIVE)  # no change
-    teleport(world, 0, x=0.0, y=0.0, z=0.0, yaw=0.0, speed=0.099)
-    assert shift(world, 0, Gear.REVERSE)
-    assert world.gear[0] == Gear.REVERSE
-
-
 def test_from_rolling_forward_into_reverse_the_car_turns_round_through_zero() -> None:
     world = ego(speed=0.09)
     assert shift(world, 0, Gear.REVERSE)
@@ -289,14 +245,6 @@ def test_from_rolling_forward_into_reverse_the_car_turns_round_through_zero() ->
     trace = speeds(world, 1.0)
     assert trace == sorted(trace, reverse=True)
     assert trace[-1] < -0.3
-
-
-def test_shifting_takes_hold_with_the_command_in_force() -> None:
-    world = ego(gear=Gear.PARK)
-    command(world, 0, mode=Mode.SPEED, speed=5.0, steer=0.0)
-    assert speeds(world, 1.0)[-1] == 0.0
-    assert shift(world, 0, Gear.REVERSE)
-    assert speeds(world, 5.0)[-1] == pytest.approx(-5.0)
 
 
 # -- speed and acceleration
@@ -398,71 +346,6 @@ def test_a_wish_beyond_the_pedals_presses_them_fully() -> None:
     assert (world.throttle[0], world.brake[0]) == (0.0, 1.0)
 
 
-# -- what is refused
-
-
-@pytest.mark.parametrize(
-    ("mode", "figure"),
-    [(Mode.PEDALS, "throttle"), (Mode.PEDALS, "brake"), (Mode.SPEED, "speed"), (Mode.ACCEL, "accel")]
-    + [(mode, "steer") for mode in Mode],
-)
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_a_command_that_is_no_number_changes_nothing(mode: Mode, figure: str, value: float) -> None:
-    world = ego()
-    pedals(world, throttle=0.3, steer=0.1)
-    before = world.digest()
-    with pytest.raises(ValueError, match=f"{figure}: expected a finite number"):
-        command(world, 0, **({"mode": mode, "steer": 0.0} | {figure: value}))  # type: ignore[arg-type]
-    assert world.digest() == before
-
-
-def test_figures_of_other_modes_are_not_looked_at() -> None:
-    world = ego()
-    command(world, 0, mode=Mode.SPEED, steer=0.0, speed=3.0, throttle=math.nan, brake=math.inf, accel=math.nan)
-    assert speeds(world, 5.0)[-1] == pytest.approx(3.0)
-
-
-def test_only_egos_take_commands() -> None:
-    world = ego()
-    npc = world.row(world.spawn(Kind.VEHICLE, CAR, name="npc", x=0.0, y=0.0))
-    gone = 0
-    world.remove(int(world.uid[gone]))
-    for row in (npc, gone):
-        with pytest.raises(ValueError, match=f"row {row} is not driven"):
-            pedals(world, row=row)
-        with pytest.raises(ValueError, match=f"row {row} has no gears"):
-            shift(world, row, Gear.PARK)
-
-
-def test_there_is_no_fifth_gear() -> None:
-    world = ego()
-    with pytest.raises(ValueError, match="5"):
-        shift(world, 0, 5)  # type: ignore[arg-type]
-
-
-def test_a_teleport_to_nowhere_is_refused() -> None:
-    world = ego(speed=3.0)
-    before = world.digest()
-    for figure in ("x", "y", "z", "yaw", "speed", "roll", "pitch"):
-        pose = {"x": 1.0, "y": 1.0, "z": 0.0, "yaw": 0.0} | {figure: math.nan}
-        with pytest.raises(ValueError, match=f"{figure}: "):
-            teleport(world, 0, **pose)
-    assert world.digest() == before
-
-
-def test_a_teleport_keeps_command_gear_and_wheels() -> None:
-    world = ego(speed=5.0)
-    pedals(world, throttle=0.5, steer=0.2)
-    speeds(world, 1.0)
-    teleport(world, 0, x=7.0, y=8.0, z=9.0, yaw=-7.0, speed=2.0, roll=0.1, pitch=-0.1)
-    assert (world.x[0], world.y[0], world.z[0], world.roll[0], world.pitch[0]) == (7.0, 8.0, 9.0, 0.1, -0.1)
-    assert world.yaw[0] == pytest.approx(2 * math.pi - 7.0)
-    assert (world.speed[0], world.accel[0], world.yaw_rate[0]) == (2.0, 0.0, 0.0)
-    assert (world.steer[0], world.throttle[0], world.gear[0]) == (0.2, 0.5, Gear.DRIVE)
-    step(world)
-    assert world.speed[0] > 2.0
-
-
 # -- the fast one against a slow one
 
 
@@ -558,61 +441,6 @@ def test_fast_and_slow_agree_alone_as_neighbours_and_with_gaps(
             assert math.cos(world.yaw[row] - car.yaw) == pytest.approx(1.0)
 
 
-# -- ghosts
-
-
-def test_a_ghost_stands_with_its_speed_until_it_is_commanded() -> None:
-    world = ego()
-    pedals(world, throttle=1.0)
-    place_ghost(world, 0, x=5.0, y=6.0, z=7.0, yaw=4.0, speed=20.0, roll=0.1, pitch=0.2)
-    speeds(world, 1.0)
-    assert (world.x[0], world.y[0], world.z[0], world.speed[0]) == (5.0, 6.0, 7.0, 20.0)
-    assert world.yaw[0] == pytest.approx(4.0 - math.tau)
-    assert (world.roll[0], world.pitch[0], world.accel[0]) == (0.1, 0.2, 0.0)
-    pedals(world)
-    speeds(world, 0.1)
-    assert math.hypot(world.x[0] - 5.0, world.y[0] - 6.0) == pytest.approx(2.0, rel=0.05)
-
-
-def test_only_the_ghost_of_two_stands() -> None:
-    world = ego(speed=10.0)
-    world.spawn(Kind.EGO, CAR, name="other", x=0.0, y=9.0, speed=10.0)
-    world.spawn(Kind.VEHICLE, CAR, name="npc", x=0.0, y=18.0, speed=10.0)
-    world.spawn(Kind.VEHICLE, CAR, name="npc", x=0.0, y=27.0, speed=10.0)
-    place_ghost(world, 0, x=1.0, y=0.0, z=0.0, yaw=0.0, speed=10.0)
-    place_ghost(world, 2, x=1.0, y=18.0, z=0.0, yaw=0.0, speed=10.0)
-    speeds(world, 1.0)
-    assert world.x[[0, 2]].tolist() == [1.0, 1.0]
-    assert (world.x[[1, 3]] > 9.0).all()
-    teleport(world, 2, x=1.0, y=18.0, z=0.0, yaw=0.0, speed=10.0)
-    speeds(world, 1.0)
-    assert world.x[0] == 1.0
-    assert world.x[2] == pytest.approx(11.0)
-
-
-def test_a_ghost_in_no_place_is_refused() -> None:
-    world = ego()
-    with pytest.raises(ValueError, match="speed: expected"):
-        place_ghost(world, 0, x=5.0, y=0.0, z=0.0, yaw=0.0, speed=math.nan)
-    assert (world.x[0], bool(world.is_ghost[0])) == (0.0, False)
-
-
-def test_wheels_that_are_turned_stay_so_until_the_next_command() -> None:
-    world = ego()
-    turn_wheels(world, 0, 0.3)
-    assert world.steer[0] == 0.3
-    speeds(world, 0.5)
-    assert world.steer[0] == 0.3
-    turn_wheels(world, 0, -9.0)
-    assert world.steer[0] == -CAR.max_steer
-    for wrong in (math.nan, math.inf):
-        with pytest.raises(ValueError, match="steer: expected a finite number"):
-            turn_wheels(world, 0, wrong)
-    row = world.row(world.spawn(Kind.OBSTACLE, CAR, name="box", x=0.0, y=0.0))
-    with pytest.raises(ValueError, match="no wheels"):
-        turn_wheels(world, row, 0.0)
-
-
 # -- a drive
 
 
@@ -633,74 +461,11 @@ def test_a_pure_pursuit_driver_keeps_the_rear_axle_on_a_winding_road(kmh: float)
         if near.arc[0] > arcs[-1] - ahead - 1.0:
             break
         goal = point_at(road, arcs, near.arc + ahead)[0]
-        _, left = to_body(goal[0] - x, goal[1] - y, heading)
-        steer = math.atan2(2.0 * CAR.wheelbase * float(left), (goal[0] - x) ** 2 + (goal[1] - y) ** 2)
+        left = left_of(goal[0] - x, goal[1] - y, heading)
+        steer = math.atan2(2.0 * CAR.wheelbase * left, (goal[0] - x) ** 2 + (goal[1] - y) ** 2)
         command(world, 0, mode=Mode.SPEED, speed=kmh / 3.6, steer=steer)
         step(world)
     else:
         pytest.fail("the end of the road was not reached")
     assert world.speed[0] == pytest.approx(kmh / 3.6)
     assert worst < 0.3
-
-
-def test_many_ghosts_at_once_are_as_one_by_one() -> None:
-    path = np.array([[0.0, 0.0], [50.0, 0.0], [50.0, 50.0]])
-    worlds = World(), World()
-    for world in worlds:
-        world.spawn(Kind.EGO, Body(), name="ego", x=0.0, y=0.0)
-        world.spawn(Kind.VEHICLE, Body(), name="a", x=0.0, y=0.0, speed=3.0, path=path)
-        world.spawn(Kind.VEHICLE, Body(), name="b", x=9.0, y=0.0, speed=3.0)
-        step(world)
-    one, other = worlds
-    poses = np.array(
-        [
-            [1.0, 2.0, 3.0, math.pi, 4.0, 0.1, 0.2],
-            [-1.0, 5.0, 0.0, -10.0, -4.0, 0.0, 0.0],
-            [1e6, 5.0, 0.0, 3.13, 0.0, 0.0, 0.3],
-        ]
-    )
-    for row, (x, y, z, yaw, speed, roll, pitch) in enumerate(poses.tolist()):
-        place_ghost(one, row, x=x, y=y, z=z, yaw=yaw, speed=speed, roll=roll, pitch=pitch)
-    place_ghosts(other, np.array([0, 1, 2]), poses.T)
-    for _ in range(3):
-        assert one.digest() == other.digest()
-        step(one)
-        step(other)
-
-
-@pytest.mark.parametrize("wrong", [math.nan, math.inf, 1e300])
-def test_a_ghost_beyond_all_bounds_moves_none_of_them(wrong: float) -> None:
-    world = World()
-    for i in range(2):
-        world.spawn(Kind.VEHICLE, Body(), name="x", x=10.0 * i, y=0.0)
-    before = world.digest()
-    for figure in range(7):
-        poses = np.zeros((7, 2))
-        poses[figure, 1] = wrong
-        with pytest.raises(ValueError, match="expected finite numbers"):
-            place_ghosts(world, np.array([0, 1]), poses)
-    assert world.digest() == before
-
-
-@pytest.mark.parametrize("mode", list(Mode))
-def test_a_car_that_is_released_rolls_on_as_if_nobody_had_commanded_it(mode: Mode) -> None:
-    world, fresh = ego(), ego()
-    command(world, 0, mode=mode, steer=0.5, throttle=1.0, brake=0.5, speed=20.0, accel=3.0)
-    for _ in range(100):
-        step(world)
-    assert abs(world.steer[0]) > 0.1
-    release(world, 0)
-    for other in (world, fresh):
-        teleport(other, 0, x=1.0, y=2.0, z=0.0, yaw=0.5, speed=8.0)
-    for _ in range(100):
-        step(world)
-        step(fresh)
-        for name in ("x", "y", "yaw", "speed", "steer", "throttle", "brake", "accel"):
-            assert getattr(world, name)[0] == getattr(fresh, name)[0], name
-
-
-def test_what_is_not_driven_cannot_be_released() -> None:
-    world = World()
-    world.spawn(Kind.VEHICLE, CAR, name="npc", x=0.0, y=0.0)
-    with pytest.raises(ValueError, match="not driven"):
-        release(world, 0)

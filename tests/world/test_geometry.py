@@ -12,14 +12,12 @@ from rosbridge_sim.world.geometry import (
     chain,
     do_boxes_meet,
     nearest_on_polyline,
-    point_at,
     quaternion,
-    to_body,
-    to_map,
     turn,
     turn_back,
     wrap_angle,
 )
+from tests.world.polylines import point_at
 
 ANGLES = st.floats(-1e4, 1e4)
 CORNER = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]])
@@ -46,25 +44,9 @@ def test_minus_pi_and_its_neighbours_become_directions_within_the_turn() -> None
     assert wrapped[0] == math.pi == wrapped[1]
 
 
-@given(ANGLES, st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
-def test_to_body_undoes_to_map(yaw: float, x: float, y: float) -> None:
-    u, v = to_body(*to_map(x, y, yaw), yaw)
-    assert (float(u), float(v)) == pytest.approx((x, y), abs=1e-9)
-
-
-def test_forward_of_a_car_that_looks_north_is_north() -> None:
-    assert to_map(1.0, 0.0, math.pi / 2) == pytest.approx((0.0, 1.0))
-    assert to_map(0.0, 1.0, math.pi / 2) == pytest.approx((-1.0, 0.0))  # its left is west
-
-
 def test_arc_lengths_count_from_zero_in_the_plane_and_in_space() -> None:
     assert arc_lengths(CORNER).tolist() == [0.0, 10.0, 20.0]
     assert arc_lengths(np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 4.0]])).tolist() == [0.0, 5.0]
-
-
-def test_a_point_at_an_arc_length_lies_on_the_polyline_and_not_beyond_its_ends() -> None:
-    points = point_at(CORNER, arc_lengths(CORNER), [-1.0, 5.0, 15.0, 99.0])
-    assert points.tolist() == [[0.0, 0.0], [5.0, 0.0], [10.0, 5.0], [10.0, 10.0]]
 
 
 @pytest.mark.parametrize(

@@ -23,26 +23,26 @@ def pairs(links: Links, roads: Roads) -> dict[tuple[str, str], float]:
 
 def test_the_limit_is_the_pace_of_a_straight() -> None:
     roads = make(a=(line((0, 0), (100, 0)), "", 12.0), b=(line((0, 9), (100, 9)), "", 0.0))
-    assert LaneConflicts(roads).pace.tolist() == pytest.approx([12.0, 12.0, NO_LIMIT, NO_LIMIT])
+    assert LaneConflicts(roads).safe_speed.tolist() == pytest.approx([12.0, 12.0, NO_LIMIT, NO_LIMIT])
 
 
 def test_a_bend_is_gone_round_at_what_its_radius_allows() -> None:
     network = LaneConflicts(make(a=(arc(0, 0, 20.0, 0, 180), "", 30.0)))
-    assert network.pace == pytest.approx(math.sqrt(MAX_LATERAL * 20.0), rel=0.02)
+    assert network.safe_speed == pytest.approx(math.sqrt(MAX_LATERAL * 20.0), rel=0.02)
 
 
 def test_rounding_of_a_maps_points_makes_no_bend() -> None:
     rng = np.random.default_rng(0)
     points = line(*[(0.5 * i, 0.0) for i in range(400)])
     points[:, 1] = rng.uniform(-0.0005, 0.0005, 400)
-    assert LaneConflicts(make(a=(points, "", 30.0))).pace.min() > 29.0
+    assert LaneConflicts(make(a=(points, "", 30.0))).safe_speed.min() > 29.0
 
 
 def test_one_slows_before_a_bend_and_not_after_it() -> None:
     way = np.concatenate([line(*[(float(x), 0.0) for x in range(-200, 0, 2)]), arc(0, 15, 15.0, -90, 90)])
     way = np.concatenate([way, line(*[(15.0, 15.0 + y) for y in range(2, 200, 2)])])
     roads = make(a=(way, "", 20.0))
-    pace = LaneConflicts(roads).pace
+    pace = LaneConflicts(roads).safe_speed
     slow = math.sqrt(MAX_LATERAL * 15.0)
     bend = int(np.argmin(pace))
     assert pace[bend] == pytest.approx(slow, rel=0.05)
@@ -88,13 +88,15 @@ def test_lanes_that_cross_are_rivals_from_where_they_are_near() -> None:
     network = LaneConflicts(roads)
     assert set(pairs(network.rivals, roads)) == {("we", "sn"), ("sn", "we")}
     assert pairs(network.rivals, roads)[("we", "sn")] == pytest.approx(10.0 + CLEAR + 1.0, abs=1.1)
-    assert network.hold.tolist() == [math.inf, 0.0, math.inf, math.inf, 0.0, math.inf], "one waits before the crossing"
-    assert network.out[1] == pytest.approx(10.0 + CLEAR + 1.0, abs=1.1)
+    assert network.wait_point.tolist() == [math.inf, 0.0, math.inf, math.inf, 0.0, math.inf], (
+        "one waits before the crossing"
+    )
+    assert network.clear_point[1] == pytest.approx(10.0 + CLEAR + 1.0, abs=1.1)
 
 
 def test_who_crosses_far_along_a_lane_waits_there() -> None:
     roads = make(a=(line((0, 0), (200, 0)), ""), b=(line((150, -100), (150, 100)), ""))
-    hold = LaneConflicts(roads).hold
+    hold = LaneConflicts(roads).wait_point
     assert hold[0] == pytest.approx(150.0 - CLEAR - 1.0, abs=1.1)
     assert hold[1] == pytest.approx(100.0 - CLEAR - 1.0, abs=1.1)
     assert hold.min() > AT_START
@@ -102,7 +104,7 @@ def test_who_crosses_far_along_a_lane_waits_there() -> None:
 
 def test_a_bridge_crosses_nothing() -> None:
     roads = make(a=(line((0, 0), (200, 0)), ""), b=(line((150, -100), (150, 100), z=6.0), ""))
-    assert np.isinf(LaneConflicts(roads).hold).all()
+    assert np.isinf(LaneConflicts(roads).wait_point).all()
 
 
 def test_lanes_beside_one_another_and_lanes_that_follow_are_no_rivals() -> None:
@@ -124,7 +126,7 @@ def test_lanes_that_join_are_rivals_to_their_end() -> None:
     network = LaneConflicts(roads)
     assert set(pairs(network.rivals, roads)) == {("a", "b"), ("b", "a")}
     assert pairs(network.rivals, roads)[("b", "a")] == pytest.approx(101.0)
-    assert 40.0 < network.hold[0] < 60.0
+    assert 40.0 < network.wait_point[0] < 60.0
 
 
 def test_lanes_that_part_are_siblings_as_far_as_they_lie_over_one_another() -> None:
@@ -148,11 +150,11 @@ def test_places_are_compared_in_portions(monkeypatch: pytest.MonkeyPatch) -> Non
     whole = LaneConflicts(built_in("town").roads)
     monkeypatch.setattr("rosbridge_sim.world.lane_conflicts.MAX_LANE_PAIRS", 1000)
     parts = LaneConflicts(built_in("town").roads)
-    assert whole.hold.tolist() == parts.hold.tolist()
+    assert whole.wait_point.tolist() == parts.wait_point.tolist()
     assert whole.rivals.other.tolist() == parts.rivals.other.tolist()
     assert whole.rivals.figure.tolist() == parts.rivals.figure.tolist()
 
 
 def test_no_roads_have_an_empty_network() -> None:
     network = LaneConflicts(Roads())
-    assert len(network.pace) == len(network.hold) == len(network.rivals.other) == 0
+    assert len(network.safe_speed) == len(network.wait_point) == len(network.rivals.other) == 0

@@ -11,13 +11,14 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from rosbridge_sim.world.dynamics import command, place_ghost, show_ghosts, teleport
+from rosbridge_sim.world.commands import command
 from rosbridge_sim.world.geometry import FloatArray, IntArray
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
+from rosbridge_sim.world.lane_position import keep_lane
 from rosbridge_sim.world.motion import SPAN, motion
+from rosbridge_sim.world.placement import place_ghost, show_ghosts, teleport
 from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
-from rosbridge_sim.world.traffic import keep_lane
 from tests.world.road_factory import CAR, arc, built_in, car, line, make, signalled
 
 MAN = Body.box(0.5, 0.6, 1.75)
@@ -68,7 +69,7 @@ def town() -> World:
     world, built = World(3), built_in("town")
     roads = built.roads
     world.lay_roads(roads, built.plan)
-    lanes = np.flatnonzero(np.isinf(roads.derived(LaneConflicts).hold) & (roads.length > 20.0))
+    lanes = np.flatnonzero(np.isinf(roads.derived(LaneConflicts).wait_point) & (roads.length > 20.0))
     for lane in lanes[:40].tolist():
         row = world.row(world.spawn(Kind.VEHICLE, CAR, name="npc", x=0.0, y=0.0, speed=4.0))
         keep_lane(world, row, lane, 8.0)

@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rosbridge_sim.world.geometry import FloatArray, arc_lengths, nearest_on_polyline, point_at
+from rosbridge_sim.world.geometry import FloatArray, arc_lengths, nearest_on_polyline
 from rosbridge_sim.world.path_following import _Moving, walk
 from rosbridge_sim.world.state import DT, Body, Kind, World
 from rosbridge_sim.world.step import step
+from tests.world.polylines import point_at
 
 CAR = Body()
 MAN = Body.box(0.5, 0.6, 1.75)

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from rosbridge_sim.world.block_grid import REACH, BlockGrid
 from rosbridge_sim.world.geometry import FloatArray
-from rosbridge_sim.world.roads import BESIDE, CROWD, TURN_COST, Roads
+from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.segment_search import BESIDE, CROWD, TURN_COST
 
 
 def straight(*corners: tuple[float, float], z: float = 0.0) -> FloatArray:
@@ -187,7 +188,7 @@ def test_lanes_know_their_neighbours_and_stop_lines() -> None:
     assert (roads.left.tolist(), roads.right.tolist(), roads.is_stop.tolist()) == ([1, -1], [-1, 0], [True, False])
     plain = make(*lines)
     assert (plain.left.tolist(), plain.right.tolist(), plain.is_stop.tolist()) == ([-1, -1], [-1, -1], [False, False])
-    with pytest.raises(ValueError, match="told for each"):
+    with pytest.raises(ValueError, match="one value for each lane"):
         Roads(["a", "b"], lines, [[], []], [3.0, 3.0], [10.0, 0.0], left=[1])
 
 
@@ -284,12 +285,12 @@ def test_a_crowd_in_one_place_hides_nobody_elsewhere(monkeypatch: pytest.MonkeyP
     roads = make(*(straight((0, i), (500, i)) for i in range(4)))
     x, y = np.full(1_000, 250.0), np.zeros(1_000)
     x[::100] = np.arange(10) * 20.0
-    monkeypatch.setattr("rosbridge_sim.world.roads.MAX_SEGMENTS", 1_000)
+    monkeypatch.setattr("rosbridge_sim.world.segment_search.MAX_SEGMENTS", 1_000)
     who, _ = roads.within(x, y, np.full(1_000, 5.0))
     seen = set(who.tolist())
     assert set(range(0, 1_000, 100)) <= seen
     assert len(seen) == 10 + CROWD
-    monkeypatch.setattr("rosbridge_sim.world.roads.CROWD", 1_000)
+    monkeypatch.setattr("rosbridge_sim.world.segment_search.CROWD", 1_000)
     who, _ = roads.within(x, y, np.full(1_000, 5.0))
     assert len(set(who.tolist())) == 250  # of four segments each
 

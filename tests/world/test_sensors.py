@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rosbridge_sim.world import dynamics
+from rosbridge_sim.world import commands, placement
 from rosbridge_sim.world.geometry import FloatArray, quaternion, turn
 from rosbridge_sim.world.sensors import GRAVITY, Mounting, feel, find_boxes, locate
 from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
@@ -31,7 +31,7 @@ def ego(body: Body = CAR, **figures: Any) -> World:  # noqa: ANN401 - whatever s
 
 def drive(world: World, num: int, **wishes: float) -> None:
     mode = Mode.SPEED if "speed" in wishes else Mode.PEDALS
-    dynamics.command(world, 0, mode=mode, steer=wishes.pop("steer", 0.0), **wishes)
+    commands.command(world, 0, mode=mode, steer=wishes.pop("steer", 0.0), **wishes)
     for _ in range(num):
         step(world)
 
@@ -53,9 +53,9 @@ def test_an_antenna_is_beside_its_vehicle_as_that_stands(yaw: float, place: tupl
 
 def test_a_vehicle_on_a_slope_tips_its_antenna() -> None:
     world = ego()
-    dynamics.teleport(world, 0, x=0.0, y=0.0, z=0.0, yaw=math.pi / 2, pitch=-math.pi / 2)  # nose up, it looked north
+    placement.teleport(world, 0, x=0.0, y=0.0, z=0.0, yaw=math.pi / 2, pitch=-math.pi / 2)  # nose up, it looked north
     assert locate(world, 0, Mounting(x=2.0, z=1.0)) == approx(0.0, -1.0, 2.0)
-    dynamics.teleport(world, 0, x=0.0, y=0.0, z=0.0, yaw=0.0, roll=math.pi / 2)  # on its right side
+    placement.teleport(world, 0, x=0.0, y=0.0, z=0.0, yaw=0.0, roll=math.pi / 2)  # on its right side
     assert locate(world, 0, Mounting(y=2.0, z=1.0)) == approx(0.0, -1.0, 2.0)
 
 
@@ -118,7 +118,7 @@ def motion(world: World, mounting: Mounting, num: int) -> tuple[FloatArray, Floa
 
 def test_it_feels_what_its_own_way_says_while_the_wheels_turn() -> None:
     world = ego(speed=8.0, yaw=-1.0)
-    dynamics.command(world, 0, mode=Mode.PEDALS, steer=0.5, throttle=0.3)
+    commands.command(world, 0, mode=Mode.PEDALS, steer=0.5, throttle=0.3)
     mounting = Mounting(x=3.0, y=0.8, z=1.0, roll=0.3, pitch=-0.2, yaw=1.0)
     places, felt = motion(world, mounting, 40)  # the wheels get there within 42 steps
     way = np.diff(places, n=2, axis=0) / DT**2  # at frames 1..38
@@ -143,7 +143,7 @@ def test_a_tilted_sensor_shows_the_same_in_its_own_axes() -> None:
 
 def test_gravity_comes_from_the_side_in_a_vehicle_that_leans() -> None:
     world = ego()
-    dynamics.teleport(world, 0, x=0.0, y=0.0, z=0.0, yaw=1.0, roll=0.2)
+    placement.teleport(world, 0, x=0.0, y=0.0, z=0.0, yaw=1.0, roll=0.2)
     lean = feel(world, 0, ROOF).acceleration
     assert lean == approx(0.0, GRAVITY * math.sin(0.2), GRAVITY * math.cos(0.2))
 
@@ -151,11 +151,11 @@ def test_gravity_comes_from_the_side_in_a_vehicle_that_leans() -> None:
 def test_whoever_is_put_somewhere_feels_no_jerk() -> None:
     world = ego(speed=10.0)
     drive(world, 20, steer=0.4)
-    dynamics.teleport(world, 0, x=5.0, y=5.0, z=0.0, yaw=0.0, speed=10.0)
+    placement.teleport(world, 0, x=5.0, y=5.0, z=0.0, yaw=0.0, speed=10.0)
     assert feel(world, 0, ROOF).acceleration == approx(0.0, 0.0, GRAVITY)
-    dynamics.turn_wheels(world, 0, -0.4)
+    commands.turn_wheels(world, 0, -0.4)
     assert feel(world, 0, ROOF).acceleration == approx(0.0, 0.0, GRAVITY)
-    dynamics.place_ghost(world, 0, x=0.0, y=0.0, z=0.0, yaw=0.0, speed=10.0)
+    placement.place_ghost(world, 0, x=0.0, y=0.0, z=0.0, yaw=0.0, speed=10.0)
     step(world)
     assert feel(world, 0, ROOF).acceleration == approx(0.0, 0.0, GRAVITY)
 
@@ -187,7 +187,7 @@ def test_boxes_of_those_who_lean_and_as_seen_by_one_who_leans() -> None:
     mine, other = (0.1, -0.2, 0.4), (-0.3, 0.25, 2.0)
     for row, (roll, pitch, yaw) in enumerate((mine, other)):
         x, y = world.x.item(row), world.y.item(row)
-        dynamics.teleport(world, row, x=x, y=y, z=1.0 + row, roll=roll, pitch=pitch, yaw=yaw)
+        placement.teleport(world, row, x=x, y=y, z=1.0 + row, roll=roll, pitch=pitch, yaw=yaw)
     boxes = find_boxes(world, 0, 100.0, 10)
     middle = turn(quaternion(*other), (CAR.centre, 0.0, CAR.height / 2))
     seen = turn(quaternion(*mine), (boxes.x[0], boxes.y[0], boxes.z[0]))

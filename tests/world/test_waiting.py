@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.dynamics import command, teleport
+from rosbridge_sim.world.commands import command
+from rosbridge_sim.world.placement import teleport
 from rosbridge_sim.world.state import Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
 

@@ -55,7 +55,7 @@ class Waits:
 
     Attributes:
         longest: (drivers,) the longest that each stood without a break [s].
-        way: (drivers,) [m].
+        distance: (drivers,) driven [m].
     """
 
     def __init__(self, world: World) -> None:
@@ -63,11 +63,11 @@ class Waits:
         self._rows = np.flatnonzero(world.has_lane)
         self._still = np.zeros(len(self._rows))
         self.longest = np.zeros(len(self._rows))
-        self.way = np.zeros(len(self._rows))
+        self.distance = np.zeros(len(self._rows))
 
     def watch(self) -> None:
         """Look once, after each frame."""
         speed = self._world.speed[self._rows]
         self._still = np.where(speed > 0.1, 0.0, self._still + DT)
         self.longest = np.maximum(self.longest, self._still)
-        self.way += speed * DT
+        self.distance += speed * DT

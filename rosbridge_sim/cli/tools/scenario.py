@@ -257,7 +257,11 @@ def _way_once_it_goes(spawn: Spawn) -> str:
         return f"driven from outside, in {spawn.gear.name.lower()}"
     if driver is not None:
         route = f"a route of {len(driver.links)} links" if driver.links else "lanes by chance"
-        limit = "as is allowed" if math.isinf(driver.wish) else f"at most {driver.wish * MPS_TO_KMH:.0f} km/h"
+        limit = (
+            "as is allowed"
+            if math.isinf(driver.desired_speed)
+            else f"at most {driver.desired_speed * MPS_TO_KMH:.0f} km/h"
+        )
         return f"{route}{', round and round' if spawn.is_loop and driver.links else ''}, {limit}"
     if spawn.path is not None:
         length = float(arc_lengths(spawn.path)[-1])

@@ -16,7 +16,7 @@ from typing import cast
 import orjson
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.shell.terminal_text import escape_char, safe
+from rosbridge_sim.shell.terminal_text import safe
 
 __all__ = ["note", "put", "put_json", "put_record", "put_table", "read_body", "render"]
 
@@ -108,7 +108,7 @@ _WORDS = frozenset({"true", "false", "null", "yes", "no", "on", "off"})
 
 def _quote(text: str) -> str:
     quoted = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(c if c.isprintable() else escape_char(c) for c in quoted) + '"'
+    return '"' + safe(quoted) + '"'
 
 
 # In

@@ -3,8 +3,8 @@
 A `BridgeConnection` outlives its sockets: `open` begins anew on each, `shut` forgets what was on its way over the last
 one. It knows the wire and nothing of what goes over it; that is `graph/attach/mirror.py`.
 
-An op from there may take longer than its turn: a scenario is read from a disk. Then the line is *held*, and the ops
-that come meanwhile wait in it. Answers to our own questions do not wait: they say how far the far side has got.
+An op from there may take longer than its turn: a scenario is read from a disk. Then the connection is *held*, and the
+ops that come meanwhile wait in it. Answers to our own questions do not wait: they say how far the far side has got.
 
 The far side may be any rosbridge. So no remark is ever sent (rosbridge_suite has no such op), no answer is taken for
 granted, and what waits to be sent has a bound (`Outbox`) and a brake (`FlowControl`).
@@ -26,7 +26,7 @@ from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 
-__all__ = ["PROBE", "BridgeConnection", "OnWord", "Values"]
+__all__ = ["PROBE", "BridgeConnection", "OnReply", "Values"]
 
 PROBE = "/rosapi/get_time"
 """The call whose answer shows how far the far side has got: cheap, and harmless everywhere.
@@ -35,45 +35,51 @@ A service that nobody has would do in ROS 1; in ROS 2 rosbridge_suite looks for 
 """
 
 PROBE_PATIENCE = 2.0
-"""How long an answer to a question is waited for [s]; ROS 2's rosbridge looks for a service for one."""
+"""Longest wait for an answer to a question [s]; ROS 2's rosbridge looks for a service for one."""
 
 MAX_WAITING_BYTES = 2**20
-"""Frames whose ops may wait in a held line before its socket is not read any more [bytes]: far more than clients send
-while a scenario is read, and little beside what one frame may have."""
+"""Frames whose ops may wait in a held connection before its socket is not read any more [bytes]: far more than clients
+send while a scenario is read, and little beside what one frame may have."""
 
 _PROBE, _QUESTION = "mark:", "ask:"
-"""What the ids of our calls begin with."""
+"""Beginnings of the ids of our calls: of probes, and of questions."""
 
 _NUMBER = re.compile(r"[0-9]{1,18}")
 """Ends of the ids of probes; an id from elsewhere may have more digits than a number can be read from."""
 
 Values = dict[str, Any]
-"""The values of an answer; each is for whoever asked to check."""
+"""The values of an answer; the asker has to check each."""
 
-OnWord = Callable[[Values | None, float], None]
+OnReply = Callable[[Values | None, float], None]
 """Gets the values of an answer, or None where there are none, and `now`."""
 
 
 def _nothing() -> None:
-    """Nobody waits for frames while there is no socket."""
+    """Do nothing: there is no socket that frames could go to."""
 
 
 class BridgeConnection:
-    """One connection to the far side, or the want of one.
+    """One connection to the far side, which may have no socket.
 
     Attributes:
-        name: what tells it from others to the same far side; empty for the first. is_open: there is a socket. is_ready:
-        the far side has handled all that it was told at the beginning. has_services: services were announced on this
-        socket. session: what this socket's frames are read and written by. outbox: what waits for the socket. num_sent:
-        messages of topics that went into the outbox, ever. waiting: ops that have come and are not done yet, oldest
-        first. on_released: called when the last hold has ended. on_probe: called with whether a call of MARK was
-        answered or refused, and monotonic time [s]; silence is neither.
+        name: what tells it from others to the same far side; empty for the first.
+        is_open: there is a socket.
+        is_ready: the far side has handled all that it was told at the beginning.
+        has_services: services were announced on this socket.
+        session: what this socket's frames are read and written by.
+        outbox: what waits for the socket.
+        flow_control: how much may be on its way.
+        num_sent: messages of topics that went into the outbox, ever.
+        waiting: ops that have come and are not done yet, oldest first.
+        on_released: called when the last hold has ended.
+        on_probe: called with whether a call of PROBE was answered or refused, and monotonic time [s]; silence is
+            neither.
     """
 
     def __init__(
         self, name: str, limits: OutboxLimits, max_frame_size: int, on_refused: Callable[[FrameError], None]
     ) -> None:
-        """A line without a socket.
+        """A connection without a socket.
 
         Args:
             name: see above.
@@ -94,9 +100,9 @@ class BridgeConnection:
         self._num_asked = 0
         self._begin(_nothing, _nothing)
 
-    def _begin(self, wake: Callable[[], None], carry: Callable[[], None]) -> None:
-        self._wake = wake
-        self.outbox = Outbox(self._limits, wake, carry)
+    def _begin(self, schedule_flush: Callable[[], None], flush: Callable[[], None]) -> None:
+        self._schedule_flush = schedule_flush
+        self.outbox = Outbox(self._limits, schedule_flush, flush)
         self.session = Session(
             self.outbox,
             lambda _due: None,  # nothing is throttled on the way there
@@ -104,20 +110,20 @@ class BridgeConnection:
             is_talkative=False,
             on_refused=self._on_refused,
         )
-        self.credit = FlowControl()
+        self.flow_control = FlowControl()
         self.waiting: deque[ops.Op] = deque()
         self._num_waiting_bytes = 0
         self._holds: set[object] = set()  # one of its own for each socket: a late release frees no later one
-        self._questions: dict[str, tuple[OnWord, float, str]] = {}
+        self._questions: dict[str, tuple[OnReply, float, str]] = {}
 
-    def open(self, wake: Callable[[], None], carry: Callable[[], None]) -> None:
+    def open(self, schedule_flush: Callable[[], None], flush: Callable[[], None]) -> None:
         """There is a socket.
 
         Args:
-            wake: called when something waits to be taken.
-            carry: called before anything is forgotten: take now, as much as the socket takes.
+            schedule_flush: called when something waits to be taken.
+            flush: called before anything is forgotten: take now, as much as the socket takes.
         """
-        self._begin(wake, carry)
+        self._begin(schedule_flush, flush)
         self.is_open = True
 
     def shut(self) -> None:
@@ -138,22 +144,22 @@ class BridgeConnection:
 
     def take(self, max_bytes: int, now: float) -> list[bytes]:
         """The frames whose turn it is, oldest first, about so many bytes; none while the far side is behind."""
-        credit = self.credit
-        if credit.wants_probe:  # after an answer that proved less than was sent meanwhile
+        flow_control = self.flow_control
+        if flow_control.wants_probe:  # after an answer that proved less than was sent meanwhile
             return [self._make_probe(now)]
-        if credit.is_spent:
+        if flow_control.is_blocked:
             return []
         frames = self.outbox.take(max_bytes)
-        credit.spend(frames)
-        if credit.wants_probe:
+        flow_control.note_sent(frames)
+        if flow_control.wants_probe:
             frames.append(self._make_probe(now))
         return frames
 
     def _make_probe(self, now: float) -> bytes:
-        probe = f"{_PROBE}{self.credit.probe(now)}"
+        probe = f"{_PROBE}{self.flow_control.probe(now)}"
         return orjson.dumps({"op": "call_service", "service": PROBE, "id": probe, "args": {}})
 
-    def ask(self, service: str, on_answer: OnWord, now: float, **args: object) -> None:
+    def ask(self, service: str, on_answer: OnReply, now: float, **args: object) -> None:
         """Call a service there. `on_answer` gets the answer, or None for a refusal, rubbish, or none in time.
 
         If the socket is lost before, it is never called.
@@ -172,9 +178,9 @@ class BridgeConnection:
             An op, or None after a slice of work without one.
         """
         for op in self.session.receive(frame, now):
-            yield None if op is None or self._hears(op, now) else op
+            yield None if op is None or self._is_own_answer(op, now) else op
 
-    def keep(self, frame: bytes, now: float) -> None:
+    def queue(self, frame: bytes, now: float) -> None:
         """Have the ops in a frame wait for their turn, behind those that came before; otherwise as `receive`."""
         if not self.waiting:
             self._num_waiting_bytes = 0
@@ -196,25 +202,25 @@ class BridgeConnection:
 
     @property
     def is_held(self) -> bool:
-        """Whether the ops that wait are not to be done now."""
+        """Return whether the ops that wait are not to be done now."""
         return bool(self._holds)
 
     @property
     def is_full(self) -> bool:
-        """Whether so much waits that nothing more should be read from the socket."""
+        """Return whether so much waits that nothing more should be read from the socket."""
         return bool(self.waiting) and self._num_waiting_bytes > MAX_WAITING_BYTES
 
-    def _hears(self, op: ops.Op, now: float) -> bool:
-        """Whether an op is the answer to a question of ours."""
+    def _is_own_answer(self, op: ops.Op, now: float) -> bool:
+        """Return whether an op is the answer to a question of ours; it is handled then."""
         if type(op) is not ops.ServiceResponse or not isinstance(op.id, str):
             return False
         number = op.id.removeprefix(_PROBE)
         if number != op.id:
             if not op.result:
-                self.credit.refuse(now)
+                self.flow_control.note_refusal(now)
             elif _NUMBER.fullmatch(number):
-                self.credit.prove(int(number))
-            self._wake()
+                self.flow_control.note_answer(int(number))
+            self._schedule_flush()
             self.on_probe(bool(op.result), now)
             return True
         question = self._questions.pop(op.id, None)
@@ -229,10 +235,10 @@ class BridgeConnection:
 
     @property
     def due(self) -> float | None:
-        """When `expire` has something to do [s]."""
+        """Return when `expire` has something to do [s]."""
         dues = [until for _, until, _ in self._questions.values()]
-        if self.credit.due is not None:
-            dues.append(self.credit.due)
+        if self.flow_control.due is not None:
+            dues.append(self.flow_control.due)
         return min(dues, default=None)
 
     def expire(self, now: float) -> None:
@@ -240,8 +246,8 @@ class BridgeConnection:
         for question, (on_answer, until, _) in list(self._questions.items()):
             if now >= until and self._questions.pop(question, None) is not None:
                 on_answer(None, now)
-        if self.credit.expire(now):
-            self._wake()
+        if self.flow_control.expire(now):
+            self._schedule_flush()
 
 
 def _values_of(op: ops.ServiceResponse) -> Values | None:

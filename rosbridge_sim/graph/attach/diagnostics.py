@@ -1,4 +1,4 @@
-"""What is found out about a far side, and said in the log: what it lacks of ours, what it says, what it does wrong.
+"""Diagnostics of a far side, for the log: what it lacks of ours, what it says, what it does wrong.
 
 rosbridge_suite answers no mistake. Whether it knows our types is seen from the lists that its rosapi gives, a while
 after everything was announced: what is missing there was refused. A server that does answer mistakes, as ours does,
@@ -17,7 +17,7 @@ from typing import Final, Literal
 from rosbridge_sim.graph.attach.connection import Values
 from rosbridge_sim.protocol.ops import Status
 
-__all__ = ["MAX_LINES", "PERIOD", "Diagnostics", "Key", "names_of"]
+__all__ = ["MAX_LINES", "PERIOD", "Diagnostics", "ItemKey", "names_of"]
 
 MAX_LINES, PERIOD = 10, 10.0
 """Lines about what the far side sends, at most so many in so many seconds."""
@@ -32,22 +32,22 @@ MAX_DIAGNOSTICS: Final = 100
 """Lines that are said once, in all: more than there are packages, unless a far side makes names up."""
 
 _UNKNOWN = re.compile(r"Unable to import ([\w-]+)\.\w+ from package")
-"""What a server that answers mistakes says of a package that it does not know."""
+"""Words by which a server that answers mistakes tells of a package that it does not know."""
 
 _OWNED = re.compile(r"(?:Topic|Service) \S+ is (?:published|provided) by (\S+) alone")
-"""What a server of our own kind says if it has a simulator inside."""
+"""Words of a server of our own kind that has a simulator inside."""
 
 _log = logging.getLogger("rosbridge_sim.attach")
 
-Key = tuple[str, str, str]
+ItemKey = tuple[str, str, str]
 """Something of ours: `topic`, `input` or `service`; its name; its type as the far side is told."""
 
 
 class Diagnostics:
-    """What is known of one far side.
+    """Findings about one far side.
 
     Attributes:
-        taken: services of ours that it had before us, until that is said.
+        taken_services: services of ours that it had before us, until that is said.
         has_lost_topics: topics of ours that it listed once were missing in its last lists.
     """
 
@@ -58,72 +58,72 @@ class Diagnostics:
             address: of the far side, for people to read.
             ros: the generation that we speak.
         """
-        self.taken: list[str] = []
+        self.taken_services: list[str] = []
         self.has_lost_topics = False
         self._listed: set[str] = set()
         self._address = address
         self._ros = ros
-        self._said: set[str] = set()
-        self._num_lines = self._num_hushed = 0
+        self._logged: set[str] = set()
+        self._num_lines = self._num_suppressed = 0
         self._lines_until = 0.0
 
     # Lines
 
-    def say(self, level: int, text: str) -> None:
+    def log(self, level: int, text: str) -> None:
         """A line about the far side, cut where its own words make it too long."""
         _log.log(
             level, "%s: %s", self._address, text if len(text) <= MAX_DIAGNOSTIC else text[: MAX_DIAGNOSTIC - 3] + "..."
         )
 
-    def say_once(self, text: str) -> None:
+    def log_once(self, text: str) -> None:
         """A warning that is true until somebody changes something there."""
-        if text not in self._said and len(self._said) < MAX_DIAGNOSTICS:
-            self._said.add(text)
-            self.say(logging.WARNING, text)
+        if text not in self._logged and len(self._logged) < MAX_DIAGNOSTICS:
+            self._logged.add(text)
+            self.log(logging.WARNING, text)
 
-    def note(self, level: int, text: str, now: float) -> None:
+    def log_limited(self, level: int, text: str, now: float) -> None:
         """A line that may come again and again: some are said, the others counted."""
         if now >= self._lines_until:
-            if self._num_hushed:
-                self.say(logging.WARNING, f"and {self._num_hushed} lines more that are left out")
+            if self._num_suppressed:
+                self.log(logging.WARNING, f"and {self._num_suppressed} lines more that are left out")
             self._lines_until = now + PERIOD
-            self._num_lines = self._num_hushed = 0
+            self._num_lines = self._num_suppressed = 0
         if self._num_lines < MAX_LINES:
             self._num_lines += 1
-            self.say(level, text)
+            self.log(level, text)
         else:
-            self._num_hushed += 1
+            self._num_suppressed += 1
 
     # Findings
 
-    def hear_status(self, op: Status, ours: Collection[Key], now: float) -> None:
+    def note_status(self, op: Status, ours: Collection[ItemKey], now: float) -> None:
         """A remark of its own."""
         text = op.msg or ""
         unknown, owned = _UNKNOWN.match(text), _OWNED.match(text)
         if unknown is not None and any(_package(key) == unknown[1] for key in ours):
-            self._miss_package(unknown[1], ours)
+            self._report_missing_package(unknown[1], ours)
         elif owned is not None:
-            self.taken.clear()
-            self.say_once(
+            self.taken_services.clear()
+            self.log_once(
                 f"it has a simulator of its own ({owned[1]}), whose names it keeps for it: ours is not seen there;"
                 " a bridge without a world is wanted (--no-world)"
             )
         else:
             about = f" of {op.id}" if op.id else ""
-            self.note(logging.WARNING, f"it says{about}: [{op.level}] {text}", now)
+            self.log_limited(logging.WARNING, f"it says{about}: [{op.level}] {text}", now)
 
-    def miss_rosapi(self) -> None:
+    def report_no_rosapi(self) -> None:
         """Its rosapi had time enough to start, and does not answer."""
-        self.say_once("rosapi does not answer there: how far behind it is, and what of ours it lacks, is not seen")
+        self.log_once("rosapi does not answer there: how far behind it is, and what of ours it lacks, is not seen")
 
-    def judge_time(self, values: Values) -> None:
+    def check_generation(self, values: Values) -> None:
         """Look at the time that it told: its spelling is that of its ROS generation."""
         time = values.get("time")
         ours, theirs = self._ros, 3 - self._ros
         if isinstance(time, dict) and ("sec" in time or "secs" in time) and ("secs" in time) != (ours == 1):
-            self.say_once(f"it is of ROS {theirs}, and may refuse messages as ROS {ours} has them: use --ros {theirs}")
+            self.log_once(f"it is of ROS {theirs}, and may refuse messages as ROS {ours} has them: use --ros {theirs}")
 
-    def judge_stamps(self, *, is_simulated: bool, is_wall: bool, is_settled: bool) -> None:
+    def check_stamps(self, *, is_simulated: bool, is_wall: bool, is_settled: bool) -> None:
         """Look at the time that programs there go by.
 
         Args:
@@ -133,34 +133,34 @@ class Diagnostics:
         """
         if is_settled:
             said = "is true" if is_simulated else "is not true"
-            self.say(
+            self.log(
                 logging.INFO, f"its /use_sim_time {said}: stamps are {'the time of day' if is_wall else 'simulated'}"
             )
         elif is_simulated and is_wall:
-            self.say_once(
+            self.log_once(
                 "its /use_sim_time is true, and our stamps are the time of day: programs there may find no transforms;"
                 " --stamps sim makes both simulated"
             )
         elif not is_simulated and not is_wall:
-            self.say_once(
+            self.log_once(
                 "its /use_sim_time is not true, and our stamps are simulated time: programs there may find no"
                 " transforms; --stamps wall gives the time of day, or set the parameter before they start"
             )
 
-    def greet(self, ours: Collection[Key]) -> None:
+    def report_attached(self, ours: Collection[ItemKey]) -> None:
         """Everything is announced there."""
         kinds = [kind for kind, _, _ in ours]
         num_topics, num_services, num_inputs = map(kinds.count, ("topic", "service", "input"))
-        self.say(
+        self.log(
             logging.INFO,
             f"attached: {num_topics} topics and {num_services} services announced, {num_inputs} topics subscribed",
         )
-        if self.taken:
-            names = _listed(self.taken)
-            self.say_once(f"it has {names} already, of another program or of one that is gone; ours take their place")
-            self.taken.clear()
+        if self.taken_services:
+            names = _listed(self.taken_services)
+            self.log_once(f"it has {names} already, of another program or of one that is gone; ours take their place")
+            self.taken_services.clear()
 
-    def judge(self, topics: Values, services: Values, ours: Collection[Key], *, is_final: bool) -> bool:
+    def compare_lists(self, topics: Values, services: Values, ours: Collection[ItemKey], *, is_final: bool) -> bool:
         """Look through the lists of its rosapi.
 
         Args:
@@ -179,27 +179,29 @@ class Diagnostics:
         self.has_lost_topics = any(kind == "topic" and name in self._listed for kind, name, _ in missing)
         self._listed.update(name for kind, name, _ in announced if kind == "topic" and name in types)
         if is_final:
-            self._miss(missing, announced, ours)
+            self._report_missing(missing, announced, ours)
         for kind, name, type_name in announced:
             told = types.get(name)
             if kind == "topic" and told and _plain(told) != _plain(type_name):
-                self.say_once(f"{name} is {told} there and not {type_name}: ours is not taken")
+                self.log_once(f"{name} is {told} there and not {type_name}: ours is not taken")
         return not missing
 
-    def _miss(self, missing: Sequence[Key], announced: Sequence[Key], ours: Collection[Key]) -> None:
+    def _report_missing(
+        self, missing: Sequence[ItemKey], announced: Sequence[ItemKey], ours: Collection[ItemKey]
+    ) -> None:
         for package in dict.fromkeys(map(_package, missing)):
             lacking = [key for key in missing if _package(key) == package]
             if len(lacking) == sum(_package(key) == package for key in announced):
-                self._miss_package(package, ours)
+                self._report_missing_package(package, ours)
             else:
                 names = _listed([f"{name} ({type_name})" for _, name, type_name in lacking])
-                self.say_once(
+                self.log_once(
                     f"it does not have {names}: its {package} may be of another release, or its lists (globs) deny them"
                 )
 
-    def _miss_package(self, package: str, ours: Collection[Key]) -> None:
+    def _report_missing_package(self, package: str, ours: Collection[ItemKey]) -> None:
         names = _listed([key[1] for key in ours if _package(key) == package])
-        self.say_once(
+        self.log_once(
             f"it does not know the package {package}, and so not {names}: build the package where it runs, and start it"
             " again"
         )
@@ -211,7 +213,7 @@ def names_of(values: Values | None, key: str) -> list[str]:
     return [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
 
 
-def _package(key: Key) -> str:
+def _package(key: ItemKey) -> str:
     return key[2].partition("/")[0]
 
 

@@ -1,4 +1,4 @@
-"""How much may be on its way to a rosbridge that takes everything and holds nobody back.
+"""Flow control towards a rosbridge that takes everything and holds no client back.
 
 rosbridge_suite reads a socket as fast as frames come and keeps them in a queue without a bound, so the socket never
 fills however far it is behind, and neither TCP nor a ping tells. It does handle the frames of one socket in order,
@@ -22,27 +22,27 @@ from collections.abc import Sequence
 __all__ = ["FRAME_COST", "MAX_IN_FLIGHT", "MAX_PATIENCE", "PATIENCE", "FlowControl"]
 
 FRAME_COST = 1_500
-"""What a frame costs beside its bytes [bytes]."""
+"""Cost of a frame beside its bytes [bytes]."""
 
 MAX_IN_FLIGHT = 512 * 1024
-"""What may be unproven [bytes]: a tenth of a second of rosbridge_suite's work, some 250 messages of an ego's state."""
+"""Bytes that may be unproven: a tenth of a second of rosbridge_suite's work, some 250 messages of an ego's state."""
 
 PATIENCE, MAX_PATIENCE = 2.0, 60.0
 """Longest wait for the answer to a probe, the first time and at most [s]."""
 
 MAX_PROBES = 16
-"""Marks without an answer that are remembered; by then the last ones are minutes apart."""
+"""Probes without an answer that are remembered; by then the last ones are minutes apart."""
 
 
 class FlowControl:
-    """What may still be sent on one socket.
+    """The bytes that may still be sent on one socket.
 
     Attributes:
         is_on: the far side answers probes, as far as we know; while it does not, everything may be sent.
         is_late: the last probe was not answered in time.
     """
 
-    __slots__ = ("_allowed", "_due", "_num_marks", "_patience", "_probes", "_sent", "is_late", "is_on")
+    __slots__ = ("_allowed", "_due", "_num_probes", "_patience", "_probes", "_sent", "is_late", "is_on")
 
     def __init__(self) -> None:
         self.is_on = True
@@ -50,39 +50,39 @@ class FlowControl:
         self._sent = 0
         self._allowed = MAX_IN_FLIGHT
         self._probes: deque[tuple[int, int]] = deque(maxlen=MAX_PROBES)  # its number, and what was sent before it
-        self._num_marks = 0
+        self._num_probes = 0
         self._due: float | None = None
         self._patience = PATIENCE
 
     @property
-    def is_spent(self) -> bool:
-        """Tell whether nothing more is to be sent for now; then a probe is on its way, or wanted."""
+    def is_blocked(self) -> bool:
+        """Return whether nothing more is to be sent for now; then a probe is on its way, or wanted."""
         return self.is_on and self._sent >= self._allowed
 
     @property
     def wants_probe(self) -> bool:
-        """Tell whether a probe should be sent now: none is on its way, and half of the window is used."""
+        """Return whether a probe should be sent now: none is on its way, and half of the window is used."""
         return self.is_on and self._due is None and self._sent >= self._allowed - MAX_IN_FLIGHT // 2
 
-    def spend(self, frames: Sequence[bytes]) -> None:
-        """Frames were sent."""
+    def note_sent(self, frames: Sequence[bytes]) -> None:
+        """Count frames that were sent."""
         self._sent += sum(map(len, frames)) + FRAME_COST * len(frames)
 
     def probe(self, now: float) -> int:
         """The number of a probe that is sent now."""
-        self._num_marks += 1
-        self._probes.append((self._num_marks, self._sent))
+        self._num_probes += 1
+        self._probes.append((self._num_probes, self._sent))
         self._due = now + self._patience
-        return self._num_marks
+        return self._num_probes
 
-    def refuse(self, now: float) -> None:
+    def note_refusal(self, now: float) -> None:
         """A probe was refused: nobody there answers them, for a while."""
         self.is_on = self.is_late = False
         self._probes.clear()
         self._due = now + self._patience
         self._patience = min(MAX_PATIENCE, 2 * self._patience)
 
-    def prove(self, number: int) -> None:
+    def note_answer(self, number: int) -> None:
         """A probe was answered; all before it were handled, too."""
         while self._probes and self._probes[0][0] <= number:
             probe, sent = self._probes.popleft()
@@ -95,11 +95,11 @@ class FlowControl:
 
     @property
     def due(self) -> float | None:
-        """When `expire` has something to do [s]."""
+        """Return when `expire` has something to do [s]."""
         return self._due
 
     def expire(self, now: float) -> bool:
-        """Tell whether the answer to the last probe is overdue; some more may be sent then.
+        """Return whether the answer to the last probe is overdue; some more may be sent then.
 
         Where probes were refused, they are tried again from now on.
         """

@@ -9,7 +9,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import Final
 
-__all__ = ["LOOK_PERIOD", "LOST_PERIOD", "RosapiWatch", "Seen"]
+__all__ = ["LOOK_PERIOD", "LOST_PERIOD", "RosapiChange", "RosapiWatch"]
 
 LOOK_PERIOD: Final = 5.0
 """Between two calls that show that it is there [s]: a loss is noticed soon, and the calls are no load."""
@@ -21,7 +21,7 @@ MAX_REFUSALS: Final = 1
 """Refused calls in a row that are no loss."""
 
 
-class Seen(Enum):
+class RosapiChange(Enum):
     """News that an answer or a refusal brings."""
 
     NOTHING_NEW = "nothing new"
@@ -57,16 +57,16 @@ class RosapiWatch:
         """A call was made, or its turn was passed over."""
         self.due = now + (LOST_PERIOD if self._is_lost else LOOK_PERIOD)
 
-    def hear(self, now: float, *, is_answered: bool) -> Seen:
+    def note_reply(self, now: float, *, is_answered: bool) -> RosapiChange:
         """A call was answered or refused."""
         if is_answered:
             was_lost, self._is_lost = self._is_lost, False
             self._is_known, self._num_refusals = True, 0
-            return Seen.BACK if was_lost else Seen.NOTHING_NEW
+            return RosapiChange.BACK if was_lost else RosapiChange.NOTHING_NEW
         if not self._is_known or self._is_lost:
-            return Seen.NOTHING_NEW
+            return RosapiChange.NOTHING_NEW
         self._num_refusals += 1
         if self.due is not None:
             self.due = min(self.due, now + LOST_PERIOD)
         self._is_lost = self._num_refusals > MAX_REFUSALS
-        return Seen.LOST if self._is_lost else Seen.NOTHING_NEW
+        return RosapiChange.LOST if self._is_lost else RosapiChange.NOTHING_NEW

@@ -49,7 +49,7 @@ _ALMOST_UNIT = 1e-12
 
 
 class Transform(NamedTuple):
-    """Where a frame stands in another one.
+    """The pose of a frame in another one.
 
     Attributes:
         x, y, z: of its origin [m].
@@ -183,7 +183,7 @@ class TransformBuffer:
         self.version += 1
 
     def look_up(self, target: str, source: str) -> Placed | None:
-        """Where `source` stands in `target`; None where the two do not hang together.
+        """Return the pose of `source` in `target`; None where the two do not hang together.
 
         A frame stands in itself even if nobody ever told of it.
         """

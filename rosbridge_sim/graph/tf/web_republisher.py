@@ -1,7 +1,7 @@
 """`/tf2_web_republisher`: transforms for those who cannot keep a tree of frames themselves, as a node of the bus.
 
-It hears `/tf` and `/tf_static`, whoever publishes there, and tells each who asks where some frames stand in a frame of
-his choice, in one of three ways that client libraries have:
+It listens to `/tf` and `/tf_static`, and tells each client that asks where some frames stand in a frame of the
+client's choice, in one of three ways that client libraries have:
 
     /republish_tfs            a service that answers with the name of a topic of one's own     (roslibpy, roslib)
     /tf2_web_republisher/...  the five topics of a ROS 1 action, see `actionlib`               (roslib's TFClient)
@@ -28,14 +28,15 @@ from typing import Any, TypeAlias
 import msgspec
 
 from rosbridge_sim.errors import GraphError
-from rosbridge_sim.graph.actionlib import BEAT, Actionlib
+from rosbridge_sim.graph.actionlib import STATUS_PERIOD, Actionlib
 from rosbridge_sim.graph.actions import Goal, GoalStatus
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
+from rosbridge_sim.graph.republisher_names import REPUBLISH_SERVICE, REPUBLISHER_NAME
 from rosbridge_sim.graph.tf.buffer import MAX_TF_FRAMES, Placed, Transform, TransformBuffer, frame_name, turn
 from rosbridge_sim.graph.topics_services import Call, Subscription, Topic
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 
 __all__ = [
     "DEFAULT_TIMEOUT",
@@ -43,17 +44,11 @@ __all__ = [
     "MAX_STREAMS",
     "OWN_PAIRS",
     "OWN_STREAMS",
-    "REPUBLISHER_NAME",
-    "SERVICE_NAME",
     "WebRepublisher",
 ]
 
-REPUBLISHER_NAME = "/tf2_web_republisher"
-
-SERVICE_NAME = "/republish_tfs"
-
 DEFAULT_TIMEOUT = 10.0
-"""How long a topic waits for listeners where the request does not say [s]."""
+"""Time for which a topic waits for listeners where the request does not say [s]."""
 
 MAX_STREAMS = 1_000
 MAX_FRAME_PAIRS = 5_000
@@ -104,7 +99,7 @@ class _Stream:
 
 
 @dataclass(eq=False, slots=True)
-class _Offer:
+class _StreamTopic:
     """A topic that was made for a request.
 
     Attributes:
@@ -119,7 +114,7 @@ class _Offer:
     unheard_since: float | None
     listeners: tuple[Subscription, ...] = ()
 
-    def greet(self) -> None:
+    def note_listeners(self) -> None:
         """Have everything told again if somebody has come who did not hear it.
 
         What is told while nobody listens is told whole, for it waits, latched, for the first who comes. Who came first
@@ -142,48 +137,49 @@ class WebRepublisher:
         self._bus = bus
         self._frames = TransformBuffer()
         self._streams: dict[Goal | Topic, _Stream] = {}
-        self._offers: dict[Topic, _Offer] = {}
-        self._num_offers = 0
+        self._stream_topics: dict[Topic, _StreamTopic] = {}
+        self._num_stream_topics = 0
         self._alarm: float | None = None
         self._alarm_set_ns = 0
         self._sweep_due = 0.0
-        self._is_off = False
+        self._has_ended = False
         store = bus.store
-        self._array_struct = store.message("tf2_web_republisher/TFArray").struct
-        self._answer_struct = store.service("tf2_web_republisher/RepublishTFs").response.struct
+        self._array_struct = store.message("tf2_web_republisher/TFArray").struct_type
+        self._answer_struct = store.service("tf2_web_republisher/RepublishTFs").response.struct_type
         self._make_transform = _transform_maker(bus)
         self._listening = self._listen("/tf", is_static=False)
         self._listen("/tf_static", is_static=True)
-        bus.provide(self, SERVICE_NAME, "tf2_web_republisher/RepublishTFs", self._serve, is_exclusive=True)
+        bus.provide(self, REPUBLISH_SERVICE, "tf2_web_republisher/RepublishTFs", self._serve, is_exclusive=True)
         action = bus.actions.provide(
-            *(self, REPUBLISHER_NAME, "tf2_web_republisher/TFSubscription", self._take, self._end), is_exclusive=True
+            *(self, REPUBLISHER_NAME, "tf2_web_republisher/TFSubscription", self._take_goal, self._cancel_goal),
+            is_exclusive=True,
         )
-        self._feedback_struct = action.type.feedback.struct
+        self._feedback_struct = action.type.feedback.struct_type
         self._actionlib = Actionlib(bus, action)
-        bus.watchers.append(self._see_off)
+        bus.on_leave.append(self._on_leave)
 
     def notify(self, level: str, text: str) -> None:
-        """What the bus has to say to the republisher goes into the log."""
+        """Log what the bus remarks to the republisher."""
         _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)
 
     def end(self, error: Exception) -> None:
-        """End for good, since it cannot go on with its own timers; whoever waits for it is told.
+        """End for good, since it cannot go on with its own timers; the clients that wait for it are told.
 
         A request or a message on which it fails is no reason: it serves all clients, and the sender alone is told then.
         """
-        if self._is_off:
+        if self._has_ended:
             return
         _log.error("the republisher of transforms has failed; it is off until a restart", exc_info=error)
-        self._is_off = True
+        self._has_ended = True
         self._bus.leave(self, 0.0)
 
     # Time
 
     def next_due(self, _now: float) -> float | None:
-        """When `advance` has something to do next [s]; None while nobody asks for anything."""
-        if self._is_off:
+        """Return when `advance` has something to do next [s]; None while nobody asks for anything."""
+        if self._has_ended:
             return None
-        dues = (self._alarm, self._actionlib.next_due(), self._sweep_due if self._offers else None)
+        dues = (self._alarm, self._actionlib.next_due(), self._sweep_due if self._stream_topics else None)
         return min((due for due in dues if due is not None), default=None)
 
     def advance(self, now: float) -> None:
@@ -194,16 +190,16 @@ class WebRepublisher:
 
         Call it again at `next_due`.
         """
-        if self._is_off:
+        if self._has_ended:
             return
         if self._alarm is not None and now >= self._alarm:
             self._alarm = None
             if self._bus.time_ns != self._alarm_set_ns:  # a clock that stands brings no new slot
-                self._look_at_all(now)
+                self._update_all(now)
         self._actionlib.advance(now)
         if now >= self._sweep_due:
-            self._sweep_due = now + BEAT
-            for offer in list(self._offers.values()):
+            self._sweep_due = now + STATUS_PERIOD
+            for offer in list(self._stream_topics.values()):
                 if offer.topic.has_listener:
                     offer.unheard_since = None
                 elif offer.unheard_since is None:
@@ -217,7 +213,7 @@ class WebRepublisher:
         def hear(_topic: Topic, message: Message, sender: Participant, now: float) -> None:
             problem = self._put(message, sender, is_static=is_static)
             if self._streams:
-                self._look_at_all(now)
+                self._update_all(now)
             if problem is not None:
                 raise problem
 
@@ -244,8 +240,8 @@ class WebRepublisher:
     def _serve(self, call: Call, now: float) -> None:
         """`/republish_tfs`: a topic of one's own."""
         timeout = _seconds(call.request)
-        self._num_offers += 1
-        name = f"{REPUBLISHER_NAME}/tf_repub_{self._num_offers}"
+        self._num_stream_topics += 1
+        name = f"{REPUBLISHER_NAME}/tf_repub_{self._num_stream_topics}"
 
         def send(transforms: _Transforms, now: float) -> None:
             message = Message(topic.type, self._array_struct(transforms=transforms))
@@ -253,11 +249,11 @@ class WebRepublisher:
 
         stream = self._open(call.caller, call.request, send)
         topic = self._bus.advertise(self, name, "tf2_web_republisher/TFArray", depth=1, is_exclusive=True)
-        self._offers[topic] = _Offer(stream, topic, timeout or DEFAULT_TIMEOUT, unheard_since=now)
+        self._stream_topics[topic] = _StreamTopic(stream, topic, timeout or DEFAULT_TIMEOUT, unheard_since=now)
         self._start(topic, stream, now)
         call.answer(self._answer_struct(topic_name=name))
 
-    def _take(self, goal: Goal) -> None:
+    def _take_goal(self, goal: Goal) -> None:
         """A goal: by the ROS 2 action, or by the topics of ROS 1."""
 
         def send(transforms: _Transforms, _now: float) -> None:
@@ -265,14 +261,14 @@ class WebRepublisher:
 
         self._start(goal, self._open(goal.caller, goal.request, send), 0.0)
 
-    def _end(self, goal: Goal) -> None:
+    def _cancel_goal(self, goal: Goal) -> None:
         """A goal that is not wanted any more."""
         self._stop(goal)
         goal.end(GoalStatus.CANCELED, goal.action.type.result.default())
 
-    def _see_off(self, owner: Participant, now: float) -> None:
-        """Somebody has left: what was made for it alone goes too."""
-        for offer in list(self._offers.values()):
+    def _on_leave(self, owner: Participant, now: float) -> None:
+        """Withdraw the topics that were made for an owner alone that has left."""
+        for offer in list(self._stream_topics.values()):
             if offer.stream.owner is owner and not offer.topic.has_listener:
                 self._withdraw(offer, now)
 
@@ -303,7 +299,7 @@ class WebRepublisher:
         if self._listening.is_idle:
             self._frames.forget(self._listening.topic.on_demand.__contains__)
             self._listening.is_idle = False
-        self._look(stream, now)
+        self._update(stream, now)
 
     def _stop(self, key: Goal | Topic) -> None:
         self._streams.pop(key, None)
@@ -311,24 +307,24 @@ class WebRepublisher:
             self._listening.is_idle = True
             self._alarm = None
 
-    def _withdraw(self, offer: _Offer, now: float) -> None:
-        del self._offers[offer.topic]
+    def _withdraw(self, offer: _StreamTopic, now: float) -> None:
+        del self._stream_topics[offer.topic]
         self._stop(offer.topic)
         self._bus.unadvertise(self, offer.topic.name, now)
 
     # What is told
 
-    def _look_at_all(self, now: float) -> None:
-        """Tell everybody what is new; set the alarm for those whose slot it is not."""
+    def _update_all(self, now: float) -> None:
+        """Send what is new to all who asked; set the alarm for those whose slot it is not."""
         version = self._frames.version
-        for offer in self._offers.values():
-            offer.greet()
-        waits = [self._look(stream, now) for stream in list(self._streams.values()) if stream.version != version]
+        for offer in self._stream_topics.values():
+            offer.note_listeners()
+        waits = [self._update(stream, now) for stream in list(self._streams.values()) if stream.version != version]
         wait = min((wait for wait in waits if wait is not None), default=None)
         self._alarm = None if wait is None else now + min(wait, _LONGEST_WAIT)
         self._alarm_set_ns = self._bus.time_ns
 
-    def _look(self, stream: _Stream, now: float) -> float | None:
+    def _update(self, stream: _Stream, now: float) -> float | None:
         """Tell one who asked what has changed enough; before its next slot, how long it is until then [s]."""
         slot = None
         if stream.rate:
@@ -357,7 +353,7 @@ class WebRepublisher:
 
 
 def _has_moved(stream: _Stream, told: Transform | None, pose: Transform) -> bool:
-    """Whether a pose differs from what was told by more than who asked wants to be spared."""
+    """Return whether a pose differs from the one sent last by more than the thresholds of the request."""
     if told is None:
         return True
     if told == pose:
@@ -393,8 +389,8 @@ def _transform_maker(bus: Bus) -> Callable[[str, str, Placed], msgspec.Struct]:
     """A function that makes a TransformStamped: where a source stands in a target."""
     store = bus.store
     names = ("std_msgs/Header", "geometry_msgs/TransformStamped", "geometry_msgs/Transform")
-    header, stamped, transform = (store.message(name).struct for name in names)
-    vector, quaternion = (store.message(f"geometry_msgs/{name}").struct for name in ("Vector3", "Quaternion"))
+    header, stamped, transform = (store.message(name).struct_type for name in names)
+    vector, quaternion = (store.message(f"geometry_msgs/{name}").struct_type for name in ("Vector3", "Quaternion"))
 
     def make(target: str, source: str, placed: Placed) -> msgspec.Struct:
         x, y, z, qx, qy, qz, qw = placed.pose

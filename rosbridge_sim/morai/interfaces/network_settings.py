@@ -135,7 +135,7 @@ class NetworkSettings:
 
 
 DEFAULTS: Final = NetworkSettings()
-"""Those of whoever chooses nothing."""
+"""The settings without any choice."""
 
 _NOTHING: Final = InterfaceChoice()
 
@@ -159,7 +159,7 @@ class Networks(Protocol):
 
 
 def split_prefix(name: str) -> tuple[str, str]:
-    """The prefix of whoever has an item, and its default name without it, from both as one name."""
+    """The prefix of an item (`/` but for further egos) and its default name without it, from both as one name."""
     match = _FURTHER_EGO.match(name)
     prefix = match[0] if match else "/"
     return prefix, "/" + name[len(prefix) :]

@@ -1,7 +1,7 @@
 """The simulator's own topics: what goes out with a frame, how often, and in which order.
 
 With each frame go, in this order, `/clock` and the state topics; the node publishes `/SyncModeInfo` behind them, so
-that whoever reads that one has seen the others of its frame. A message is made only if somebody listens.
+that a client that reads it has seen the others of its frame. A message is made only if somebody listens.
 
 Rates count in simulated frames, so what a topic carries depends on the frame alone and not on when somebody began to
 listen: at R Hz frame i brings floor(i R / 50) - floor((i - 1) R / 50) publications. Below 50 Hz that is one or none.
@@ -13,8 +13,8 @@ While a pause stops real time nothing moves, and a client that joins would see n
 pause*: once a second, and at once to a new subscriber, as the world stands and with the number of its last frame.
 Where the world waits for ticks they are not: there each message belongs to a tick. Recordings do not get them.
 
-Parts speak of topics by their default names; what they are called, whether they are there and at which rate they go
-out, the network settings say.
+Components speak of topics by their default names; what they are called, whether they are there and at which rate they
+go out, the network settings say.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.interfaces.network_settings import USUAL_RATE, InterfaceKind, split_prefix
 from rosbridge_sim.morai.interfaces.registry import Interface, InterfaceRegistry, why_no_topic
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from rosbridge_sim.world.state import DT
 
 __all__ = ["LatchedPublisher", "PeriodicPublisher", "Publishers"]
@@ -155,14 +155,14 @@ class Publishers:
         """No topics yet.
 
         Args:
-            owner: the simulator's node.
+            owner: the simulator.
             bus: where they are published.
             items: all that the owner has on the bus.
         """
         self._owner = owner
         self._bus = bus
         self._items = items
-        self._feeds: list[PeriodicPublisher] = []
+        self._periodic: list[PeriodicPublisher] = []
         self._repeats: list[tuple[float, int, PeriodicPublisher, Message]] = []
         self._ticket = count()
         # In a pause: when to show the world next, who has been shown it, and whether somebody has come since.
@@ -204,7 +204,7 @@ class Publishers:
         Raises:
             GraphError: somebody has given the topic another type.
         """
-        feed = PeriodicPublisher(
+        publisher = PeriodicPublisher(
             name,
             type_name,
             make,
@@ -214,9 +214,9 @@ class Publishers:
             is_shown_in_pause=is_shown_in_pause,
             depth=depth,
         )
-        self._items.add(feed, is_everywhere=is_everywhere)
-        self._feeds.append(feed)
-        return feed
+        self._items.add(publisher, is_everywhere=is_everywhere)
+        self._periodic.append(publisher)
+        return publisher
 
     def keep(self, name: str, type_name: str, *, is_exclusive: bool = True) -> LatchedPublisher:
         """Have a topic that goes out whenever there is news, and is kept for those who come late; see `update`.
@@ -229,20 +229,20 @@ class Publishers:
         Raises:
             GraphError: somebody has given the topic another type.
         """
-        kept = LatchedPublisher(name, type_name, is_exclusive=is_exclusive)
-        self._items.add(kept)
-        return kept
+        publisher = LatchedPublisher(name, type_name, is_exclusive=is_exclusive)
+        self._items.add(publisher)
+        return publisher
 
-    def update(self, kept: LatchedPublisher, value: Struct, now: float) -> None:
+    def update(self, publisher: LatchedPublisher, value: Struct, now: float) -> None:
         """There is news for a topic that `keep` has made."""
-        kept.value = value
-        if kept.topic is not None:
-            self._bus.announce(self._owner, kept.topic, Message(kept.topic.type, value), now)
+        publisher.value = value
+        if publisher.topic is not None:
+            self._bus.announce(self._owner, publisher.topic, Message(publisher.topic.type, value), now)
 
     def remove(self, prefix: str, now: float) -> None:
         """Publish the topics under a further ego's prefix no longer."""
-        gone = [feed for feed in self._feeds if feed.prefix == prefix]
-        self._feeds = [feed for feed in self._feeds if feed.prefix != prefix]
+        gone = [publisher for publisher in self._periodic if publisher.prefix == prefix]
+        self._periodic = [publisher for publisher in self._periodic if publisher.prefix != prefix]
         self._repeats = [repeat for repeat in self._repeats if repeat[2].prefix != prefix]
         heapq.heapify(self._repeats)
         self._items.remove(gone, now)
@@ -254,13 +254,13 @@ class Publishers:
             frame: the world's.
             now: monotonic time [s].
         """
-        for feed in self._feeds:
-            topic = feed.topic
+        for publisher in self._periodic:
+            topic = publisher.topic
             if topic is None or not topic.subscriptions:  # most topics at each frame: no call for those
                 continue
-            if not topic.has_listener or (feed.is_sampled and not feed.num_due(frame)):
+            if not topic.has_listener or (publisher.is_sampled and not publisher.num_due(frame)):
                 continue
-            value = feed.make()
+            value = publisher.make()
             if value is not None:
                 self._bus.announce(self._owner, topic, Message(topic.type, value), now)
 
@@ -272,31 +272,31 @@ class Publishers:
             shown_at: when it was due [s].
             now: monotonic time [s].
         """
-        for feed in self._feeds:
-            topic = feed.topic
+        for publisher in self._periodic:
+            topic = publisher.topic
             if topic is None or not topic.subscriptions:  # as above
                 continue
-            num = feed.num_due(frame)
+            num = publisher.num_due(frame)
             if not num or not topic.has_listener:
                 continue
-            value = feed.make()
+            value = publisher.make()
             if value is None:
                 continue
             message = Message(topic.type, value)
             self._bus.announce(self._owner, topic, message, now)
             for i in range(1, num):
-                heapq.heappush(self._repeats, (shown_at + i * DT / num, next(self._ticket), feed, message))
+                heapq.heappush(self._repeats, (shown_at + i * DT / num, next(self._ticket), publisher, message))
 
-    def show_now(self, feed: PeriodicPublisher, now: float) -> None:
+    def show_now(self, publisher: PeriodicPublisher, now: float) -> None:
         """Publish one topic between frames, since there is news; it must have something to say."""
-        if feed.topic is not None:
-            self._bus.announce(self._owner, feed.topic, Message(feed.topic.type, feed.make()), now)
+        if publisher.topic is not None:
+            self._bus.announce(self._owner, publisher.topic, Message(publisher.topic.type, publisher.make()), now)
 
     def show_latched(self, now: float) -> None:
         """Publish anew what is kept for those who come late: it is stamped otherwise from now on."""
-        for feed in self._feeds:
-            if feed.is_latched:
-                self.show_now(feed, now)
+        for publisher in self._periodic:
+            if publisher.is_latched:
+                self.show_now(publisher, now)
 
     def set_paused(self, *, is_paused: bool, now: float) -> None:
         """Begin or end to show the world in a pause; twice is no error.
@@ -333,15 +333,15 @@ class Publishers:
         shown_to = set() if is_time else self._shown_to
         self._has_newcomer = False
         self._shown_to = self._listeners_in_pause()
-        for feed in self._feeds:
-            listeners = [one for one in _listeners_in_pause(feed) if one not in shown_to]
-            value = feed.make() if listeners else None
+        for publisher in self._periodic:
+            listeners = [one for one in _listeners_in_pause(publisher) if one not in shown_to]
+            value = publisher.make() if listeners else None
             if value is not None:
-                assert feed.topic is not None
-                self._bus.show(self._owner, feed.topic, Message(feed.topic.type, value), listeners, now)
+                assert publisher.topic is not None
+                self._bus.show(self._owner, publisher.topic, Message(publisher.topic.type, value), listeners, now)
 
     def _listeners_in_pause(self) -> set[Subscription]:
-        return {one for feed in self._feeds for one in _listeners_in_pause(feed)}
+        return {one for publisher in self._periodic for one in _listeners_in_pause(publisher)}
 
     def _note_newcomer(self, _topic: Topic) -> None:
         """Note that somebody has begun to listen, perhaps to a topic of these."""
@@ -356,8 +356,8 @@ class Publishers:
     def repeat(self, now: float) -> None:
         """Publish again what is due by now."""
         while self._repeats and self._repeats[0][0] <= now:
-            _, _, feed, message = heapq.heappop(self._repeats)
-            topic = feed.topic
+            _, _, publisher, message = heapq.heappop(self._repeats)
+            topic = publisher.topic
             if topic is not None and topic.has_listener:
                 self._bus.announce(self._owner, topic, message, now)
 
@@ -366,8 +366,8 @@ class Publishers:
         self._repeats.clear()
 
 
-def _listeners_in_pause(feed: PeriodicPublisher) -> list[Subscription]:
+def _listeners_in_pause(publisher: PeriodicPublisher) -> list[Subscription]:
     """The listeners that a topic is shown to in a pause."""
-    if not feed.is_shown_in_pause or feed.topic is None:
+    if not publisher.is_shown_in_pause or publisher.topic is None:
         return []
-    return [one for one in feed.topic.subscriptions if not one.is_idle and not one.is_recording]
+    return [one for one in publisher.topic.subscriptions if not one.is_idle and not one.is_recording]

@@ -1,8 +1,8 @@
-"""What a part of the simulator offers and listens to on the bus, so that it can be taken away again as a whole.
+"""The services and input topics of the world or of one ego, so that they can be taken away again as a whole.
 
 The world's own services and input topics stay as long as the simulator; those of a further ego come and go with it.
-Parts speak of them by their default names; what they are called in the end, and whether they are there, the network
-settings say.
+Components speak of them by their default names; what they are called in the end, and whether they are there, the
+network settings say.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from rosbridge_sim.graph.topics_services import Call, Handle, Subscription, Topi
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.interfaces.network_settings import InterfaceKind
 from rosbridge_sim.morai.interfaces.registry import Interface, InterfaceRegistry, why_no_topic
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 
 __all__ = ["SubscribersServices", "Take"]
 
@@ -92,7 +92,7 @@ class SubscribersServices:
         return [item.name for item in self._own if item.kind is InterfaceKind.SERVICE and item.name is not None]
 
     def release(self, now: float) -> None:
-        """Take it all away; whoever waits for an answer is told."""
+        """Take it all away; clients that wait for an answer are told."""
         self._items.remove(self._own, now)
         self._own = []
 

@@ -1,1 +1,1 @@
-"""Recorded drives: read, and shown again."""
+"""Replay: recorded drives are read and shown again."""

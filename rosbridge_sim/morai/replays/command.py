@@ -1,4 +1,4 @@
-"""What a client asks of a replay: a MoraiSimProcHandle, read and checked as a whole, and how it went."""
+"""Replay commands: a MoraiSimProcHandle, read and checked as a whole, and the results of commands."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from typing import Final
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.replays.playback_actors import EVERYBODY
+from rosbridge_sim.morai.replays.playback_actors import ALL_TARGETS
 from rosbridge_sim.morai.replays.state_machine import ReplayEvent
 
 __all__ = ["ReplayCommand", "ReplayResult", "read_command"]
 
 MAX_PLAYBACK_SPEED: Final = 10
-"""What MORAI's dialog offers."""
+"""Largest speed that MORAI's dialog offers."""
 
 
 class ReplayResult(IntEnum):
-    """`command_result`."""
+    """Result of a command, as `command_result` numbers it."""
 
     NONE = 0
     DONE = 1
@@ -31,14 +31,14 @@ _COMMANDS: Final = {1: ReplayEvent.PLAY, 2: ReplayEvent.PAUSE, 32: ReplayEvent.S
 _FILE, _TARGETS, _START, _SPEED = 1, 2, 4, 8
 _OPTIONS: Final = _FILE | _TARGETS | _START | _SPEED
 
-_LITERAL: Final = {0x10: 2, 0x100: 4, 0x1000: 8}
-"""MORAI's own comment writes the bits of both sums as 0x1, 0x10, 0x100, 0x1000, which are binary digits; taken at
-its word, these numbers mean nothing else, so they are understood as well."""
+_HEX_SPELLING: Final = {0x10: 2, 0x100: 4, 0x1000: 8}
+"""Hexadecimal spelling of a bit -> the bit. MORAI's own comment writes the bits of both sums as 0x1, 0x10, 0x100,
+0x1000, but means binary digits. These numbers have no other meaning, so they are accepted as well."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReplayCommand:
-    """A MoraiSimProcHandle, read; None is what was not chosen."""
+    """A MoraiSimProcHandle that has been read; None for an option that was not chosen."""
 
     event: ReplayEvent
     name: str | None
@@ -48,7 +48,7 @@ class ReplayCommand:
 
     @property
     def events(self) -> list[ReplayEvent]:
-        """What happens, in this order; of a file it is LOAD, then these."""
+        """Events that the command brings about, in this order."""
         if self.event is ReplayEvent.STOP:
             return [ReplayEvent.STOP]
         if self.name is not None:
@@ -58,12 +58,12 @@ class ReplayCommand:
 
 
 def read_command(request: Struct) -> ReplayCommand:
-    """Read a MoraiSimProcHandle; of a stop, the options do not count.
+    """Read a MoraiSimProcHandle; a stop has no options, so they are ignored.
 
     Raises:
-        FieldError: a command, option or figure that there is not.
+        FieldError: a command or option that does not exist, or a value out of range.
     """
-    where, option = "morai_msgs/MoraiSimProcHandle", _plain(request.replay_option)
+    where, option = "morai_msgs/MoraiSimProcHandle", _decode_bits(request.replay_option)
     event = _COMMANDS.get(request.sim_process_status)
     if event is None:
         got = request.sim_process_status
@@ -72,8 +72,8 @@ def read_command(request: Struct) -> ReplayCommand:
         option = 0
     if option & ~_OPTIONS:
         raise FieldError(f"{where}.replay_option: expected a sum of 1, 2, 4 and 8, got {option}")
-    targets, start_ms, speed = _plain(request.replay_target_option), request.start_time, request.replay_speed
-    if option & _TARGETS and (not targets or targets & ~EVERYBODY):
+    targets, start_ms, speed = _decode_bits(request.replay_target_option), request.start_time, request.replay_speed
+    if option & _TARGETS and (not targets or targets & ~ALL_TARGETS):
         raise FieldError(f"{where}.replay_target_option: expected a sum of 1, 2 and 4, got {targets}")
     if option & _START and start_ms < 0:
         raise FieldError(f"{where}.start_time: expected 0 or more, got {start_ms}")
@@ -88,9 +88,9 @@ def read_command(request: Struct) -> ReplayCommand:
     )
 
 
-def _plain(bits: int) -> int:
-    """A sum of bits, however it is written; what is neither stays as it is."""
-    for literal, bit in _LITERAL.items():
+def _decode_bits(bits: int) -> int:
+    """Return a sum of bits in its binary spelling; bits of no known spelling stay as they are."""
+    for literal, bit in _HEX_SPELLING.items():
         if bits > 0 and bits & literal:
             bits = bits & ~literal | bit
     return bits

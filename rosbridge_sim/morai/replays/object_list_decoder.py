@@ -1,16 +1,16 @@
-"""Object lists right out of a message's bytes: what a library makes of them, one by one, takes ten times as long.
+"""Object lists decoded directly from a message's bytes, because a library takes ten times as long.
 
 The bytes of an ObjectStatusList or ReplayInfo, as ROS 1 writes them or as CDR, little-endian:
 
     header                       ROS 1: seq, secs, nsecs, frame_id; CDR: four bytes in front, sec, nanosec, frame_id
     13 float64                   of a ReplayInfo alone: pedals, wheels, orientation, acceleration, turn
-    3 int32                      how long the lists are; the lists say it themselves
+    3 int32                      lengths of the lists; not read, since each list has its own length
     3 lists, each of             uint32, then as many entries
         int32, int32, string     unique_id, type, name
         13 float64               heading, then x, y, z of velocity, acceleration, size, position
 
 A string is its length and its bytes, in CDR with a zero at the end. In CDR, numbers stand at multiples of their size,
-counted from behind the four bytes. Whoever calls makes sure that the definition is this one: see `LAYOUT`.
+counted from after the four bytes. The caller makes sure that the definition is this one: see `LAYOUT`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ __all__ = ["LAYOUT", "DecodedObjectLists", "decode_object_lists"]
 LAYOUT: Final = frozenset(
     f"morai_msgs/msg/{name}" for name in ("ObjectStatusList", "ReplayInfo", "ObjectStatus")
 ) | frozenset(f"geometry_msgs/msg/{name}" for name in ("Vector3", "Quaternion"))
-"""Types whose definitions must be those of ours for the bytes to be as above."""
+"""Types whose definitions must equal ours, so that the bytes are as above."""
 
 _KINDS: Final = (Kind.VEHICLE, Kind.PEDESTRIAN, Kind.OBSTACLE)
 _CDR_LITTLE: Final = b"\0\1"
@@ -38,12 +38,12 @@ _FIGURES: Final = 13 * 8
 
 @dataclass(frozen=True, slots=True)
 class DecodedObjectLists:
-    """What a message says.
+    """Content of a message.
 
     Attributes:
-        stamp_ns: of its header.
+        stamp_ns: the header's stamp.
         pedals: the ego's part of a ReplayInfo, under the message's own names; None of an ObjectStatusList.
-        who: (unique_id, kind, name) of each object; an ego among them is left out, it has a topic of its own.
+        who: (unique_id, kind, name) of each object. Egos are left out: they have their own topics.
         figures: 13 float64 of each, as bytes.
     """
 
@@ -57,15 +57,15 @@ def decode_object_lists(raw: bytes, *, is_cdr: bool, has_pedals: bool) -> Decode
     """Read an ObjectStatusList, or with `has_pedals` a ReplayInfo.
 
     Raises:
-        ValueError: the bytes are not those of such a message.
+        ValueError: the bytes are not a message of this type.
     """
     try:
-        return _skim(raw, is_cdr=is_cdr, has_pedals=has_pedals)
+        return _decode(raw, is_cdr=is_cdr, has_pedals=has_pedals)
     except struct.error as error:
         raise ValueError(f"too short: {error}") from None
 
 
-def _skim(raw: bytes, *, is_cdr: bool, has_pedals: bool) -> DecodedObjectLists:
+def _decode(raw: bytes, *, is_cdr: bool, has_pedals: bool) -> DecodedObjectLists:
     origin = at = 4 if is_cdr else 0
     if is_cdr and raw[:2] != _CDR_LITTLE:
         raise ValueError("expected plain CDR, little-endian")
@@ -77,7 +77,7 @@ def _skim(raw: bytes, *, is_cdr: bool, has_pedals: bool) -> DecodedObjectLists:
     pedals = None
     if has_pedals:
         at = _align(at, origin, 8) if is_cdr else at
-        pedals = _name(_PEDALS.unpack_from(raw, at))
+        pedals = _name_figures(_PEDALS.unpack_from(raw, at))
         at += _FIGURES
     at = _align(at, origin, 4) + 12 if is_cdr else at + 12
     who: list[tuple[int, Kind, str]] = []
@@ -109,7 +109,7 @@ def _align(at: int, origin: int, size: int) -> int:
     return at + (origin - at) % size
 
 
-def _name(figures: tuple[float, ...]) -> SimpleNamespace:
+def _name_figures(figures: tuple[float, ...]) -> SimpleNamespace:
     acc, brake, steer, x, y, z, w, *vectors = figures
     accel, turn = (SimpleNamespace(x=v[0], y=v[1], z=v[2]) for v in (vectors[:3], vectors[3:]))
     return SimpleNamespace(

@@ -1,7 +1,7 @@
-"""Those whom a recording moves: how its scenes get into the world.
+"""Entities that a recording moves, and how they get into the world.
 
-Everybody of a scene is a ghost there, under his own number where it is free. Who is not in the next scene goes, and
-comes again if he comes again.
+Each object of a recording is a ghost in the world, under its recorded id where that is free. An object that is missing
+in the next moment is removed, and added again if it comes back.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from rosbridge_sim.morai.catalogue import Catalogue, default_model
 from rosbridge_sim.morai.ego import Ego
 from rosbridge_sim.morai.replays.recording import EGO_COLUMNS, OBJECT_COLUMNS, Actor, RecordedMoment
 from rosbridge_sim.morai.scene import MAX_ENTITIES, Scene
-from rosbridge_sim.world.dynamics import place_ghost, show_ghosts
+from rosbridge_sim.world.placement import place_ghost, show_ghosts
 from rosbridge_sim.world.state import Body, Kind, Snapshot, World
 
-__all__ = ["EGO", "EVERYBODY", "PEDESTRIANS", "VEHICLES", "PlaybackActors"]
+__all__ = ["ALL_TARGETS", "EGO", "PEDESTRIANS", "VEHICLES", "PlaybackActors"]
 
 EGO: Final = 1
 VEHICLES: Final = 2
 PEDESTRIANS: Final = 4
-EVERYBODY: Final = EGO | VEHICLES | PEDESTRIANS
-"""Whom a recording moves, a sum. Obstacles come and go with the vehicles: they have no number of their own."""
+ALL_TARGETS: Final = EGO | VEHICLES | PEDESTRIANS
+"""Targets of a replay, a sum. Obstacles belong to the vehicles, because MORAI has no bit for them."""
 
 _TARGETS: Final = {Kind.VEHICLE: VEHICLES, Kind.OBSTACLE: VEHICLES, Kind.PEDESTRIAN: PEDESTRIANS}
 
@@ -35,15 +35,15 @@ _log = logging.getLogger("rosbridge_sim.morai")
 
 
 class PlaybackActors:
-    """Who of the world is moved by a recording now; nobody outside of `enter` and `leave`."""
+    """Entities that a recording moves; none before `enter` and after `leave`."""
 
     def __init__(self, world: World, scene: Scene, find_ego: Callable[[int], Ego | None]) -> None:
-        """Nobody yet.
+        """Start without entities.
 
         Args:
-            world: written.
-            scene: gives numbers, and is kept for the recording.
-            find_ego: the ego of a number.
+            world: is written.
+            scene: gives ids; nothing else is added to it or removed from it meanwhile.
+            find_ego: returns the ego of a number, or None.
         """
         self._world = world
         self._scene = scene
@@ -55,12 +55,12 @@ class PlaybackActors:
         self._is_full = False
 
     def enter(self, egos: Iterable[int], targets: int, *, has_objects: bool) -> None:
-        """Take the stage from those who are to be moved; they are kept as they are.
+        """Make the egos ghosts and remove the objects that the recording replaces, until `leave`.
 
         Args:
-            egos: numbers of those that there are scenes of.
-            targets: who is to be moved.
-            has_objects: whether there are scenes of others; if not, they stay and go on by themselves.
+            egos: numbers of the recorded egos.
+            targets: a sum of EGO, VEHICLES and PEDESTRIANS.
+            has_objects: whether objects are recorded; if not, those of the world stay and go on by themselves.
         """
         world = self._world
         self._before = world.snapshot()
@@ -72,17 +72,17 @@ class PlaybackActors:
             ego.is_replayed = True
             row = ego.row
             place = {axis: getattr(world, axis).item(row) for axis in ("x", "y", "z", "roll", "pitch", "yaw")}
-            place_ghost(world, row, **place)  # it leaves its lane, if it drove itself
+            place_ghost(world, row, **place)  # it leaves its lane, if it was self-driving
         if has_objects:
             for uid in [int(world.uid[row]) for row in world.placed()]:
                 if targets & _TARGETS.get(Kind(world.kind.item(world.row(uid))), 0):
                     world.remove(uid)
 
     def retarget(self, egos: Iterable[int], targets: int, *, has_objects: bool) -> None:
-        """Have others be moved from now on; the arguments are those of `enter`.
+        """Change the targets; the arguments are those of `enter`.
 
-        An ego that is moved neither before nor after drives on. All others who are not moved any longer, or still not,
-        are again where they were when the recording took the stage.
+        An ego that is moved neither before nor after drives on. All other entities that are not moved from now on
+        return to where they were at the first `enter`.
         """
         if targets == self._targets:
             return
@@ -94,29 +94,29 @@ class PlaybackActors:
         for uid in free - {ego.uid for ego in self._egos.values()}:
             world.restore_driven(uid, now)
 
-    def show(self, scene: RecordedMoment) -> None:
-        """Put everybody where a scene has him."""
+    def show(self, moment: RecordedMoment) -> None:
+        """Place all entities as they are at a recorded moment; add and remove objects as needed."""
         world = self._world
         for index, ego in self._egos.items():
-            show_ghosts(world, np.array([ego.row]), EGO_COLUMNS, scene.egos[index][:, None])
-        chosen = [i for i, actor in enumerate(scene.cast) if _TARGETS[actor.kind] & self._targets]
-        cast = [scene.cast[i] for i in chosen]
-        here = dict.fromkeys(cast)
-        for actor in [actor for actor in self._uids if actor not in here]:
+            show_ghosts(world, np.array([ego.row]), EGO_COLUMNS, moment.egos[index][:, None])
+        chosen = [i for i, actor in enumerate(moment.actors) if _TARGETS[actor.kind] & self._targets]
+        actors = [moment.actors[i] for i in chosen]
+        present = dict.fromkeys(actors)
+        for actor in [actor for actor in self._uids if actor not in present]:
             world.remove(self._uids.pop(actor))
-        new = [(i, actor) for i, actor in zip(chosen, cast, strict=True) if actor not in self._uids]
+        new = [(i, actor) for i, actor in zip(chosen, actors, strict=True) if actor not in self._uids]
         if new:
             with world.room_for(max(0, min(len(new), MAX_ENTITIES - len(world)))):
                 for i, actor in new:
                     if actor not in self._uids:  # it may be there twice
-                        self._bring(actor, *scene.values[:2, i].tolist())
-        placed = [i for i, actor in zip(chosen, cast, strict=True) if actor in self._uids]
+                        self._add(actor, *moment.values[:2, i].tolist())
+        placed = [i for i, actor in zip(chosen, actors, strict=True) if actor in self._uids]
         if placed:
-            rows = np.array([world.row(self._uids[scene.cast[i]]) for i in placed])
-            show_ghosts(world, rows, OBJECT_COLUMNS, scene.values[:, placed])
+            rows = np.array([world.row(self._uids[moment.actors[i]]) for i in placed])
+            show_ghosts(world, rows, OBJECT_COLUMNS, moment.values[:, placed])
 
     def leave(self) -> None:
-        """Have the world be as it was before; frames, lights and the count of ids have gone on."""
+        """Restore the world as it was at `enter`, except for the frame, the traffic lights and the next free id."""
         if self._before is None:
             return
         now = self._world.snapshot()
@@ -127,8 +127,8 @@ class PlaybackActors:
         self._scene.is_replaying = False
         self._before, self._egos, self._uids, self._is_full = None, {}, {}, False
 
-    def _bring(self, actor: Actor, x: float, y: float) -> None:
-        """Put somebody into the world, if there is room."""
+    def _add(self, actor: Actor, x: float, y: float) -> None:
+        """Add an object to the world, if there is room."""
         if len(self._world) >= MAX_ENTITIES:
             if not self._is_full:
                 self._is_full = True
@@ -142,7 +142,7 @@ class PlaybackActors:
 
 
 def _body_of(actor: Actor, catalogue: Catalogue) -> Body:
-    """The body of its model, in the recorded size; a vehicle that nobody knows has the proportions of the usual car."""
+    """Return the body of its model in the recorded size; a vehicle of an unknown model has the default car's shape."""
     model = catalogue.find(actor.name)
     like = (model if model is not None and model.kind is actor.kind else default_model(actor.kind)).body
     return _resize(like, actor.kind, actor.size)
@@ -150,7 +150,7 @@ def _body_of(actor: Actor, catalogue: Catalogue) -> Body:
 
 @lru_cache(maxsize=1024)
 def _resize(like: Body, kind: Kind, size: tuple[float, float, float]) -> Body:
-    """Another body of another length, width and height; the usual one where they make none."""
+    """Return a body of this length, width and height; the given one if they are not a valid size."""
     length, width, height = size
     try:
         if (length, width, height) == (like.length, like.width, like.height):
@@ -167,5 +167,5 @@ def _resize(like: Body, kind: Kind, size: tuple[float, float, float]) -> Body:
             front_overhang=like.front_overhang * scale,
             rear_overhang=like.rear_overhang * scale,
         )
-    except ValueError:  # a size that is none
+    except ValueError:  # not a valid size
         return like

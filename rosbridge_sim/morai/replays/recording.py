@@ -1,8 +1,8 @@
-"""A recorded drive as plain arrays, and what it shows at a moment of it.
+"""A recorded drive as plain arrays, and its state at any moment.
 
-A recording has a track of each ego and one of everybody else. Each has its own stamps, for topics are recorded at rates
-of their own. A moment that falls on a stamp shows what was recorded there, to the last bit; one between two stamps
-shows what lies between both, unless they are too far apart in time or space to be one motion.
+A recording has one track for each ego and one for all other objects. Each track has its own stamps, because topics are
+recorded at different rates. A moment that equals a stamp gives the recorded values, to the last bit. A moment between
+two stamps is interpolated, unless the two are too far apart in time or space to be one motion.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ EGO_COLUMNS: Final = (
     *("x", "y", "z", "roll", "pitch", "yaw", "speed", "accel", "lateral_accel", "yaw_rate"),
     *("steer", "throttle", "brake"),
 )
-"""What a track tells of an ego: columns of the world, in its units."""
+"""Values of an ego's track: columns of the world, in its units."""
 
 OBJECT_COLUMNS: Final = (
     *("x", "y", "z", "yaw", "speed", "lateral_speed", "climb"),
     *("accel", "lateral_accel", "climb_accel"),
 )
-"""What a track tells of anybody else."""
+"""Values of the track of all other objects."""
 
 MAX_FRAME_GAP_NS: Final = 1_000_000_000
-"""Between stamps that are farther apart nothing is known [ns]."""
+"""Longest time between two stamps that is interpolated [ns]: a longer one is a gap in the recording."""
 
 MAX_RECORDED_SPEED: Final = 100.0
-"""Who was faster than this from one stamp to the next has been put elsewhere and has not driven there [m/s]."""
+"""Highest speed from one stamp to the next that is interpolated [m/s]: a faster change is a jump."""
 
 _ANGLES: Final = frozenset({"roll", "pitch", "yaw"})
 _EGO_ANGLES: Final = np.array([name in _ANGLES for name in EGO_COLUMNS])
@@ -43,13 +43,13 @@ _OBJECT_ANGLES: Final = np.array([name in _ANGLES for name in OBJECT_COLUMNS])
 
 @dataclass(frozen=True, slots=True)
 class Actor:
-    """Somebody in a recording who is no ego.
+    """An object of a recording; not an ego.
 
     Attributes:
-        uid: as recorded; no number of the world's yet.
+        uid: as recorded; its id in the world may be another one.
         kind: VEHICLE, PEDESTRIAN or OBSTACLE.
-        name: of the model, as recorded.
-        size: length, width, height [m]; as recorded, so anything.
+        name: the model's, as recorded.
+        size: length, width, height [m]; as recorded, not checked.
     """
 
     uid: int
@@ -60,11 +60,11 @@ class Actor:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EgoTrack:
-    """One ego's way.
+    """States of one ego over time.
 
     Attributes:
         stamps: (n,) int64, rising, n >= 1 [ns].
-        values: (columns, n) float64, a row for each of `EGO_COLUMNS`; NaN is not known.
+        values: (columns, n) float64, a row for each of `EGO_COLUMNS`; NaN where unknown.
     """
 
     stamps: IntArray
@@ -72,65 +72,66 @@ class EgoTrack:
 
     @property
     def has_place(self) -> bool:
-        """Whether it tells where the ego is."""
+        """Return whether it holds the position of the ego."""
         return not bool(np.isnan(self.values[0]).any())
 
     def at(self, stamp_ns: int) -> FloatArray:
-        """Its (columns,) at a moment."""
+        """Return the state at a moment, (columns,)."""
         i, part = _find(self.stamps, stamp_ns)
         if not part:
             return self.values[:, i]
-        reach = _reach(self.stamps, i)
-        return _between(self.values[:, i : i + 1], self.values[:, i + 1 : i + 2], part, reach, _EGO_ANGLES)[:, 0]
+        reach = _max_way(self.stamps, i)
+        return _interpolate(self.values[:, i : i + 1], self.values[:, i + 1 : i + 2], part, reach, _EGO_ANGLES)[:, 0]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObjectTrack:
-    """Everybody else's ways.
+    """States of all objects but the egos over time.
 
     Attributes:
         stamps: (n,) int64, rising, n >= 1 [ns].
         starts: (n + 1,) int64: at stamp i the entries from starts[i] to starts[i + 1] hold.
-        who: (k,) int64, indices into `cast`, each at most once at a stamp.
+        actor_indices: (k,) int64, indices into `actors`, each at most once at a stamp.
         values: (columns, k) float64, a row for each of `OBJECT_COLUMNS`.
-        cast: all who ever appear.
+        actors: all objects of the recording.
     """
 
     stamps: IntArray
     starts: IntArray
-    who: IntArray
+    actor_indices: IntArray
     values: FloatArray
-    cast: tuple[Actor, ...]
+    actors: tuple[Actor, ...]
 
     def at(self, stamp_ns: int) -> tuple[IntArray, FloatArray]:
-        """Who is there at a moment, (m,) indices into `cast`, and their (columns, m)."""
+        """Return the objects of a moment, (m,) indices into `actors`, and their states, (columns, m)."""
         i, part = _find(self.stamps, stamp_ns)
-        who, values = self._sample(i)
+        present, values = self._sample(i)
         if not part:
-            return who, values
-        later, then = self._sample(i + 1)
-        _, here, there = np.intersect1d(who, later, return_indices=True)
-        values = values.copy()  # whoever has left by then stays where he was
-        values[:, here] = _between(values[:, here], then[:, there], part, _reach(self.stamps, i), _OBJECT_ANGLES)
-        return who, values
+            return present, values
+        next_present, next_values = self._sample(i + 1)
+        _, here, there = np.intersect1d(present, next_present, return_indices=True)
+        values = values.copy()  # an object that is gone at the next stamp keeps its state until then
+        reach = _max_way(self.stamps, i)
+        values[:, here] = _interpolate(values[:, here], next_values[:, there], part, reach, _OBJECT_ANGLES)
+        return present, values
 
     def _sample(self, i: int) -> tuple[IntArray, FloatArray]:
         entries = slice(self.starts[i], self.starts[i + 1])
-        return self.who[entries], self.values[:, entries]
+        return self.actor_indices[entries], self.values[:, entries]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedMoment:
-    """How the world is to look at a moment.
+    """State of all replayed entities at a moment.
 
     Attributes:
-        egos: an ego's number -> (columns,) as in `EGO_COLUMNS`; NaN leaves it as it is.
-        cast: who else is there.
+        egos: an ego's number -> (columns,) as in `EGO_COLUMNS`; NaN leaves the ego's value as it is.
+        actors: the other objects.
         values: (columns, m) of these, as in `OBJECT_COLUMNS`.
     """
 
     egos: Mapping[int, FloatArray]
-    cast: tuple[Actor, ...]
+    actors: tuple[Actor, ...]
     values: FloatArray
 
 
@@ -139,10 +140,10 @@ class Recording:
     """A recorded drive.
 
     Attributes:
-        name: as a client calls it.
+        name: as clients call it.
         egos: an ego's number -> its track.
-        objects: None where the recording tells nothing of them.
-        notes: what a person should know of it.
+        objects: track of all others; None where the recording holds none.
+        notes: remarks for the user.
     """
 
     name: str
@@ -152,28 +153,28 @@ class Recording:
 
     @property
     def is_empty(self) -> bool:
-        """Whether there is nothing to show."""
+        """Return whether there is nothing to show."""
         return not self.egos and self.objects is None
 
     @property
     def start_ns(self) -> int:
-        """Its first stamp [ns]; not of an empty one."""
+        """First stamp [ns]; an empty recording has none."""
         return int(min(stamps[0] for stamps in self._stamps()))
 
     @property
     def duration_ns(self) -> int:
-        """From its first stamp to its last [ns]; not of an empty one."""
+        """Time from the first stamp to the last [ns]; an empty recording has none."""
         return int(max(stamps[-1] for stamps in self._stamps())) - self.start_ns
 
-    def scene(self, since_ns: int) -> RecordedMoment:
-        """What it shows so long after its first stamp [ns]; a track that has not begun shows its first entry."""
+    def moment(self, since_ns: int) -> RecordedMoment:
+        """Return the state at a time after the first stamp [ns]; a track that begins later shows its first entry."""
         stamp_ns = self.start_ns + since_ns
         egos = {index: track.at(stamp_ns) for index, track in self.egos.items()}
         if self.objects is None:
             return RecordedMoment(egos, (), np.empty((len(OBJECT_COLUMNS), 0)))
-        who, values = self.objects.at(stamp_ns)
-        cast = self.objects.cast
-        return RecordedMoment(egos, tuple([cast[i] for i in who.tolist()]), values)
+        present, values = self.objects.at(stamp_ns)
+        actors = self.objects.actors
+        return RecordedMoment(egos, tuple([actors[i] for i in present.tolist()]), values)
 
     def _stamps(self) -> list[IntArray]:
         stamps = [track.stamps for track in self.egos.values()]
@@ -181,7 +182,7 @@ class Recording:
 
 
 def _find(stamps: IntArray, stamp_ns: int) -> tuple[int, float]:
-    """The entry that a moment falls on or behind, and which part of the way to the next one it has gone."""
+    """Return the last entry at or before a moment, and the elapsed part (0..1) of the time to the next one."""
     i = max(int(stamps.searchsorted(stamp_ns, side="right")) - 1, 0)
     since = stamp_ns - int(stamps[i])
     if since <= 0 or i + 1 == len(stamps):
@@ -190,13 +191,13 @@ def _find(stamps: IntArray, stamp_ns: int) -> tuple[int, float]:
     return i, since / gap if gap <= MAX_FRAME_GAP_NS else 0.0
 
 
-def _reach(stamps: IntArray, i: int) -> float:
-    """How far anybody drives from a stamp to the next one [m]."""
+def _max_way(stamps: IntArray, i: int) -> float:
+    """Return the longest way from a stamp to the next one that is no jump [m]."""
     return MAX_RECORDED_SPEED * (int(stamps[i + 1]) - int(stamps[i])) / 1e9
 
 
-def _between(before: FloatArray, after: FloatArray, part: float, reach: float, is_angle: BoolArray) -> FloatArray:
-    """Part of the way from one state to the next, (columns, m); who jumps stays where he was until he does."""
+def _interpolate(before: FloatArray, after: FloatArray, part: float, reach: float, is_angle: BoolArray) -> FloatArray:
+    """Interpolate two states, (columns, m); an object that jumps keeps its position until the next stamp."""
     change = after - before
     change[is_angle] = wrap_angle(change[is_angle])
     change[:, np.hypot(change[0], change[1]) > reach] = 0.0

@@ -1,31 +1,31 @@
-"""Replay: a recorded drive shown again, from a bag or as somebody tells it; who moves the world; a table.
+"""Replay as a table of states and events: a recorded drive moves the world, from a bag or from a client's messages.
 
-The states are four. Whether the world stands is not among them: a pause is synchronous mode's (see `sync`), one for
-the whole simulator, whoever asks for it.
+There are four states. The pause is not one of them, because it belongs to synchronous mode (see `sync`): there is one
+pause for the whole simulator.
 
-    SIMULATING   the world is its own
+    SIMULATING   the world moves by itself
     REPLAYING    a bag moves it, frame by frame
-    AT_END       the bag is over; the last of it stays, and the world is paused
+    AT_END       the end of the bag is reached; its last moment stays, and the world is paused
     FOLLOWING    a client publishes what it replays (*network replay*), and the world follows
 
 The decisions, and why:
 
-- What is recorded is shown with frames, 20 ms of it with each (times the speed), in real time and by ticks alike. The
-  first frame shows the place that was asked for, so frame for frame comes out what was recorded. Time, stamps and
-  traffic lights are the simulation's own.
-- Rows are placed within the step, behind all motion and before contacts: whom they pass they meet, as in the drive.
-- Who is not replayed (by `replay_target_option`, or since the bag does not hold him) goes on by himself. So vehicles
-  from a bag meet a car that a program drives.
-- Nobody commands whom a recording moves, and nobody else comes or goes meanwhile.
-- Stop gives the world back as it was before, paused if it was. In simulation mode play and pause are those of the
-  simulator, and stop begins the scenario anew: the last one that was loaded onto a cleared stage, else the opening one.
-- Play at the end begins again where the last start was. At the end nothing else ends the pause.
-- A new bag is read before the old one goes; what cannot be used changes nothing.
-- What we publish ourselves is not what a client replays, not even when a far bridge, which does not know who is who,
-  gives it back: it is known by its stamp and figures.
-- A source of network replay holds the stage until it stops publishing there, or leaves. Who was stopped by a command
-  stays unheard until it begins anew or has been silent for a second, else its next message would undo the stop.
-- A bag comes with the mode of its own recorder: units that its messages do not name are those of this profile.
+- Each frame shows 20 ms of the recording (times the speed), in real time and by ticks alike. The first frame shows the
+  chosen start, so the frames of a replay equal the recorded ones. Time, stamps and traffic lights are the simulation's.
+- Entities are placed within the step, after all motion and before collision detection. So they collide with what they
+  pass, as in the recorded drive.
+- An entity that is not replayed goes on by itself: `replay_target_option` leaves it out, or the bag does not hold it.
+  So vehicles from a bag meet a car that a program drives.
+- A replayed ego takes no commands, and no object is added or removed during a replay.
+- Stop gives the world back as it was before, paused if it was. In simulation mode, play and pause are those of the
+  simulator, and stop loads the scenario again: the last one that replaced the whole scene, else the opening one.
+- Play at the end begins again at the last start. At the end, nothing else ends the pause.
+- A new bag is read before the old one is left, so a bag that cannot be used changes nothing.
+- The simulator does not follow its own messages. A far bridge may send them back under another name, so they are
+  recognised by their stamp and values.
+- The source of a network replay keeps it until it unadvertises the topic or leaves. A source that a command has stopped
+  is ignored until it begins anew or has been silent for a second. Otherwise its next message would undo the stop.
+- A bag is in the profile of its recorder: units that its messages do not name are taken from the profile in use.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum
 from typing import Final
 
-__all__ = ["OF_A_BAG", "OF_A_SOURCE", "REPLAY_TABLE", "ReplayEffect", "ReplayEvent", "ReplayOutcome", "ReplayState"]
+__all__ = ["BAG_EVENTS", "REPLAY_TABLE", "SOURCE_EVENTS", "ReplayEffect", "ReplayEvent", "ReplayOutcome", "ReplayState"]
 
 
 class ReplayState(IntEnum):
-    """Who moves the world."""
+    """Mover of the world."""
 
     SIMULATING = 0
     REPLAYING = 1
@@ -48,7 +48,7 @@ class ReplayState(IntEnum):
 
 
 class ReplayEvent(IntEnum):
-    """What was asked for, or has happened."""
+    """Command, or change of the bag, the source or the scene."""
 
     LOAD = 0  # a recording has been read
     TUNE = 1  # other targets, another speed
@@ -57,24 +57,24 @@ class ReplayEvent(IntEnum):
     PAUSE = 4
     STOP = 5
     RUN_OUT = 6  # the last of the bag has been shown
-    MESSAGE = 7  # a client tells what it replays
-    LOST = 8  # ... and will not go on
-    EVICT = 9  # a scenario or a reset takes the stage
+    MESSAGE = 7  # of a client that replays over the network
+    LOST = 8  # that client has stopped or left
+    EVICT = 9  # a scenario or a reset changes the world
 
 
-OF_A_BAG: Final = frozenset({ReplayEvent.RUN_OUT})
-"""Events that take a bag to happen: the table has no row for them in the other states."""
+BAG_EVENTS: Final = frozenset({ReplayEvent.RUN_OUT})
+"""Events that happen only while a bag is replayed: the table has no row for them in the other states."""
 
-OF_A_SOURCE: Final = frozenset({ReplayEvent.LOST})
-"""Events that take a source of network replay."""
+SOURCE_EVENTS: Final = frozenset({ReplayEvent.LOST})
+"""Events that happen only while a source of network replay is followed."""
 
 
 class ReplayEffect(Enum):
-    """What follows from an event; carried out in the order of the row.
+    """Effect of an event; carried out in the order of the row.
 
-    LEAVE (the world is as it was before), ENTER (the recording takes the stage), TUNE and SEEK (as was asked for),
-    REWIND (back to the start), RESUME and HOLD (the simulator's pause), AGAIN (the scenario anew), IGNORE (the source
-    is unheard from now on).
+    LEAVE (give the world back as it was), ENTER (the recording moves the world), TUNE and SEEK (as was asked for),
+    REWIND (back to the start), RESUME and HOLD (the simulator's pause), AGAIN (load the scenario again), IGNORE (the
+    source is ignored from now on).
     """
 
     LEAVE = "leave"
@@ -103,61 +103,61 @@ class ReplayOutcome:
     why: str = ""
 
 
-def _yes(state: ReplayState, *effects: ReplayEffect) -> ReplayOutcome:
+def _accept(state: ReplayState, *effects: ReplayEffect) -> ReplayOutcome:
     return ReplayOutcome(state, effects)
 
 
-def _no(state: ReplayState, why: str) -> ReplayOutcome:
+def _refuse(state: ReplayState, why: str) -> ReplayOutcome:
     return ReplayOutcome(state, why=why)
 
 
-_NONE: Final = "no recording is loaded: replay_option 1 loads one"
-_TOLD: Final = "a client tells what is replayed: targets, start and speed are its own"
-_TAKEN: Final = "a bag is replayed already"
+_NO_RECORDING: Final = "no recording is loaded: replay_option 1 loads one"
+_CLIENT_DECIDES: Final = "a client tells what is replayed: targets, start and speed are its own"
+_BAG_IS_REPLAYED: Final = "a bag is replayed already"
 
 REPLAY_TABLE: Final[Mapping[ReplayState, Mapping[ReplayEvent, ReplayOutcome]]] = {
     ReplayState.SIMULATING: {
-        ReplayEvent.LOAD: _yes(ReplayState.REPLAYING, ReplayEffect.ENTER),
-        ReplayEvent.TUNE: _no(ReplayState.SIMULATING, _NONE),
-        ReplayEvent.SEEK: _no(ReplayState.SIMULATING, _NONE),
-        ReplayEvent.PLAY: _yes(ReplayState.SIMULATING, ReplayEffect.RESUME),
-        ReplayEvent.PAUSE: _yes(ReplayState.SIMULATING, ReplayEffect.HOLD),
-        ReplayEvent.STOP: _yes(ReplayState.SIMULATING, ReplayEffect.AGAIN),
-        ReplayEvent.MESSAGE: _yes(ReplayState.FOLLOWING, ReplayEffect.ENTER),
-        ReplayEvent.EVICT: _yes(ReplayState.SIMULATING),
+        ReplayEvent.LOAD: _accept(ReplayState.REPLAYING, ReplayEffect.ENTER),
+        ReplayEvent.TUNE: _refuse(ReplayState.SIMULATING, _NO_RECORDING),
+        ReplayEvent.SEEK: _refuse(ReplayState.SIMULATING, _NO_RECORDING),
+        ReplayEvent.PLAY: _accept(ReplayState.SIMULATING, ReplayEffect.RESUME),
+        ReplayEvent.PAUSE: _accept(ReplayState.SIMULATING, ReplayEffect.HOLD),
+        ReplayEvent.STOP: _accept(ReplayState.SIMULATING, ReplayEffect.AGAIN),
+        ReplayEvent.MESSAGE: _accept(ReplayState.FOLLOWING, ReplayEffect.ENTER),
+        ReplayEvent.EVICT: _accept(ReplayState.SIMULATING),
     },
     ReplayState.REPLAYING: {
-        ReplayEvent.LOAD: _yes(ReplayState.REPLAYING, ReplayEffect.LEAVE, ReplayEffect.ENTER),
-        ReplayEvent.TUNE: _yes(ReplayState.REPLAYING, ReplayEffect.TUNE),
-        ReplayEvent.SEEK: _yes(ReplayState.REPLAYING, ReplayEffect.SEEK),
-        ReplayEvent.PLAY: _yes(ReplayState.REPLAYING, ReplayEffect.RESUME),
-        ReplayEvent.PAUSE: _yes(ReplayState.REPLAYING, ReplayEffect.HOLD),
-        ReplayEvent.STOP: _yes(ReplayState.SIMULATING, ReplayEffect.LEAVE),
-        ReplayEvent.RUN_OUT: _yes(ReplayState.AT_END, ReplayEffect.HOLD),
-        ReplayEvent.MESSAGE: _no(ReplayState.REPLAYING, _TAKEN),
-        ReplayEvent.EVICT: _yes(ReplayState.SIMULATING, ReplayEffect.LEAVE),
+        ReplayEvent.LOAD: _accept(ReplayState.REPLAYING, ReplayEffect.LEAVE, ReplayEffect.ENTER),
+        ReplayEvent.TUNE: _accept(ReplayState.REPLAYING, ReplayEffect.TUNE),
+        ReplayEvent.SEEK: _accept(ReplayState.REPLAYING, ReplayEffect.SEEK),
+        ReplayEvent.PLAY: _accept(ReplayState.REPLAYING, ReplayEffect.RESUME),
+        ReplayEvent.PAUSE: _accept(ReplayState.REPLAYING, ReplayEffect.HOLD),
+        ReplayEvent.STOP: _accept(ReplayState.SIMULATING, ReplayEffect.LEAVE),
+        ReplayEvent.RUN_OUT: _accept(ReplayState.AT_END, ReplayEffect.HOLD),
+        ReplayEvent.MESSAGE: _refuse(ReplayState.REPLAYING, _BAG_IS_REPLAYED),
+        ReplayEvent.EVICT: _accept(ReplayState.SIMULATING, ReplayEffect.LEAVE),
     },
     ReplayState.AT_END: {
-        ReplayEvent.LOAD: _yes(ReplayState.REPLAYING, ReplayEffect.LEAVE, ReplayEffect.ENTER),
-        ReplayEvent.TUNE: _yes(ReplayState.AT_END, ReplayEffect.TUNE),
-        ReplayEvent.SEEK: _yes(ReplayState.REPLAYING, ReplayEffect.SEEK),
-        ReplayEvent.PLAY: _yes(ReplayState.REPLAYING, ReplayEffect.REWIND, ReplayEffect.RESUME),
-        ReplayEvent.PAUSE: _yes(ReplayState.AT_END, ReplayEffect.HOLD),
-        ReplayEvent.STOP: _yes(ReplayState.SIMULATING, ReplayEffect.LEAVE),
-        ReplayEvent.RUN_OUT: _yes(ReplayState.AT_END, ReplayEffect.HOLD),
-        ReplayEvent.MESSAGE: _no(ReplayState.AT_END, _TAKEN),
-        ReplayEvent.EVICT: _yes(ReplayState.SIMULATING, ReplayEffect.LEAVE),
+        ReplayEvent.LOAD: _accept(ReplayState.REPLAYING, ReplayEffect.LEAVE, ReplayEffect.ENTER),
+        ReplayEvent.TUNE: _accept(ReplayState.AT_END, ReplayEffect.TUNE),
+        ReplayEvent.SEEK: _accept(ReplayState.REPLAYING, ReplayEffect.SEEK),
+        ReplayEvent.PLAY: _accept(ReplayState.REPLAYING, ReplayEffect.REWIND, ReplayEffect.RESUME),
+        ReplayEvent.PAUSE: _accept(ReplayState.AT_END, ReplayEffect.HOLD),
+        ReplayEvent.STOP: _accept(ReplayState.SIMULATING, ReplayEffect.LEAVE),
+        ReplayEvent.RUN_OUT: _accept(ReplayState.AT_END, ReplayEffect.HOLD),
+        ReplayEvent.MESSAGE: _refuse(ReplayState.AT_END, _BAG_IS_REPLAYED),
+        ReplayEvent.EVICT: _accept(ReplayState.SIMULATING, ReplayEffect.LEAVE),
     },
     ReplayState.FOLLOWING: {
-        ReplayEvent.LOAD: _yes(ReplayState.REPLAYING, ReplayEffect.LEAVE, ReplayEffect.ENTER),
-        ReplayEvent.TUNE: _no(ReplayState.FOLLOWING, _TOLD),
-        ReplayEvent.SEEK: _no(ReplayState.FOLLOWING, _TOLD),
-        ReplayEvent.PLAY: _yes(ReplayState.FOLLOWING, ReplayEffect.RESUME),
-        ReplayEvent.PAUSE: _yes(ReplayState.FOLLOWING, ReplayEffect.HOLD),
-        ReplayEvent.STOP: _yes(ReplayState.SIMULATING, ReplayEffect.LEAVE, ReplayEffect.IGNORE),
-        ReplayEvent.MESSAGE: _yes(ReplayState.FOLLOWING),
-        ReplayEvent.LOST: _yes(ReplayState.SIMULATING, ReplayEffect.LEAVE),
-        ReplayEvent.EVICT: _yes(ReplayState.SIMULATING, ReplayEffect.LEAVE),
+        ReplayEvent.LOAD: _accept(ReplayState.REPLAYING, ReplayEffect.LEAVE, ReplayEffect.ENTER),
+        ReplayEvent.TUNE: _refuse(ReplayState.FOLLOWING, _CLIENT_DECIDES),
+        ReplayEvent.SEEK: _refuse(ReplayState.FOLLOWING, _CLIENT_DECIDES),
+        ReplayEvent.PLAY: _accept(ReplayState.FOLLOWING, ReplayEffect.RESUME),
+        ReplayEvent.PAUSE: _accept(ReplayState.FOLLOWING, ReplayEffect.HOLD),
+        ReplayEvent.STOP: _accept(ReplayState.SIMULATING, ReplayEffect.LEAVE, ReplayEffect.IGNORE),
+        ReplayEvent.MESSAGE: _accept(ReplayState.FOLLOWING),
+        ReplayEvent.LOST: _accept(ReplayState.SIMULATING, ReplayEffect.LEAVE),
+        ReplayEvent.EVICT: _accept(ReplayState.SIMULATING, ReplayEffect.LEAVE),
     },
 }
 """Every state and every event that can happen in it."""

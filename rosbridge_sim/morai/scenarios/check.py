@@ -22,8 +22,8 @@ from rosbridge_sim.morai.documents import Mistake, SortedKeys, keys_beside, sort
 from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.scenarios.model import ScenarioDocument, find_scenario_mistakes
 from rosbridge_sim.morai.scenarios.reader import Scenario, Spawn, place_on_roads, read_scenario, sort_phases
-from rosbridge_sim.world.geometry import do_boxes_meet, nearest_on_polyline
-from rosbridge_sim.world.roads import Roads, ranges
+from rosbridge_sim.world.geometry import do_boxes_meet, nearest_on_polyline, ranges
+from rosbridge_sim.world.roads import Roads
 
 __all__ = ["Draft", "find_oddities", "keys_near", "place_draft", "read_draft"]
 

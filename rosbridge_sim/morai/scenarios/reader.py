@@ -70,12 +70,12 @@ class Driver:
     """How a vehicle keeps to the lanes.
 
     Attributes:
-        wish: how fast at most, inf for as fast as is allowed [m/s].
+        desired_speed: the most that it drives, inf for as fast as is allowed [m/s].
         links: ids of the links of its route; none: chance chooses.
         lane, s, route: where on which lane it starts [m], and the route's lanes, once `place_on_roads` has found them.
     """
 
-    wish: float
+    desired_speed: float
     links: tuple[str, ...] = ()
     lane: int = -1
     s: float = 0.0

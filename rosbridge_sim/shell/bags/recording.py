@@ -25,9 +25,10 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.policy import Rule
 from rosbridge_sim.graph.topics_services import Topic
-from rosbridge_sim.schema.compile import MessageType
-from rosbridge_sim.schema.store import Message, Store
-from rosbridge_sim.schema.validate import MessageSpec
+from rosbridge_sim.schema.message import Message
+from rosbridge_sim.schema.message_spec import MessageSpec
+from rosbridge_sim.schema.message_type import MessageType
+from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.bags.bag import Bag, BagGoneError, Channel
 
 __all__ = ["FLUSH_PERIOD", "BagMessageWriter", "Recorder"]
@@ -57,14 +58,14 @@ class _Track:
     recode: Callable[[bytes], bytes] | None
 
 
-def _layout(shape: MessageSpec) -> list[object]:
+def _layout(spec: MessageSpec) -> list[object]:
     """What decides in which order a type's bytes stand; equal in both generations for nearly all types."""
     layout: list[object] = []
-    for slot in shape.slots.values():
-        one = slot.field
-        if shape.name == "std_msgs/Header" and one.name == "seq":
+    for field_spec in spec.fields.values():
+        one = field_spec.definition
+        if spec.name == "std_msgs/Header" and one.name == "seq":
             continue  # ROS 2 has none, and whoever recodes knows it
-        layout += [one.array, one.is_bounded, one.type if slot.shape is None else _layout(slot.shape)]
+        layout += [one.array, one.is_bounded, one.type if field_spec.nested is None else _layout(field_spec.nested)]
     return layout
 
 
@@ -115,7 +116,7 @@ class BagMessageWriter:
             other = self._source.message(message_type.name)
         except PeerError:
             return None
-        if _layout(other.shape) != _layout(message_type.shape):
+        if _layout(other.spec) != _layout(message_type.spec):
             return None
         full_name = message_type.name.replace("/", "/msg/")
         ros2 = self._store if self._store.ros != 1 else self._source  # rosbags goes by the definition of ROS 2

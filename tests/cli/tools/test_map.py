@@ -27,7 +27,7 @@ from rosbridge_sim.cli.tools.map_picture import (
 from rosbridge_sim.morai.maps.mgeo import RoadMap, read_map
 from rosbridge_sim.morai.scenarios.reader import Spawn, read_scenario
 from tests.cli.tool_fixture import run
-from tests.morai.maps import KOREAN, ROADRUNNER
+from tests.morai.small_maps import KOREAN, ROADRUNNER
 
 
 @pytest.fixture

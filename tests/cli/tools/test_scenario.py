@@ -12,7 +12,7 @@ from PIL import Image
 
 from rosbridge_sim.cli.tools.verdicts import Verdicts
 from tests.cli.tool_fixture import run
-from tests.morai.maps import ROADRUNNER
+from tests.morai.small_maps import ROADRUNNER
 from tests.support import ROOT
 
 CAR = {"UNIQUEID": 7, "DataID": 30200001, "initPosition": {"pos": {"x": 50, "y": 0}}, "velocityTyp": 1}

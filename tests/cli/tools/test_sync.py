@@ -12,7 +12,7 @@ import pytest_asyncio
 
 from rosbridge_sim import Simulator
 from rosbridge_sim.cli.tools.sync import RESUME
-from rosbridge_sim.morai.sync import SyncState
+from rosbridge_sim.morai.sync_table import SyncState
 from tests.cli.tool_fixture import Frame, Result, answering, in_the_background, other_server
 from tests.support import Client
 

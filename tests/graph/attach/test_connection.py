@@ -20,23 +20,23 @@ FAT = b"x" * (MAX_IN_FLIGHT // 2)
 
 
 class Wire:
-    """A line with a socket that takes everything, and what went over it."""
+    """A connection with a socket that takes everything, and what went over it."""
 
     def __init__(self) -> None:
         self.refused: list[FrameError] = []
         self.num_woken = 0
-        self.line = BridgeConnection("", OutboxLimits(), 10_000, self.refused.append)
+        self.connection = BridgeConnection("", OutboxLimits(), 10_000, self.refused.append)
         self.open()
 
     def open(self) -> None:
-        self.line.open(self._wake, lambda: None)
+        self.connection.open(self._schedule_flush, lambda: None)
 
-    def _wake(self) -> None:
+    def _schedule_flush(self) -> None:
         self.num_woken += 1
 
     def sent(self, now: float = 0.0) -> list[bytes]:
         frames: list[bytes] = []
-        while taken := self.line.take(1_000, now):
+        while taken := self.connection.take(1_000, now):
             frames += taken
         return frames
 
@@ -48,7 +48,7 @@ class Wire:
         return self.receive(json.dumps(frame).encode(), now)
 
     def receive(self, frame: bytes, now: float = 0.0) -> list[ops.Op]:
-        return [op for op in self.line.receive(frame, now) if op is not None]
+        return [op for op in self.connection.receive(frame, now) if op is not None]
 
 
 class Words:
@@ -63,33 +63,33 @@ class Words:
 
 def test_a_question_is_a_call_and_its_answer_is_heard_once() -> None:
     wire, words = Wire(), Words()
-    wire.line.ask("/rosapi/topics", words, 1.0)
+    wire.connection.ask("/rosapi/topics", words, 1.0)
     (call,) = wire.calls()
     assert call == {"op": "call_service", "id": call["id"], "service": "/rosapi/topics", "args": {}}
-    assert wire.line.due == 1.0 + PROBE_PATIENCE
+    assert wire.connection.due == 1.0 + PROBE_PATIENCE
     assert wire.answer(call["id"], {"topics": []}, now=2.0) == []
     assert wire.answer(call["id"], {"topics": ["/late"]}, now=3.0) == []
     assert words.heard == [({"topics": []}, 2.0)]
-    assert wire.line.due is None
+    assert wire.connection.due is None
 
 
 def test_a_refusal_or_silence_is_heard_as_nothing() -> None:
     wire, words = Wire(), Words()
-    wire.line.ask("/a", words, 0.0)
-    wire.line.ask("/b", words, 0.5)
+    wire.connection.ask("/a", words, 0.0)
+    wire.connection.ask("/b", words, 0.5)
     first, second = wire.calls()
     wire.answer(first["id"], "no", is_ok=False, now=0.1)
-    wire.line.expire(0.5 + PROBE_PATIENCE)
+    wire.connection.expire(0.5 + PROBE_PATIENCE)
     assert words.heard == [(None, 0.1), (None, 0.5 + PROBE_PATIENCE)]
     assert wire.answer(second["id"]) == []  # too late, and not taken for anybody else's
 
 
 def test_a_question_of_a_socket_that_is_gone_is_never_answered() -> None:
     wire, words = Wire(), Words()
-    wire.line.ask("/a", words, 0.0)
+    wire.connection.ask("/a", words, 0.0)
     (call,) = wire.calls()
-    wire.line.shut()
-    wire.line.expire(100.0)
+    wire.connection.shut()
+    wire.connection.expire(100.0)
     wire.open()
     wire.answer(call["id"])
     assert words.heard == []
@@ -97,9 +97,9 @@ def test_a_question_of_a_socket_that_is_gone_is_never_answered() -> None:
 
 def test_what_waits_does_not_outlive_its_socket() -> None:
     wire = Wire()
-    wire.line.offer("/t", b"{}")
-    wire.line.say("unsubscribe", topic="/t")
-    wire.line.shut()
+    wire.connection.offer("/t", b"{}")
+    wire.connection.say("unsubscribe", topic="/t")
+    wire.connection.shut()
     wire.open()
     assert wire.sent() == []
 
@@ -121,11 +121,11 @@ def test_what_is_no_op_is_told_to_us_and_not_to_them() -> None:
 
 def test_a_mark_follows_half_a_window_and_its_answer_wakes_the_line() -> None:
     wire = Wire()
-    wire.line.offer("/t", FAT)
+    wire.connection.offer("/t", FAT)
     (probe,) = wire.calls(5.0)
     assert probe["service"] == PROBE
     for _ in range(2):
-        wire.line.offer("/t", FAT)
+        wire.connection.offer("/t", FAT)
     assert len(wire.sent()) == 1
     assert wire.sent() == []  # a window is full
     woken = wire.num_woken
@@ -138,21 +138,21 @@ def test_a_mark_follows_half_a_window_and_its_answer_wakes_the_line() -> None:
 def test_an_answer_to_a_mark_that_was_never_made_proves_nothing(number: str) -> None:
     wire = Wire()
     for _ in range(4):
-        wire.line.offer("/t", FAT)
+        wire.connection.offer("/t", FAT)
     wire.sent()
     wire.answer(f"mark:{number}")
-    assert wire.line.credit.is_on
+    assert wire.connection.flow_control.is_on
     assert FAT not in wire.sent()
 
 
 def test_silence_lets_more_out_and_wakes_the_line() -> None:
     wire = Wire()
     for _ in range(4):
-        wire.line.offer("/t", FAT)
+        wire.connection.offer("/t", FAT)
     wire.sent()
-    woken, due = wire.num_woken, wire.line.due
+    woken, due = wire.num_woken, wire.connection.due
     assert due is not None
-    wire.line.expire(due)
+    wire.connection.expire(due)
     assert wire.num_woken == woken + 1
     assert wire.sent(due)
 
@@ -161,14 +161,14 @@ def test_silence_lets_more_out_and_wakes_the_line() -> None:
 def test_a_refused_or_odd_mark_ends_the_marks_for_a_while(probe: str) -> None:
     wire = Wire()
     for _ in range(4):
-        wire.line.offer("/t", FAT)
+        wire.connection.offer("/t", FAT)
     wire.sent()
     wire.answer(probe, "there is no such service", is_ok=False)
     assert len(wire.sent()) >= 1
     for _ in range(10):
-        wire.line.offer("/t", FAT)
+        wire.connection.offer("/t", FAT)
         assert wire.sent() == [FAT]
-    assert wire.line.due is not None
-    wire.line.expire(wire.line.due)  # they are tried again
-    wire.line.offer("/t", FAT)
+    assert wire.connection.due is not None
+    wire.connection.expire(wire.connection.due)  # they are tried again
+    wire.connection.offer("/t", FAT)
     assert len(wire.calls()) == 1

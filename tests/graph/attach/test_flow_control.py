@@ -12,7 +12,7 @@ HALF = [b"x" * (MAX_IN_FLIGHT // 2 - FRAME_COST)]
 
 def spend(credit: FlowControl, num_halves: int) -> None:
     for _ in range(num_halves):
-        credit.spend(HALF)
+        credit.note_sent(HALF)
 
 
 def test_a_mark_is_wanted_after_half_a_window_and_nothing_more_is_sent_after_a_whole_one() -> None:
@@ -22,15 +22,15 @@ def test_a_mark_is_wanted_after_half_a_window_and_nothing_more_is_sent_after_a_w
     assert credit.wants_probe
     credit.probe(0.0)
     assert not credit.wants_probe
-    assert not credit.is_spent
+    assert not credit.is_blocked
     spend(credit, 1)
-    assert credit.is_spent
+    assert credit.is_blocked
 
 
 def test_small_frames_cost_more_than_their_bytes() -> None:
     credit = FlowControl()
-    credit.spend([b"{}"] * (MAX_IN_FLIGHT // (FRAME_COST + 2) + 1))
-    assert credit.is_spent
+    credit.note_sent([b"{}"] * (MAX_IN_FLIGHT // (FRAME_COST + 2) + 1))
+    assert credit.is_blocked
 
 
 def test_an_answer_proves_what_was_sent_before_its_mark() -> None:
@@ -38,11 +38,11 @@ def test_an_answer_proves_what_was_sent_before_its_mark() -> None:
     spend(credit, 1)
     number = credit.probe(0.0)
     spend(credit, 1)
-    credit.prove(number)
-    assert not credit.is_spent
+    credit.note_answer(number)
+    assert not credit.is_blocked
     assert credit.wants_probe  # half a window has gone out since
     spend(credit, 1)
-    assert credit.is_spent
+    assert credit.is_blocked
 
 
 def test_where_marks_are_refused_everything_may_be_sent_until_they_are_tried_again_ever_more_seldom() -> None:
@@ -53,9 +53,9 @@ def test_where_marks_are_refused_everything_may_be_sent_until_they_are_tried_aga
         spend(credit, 1)
         assert credit.wants_probe
         number = credit.probe(now)
-        credit.refuse(now)
+        credit.note_refusal(now)
         spend(credit, 10)
-        assert not credit.is_spent
+        assert not credit.is_blocked
         assert not credit.wants_probe
         assert credit.due is not None
         assert not credit.expire(credit.due - 0.1)
@@ -66,10 +66,10 @@ def test_where_marks_are_refused_everything_may_be_sent_until_they_are_tried_aga
     assert waits == sorted(waits)
     assert (waits[0], waits[-1]) == (PATIENCE, MAX_PATIENCE)
     spend(credit, 1)
-    credit.prove(credit.probe(now))  # there is somebody after all
-    credit.prove(number)
+    credit.note_answer(credit.probe(now))  # there is somebody after all
+    credit.note_answer(number)
     spend(credit, 2)
-    assert credit.is_spent
+    assert credit.is_blocked
 
 
 def test_silence_lets_half_a_window_out_and_each_time_later() -> None:
@@ -85,9 +85,9 @@ def test_silence_lets_half_a_window_out_and_each_time_later() -> None:
         assert credit.is_late
         waits.append(due - now)
         now = due
-        assert not credit.is_spent
+        assert not credit.is_blocked
         spend(credit, 1)
-        assert credit.is_spent
+        assert credit.is_blocked
     assert waits[:3] == [PATIENCE, 2 * PATIENCE, 4 * PATIENCE]
     assert waits[-1] == MAX_PATIENCE
 
@@ -99,13 +99,13 @@ def test_a_late_answer_counts_like_any_other() -> None:
     spend(credit, 1)
     credit.expire(PATIENCE)
     second = credit.probe(PATIENCE)
-    credit.prove(first)
+    credit.note_answer(first)
     assert not credit.is_late
     assert credit.due is not None  # of the second
-    credit.prove(second)
+    credit.note_answer(second)
     assert credit.due is None
-    credit.prove(first)  # twice, and out of order, is no harm
-    assert not credit.is_spent
+    credit.note_answer(first)  # twice, and out of order, is no harm
+    assert not credit.is_blocked
 
 
 @pytest.mark.parametrize("number", [0, 7, 10**9])
@@ -113,8 +113,8 @@ def test_an_answer_to_no_mark_proves_nothing(number: int) -> None:
     credit = FlowControl()
     spend(credit, 2)
     credit.probe(0.0)
-    credit.prove(number)
-    assert credit.is_spent
+    credit.note_answer(number)
+    assert credit.is_blocked
 
 
 def test_marks_without_an_answer_are_bounded() -> None:
@@ -125,5 +125,5 @@ def test_marks_without_an_answer_are_bounded() -> None:
         now += MAX_PATIENCE
         credit.expire(now)
     spend(credit, 1_000)
-    credit.prove(1)  # long forgotten
+    credit.note_answer(1)  # long forgotten
     assert credit.is_late

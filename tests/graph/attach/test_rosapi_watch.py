@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rosbridge_sim.graph.attach.rosapi_watch import LOOK_PERIOD, LOST_PERIOD, RosapiWatch, Seen
+from rosbridge_sim.graph.attach.rosapi_watch import LOOK_PERIOD, LOST_PERIOD, RosapiChange, RosapiWatch
 
 
 @pytest.mark.parametrize(
@@ -20,8 +20,8 @@ from rosbridge_sim.graph.attach.rosapi_watch import LOOK_PERIOD, LOST_PERIOD, Ro
 )
 def test_two_refusals_in_a_row_are_a_loss(calls: str, news: str) -> None:
     watch = RosapiWatch()
-    seen = [watch.hear(0.0, is_answered=call == "y") for call in calls]
-    letters = {Seen.NOTHING_NEW: ".", Seen.LOST: "L", Seen.BACK: "B"}
+    seen = [watch.note_reply(0.0, is_answered=call == "y") for call in calls]
+    letters = {RosapiChange.NOTHING_NEW: ".", RosapiChange.LOST: "L", RosapiChange.BACK: "B"}
     assert "".join(letters[one] for one in seen) == news
 
 
@@ -31,15 +31,15 @@ def test_it_is_asked_more_often_once_it_has_refused() -> None:
     watch.start(10.0)
     watch.start(11.0)
     assert watch.due == 10.0 + LOOK_PERIOD
-    watch.hear(12.0, is_answered=True)
+    watch.note_reply(12.0, is_answered=True)
     watch.note_asked(15.0)
     assert watch.due == 15.0 + LOOK_PERIOD
-    watch.hear(15.1, is_answered=False)
+    watch.note_reply(15.1, is_answered=False)
     assert watch.due == 15.1 + LOST_PERIOD
-    watch.hear(16.2, is_answered=False)
+    watch.note_reply(16.2, is_answered=False)
     watch.note_asked(17.0)
     assert watch.due == 17.0 + LOST_PERIOD
-    watch.hear(17.1, is_answered=True)
+    watch.note_reply(17.1, is_answered=True)
     watch.note_asked(18.0)
     assert watch.due == 18.0 + LOOK_PERIOD
 
@@ -48,7 +48,7 @@ def test_next_connection_begins_with_nothing_known() -> None:
     watch = RosapiWatch()
     watch.start(0.0)
     for is_answered in (True, False, False):
-        watch.hear(1.0, is_answered=is_answered)
+        watch.note_reply(1.0, is_answered=is_answered)
     watch.stop()
     assert watch.due is None
-    assert [watch.hear(2.0, is_answered=one) for one in (False, False, True)] == [Seen.NOTHING_NEW] * 3
+    assert [watch.note_reply(2.0, is_answered=one) for one in (False, False, True)] == [RosapiChange.NOTHING_NEW] * 3

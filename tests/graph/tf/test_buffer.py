@@ -43,9 +43,13 @@ TELLER = Teller()
 
 def stamped(parent: str, child: str, pose: Transform = IDENTITY, frame: int = 0) -> Struct:
     store = make_store()
-    types = {name: store.message(f"geometry_msgs/{name}").struct for name in ("Vector3", "Quaternion", "Transform")}
-    return store.message("geometry_msgs/TransformStamped").struct(
-        header=store.message("std_msgs/Header").struct(stamp=store.time_value(frame * 20_000_000), frame_id=parent),
+    types = {
+        name: store.message(f"geometry_msgs/{name}").struct_type for name in ("Vector3", "Quaternion", "Transform")
+    }
+    return store.message("geometry_msgs/TransformStamped").struct_type(
+        header=store.message("std_msgs/Header").struct_type(
+            stamp=store.time_value(frame * 20_000_000), frame_id=parent
+        ),
         child_frame_id=child,
         transform=types["Transform"](
             translation=types["Vector3"](x=pose.x, y=pose.y, z=pose.z),

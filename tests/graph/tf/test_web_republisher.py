@@ -22,7 +22,7 @@ from rosbridge_sim.graph.tf.web_republisher import (
     WebRepublisher,
 )
 from rosbridge_sim.graph.topics_services import Answer, Topic
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from tests.graph.bus_fixture import make_bus, make_peer
 
 FRAME = 0.02

@@ -20,7 +20,7 @@ from rosbridge_sim.morai.interfaces.network_settings import (
 PUBLISHER, SUBSCRIBER, SERVICE = InterfaceKind
 
 
-def test_choices_are_read_by_absolute_names() -> None:
+def test_settings_are_found_by_absolute_names() -> None:
     table = {"Ego_topic": {"name": "car/state", "rate": 25, "on": False}, "/tf": {}}
     assert read_choices(PUBLISHER, table) == {
         "/Ego_topic": InterfaceChoice("/car/state", is_on=False, rate=25.0),
@@ -28,7 +28,7 @@ def test_choices_are_read_by_absolute_names() -> None:
     }
 
 
-def test_choices_that_were_read_are_taken_as_they_are() -> None:
+def test_parsed_settings_are_accepted_unchanged() -> None:
     choices = read_choices(SERVICE, {"/sim/reset": {"on": False}})
     assert read_choices(SERVICE, choices) == choices
 
@@ -61,18 +61,18 @@ def test_choices_that_were_read_are_taken_as_they_are() -> None:
         (PUBLISHER, {"/Ego-2/a": {"name": "/Ego-3/a"}}, 'publishers."/Ego-2/a".name: expected no name that begins'),
     ],
 )
-def test_mistake_is_told_with_its_place(kind: InterfaceKind, table: Any, said: str) -> None:  # noqa: ANN401 - rubbish of any kind
+def test_error_is_reported_with_its_path(kind: InterfaceKind, table: Any, said: str) -> None:  # noqa: ANN401 - rubbish of any kind
     with pytest.raises(DocumentError) as caught:
         read_choices(kind, table)
     assert str(caught.value).startswith(said)
 
 
-def test_mistake_is_called_as_its_place_is() -> None:
+def test_error_path_uses_the_callers_name_for_the_document() -> None:
     with pytest.raises(DocumentError, match=r"^line 7 of services//a/on: expected"):
         read_choices(SERVICE, {"/a": {"on": 1}}, lambda path: "line 7 of " + "/".join(path))
 
 
-def test_what_is_left_open_is_as_usual() -> None:
+def test_omitted_settings_have_their_defaults() -> None:
     settings = NetworkSettings(publishers={"/a": InterfaceChoice(rate=5.0), "/b": InterfaceChoice("/c", is_on=False)})
     assert settings.choice(PUBLISHER, "/a") == InterfaceChoice("/a", is_on=True, rate=5.0)
     assert settings.choice(PUBLISHER, "/b") == InterfaceChoice("/c", is_on=False)
@@ -80,7 +80,7 @@ def test_what_is_left_open_is_as_usual() -> None:
     assert DEFAULTS.choice(SERVICE, "/b") == InterfaceChoice("/b", is_on=True)
 
 
-def test_items_of_a_further_ego_follow_the_first_ones_or_have_their_own() -> None:
+def test_settings_of_a_further_ego_default_to_those_of_the_first() -> None:
     settings = NetworkSettings(
         publishers={
             "/a": InterfaceChoice("/car/a", is_on=False, rate=5.0),
@@ -93,7 +93,7 @@ def test_items_of_a_further_ego_follow_the_first_ones_or_have_their_own() -> Non
     assert settings.prefixes() == ["/", "/Ego-3/"]
 
 
-def test_settings_over_others_leave_what_they_do_not_name() -> None:
+def test_overriding_settings_keep_what_they_do_not_name() -> None:
     base = NetworkSettings(
         publishers={"/a": InterfaceChoice("/x", rate=5.0, where="file"), "/b": InterfaceChoice(is_on=False)},
         services={"/s": InterfaceChoice("/t")},
@@ -111,15 +111,15 @@ def test_settings_over_others_leave_what_they_do_not_name() -> None:
     assert merged.publishers["/a"].where == "file", "who has given it its name is to blame for that"
 
 
-def test_a_name_is_taken_apart_into_prefix_and_default() -> None:
+def test_name_is_split_into_ego_prefix_and_default_name() -> None:
     assert split_prefix("/Ego-12/a/b") == ("/Ego-12/", "/a/b")
     assert split_prefix("/a/Ego-2/b") == ("/", "/a/Ego-2/b")
     assert split_prefix("/Ego-2") == ("/", "/Ego-2")
 
 
-def test_a_path_is_written_as_in_toml() -> None:
+def test_error_path_is_written_as_in_toml() -> None:
     assert path_text(("services", "/a", "on")) == 'services."/a".on'
 
 
-def test_a_path_of_odd_keys_is_one_short_line() -> None:
+def test_error_path_with_odd_keys_is_one_short_line() -> None:
     assert path_text(("a\nb", "x" * 5_000)) == '"a\\u000ab".' + "x" * 200 + "..."

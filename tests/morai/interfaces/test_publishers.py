@@ -8,7 +8,7 @@ from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.morai.interfaces.publishers import PeriodicPublisher, Publishers
 from rosbridge_sim.morai.interfaces.registry import InterfaceRegistry
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from tests.morai.sim_harness import Client, SimHarness, make_store, network_settings, put_egos, rates
 
 
@@ -21,7 +21,7 @@ def test_a_rate_is_exact_over_any_stretch(rate: float) -> None:
     assert set(counts) <= {int(rate // 50), int(rate // 50) + 1}
 
 
-def test_ten_hertz_is_every_fifth_frame_whoever_listens_when() -> None:
+def test_ten_hertz_is_every_fifth_frame_regardless_of_subscribers() -> None:
     harness = SimHarness(network=rates({"/Ego_topic": 10.0}))
     harness.run(0.14)
     late = harness.client()
@@ -57,7 +57,7 @@ def test_repeats_divide_the_frame_evenly() -> None:
     assert len(client.messages("/Ego_topic")) == num + 1
 
 
-def test_repeats_come_in_their_order_even_when_all_is_late() -> None:
+def test_late_repeats_keep_their_order() -> None:
     harness = SimHarness(network=rates({"/Ego_topic": 120.0}))
     client = harness.client()
     client.listen("/Ego_topic")
@@ -93,14 +93,14 @@ def sampled(chosen: dict[str, float]) -> tuple[Publishers, Client]:
     return outputs, listener
 
 
-def test_what_is_sampled_keeps_its_rate_in_synchronous_mode_and_comes_once_a_frame_at_most() -> None:
+def test_sampled_topic_keeps_its_rate_in_synchronous_mode_and_comes_at_most_once_a_frame() -> None:
     outputs, listener = sampled({})
     for frame in range(1, 51):
         outputs.show_every(frame, 0.0)
     assert [len(listener.messages(topic)) for topic in ("/five", "/fast", "/state")] == [5, 50, 50]
 
 
-def test_the_usual_rate_of_a_topic_gives_way_to_one_that_somebody_chose() -> None:
+def test_chosen_rate_overrides_the_default_rate() -> None:
     outputs, listener = sampled({"/state": 10.0})
     for frame in range(1, 51):
         outputs.show_due(frame, frame * 0.02, frame * 0.02)
@@ -127,7 +127,7 @@ def test_a_rate_out_of_bounds_is_refused(rate: float) -> None:
         SimHarness(network=rates({"/Ego_topic": rate}))
 
 
-def test_a_listener_that_complains_does_not_stop_the_world(caplog: pytest.LogCaptureFixture) -> None:
+def test_failing_subscriber_does_not_stop_the_world(caplog: pytest.LogCaptureFixture) -> None:
     bus = Bus(make_store())
     owner, listener = Client(bus, "/a"), Client(bus, "/b")
     items = InterfaceRegistry(owner, bus)
@@ -188,7 +188,7 @@ def test_states_are_shown_once_a_second_in_a_pause() -> None:
     assert all(message == last[topic] for topic, message in client.heard), "header.seq and stamp among it"
 
 
-def test_new_subscriber_sees_a_paused_world_at_once_and_nobody_else_is_told(paused: tuple[SimHarness, Client]) -> None:
+def test_new_subscriber_alone_gets_a_paused_world_at_once(paused: tuple[SimHarness, Client]) -> None:
     harness, client = paused
     client.listen("/Ego_topic", "/clock", "/tf", "/gps")
     assert harness.node.next_due(harness.now) == harness.now
@@ -201,7 +201,7 @@ def test_new_subscriber_sees_a_paused_world_at_once_and_nobody_else_is_told(paus
     assert late.messages("/Ego_topic")[0]["header"]["seq"] == harness.world.frame
 
 
-def test_paused_world_without_listeners_wakes_nobody(paused: tuple[SimHarness, Client]) -> None:
+def test_paused_world_without_subscribers_sets_no_timer(paused: tuple[SimHarness, Client]) -> None:
     harness, client = paused
     assert harness.node.next_due(harness.now) is None
     client.listen("/Ego_topic")
@@ -231,7 +231,7 @@ def test_states_are_not_shown_again_once_the_pause_is_over(paused: tuple[SimHarn
     assert frames == list(range(frames[0], frames[0] + len(frames)))
 
 
-def test_world_that_waits_for_ticks_is_not_shown_between_them(paused: tuple[SimHarness, Client]) -> None:
+def test_no_state_is_published_between_ticks(paused: tuple[SimHarness, Client]) -> None:
     harness, client = paused
     client.start()
     late = harness.client()
@@ -255,7 +255,7 @@ def test_world_that_waits_for_ticks_is_not_shown_between_them(paused: tuple[SimH
     assert not late.heard, "OPEN again"
 
 
-def test_recording_gets_nothing_of_what_is_shown_in_a_pause(paused: tuple[SimHarness, Client]) -> None:
+def test_recorder_gets_no_states_during_a_pause(paused: tuple[SimHarness, Client]) -> None:
     harness, client = paused
     heard: list[Topic] = []
 
@@ -268,7 +268,7 @@ def test_recording_gets_nothing_of_what_is_shown_in_a_pause(paused: tuple[SimHar
     assert harness.node.next_due(harness.now) is None
 
 
-def test_listener_that_fails_in_a_pause_keeps_nothing_from_the_others(paused: tuple[SimHarness, Client]) -> None:
+def test_failing_subscriber_in_a_pause_does_not_affect_others(paused: tuple[SimHarness, Client]) -> None:
     harness, client = paused
 
     def fail(_topic: Topic, _message: Message, _sender: Participant, _now: float) -> None:
@@ -281,7 +281,7 @@ def test_listener_that_fails_in_a_pause_keeps_nothing_from_the_others(paused: tu
     assert count_of(late) == {"/Ego_topic": 3}
 
 
-def test_ego_that_leaves_in_a_pause_is_shown_no_longer() -> None:
+def test_removed_ego_is_not_published_in_a_pause() -> None:
     harness = SimHarness()
     client = harness.client()
     client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(2))

@@ -53,7 +53,7 @@ class Rig:
         self.calls: list[Call] = []
 
     def count(self) -> Struct:
-        return make_store().message(INT).struct(self.frame)
+        return make_store().message(INT).struct_type(self.frame)
 
     def hold(self, call: Call, _now: float) -> None:
         self.calls.append(call)
@@ -90,11 +90,11 @@ OTHERS = {
 }
 
 
-def test_without_settings_all_have_their_default_names() -> None:
+def test_interfaces_have_their_default_names_without_settings() -> None:
     assert opened().names() == {"/out", "/news", "/in", "/ask", "/tell"}
 
 
-def test_with_settings_all_have_theirs() -> None:
+def test_interfaces_have_the_names_of_the_settings() -> None:
     rig = opened(**OTHERS)
     assert rig.names() == {"/o", "/n", "/i", "/a"}
     rig.client.listen("/o", "/n")
@@ -106,7 +106,7 @@ def test_with_settings_all_have_theirs() -> None:
     assert (rig.bindings.topic("in"), rig.bindings.service("ask")) == ("/i", "/a")
 
 
-def test_listing_is_of_all_with_what_holds_for_them() -> None:
+def test_listing_has_every_interface_with_its_settings() -> None:
     listed = [(one.kind, one.default, one.name, one.is_on, one.rate) for one in opened(**OTHERS).items.listing()]
     assert listed == [
         (InterfaceKind.PUBLISHER, "/out", "/o", True, 25.0),
@@ -120,7 +120,7 @@ def test_listing_is_of_all_with_what_holds_for_them() -> None:
 # While it runs
 
 
-def test_a_change_moves_all_at_once_and_back() -> None:
+def test_change_of_settings_renames_all_interfaces_and_back() -> None:
     rig = opened()
     rig.client.listen("/out", "/news")
     rig.show()
@@ -145,7 +145,7 @@ def test_a_change_moves_all_at_once_and_back() -> None:
     assert rig.taken == [5]
 
 
-def test_what_is_kept_waits_under_its_new_name() -> None:
+def test_latched_message_moves_to_the_new_name() -> None:
     rig = opened()
     rig.show()
     rig.change(**OTHERS)
@@ -160,7 +160,7 @@ def test_what_is_kept_waits_under_its_new_name() -> None:
     assert [json.loads(message.json) for message in topic.latched] == [{"data": 2}], "news from while it was off"
 
 
-def test_a_call_in_flight_is_answered_when_its_service_has_moved() -> None:
+def test_pending_call_is_answered_after_its_service_was_renamed() -> None:
     rig = opened()
     answers: list[Answer] = []
     rig.bus.call(rig.client, "/ask", {}, answers.append, now=0.0)
@@ -173,7 +173,7 @@ def test_a_call_in_flight_is_answered_when_its_service_has_moved() -> None:
     assert answers[1] == Answer(is_ok=False, values="Service /ask does not exist")
 
 
-def test_what_is_gone_for_good_refuses_its_calls() -> None:
+def test_removed_service_refuses_its_pending_calls() -> None:
     rig = opened()
     answers: list[Answer] = []
     rig.bus.call(rig.client, "/ask", {}, answers.append, now=0.0)
@@ -184,7 +184,7 @@ def test_what_is_gone_for_good_refuses_its_calls() -> None:
     assert rig.names() == {"/o", "/n"}
 
 
-def test_repeats_follow_their_topic() -> None:
+def test_repeats_move_with_a_renamed_topic() -> None:
     rig = opened(publishers={"/out": {"rate": 100}})
     rig.client.listen("/out")
     rig.show()
@@ -198,7 +198,7 @@ def test_repeats_follow_their_topic() -> None:
     assert len(rig.client.heard) == 3
 
 
-def test_nothing_of_a_topic_is_left_under_its_old_name() -> None:
+def test_renamed_topic_leaves_nothing_under_its_old_name() -> None:
     rig = opened()
     rig.client.listen("/out")
     rig.show()
@@ -210,7 +210,7 @@ def test_nothing_of_a_topic_is_left_under_its_old_name() -> None:
     assert (out.publishers, len(out.subscriptions)) == ({}, 1), "who listens there may go on waiting"
 
 
-def test_names_of_topics_of_different_types_can_be_swapped_whoever_listens() -> None:
+def test_topics_of_different_types_can_swap_names_with_subscribers() -> None:
     rig = Rig()
     rig.outputs.add("/text", "std_msgs/String", lambda: None)
     rig.items.open()
@@ -223,7 +223,7 @@ def test_names_of_topics_of_different_types_can_be_swapped_whoever_listens() -> 
     assert [level for level, text in rig.client.told if f"asks for {INT}" in text] == ["error"]
 
 
-def test_names_can_be_swapped() -> None:
+def test_topics_can_swap_names() -> None:
     rig = opened()
     rig.change(services={"/ask": {"name": "/tell"}, "/tell": {"name": "/ask"}})
     assert rig.names() == {"/out", "/news", "/in", "/ask", "/tell"}
@@ -232,7 +232,7 @@ def test_names_can_be_swapped() -> None:
     assert rig.calls[0].service.name == "/tell"
 
 
-def test_a_listener_may_change_the_settings_from_within_a_frame() -> None:
+def test_subscriber_may_change_the_settings_during_a_frame() -> None:
     rig = opened()
 
     def hear(*_: object) -> None:
@@ -264,7 +264,7 @@ TABLES = st.fixed_dictionaries(
 
 @settings(max_examples=40, deadline=None)
 @given(st.lists(TABLES, max_size=5))
-def test_any_changes_leave_just_what_the_last_good_one_says(changes: list[dict[str, Any]]) -> None:
+def test_any_sequence_of_changes_ends_with_the_last_valid_settings(changes: list[dict[str, Any]]) -> None:
     rig = opened()
     rig.bus.advertise(rig.client, "/theirs", "std_msgs/String")
     rig.bus.provide(rig.client, "/theirs", TRIGGER, lambda *_: None)
@@ -322,7 +322,7 @@ def test_any_changes_leave_just_what_the_last_good_one_says(changes: list[dict[s
         ),
     ],
 )
-def test_settings_that_do_not_fit_are_refused_at_the_start_and_later(tables: dict[str, Any], said: str) -> None:
+def test_invalid_settings_are_refused_at_the_start_and_later(tables: dict[str, Any], said: str) -> None:
     rig = Rig(**tables)
     with pytest.raises(DocumentError) as caught:
         rig.items.open()
@@ -333,7 +333,7 @@ def test_settings_that_do_not_fit_are_refused_at_the_start_and_later(tables: dic
     assert running.names() == {"/out", "/news", "/in", "/ask", "/tell"}
 
 
-def test_a_topic_and_a_service_may_share_a_name_and_so_may_two_that_are_never_there_at_once() -> None:
+def test_topic_service_and_disabled_service_may_share_a_name() -> None:
     off = {"/tell": {"name": "/ask", "on": False}}
     assert opened(subscribers={"/in": {"name": "/ask"}}, services=off).names() == {"/out", "/news", "/ask"}
 
@@ -357,7 +357,7 @@ def test_a_publisher_and_a_subscriber_of_one_default_name_share_it() -> None:
         ({"publishers": {"/news": {"name": "/heard"}}}, "already established with type std_msgs/String"),
     ],
 )
-def test_a_name_that_is_somebody_elses_is_refused_and_all_stays_as_it_was(tables: dict[str, Any], said: str) -> None:
+def test_name_of_another_component_is_refused_and_nothing_changes(tables: dict[str, Any], said: str) -> None:
     rig = opened()
     other = PartOfServer("/other")
     rig.bus.provide(other, "/theirs", TRIGGER, lambda *_: None)
@@ -369,7 +369,7 @@ def test_a_name_that_is_somebody_elses_is_refused_and_all_stays_as_it_was(tables
     assert rig.names() == {"/out", "/news", "/in", "/ask", "/tell"}
 
 
-def test_a_name_that_a_client_has_is_taken_from_it_and_it_is_told() -> None:
+def test_name_is_taken_from_a_client_that_is_notified() -> None:
     rig = opened()
     rig.bus.provide(rig.client, "/theirs", TRIGGER, lambda *_: None)
     rig.bus.advertise(rig.client, "/numbers", INT)
@@ -387,7 +387,7 @@ def test_a_name_that_a_client_has_is_taken_from_it_and_it_is_told() -> None:
     assert rig.client.heard == [], "its listener asks for another type"
 
 
-def test_a_topic_on_which_clients_publish_can_be_listened_to() -> None:
+def test_topic_with_client_publishers_can_become_an_input() -> None:
     rig = opened()
     rig.client.send("/numbers", INT, data=1)
     rig.change(subscribers={"/in": {"name": "/numbers"}})
@@ -395,14 +395,14 @@ def test_a_topic_on_which_clients_publish_can_be_listened_to() -> None:
     assert rig.taken == [2]
 
 
-def test_a_name_of_rosapi_is_refused_at_the_start() -> None:
+def test_name_of_a_rosapi_service_is_refused_at_the_start() -> None:
     rig = Rig(services={"/ask": {"name": "/rosapi/topics"}})
     Rosapi(rig.bus)
     with pytest.raises(DocumentError, match=r'^services."/ask": service /rosapi/topics is provided by /rosapi$'):
         rig.items.open()
 
 
-def test_a_type_that_one_release_lacks_makes_no_item_and_settings_that_speak_of_it_do_no_harm() -> None:
+def test_type_missing_in_a_release_has_no_interface_and_its_settings_are_ignored() -> None:
     rig = Rig(services={"/new": {"name": "/n"}}, publishers={"/newer": {"rate": 5}})
     rig.bindings.provide("new", "OnlyThereSrv", rig.hold, is_everywhere=False)
     rig.outputs.add("/newer", "morai_msgs/OnlyThere", rig.count, is_everywhere=False)
@@ -416,7 +416,7 @@ def test_a_type_that_one_release_lacks_makes_no_item_and_settings_that_speak_of_
 # The simulator's own
 
 
-def test_a_car_is_driven_and_watched_under_names_of_ones_own() -> None:
+def test_car_is_driven_under_custom_names() -> None:
     harness = SimHarness(
         network={
             "publishers": {"/Ego_topic": {"name": "/car/state"}, "/SyncModeInfo": {"name": "/mode"}},
@@ -437,7 +437,7 @@ def test_a_car_is_driven_and_watched_under_names_of_ones_own() -> None:
     assert client.told == [("warning", "/car/drive is ignored in synchronous mode: use /SyncModeCtrlCmd")]
 
 
-def test_what_is_off_is_not_listed_and_anybodys_to_use() -> None:
+def test_disabled_interface_is_not_listed_and_its_name_is_free() -> None:
     harness = SimHarness(
         network={"publishers": {"/Ego_topic": {"on": False}}, "services": {"/Service_MoraiSL": {"on": False}}}
     )
@@ -448,7 +448,7 @@ def test_what_is_off_is_not_listed_and_anybodys_to_use() -> None:
     harness.bus.provide(client, "/Service_MoraiSL", TRIGGER, lambda *_: None)
 
 
-def test_a_further_ego_has_the_names_of_the_first_behind_its_prefix() -> None:
+def test_further_ego_has_the_first_egos_names_under_its_prefix() -> None:
     harness = SimHarness(
         network={
             "publishers": {"/Ego_topic": {"name": "/my/ego"}, "/Ego-3/Ego_topic": {"name": "/third"}},
@@ -468,18 +468,19 @@ def test_a_further_ego_has_the_names_of_the_first_behind_its_prefix() -> None:
 
 
 @pytest.mark.parametrize("release", ["22.R2", "26.R1"])
-def test_every_item_of_a_release_can_be_renamed_and_turned_off(release: str) -> None:
+def test_every_interface_of_a_release_can_be_renamed_and_disabled(release: str) -> None:
     def names(harness: SimHarness) -> set[str]:
         topics = harness.bus.topics.values()
         mine = {
             t.name
             for t in topics
-            if harness.node in t.publishers or any(s.owner is harness.node for s in t.subscriptions)
+            if harness.node.participant in t.publishers
+            or any(s.owner is harness.node.participant for s in t.subscriptions)
         }
         return mine | set(harness.bus.services)
 
     usual = SimHarness(release=release)
-    items = list(usual.node.items.listing())
+    items = list(usual.node.interfaces.listing())
     assert {item.name for item in items} == names(usual)
     renamed: dict[str, Any] = {kind.value: {} for kind in InterfaceKind}
     off: dict[str, Any] = {kind.value: {} for kind in InterfaceKind}
@@ -492,15 +493,15 @@ def test_every_item_of_a_release_can_be_renamed_and_turned_off(release: str) -> 
     assert (names(silent), silent.world.frame) == (set(), 5)
 
 
-def test_settings_of_one_release_serve_for_the_other() -> None:
+def test_settings_of_one_release_work_with_the_other() -> None:
     for one, other in (("22.R2", "26.R1"), ("26.R1", "22.R2")):
         whole: dict[str, dict[str, Any]] = {kind.value: {} for kind in InterfaceKind}
-        for item in SimHarness(release=one).node.items.listing():
+        for item in SimHarness(release=one).node.interfaces.listing():
             whole[item.kind.value][item.default] = {"name": item.name, "on": item.is_on}
         SimHarness(release=other, network=whole)
 
 
-def test_reset_leaves_the_network_settings() -> None:
+def test_reset_keeps_the_network_settings() -> None:
     harness = SimHarness(network={"services": {"/sim/reset": {"name": "/again"}}})
     client = harness.client()
     assert client.call("/again", {"seed": 3}).is_ok

@@ -58,7 +58,7 @@ def encode(ros: Literal[1, 2], name: str, fields: dict[str, Any]) -> tuple[bytes
 
 @settings(max_examples=15, deadline=None)
 @given(fields=LISTS, ros=st.sampled_from([1, 2]), name=st.sampled_from(["ObjectStatusList", "ReplayInfo"]))
-def test_it_finds_what_the_library_finds(fields: dict[str, Any], ros: Literal[1, 2], name: str) -> None:
+def test_decoder_agrees_with_the_library(fields: dict[str, Any], ros: Literal[1, 2], name: str) -> None:
     raw, message = encode(ros, name, fields)
     found = decode_object_lists(raw, is_cdr=ros == 2, has_pedals=name == "ReplayInfo")
     lists = ((Kind.VEHICLE, "npc_list"), (Kind.PEDESTRIAN, "pedestrian_list"), (Kind.OBSTACLE, "obstacle_list"))
@@ -75,7 +75,7 @@ def _parts(one: Any) -> tuple[Any, ...]:  # noqa: ANN401 - the library's own cla
 
 
 @pytest.mark.parametrize("ros", [1, 2])
-def test_pedals_have_their_names(ros: Literal[1, 2]) -> None:
+def test_pedals_are_decoded_by_name(ros: Literal[1, 2]) -> None:
     fields = {
         "ego_acc": 0.1,
         "ego_brake": 0.2,
@@ -94,14 +94,14 @@ def test_pedals_have_their_names(ros: Literal[1, 2]) -> None:
 
 
 @pytest.mark.parametrize("ros", [1, 2])
-def test_bytes_that_end_too_soon_are_none(ros: Literal[1, 2]) -> None:
+def test_truncated_bytes_are_refused(ros: Literal[1, 2]) -> None:
     raw, _ = encode(ros, "ObjectStatusList", {"npc_list": [{"name": "Bus"}], "obstacle_list": [{"name": "Box"}]})
     for size in range(len(raw)):
         with pytest.raises(ValueError, match=r"too short|plain CDR"):
             decode_object_lists(raw[:size], is_cdr=ros == 2, has_pedals=False)
 
 
-def test_other_byte_orders_are_none() -> None:
+def test_other_byte_orders_are_refused() -> None:
     raw, _ = encode(2, "ObjectStatusList", {})
     with pytest.raises(ValueError, match="expected plain CDR, little-endian"):
         decode_object_lists(b"\0\0" + raw[2:], is_cdr=True, has_pedals=False)

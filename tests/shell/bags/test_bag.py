@@ -33,7 +33,7 @@ def fill(bag: Bag, store: Store, count: int, text: str = "hello", *, start: int 
     string = store.message("std_msgs/String")
     channel = bag.add("/chatter", "std_msgs/String", store.full_text("std_msgs/String"))
     for i in range(start, start + count):
-        bag.write(channel, i * SECOND, string.encode_raw(string.struct(data=f"{text} {i}")))
+        bag.write(channel, i * SECOND, string.encode_raw(string.struct_type(data=f"{text} {i}")))
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -14,7 +14,7 @@ from typing import Literal, NoReturn
 import pytest
 
 from rosbridge_sim import DocumentError, Simulator
-from rosbridge_sim.schema.store import Message
+from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.bags import recording
 from rosbridge_sim.shell.bags.bag import open_bag
 from rosbridge_sim.shell.bags.recording import BagMessageWriter, Recorder
@@ -310,7 +310,7 @@ async def test_latched_message_that_cannot_be_written_keeps_no_topic_from_the_ba
     bus, path = make_bus(), tmp_path / "a.bag"
     speaker = Recorder.__new__(Recorder)  # any owner
     topic = bus.advertise(speaker, "/t", "std_msgs/String", depth=3)
-    make = bus.store.message("std_msgs/String").struct
+    make = bus.store.message("std_msgs/String").struct_type
     for data in ("a", object(), "b"):
         bus.publish(speaker, topic, Message(topic.type, make(data=data)), 0.0)
     recorder = Recorder(bus, BagMessageWriter(open_bag(path), bus.store), path, loop=asyncio.get_running_loop())

@@ -177,7 +177,7 @@ def test_other_layout_is_read_by_the_bags_own_definition(tmp_path: Path) -> None
     recording = read(write_strange(tmp_path / "a.bag", OTHER_STATUS + HEADER + VECTOR, raw_of))
     assert recording.objects is not None
     assert recording.objects.values[:3, 0].tolist() == [10.0, 11.0, 12.0]
-    assert recording.objects.cast[0].uid == 5
+    assert recording.objects.actors[0].uid == 5
 
 
 def test_message_without_the_fields_that_matter_is_told(tmp_path: Path) -> None:

@@ -23,7 +23,8 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.protocol import png
 from rosbridge_sim.protocol.outbox import OutboxLimits
-from rosbridge_sim.schema.store import Message, Store
+from rosbridge_sim.schema.message import Message
+from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.app import Simulator
 from rosbridge_sim.shell.files.library import read_definitions
 from rosbridge_sim.shell.log_limits import PLACE_BURST, TRACEBACK_COST
@@ -529,7 +530,7 @@ class Speaker:
 
     def say(self, data: object) -> None:
         message_type = self.bus.store.message("std_msgs/String")
-        self.bus.publish(self, self.topic, Message(message_type, message_type.struct(data=data)), 0.0)
+        self.bus.publish(self, self.topic, Message(message_type, message_type.struct_type(data=data)), 0.0)
 
 
 async def connect_two(port: Port) -> tuple[tuple[Client, Served], tuple[Client, Served]]:
@@ -564,7 +565,7 @@ async def test_client_that_fails_on_a_message_is_closed_alone(listen: Listen, ca
     speaker = Speaker(port)
     await bad.subscribe("/t")
     await good.subscribe("/t")
-    served.peer._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
+    served.peer.topics._subscriptions["/t"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
     for data in ("a", "b", "c"):
         speaker.say(data)
     assert [(await good.message("/t"))["data"] for _ in range(3)] == ["a", "b", "c"]
@@ -620,8 +621,10 @@ async def test_client_that_fails_on_messages_that_waited_is_closed_alone(listen:
     speaker = Speaker(port)
     for client in (bad, good):
         await client.subscribe("/t", throttle_rate=1, queue_length=10)
-    served.peer._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as above
-    served.peer._listenings["/t"].feed.pace._free_at = served.socket.loop.time() + 0.005  # so that the first one waits
+    served.peer.topics._subscriptions["/t"].feed._head = 5  # type: ignore[assignment] # as above
+    served.peer.topics._subscriptions["/t"].feed.throttle._free_at = (
+        served.socket.loop.time() + 0.005
+    )  # so that the first one waits
     for data in ("a", "b", "c"):
         speaker.say(data)
     assert [(await good.message("/t"))["data"] for _ in range(3)] == ["a", "b", "c"]
@@ -637,8 +640,8 @@ def break_writing(served: Served) -> None:
 
 def break_leaving(served: Served) -> None:
     """Have it fail at a message, and then at giving up what it holds."""
-    served.peer._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as above
-    served.peer._listenings = None  # type: ignore[assignment] # as above
+    served.peer.topics._subscriptions["/t"].feed._head = 5  # type: ignore[assignment] # as above
+    served.peer.topics._subscriptions = None  # type: ignore[assignment] # as above
 
 
 def break_outbox(served: Served) -> None:
@@ -674,7 +677,7 @@ async def test_provider_that_fails_is_closed_and_its_caller_is_answered(listen: 
     (bad, served), (good, _) = await connect_two(port)
     await bad.send("advertise_service", service="/s", type="std_srvs/Trigger")
     await bad.settle()
-    served.peer._provisions["/s"].num_calls = None  # type: ignore[assignment] # as above
+    served.peer.services._provided["/s"].num_given = None  # type: ignore[assignment] # as above
     answer = await good.call("/s")
     assert (answer["result"], answer["values"]) == (False, "The provider failed; the server's log says why")
     assert await close_code_of(bad) == 1011
@@ -689,7 +692,7 @@ async def test_client_that_fails_on_a_message_of_its_own_does_nothing_more(liste
     Speaker(port)
     for client in (bad, good):
         await client.subscribe("/t")
-    served.peer._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as above
+    served.peer.topics._subscriptions["/t"].feed._head = 5  # type: ignore[assignment] # as above
     head = '{"op":"publish","topic":"/t","msg":{"data":'
     await bad.send_raw(f'{head}"first"}}}}{head}"behind it"}}}}')
     assert (await good.message("/t"))["data"] == "first"
@@ -742,7 +745,7 @@ async def test_client_that_cannot_even_be_closed_is_cut_off(
     speaker = Speaker(port)
     for client in (bad, good):
         await client.subscribe("/t")
-    served.peer._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
+    served.peer.topics._subscriptions["/t"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
     monkeypatch.setattr(served.socket, seam, break_down)
     speaker.say("a")
     assert (await good.message("/t"))["data"] == "a"
@@ -799,7 +802,7 @@ async def test_hundred_clients_that_fail_at_once_are_closed_and_the_log_stays_sh
         *bad, good = clients
         assert sim._server is not None
         for served in list(sim._server.clients)[:-1]:
-            served.peer._listenings["/t"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
+            served.peer.topics._subscriptions["/t"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
         for data in ("a", "b"):
             await good.send("publish", topic="/t", msg={"data": data})
             assert (await good.message("/t"))["data"] == data

@@ -1,0 +1,206 @@
+"""Announcements of the simulator to a far side, in their order.
+
+At the beginning of each connection: topics, with what is latched on them; subscriptions; services; then a question,
+whose answer shows that all of it was handled. Services come last since clients wait for them. Before the very first
+time it is asked which services it has already. Before all that it is asked for its `/use_sim_time`, where our stamps
+depend on it.
+
+A service of an ego that has left stays announced, and its calls are refused with the reason: rosbridge_suite takes a
+second to end a service, during which it handles nothing else.
+
+A ROS master that is restarted forgets all nodes, and a bridge that lives on does not tell it of us again. Then
+everything is announced anew. rosbridge_suite keeps a publisher for UNREGISTER_TIME after it was taken back, and
+registers nothing as long as it has one; so if topics are missing all the same, they are taken back for longer than
+that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from rosbridge_sim.errors import EncodingError
+from rosbridge_sim.graph.attach.connection import PROBE, BridgeConnection, Values
+from rosbridge_sim.graph.attach.diagnostics import names_of
+from rosbridge_sim.graph.attach.far_side import FarSide
+from rosbridge_sim.graph.attach.registry import MirroredItem, MirrorRegistry
+from rosbridge_sim.graph.stamps import PARAMETER, says_simulated
+from rosbridge_sim.protocol.codec import publish_head
+
+__all__ = ["UNREGISTER_TIME", "Announcer"]
+
+UNREGISTER_TIME: Final = 11.0
+"""Time for which a topic is taken back [s]. rosbridge_suite gives its publisher up after `unregister_timeout`, 10 s."""
+
+
+class Announcer:
+    """The announcements to one far side.
+
+    Attributes:
+        is_attached: everything is announced, and handled there.
+        is_time_known: the far side has said which time its programs go by.
+        return_at: when the topics that were taken back are announced again [s]; None where none are.
+        on_ready: called with monotonic time [s] when a connection has been told everything, and has handled it.
+        on_attached: called with the same, after that, when it was the last one.
+    """
+
+    def __init__(self, far_side: FarSide, registry: MirrorRegistry) -> None:
+        """Nothing is announced; what comes and goes in the registry will be."""
+        self.is_attached = False
+        self.is_time_known = False
+        self.return_at: float | None = None
+        self.on_ready: Callable[[float], None] = lambda _now: None
+        self.on_attached: Callable[[float], None] = lambda _now: None
+        self._far_side = far_side
+        self._registry = registry
+        registry.on_added = self._announce_added
+        registry.on_removed = self.withdraw
+
+    # One item
+
+    def _announce_added(self, item: MirroredItem) -> None:
+        """Announce what has come, unless its connection has not got as far."""
+        if item.connection.is_open and (item.kind != "service" or item.connection.has_services):
+            self._announce(item)
+
+    def _announce(self, item: MirroredItem) -> None:
+        connection = item.connection
+        if item.kind == "service":
+            connection.say("advertise_service", id=f"advertise_service:{item.name}", service=item.name, type=item.type)
+            item.is_known = True
+        elif item.kind == "input":
+            connection.say("subscribe", id=f"subscribe:{item.name}", topic=item.name, type=item.type)
+        else:
+            assert item.topic is not None
+            depth = max(item.topic.publishers.get(self._far_side.source, {}).values(), default=0)
+            connection.say("advertise", id=f"advertise:{item.name}", topic=item.name, type=item.type, latch=depth > 0)
+            head = publish_head(item.name)
+            held = item.topic.kept.get(self._far_side.source)
+            for message in held.messages() if held is not None else ():
+                try:
+                    connection.offer(item.name, message.framed(head))
+                except EncodingError as error:  # that message alone: all else is announced
+                    self._far_side.bus.guard.note_encoding(item.name, error)
+
+    def withdraw(self, item: MirroredItem) -> None:
+        """Say there that an item ends. rosbridge_suite keeps a service whose provider has gone without a word."""
+        connection = item.connection
+        if connection.is_open:
+            if item.kind == "service":
+                if connection.has_services:
+                    connection.say("unadvertise_service", service=item.name)
+            elif item.kind == "input":
+                connection.say("unsubscribe", id=f"subscribe:{item.name}", topic=item.name)
+            else:
+                connection.say("unadvertise", id=f"advertise:{item.name}", topic=item.name)
+
+    # A connection
+
+    def begin(self, connection: BridgeConnection, now: float) -> None:
+        """Announce all that goes over a connection that has just got a socket."""
+        stamps = self._far_side.stamps
+        if stamps is not None and stamps.is_open and self._far_side.bus.store.ros == 1:
+            self.ask_time(connection, now, lambda now: self._announce_all(connection, now))
+            return
+        if stamps is not None:
+            stamps.settle(now, is_simulated=False)  # in ROS 2 each program has a parameter of its own
+        self._announce_all(connection, now)
+        if not connection.name:
+            self.ask_time(connection, now)
+
+    def end(self, connection: BridgeConnection) -> None:
+        """Publish nothing for a connection that has lost its socket."""
+        self.is_attached = False
+        for item in self._registry.items_of(connection):
+            item.is_silent = False
+            if item.subscription is not None:
+                item.subscription.is_idle = True
+
+    def ask_time(
+        self, connection: BridgeConnection, now: float, then: Callable[[float], None] = lambda _now: None
+    ) -> None:
+        """Ask which time programs there go by. What stamps depend on is settled by the answer, or by none in time."""
+        stamps = self._far_side.stamps
+        if stamps is None or self._far_side.bus.store.ros != 1:
+            return
+
+        def on_answer(values: Values | None, now: float) -> None:
+            if self._far_side.is_gone:
+                return
+            is_simulated = values is not None and says_simulated(values.get("value"))
+            was_open = stamps.is_open
+            stamps.settle(now, is_simulated=is_simulated)
+            self.is_time_known = values is not None
+            if values is not None or was_open:
+                self._far_side.diagnostics.check_stamps(
+                    is_simulated=is_simulated, is_wall=stamps.is_wall, is_settled=was_open
+                )
+            then(now)
+
+        connection.ask("/rosapi/get_param", on_answer, now, name=PARAMETER, default="")
+
+    def _announce_all(self, connection: BridgeConnection, now: float) -> None:
+        """Tell the far side of what goes over a connection; of services when it has said which ones it has."""
+        for item in self._registry.items_of(connection):
+            if item.kind != "service":
+                self._announce(item)
+        if any(item.kind == "service" and not item.is_known for item in self._registry.items_of(connection)):
+            connection.ask(
+                "/rosapi/services", lambda values, now: self._announce_services(connection, values, now), now
+            )
+        else:
+            self._announce_services(connection, None, now)
+
+    def _announce_services(self, connection: BridgeConnection, values: Values | None, now: float) -> None:
+        if self._far_side.is_gone:
+            return
+        there = set(names_of(values, "services"))
+        connection.has_services = True
+        for item in self._registry.items_of(connection):
+            if item.kind == "service":
+                if not item.is_known and item.name in there:
+                    self._far_side.diagnostics.taken_services.append(item.name)
+                self._announce(item)
+            if item.subscription is not None:  # from now on calls may come, and what they move is to be seen
+                item.subscription.is_idle = False
+        connection.ask(PROBE, lambda values, now: self._note_handled(connection, values, now), now)
+
+    def _note_handled(self, connection: BridgeConnection, values: Values | None, now: float) -> None:
+        """All of a connection is announced, and handled if the far side answers."""
+        connection.is_ready = True
+        self.on_ready(now)
+        if not connection.name and values is not None:
+            self._far_side.diagnostics.check_generation(values)
+        if not self.is_attached and all(one.is_ready for one in self._registry.connections.values()):
+            self.is_attached = True
+            self._far_side.diagnostics.report_attached(self._registry.items)
+            self.on_attached(now)
+
+    # Once more
+
+    def announce_anew(self) -> None:
+        """Tell the far side of everything once more, over the sockets that there are: its master has forgotten us."""
+        self.return_at = None
+        for item in self._registry.items.values():
+            item.is_silent = False
+            if item.connection.has_services:
+                if item.kind != "service":  # a service that is announced twice is registered anew
+                    self.withdraw(item)
+                self._announce(item)
+
+    def take_back(self, now: float) -> None:
+        """End the topics there until the bridge has forgotten that it has them."""
+        self.return_at = now + UNREGISTER_TIME
+        for item in self._registry.items.values():
+            if item.kind == "topic":
+                self.withdraw(item)
+                item.is_silent = True
+
+    def bring_back(self) -> None:
+        """Announce the topics that were taken back."""
+        self.return_at = None
+        for item in self._registry.items.values():
+            if item.is_silent:
+                item.is_silent = False
+                if item.connection.is_open:
+                    self._announce(item)

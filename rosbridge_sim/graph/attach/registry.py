@@ -1,0 +1,175 @@
+"""Registry of the mirrored things: each under its name, with its connection and its handle on our bus.
+
+A topic of the simulator's is listened to here; an input, which the simulator listens to, is published here in the far
+side's name. What comes and goes is found by comparing with what the simulator holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from rosbridge_sim.graph.attach.connection import BridgeConnection
+from rosbridge_sim.graph.attach.diagnostics import ItemKey
+from rosbridge_sim.graph.attach.far_side import FarSide
+from rosbridge_sim.graph.participant import Participant, resolve
+from rosbridge_sim.graph.topics_services import Subscription, Topic
+from rosbridge_sim.protocol.codec import publish_head
+from rosbridge_sim.schema.message import Message
+
+__all__ = ["MirrorRegistry", "MirroredItem"]
+
+
+@dataclass(slots=True)
+class MirroredItem:
+    """One thing that is mirrored.
+
+    Attributes:
+        connection: over which it goes.
+        kind, name, type: as in its key.
+        topic: for a topic or an input, on our bus.
+        subscription: for a topic, ours to it.
+        is_known: for a service, that it was announced there before.
+        is_silent: for a topic, that nothing is published there for now.
+    """
+
+    connection: BridgeConnection
+    kind: str
+    name: str
+    type: str
+    topic: Topic | None = None
+    subscription: Subscription | None = None
+    is_known: bool = False
+    is_silent: bool = False
+
+
+class MirrorRegistry:
+    """All that is mirrored on one far side.
+
+    Attributes:
+        items: by key, in the order in which they have come.
+        connections: those that are wanted, by their names; the first one's is empty.
+        on_added: called with an item that has come.
+        on_removed: called with an item that goes; it is on the bus still.
+    """
+
+    def __init__(
+        self, far_side: FarSide, make_connection: Callable[[str], BridgeConnection], *, has_connection_each: bool
+    ) -> None:
+        """Nothing is mirrored before the first `refresh`.
+
+        Args:
+            far_side: what is mirrored is there in its name.
+            make_connection: called with the name of one that is wanted.
+            has_connection_each: a connection for each topic and service, in place of one for all.
+        """
+        self.items: dict[ItemKey, MirroredItem] = {}
+        self.connections = {"": make_connection("")}
+        self.on_added: Callable[[MirroredItem], None] = lambda _item: None
+        self.on_removed: Callable[[MirroredItem], None] = lambda _item: None
+        self._far_side = far_side
+        self._bus = far_side.bus
+        self._make_connection = make_connection
+        self._has_connection_each = has_connection_each
+        self._inputs: dict[str, Topic] = {}
+        self._in_flight: dict[str, int] = {}  # calls of each service
+
+    @property
+    def first(self) -> BridgeConnection:
+        """The connection over which our own questions go."""
+        return self.connections[""]
+
+    def find_input(self, name: str) -> Topic | None:
+        """The input of that name, relative or absolute; None if nobody asked for it."""
+        return self._inputs.get(name) or self._inputs.get(resolve(name))
+
+    def is_served(self, name: str) -> bool:
+        """Return whether the simulator has a service of that name, relative or absolute."""
+        service = self._bus.services.get(resolve(name))
+        return service is not None and service.owner is self._far_side.source
+
+    def items_of(self, connection: BridgeConnection) -> list[MirroredItem]:
+        """All that goes over one connection."""
+        return [item for item in self.items.values() if item.connection is connection]
+
+    # Calls in flight
+
+    def begin_call(self, name: str) -> None:
+        """Have a service stay, under that absolute name, until the call has ended."""
+        self._in_flight[name] = self._in_flight.get(name, 0) + 1
+
+    def end_call(self, name: str) -> None:
+        """Let a service go that was kept for its calls alone."""
+        left = self._in_flight.pop(name) - 1
+        if left:
+            self._in_flight[name] = left
+        elif not self.is_served(name):
+            self.refresh()
+
+    # What has come and gone
+
+    def refresh(self) -> None:
+        """Mirror what has come, and no longer what has gone.
+
+        A service that moves to another name while it is called goes when it has answered: rosbridge_suite takes
+        no answers for a service that has ended, and its callers would hear of a failure.
+        """
+        wanted = dict.fromkeys(self._wanted())
+        names = {key[:2] for key in wanted}
+        awaited = {("service", name) for name in self._in_flight} - names
+        for key in [key for key in self.items if key not in wanted and key[:2] not in awaited]:
+            if key[0] != "service" or key[:2] in names or not self._far_side.why_gone(key[1]):
+                self._drop(key)
+        for key in wanted:
+            if key not in self.items:
+                self._add(key)
+
+    def _wanted(self) -> Iterator[ItemKey]:
+        held, spelled = self._bus.holdings(self._far_side.source), self._bus.store.spelled
+        for topic in held.published:
+            yield "topic", topic.name, spelled(topic.type.name, "msg")
+        for subscription in held.subscriptions:
+            if subscription.topic.owner is self._far_side.source:  # it hears itself, and nobody else may speak there
+                continue
+            yield "input", subscription.topic.name, spelled(subscription.topic.type.name, "msg")
+        for service in held.services:
+            yield "service", service.name, spelled(service.type.name, "srv")
+
+    def _add(self, key: ItemKey) -> None:
+        kind, name, type_name = key
+        connection = self._connection_for(kind, name)
+        item = self.items[key] = MirroredItem(connection, kind, name, type_name)
+        if kind == "topic":
+            item.topic = self._bus.find_topic(name)
+            item.subscription = self._listen(item)
+        elif kind == "input":
+            item.topic = self._inputs[name] = self._bus.advertise(self._far_side, name, type_name)
+        self.on_added(item)
+
+    def _listen(self, item: MirroredItem) -> Subscription:
+        source, connection, name, head = self._far_side.source, item.connection, item.name, publish_head(item.name)
+
+        def deliver(_topic: Topic, message: Message, sender: Participant, _now: float) -> None:
+            if sender is source and connection.has_services and not item.is_silent:
+                connection.offer(name, message.framed(head))
+
+        return self._bus.subscribe(self._far_side, name, deliver, is_idle=not connection.has_services, is_general=True)
+
+    def _drop(self, key: ItemKey) -> None:
+        item = self.items.pop(key)
+        self.on_removed(item)
+        if item.subscription is not None:
+            self._bus.unsubscribe(item.subscription, self._far_side.now)
+        elif item.kind == "input":
+            del self._inputs[item.name]
+            self._bus.unadvertise(self._far_side, item.name, self._far_side.now)
+        if item.connection.name:
+            del self.connections[item.connection.name]
+            self._far_side.on_connections_changed()
+
+    def _connection_for(self, kind: str, name: str) -> BridgeConnection:
+        if not self._has_connection_each:
+            return self.connections[""]
+        connection = self.connections[f"{kind} {name}"] = self._make_connection(f"{kind} {name}")
+        self._far_side.on_connections_changed()
+        return connection

@@ -1,0 +1,113 @@
+"""One frame: the only place that moves the world.
+
+In this order: commands that waited for the frame, one step, the stamp, the topics, `/SyncModeInfo`, and what components
+do behind a frame. Real time and synchronous mode differ in which topics go out, and in nothing else.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from rosbridge_sim.morai.egos import EgoRegistry
+from rosbridge_sim.morai.hooks import Hooks
+from rosbridge_sim.morai.interfaces.publishers import Publishers
+from rosbridge_sim.morai.real_time_pacer import RealTimePacer
+from rosbridge_sim.morai.simulation_time import SimulationTime
+from rosbridge_sim.morai.sync import SceneCommand, Sync
+from rosbridge_sim.morai.sync_info import SyncInfo
+from rosbridge_sim.world.state import World
+from rosbridge_sim.world.step import step
+
+__all__ = ["FrameMeter", "FrameStepper"]
+
+
+class FrameMeter(Protocol):
+    """Measures each frame: its step, and all that is published with it."""
+
+    def begin(self) -> None:
+        """Note that a frame begins."""
+
+    def end(self) -> None:
+        """Note that it has ended."""
+
+
+class FrameStepper:
+    """Computes frames and publishes them.
+
+    Attributes:
+        is_moving: frames are being computed right now; set by those who compute several.
+        num_frames: frames computed; unlike the world's frame it never goes back.
+        meter: measures what each frame costs; None for none.
+    """
+
+    def __init__(
+        self,
+        *,
+        world: World,
+        sync: Sync[SceneCommand],
+        egos: EgoRegistry,
+        hooks: Hooks,
+        time: SimulationTime,
+        pacer: RealTimePacer,
+        publishers: Publishers,
+        sync_info: SyncInfo,
+    ) -> None:
+        """Nothing is moving.
+
+        Args:
+            world: moved.
+            sync: has the commands that wait for a frame.
+            egos: their messages are made anew.
+            hooks: `place`, `once_after_frame` and `after_frame` are called.
+            time: follows the frames.
+            pacer: counts the frames of real time.
+            publishers: publish the frame.
+            sync_info: comes behind all other topics.
+        """
+        self.is_moving = False
+        self.num_frames = 0
+        self.meter: FrameMeter | None = None
+        self._world = world
+        self._sync = sync
+        self._egos = egos
+        self._hooks = hooks
+        self._time = time
+        self._pacer = pacer
+        self._publishers = publishers
+        self._sync_info = sync_info
+
+    def compute(self, now: float, *, is_tick: bool, is_last: bool) -> None:
+        """Move the world by one frame and publish it.
+
+        Args:
+            now: monotonic time [s].
+            is_tick: a tick has asked for it: every topic goes out. Otherwise real time has, and rates count.
+            is_last: no other frame of the same tick follows.
+        """
+        meter = self.meter
+        if meter is not None:
+            meter.begin()
+        world, hooks = self._world, self._hooks
+        for command in self._sync.due(world.frame + 1):
+            command(now)
+        step(world, self._place)
+        self._egos.forget_statuses()
+        self._time.follow()
+        if is_tick:
+            self._publishers.show_every(world.frame, now)
+        else:
+            self._pacer.count()
+            self._publishers.show_due(world.frame, self._pacer.shown_at, now)
+        self._sync_info.announce(now, may_tick=is_last)
+        while hooks.once_after_frame:
+            hooks.once_after_frame.pop(0)(now)
+        for act in hooks.after_frame:
+            act(now)
+        self.num_frames += 1
+        if meter is not None:
+            meter.end()
+
+    def _place(self) -> None:
+        """Within a step: have components put entities where they are to stand."""
+        for place in self._hooks.place:
+            place()

@@ -1,0 +1,96 @@
+"""Real time: the frames that the clock owes.
+
+The shell calls `advance` whenever `next_due` says so. Nothing in here looks at a clock: `now` only says how much is
+owed. So a drive over ticks alone gives the same bytes on every run.
+"""
+
+from __future__ import annotations
+
+import logging
+from typing import Final
+
+from rosbridge_sim.morai.context import SimulatorContext
+
+__all__ = ["MAX_FRAMES_AT_ONCE", "RealTime"]
+
+MAX_FRAMES_AT_ONCE: Final = 5
+"""Frames that one `advance` computes at most, so that catching up does not keep everybody else waiting."""
+
+_log = logging.getLogger("rosbridge_sim.morai")
+
+
+class RealTime:
+    """Moves the world while no master and no pause holds it. It holds no state: that is the pacer's."""
+
+    def __init__(self, context: SimulatorContext) -> None:
+        """Nothing is owed before the first `advance`."""
+        self._context = context
+
+    def advance(self, now: float) -> None:
+        """Compute what real time owes by now, a few frames at most; end a lease that has run out.
+
+        Args:
+            now: monotonic time [s].
+
+        Call it again at `next_due`.
+
+        Raises:
+            Exception: a step has failed, here or in a tick since the last call. With `on_world_failure` "serve" nothing
+                is raised: the simulator stands still and refuses everything from then on.
+        """
+        failure = self._context.failure
+        if failure.why is None:
+            try:
+                self._advance(now)
+            except Exception as error:  # noqa: BLE001 - our own bug, whatever it is
+                failure.note(error)
+        failure.raise_unless_serving()
+
+    def next_due(self, now: float) -> float | None:
+        """When `advance` has something to do next [s]; None while only a call can move the world."""
+        failure, sync, publishers, pacer = (
+            self._context.failure,
+            self._context.sync,
+            self._context.publishers,
+            self._context.pacer,
+        )
+        if failure.why is not None:
+            return None if failure.is_serving_on else now
+        dues = [sync.lease_due, publishers.pause_due(now)]
+        if sync.is_free:
+            dues += [pacer.due_at if pacer.is_started else now, publishers.repeat_due]
+        return min((due for due in dues if due is not None), default=None)
+
+    def lag(self, now: float) -> float:
+        """How far the world is behind real time at `now` [s]; 0.0 where real time does not move it."""
+        context = self._context
+        if context.failure.why is not None or not (context.sync.is_free and context.pacer.is_started):
+            return 0.0
+        return max(0.0, now - context.pacer.due_at)
+
+    def _advance(self, now: float) -> None:
+        context = self._context
+        sync, publishers, pacer, stepper = context.sync, context.publishers, context.pacer, context.stepper
+        context.sync_driver.expire(now)
+        publishers.show_in_pause(now)
+        if not sync.is_free:
+            return
+        if not pacer.is_started:
+            pacer.start(now)
+        given_up = pacer.forgive(now)
+        if given_up:
+            publishers.forget_repeats()
+            level = logging.WARNING if pacer.num_stalls == 1 else logging.DEBUG
+            _log.log(level, "stalled for %.2f s: the simulated clock stood meanwhile", given_up)
+        stepper.is_moving = True
+        try:
+            for _ in range(MAX_FRAMES_AT_ONCE):
+                if now < pacer.due_at or not sync.is_free:
+                    break
+                publishers.repeat(pacer.due_at)
+                stepper.compute(now, is_tick=False, is_last=True)
+        finally:
+            stepper.is_moving = False
+        for act in context.hooks.after_move:
+            act(now)
+        publishers.repeat(now)

@@ -1,0 +1,114 @@
+"""The recording that moves the world, and the position in it that the next frame shows."""
+
+from __future__ import annotations
+
+from rosbridge_sim.morai.egos import EgoRegistry
+from rosbridge_sim.morai.replays.playback_actors import ALL_TARGETS, EGO, PlaybackActors
+from rosbridge_sim.morai.replays.recording import RecordedMoment, Recording
+from rosbridge_sim.morai.scene import Scene
+from rosbridge_sim.world.state import STEP_NS, World
+
+__all__ = ["Playback"]
+
+
+class Playback:
+    """A recording shown in the world, from a position on, at a speed.
+
+    Attributes:
+        recording: an empty one while none moves the world.
+        targets: who is moved by it: a sum of EGO, VEHICLES and PEDESTRIANS.
+        speed: recorded time for each simulated time.
+        is_over: its last moment has been shown.
+    """
+
+    def __init__(self, world: World, scene: Scene, egos: EgoRegistry) -> None:
+        """Start with an empty recording.
+
+        Args:
+            world: its entities are moved.
+            scene: gives ids to the entities of a recording.
+            egos: those that a recording may move.
+        """
+        self._egos = egos
+        self._actors = PlaybackActors(world, scene, egos.find)
+        self.choose(Recording(""))
+
+    def choose(self, recording: Recording, targets: int = ALL_TARGETS, *, start_ns: int = 0, speed: int = 1) -> None:
+        """Take another recording; the world does not change before `enter`.
+
+        Args:
+            recording: shown from now on.
+            targets: who is moved by it.
+            start_ns: first position, since the recording's first stamp [ns].
+            speed: recorded time for each simulated time.
+        """
+        self.recording = recording
+        self.targets = targets
+        self.speed = speed
+        self.seek(start_ns)
+
+    def seek(self, start_ns: int) -> None:
+        """Go on from this position [ns], and come back to it with `rewind`."""
+        self._start_ns = self._position_ns = start_ns
+        self.is_over = False
+
+    # The world; `show_frame` within a step, all others between two frames
+
+    def enter(self) -> None:
+        """Have the recording move its targets; `leave` gives them back."""
+        self._actors.enter(self.recording.egos, self.targets, has_objects=self.recording.objects is not None)
+        self.show()
+
+    def leave(self) -> None:
+        """Give the world back as it was before `enter`."""
+        self._actors.leave()
+        self._egos.forget_statuses()
+
+    def retarget(self) -> None:
+        """Follow a change of `targets`."""
+        self._actors.retarget(self.recording.egos, self.targets, has_objects=self.recording.objects is not None)
+        self.show()
+
+    def rewind(self) -> None:
+        """Go back to the last start."""
+        self.seek(self._start_ns)
+        self.show()
+
+    def show(self) -> None:
+        """Show the position at once. It is a jump: nothing collides on the way there."""
+        self._actors.show(self._moment())
+        self._egos.forget_statuses()
+
+    def show_frame(self) -> None:
+        """Show the position with the frame that is being computed, and go on by one frame."""
+        self._actors.show(self._moment())
+        self.is_over = self._position_ns >= self.recording.duration_ns
+        self._position_ns += STEP_NS * self.speed
+
+    def _moment(self) -> RecordedMoment:
+        return self.recording.moment(min(self._position_ns, self.recording.duration_ns))
+
+    # Questions before a recording is chosen
+
+    def why_unusable(self, recording: Recording, targets: int) -> str:
+        """Return why a recording cannot move any of the targets; an empty text if it can."""
+        if recording.is_empty:
+            return "there is nothing in it that can be replayed: no ego, no objects"
+        has_ego = any(self._egos.find(index) is not None for index in recording.egos)
+        held = (EGO if has_ego else 0) | (ALL_TARGETS & ~EGO if recording.objects is not None else 0)
+        return "" if held & targets else "it holds none of those that are to be replayed"
+
+    def notes_on(self, recording: Recording, targets: int) -> list[str]:
+        """Return what the user should know about the egos of a recording."""
+        if not targets & EGO:
+            return []
+        if not recording.egos:
+            return ["it holds no ego: only the objects are replayed"]
+        notes = [
+            f"it holds an ego {index} and the world has none: that one is left out"
+            for index in recording.egos
+            if self._egos.find(index) is None
+        ]
+        if any(not track.has_place for track in recording.egos.values()):
+            notes.append("it holds no position of the ego: objects and pedals are replayed")
+        return notes

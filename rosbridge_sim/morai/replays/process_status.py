@@ -1,0 +1,99 @@
+"""The topic with the state of the simulation process: `/sim/process/state/msg/MoraiSimProcStatus`."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.morai.context import SimulatorContext
+from rosbridge_sim.morai.convert import maker
+from rosbridge_sim.morai.interfaces.publishers import Publishers
+from rosbridge_sim.morai.replays.command import ReplayResult
+from rosbridge_sim.morai.replays.process import ReplayProcess
+from rosbridge_sim.morai.replays.state_machine import ReplayState
+
+__all__ = ["ProcessStatus"]
+
+STATUS: Final = "/sim/process/state/msg/MoraiSimProcStatus"
+
+_SIMULATION_MODE, _REPLAY_MODE = 1, 16
+_RUNNING, _PAUSED, _ENDED = 1, 16, 32
+
+
+class ProcessStatus:
+    """Publisher of the process status, latched; it publishes when the status changes.
+
+    Attributes:
+        is_held: nothing is published: a command is being carried out, and only what comes of it is of interest.
+    """
+
+    def __init__(self, context: SimulatorContext, process: ReplayProcess) -> None:
+        """Nothing is published before `publish`.
+
+        Args:
+            context: of the simulator.
+            process: gives the mode, and whether the end is reached.
+        """
+        self.is_held = False
+        self._process = process
+        self._context = context
+        self._sync = context.sync
+        self._result, self._commanded_ns = ReplayResult.NONE, 0
+        self._published: tuple[int, ...] = ()  # the last status; empty if the next one goes out in any case
+        self._sync_state: object = None  # the one that was published last
+        self._make_status = maker(
+            context.bus.store,
+            "morai_msgs/MoraiSimProcStatus",
+            *("header", "latest_command_time", "command_result", "current_mode", "current_status"),
+        )
+
+    def publish(self, publishers: Publishers) -> None:
+        """Advertise the topic; its first message is there from the start."""
+        self._publishers = publishers
+        self._publisher = publishers.add(STATUS, "morai_msgs/MoraiSimProcStatus", self._message, depth=1)
+        self._published = self._status()
+
+    def begin_command(self) -> None:
+        """Note the time of a command; it is published with the next change."""
+        self._commanded_ns = self._context.bus.stamp_ns
+
+    def end_command(self, result: ReplayResult, now: float) -> None:
+        """Publish how a command ended, even if nothing has changed: its sender may wait for a message."""
+        self._result = result
+        self._published = ()
+        self.announce(now)
+
+    def forget(self) -> None:
+        """Return to the state before the first command, because the world has begun anew."""
+        self._result, self._commanded_ns = ReplayResult.NONE, 0
+        self._published = ()
+        self._sync_state = None
+
+    def settle(self, now: float) -> None:
+        """Publish a pause or its end; called after each frame. All other changes are announced where they happen."""
+        state = self._sync.state
+        if state is not self._sync_state:
+            self._sync_state = state
+            self.announce(now)
+
+    def announce(self, now: float) -> None:
+        """Publish the status if it has changed; latched, so it is published even if nobody listens."""
+        status = self._status()
+        if status != self._published and not self.is_held:
+            self._published = status
+            self._publishers.show_now(self._publisher, now)
+
+    def _message(self) -> Struct:
+        result, mode, status, commanded_ns = self._status()
+        return self._make_status(
+            self._context.convert.header(self._context.world.frame, "SimProcStatus"),
+            self._context.bus.store.time_value(commanded_ns),
+            *(result, mode, status),
+        )
+
+    def _status(self) -> tuple[int, int, int, int]:
+        """ReplayResult, mode and status as MORAI numbers them, and the time of the last command [ns]."""
+        state = self._process.state
+        status = _PAUSED if self._sync.is_paused else _RUNNING
+        mode = _SIMULATION_MODE if state is ReplayState.SIMULATING else _REPLAY_MODE
+        return self._result.value, mode, _ENDED if state is ReplayState.AT_END else status, self._commanded_ns

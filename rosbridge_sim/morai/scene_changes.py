@@ -1,0 +1,172 @@
+"""Changes of the whole scene: a scenario is loaded, the world is reset, further egos come.
+
+Each is wholly done or not at all, and happens between two frames or, as a command of synchronous mode, before one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from rosbridge_sim.errors import FieldError, GraphError, PeerError
+from rosbridge_sim.morai.command_parsing import EgoSetting
+from rosbridge_sim.morai.ego import Ego
+from rosbridge_sim.morai.ego_interfaces import EgoInterfaces
+from rosbridge_sim.morai.egos import EgoRegistry
+from rosbridge_sim.morai.frame_stepper import FrameStepper
+from rosbridge_sim.morai.hooks import Hooks
+from rosbridge_sim.morai.interfaces.network_settings import NetworkSettings
+from rosbridge_sim.morai.interfaces.publishers import Publishers
+from rosbridge_sim.morai.interfaces.registry import InterfaceRegistry
+from rosbridge_sim.morai.scene import FIRST_EGO, MAX_EGOS, MAX_ENTITIES, Load, Scene
+from rosbridge_sim.morai.simulation_time import SimulationTime
+from rosbridge_sim.morai.sync import SceneCommand, Sync
+from rosbridge_sim.morai.sync_driver import SyncDriver
+from rosbridge_sim.morai.sync_info import SyncInfo
+from rosbridge_sim.morai.tf_publisher import StaticTf
+
+__all__ = ["SceneChanges"]
+
+LAST_RESERVED: Final = 1
+"""MORAI's egos are 0, 2, 3, ...: nobody has seen a 1."""
+
+
+class SceneChanges:
+    """Carries out loads and resets, and brings egos. It holds no state: that is the scene's and the egos'."""
+
+    def __init__(
+        self,
+        *,
+        scene: Scene,
+        egos: EgoRegistry,
+        ego_interfaces: EgoInterfaces,
+        interfaces: InterfaceRegistry,
+        publishers: Publishers,
+        hooks: Hooks,
+        sync: Sync[SceneCommand],
+        sync_driver: SyncDriver,
+        sync_info: SyncInfo,
+        stepper: FrameStepper,
+        time: SimulationTime,
+        static_tf: StaticTf,
+    ) -> None:
+        """Change nothing yet.
+
+        Args:
+            scene: has the world, and changes it.
+            egos: come and go with the scene.
+            ego_interfaces: have the egos' names.
+            interfaces: get other network settings with a scenario.
+            publishers: forget what real time was to repeat.
+            hooks: `on_scene_change` and `on_reset` are called.
+            sync: forgets what waits for frames.
+            sync_driver: pauses the world.
+            sync_info: announces the new frame.
+            stepper: tells whether the world is moving.
+            time: follows the new frame.
+            static_tf: announces what stands on the egos.
+        """
+        self._scene = scene
+        self._egos = egos
+        self._ego_interfaces = ego_interfaces
+        self._interfaces = interfaces
+        self._publishers = publishers
+        self._hooks = hooks
+        self._sync = sync
+        self._sync_driver = sync_driver
+        self._sync_info = sync_info
+        self._stepper = stepper
+        self._time = time
+        self._static_tf = static_tf
+
+    def carry_out(self, load: Load, *, is_pausing: bool, now: float, network: NetworkSettings | None = None) -> None:
+        """Load a prepared scenario.
+
+        Args:
+            load: from `Scene.prepare`.
+            is_pausing: time stands still from then on.
+            now: monotonic time [s].
+            network: other network settings from then on; None for those in force.
+
+        Raises:
+            DocumentError: the world is too full, and nothing has changed but that a replay has ended; or a name of the
+                network cannot be had, and nothing has changed at all.
+        """
+        if network is not None:
+            self._interfaces.check(network)
+        for prepare in self._hooks.on_scene_change:
+            prepare(now)
+        egos = self._egos
+        self._scene.carry_out(load)
+        if load.egos:
+            egos.first.reset_controls()
+        gone = [ego for ego in egos if not ego.is_there]
+        for ego in gone:
+            self._ego_interfaces.drop(ego, now)
+        egos.drop(gone)
+        for ego in egos:
+            ego.resume()
+        if network is not None:
+            self._interfaces.change(network, now)
+        egos.forget_statuses()
+        self._static_tf.announce(now)
+        if is_pausing:
+            self._sync_driver.pause(now)
+
+    def reset(self, seed: int | None, now: float) -> None:
+        """Begin anew: the same calls from here on give the same bytes as after the start. The mode stays as it is.
+
+        Args:
+            seed: of all chance; None for the one in use.
+            now: monotonic time [s].
+
+        Raises:
+            GraphError: frames are being computed; somebody who hears of one asks from within.
+        """
+        if self._stepper.is_moving:
+            raise GraphError("the world is moving")
+        for prepare in self._hooks.on_scene_change:
+            prepare(now)
+        egos = self._egos
+        for ego in list(egos)[1:]:
+            self._ego_interfaces.drop(ego, now)
+        self._scene.reset(seed)
+        egos.reset()
+        for forget in self._hooks.on_reset:
+            forget()
+        self._publishers.forget_repeats()
+        self._time.follow()
+        egos.forget_statuses()
+        self._sync_info.announce(now)
+        self._static_tf.announce_again(now)  # what waits for those who come late is of frame 0 again
+        self._sync.forget(now)  # last, for the ticks that waited are answered with the new frame
+
+    def add_egos(self, settings: Sequence[EgoSetting], now: float) -> None:
+        """Bring further egos into the world, each with topics and services of its own; all of them or none.
+
+        Raises:
+            FieldError: a number that no ego can have, or too many of them.
+            GraphError: a client has given one of the topics another type.
+        """
+        egos, world = self._egos, self._scene.world
+        for setting in settings:
+            if setting.index <= LAST_RESERVED:
+                raise FieldError(f"ego_index: expected {FIRST_EGO}, {LAST_RESERVED + 1} or more, got {setting.index}")
+        if len(egos) + len(settings) > MAX_EGOS:
+            raise FieldError(f"ego_index: there are {MAX_EGOS} egos at most")
+        if len(world) + len(settings) > MAX_ENTITIES:
+            raise FieldError(f"ego_index: the world holds {MAX_ENTITIES:,} at most")
+        added: list[Ego] = []
+        try:
+            for setting in settings:
+                uid = self._scene.add_ego(egos.first.uid, setting.pose, setting.gear or egos.first.gear)
+                ego = egos.create(setting.index, uid)
+                added.append(ego)
+                self._ego_interfaces.bind(ego)
+        except PeerError:
+            for ego in added:
+                self._ego_interfaces.drop(ego, now)
+                world.remove(ego.uid)
+            raise
+        egos.add(added)
+        self._static_tf.announce(now)

@@ -1,0 +1,42 @@
+"""`/SyncModeInfo`: the state of synchronous mode, for all clients."""
+
+from __future__ import annotations
+
+from rosbridge_sim.morai.convert import maker
+from rosbridge_sim.morai.interfaces.publishers import Publishers
+from rosbridge_sim.morai.sync import SceneCommand, Sync
+from rosbridge_sim.schema.store import Store
+from rosbridge_sim.world.state import World
+
+__all__ = ["SyncInfo"]
+
+
+class SyncInfo:
+    """The publisher of `/SyncModeInfo`; latched, so it is kept up to date whether anybody listens or not."""
+
+    def __init__(self, store: Store, world: World, sync: Sync[SceneCommand], publishers: Publishers) -> None:
+        """Have the topic; it says nothing before the first `announce`.
+
+        Args:
+            store: has the type.
+            world: has the frame.
+            sync: the mode.
+            publishers: get the topic.
+        """
+        self._world = world
+        self._sync = sync
+        self._publishers = publishers
+        self._topic = publishers.keep("/SyncModeInfo", "morai_msgs/SyncModeInfo")
+        self._make = maker(store, "morai_msgs/SyncModeInfo", "master_id", "status", "frame", "can_send_tick")
+        sync.hooks.announce.append(self.announce)
+
+    def announce(self, now: float, *, may_tick: bool = True) -> None:
+        """Publish the state as it is.
+
+        Args:
+            now: monotonic time [s].
+            may_tick: false within a tick: the next one cannot be sent before its last frame.
+        """
+        sync = self._sync
+        info = self._make(sync.master_id, sync.is_on, self._world.frame, sync.can_send_tick and may_tick)
+        self._publishers.update(self._topic, info, now)

@@ -1,0 +1,323 @@
+"""The table of synchronous mode: states, events, and what follows from each event in each state.
+
+Why a table. The published pages describe five services and say nothing of what happens when two clients want
+the same thing, when a number is odd or when a client dies; every stand-in answers that somewhere, mostly by
+accident. Here each answer is one row: a state, an event, and what follows. `SYNC_TABLE` is what runs (in `sync.py`),
+what the tests walk over and what a diagram can be drawn from.
+
+The states are four. Three have a paused twin, because a pause is another client's wish (the event service, a
+scenario that asks for it) and must survive a change of master:
+
+    FREE     real time drives the world
+    OPEN     synchronous, nobody is master: the world stands until somebody starts (`--start sync`,
+             `--sync-on-loss wait`)
+    LED      synchronous, one user id is master: the world moves by that id's ticks alone
+    WAITING  as LED, and ticks of the master wait for a command of their frames that is still being read
+
+An event is what was said together with *who* said it: `TICK_BY_OTHER` rather than a tick and an `if`. `Sync` finds out
+which event it is, and carries out the effects of its row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum, StrEnum
+from typing import Final
+
+from rosbridge_sim.errors import Reason
+
+__all__ = [
+    "FRAME_MS",
+    "MAX_AHEAD",
+    "MAX_STEP_MS",
+    "MAX_USER_ID",
+    "MAX_WAITING_COMMANDS",
+    "NO_MASTER",
+    "OF_A_MASTER",
+    "OF_WAITING",
+    "ON",
+    "PAUSED",
+    "REASONS",
+    "SYNC_TABLE",
+    "SyncEffect",
+    "SyncEvent",
+    "SyncOutcome",
+    "SyncState",
+]
+
+FRAME_MS: Final = 20
+"""One frame [ms]: the simulator's own step, of which every time step is a multiple."""
+
+MAX_STEP_MS: Final = 1_000
+"""The longest time step of one tick [ms]: fifty frames, so that one call cannot hold the process for long."""
+
+MAX_WAITING_COMMANDS: Final = 1_000
+"""Commands that may wait at once."""
+
+MAX_AHEAD: Final = 10_000
+"""How far ahead of the world a command's frame may lie: 200 simulated seconds."""
+
+MAX_USER_ID: Final = 256
+"""Characters of a user id; it goes out with every SyncModeInfo."""
+
+
+class SyncState(IntEnum):
+    """Who moves the world, and whether somebody has paused it."""
+
+    FREE = 0
+    FREE_PAUSED = 1
+    OPEN = 2
+    OPEN_PAUSED = 3
+    LED = 4
+    LED_PAUSED = 5
+    WAITING = 6
+
+
+NO_MASTER: Final = frozenset({SyncState.FREE, SyncState.FREE_PAUSED, SyncState.OPEN, SyncState.OPEN_PAUSED})
+ON: Final = frozenset(SyncState) - {SyncState.FREE, SyncState.FREE_PAUSED}
+PAUSED: Final = frozenset({SyncState.FREE_PAUSED, SyncState.OPEN_PAUSED, SyncState.LED_PAUSED})
+
+
+class SyncEvent(IntEnum):
+    """What was said, and by whom. `MASTER` is a peer that names the master's id, `OTHER` any other peer."""
+
+    START_BY_MASTER = 0
+    START_BY_OTHER = 1
+    START_MISFIT = 2  # a time step or an id that cannot be had
+    STOP_BY_MASTER = 3  # or by anybody, where that is allowed
+    STOP_BY_OTHER = 4
+    TICK_BY_MASTER = 5
+    TICK_BY_OTHER = 6
+    TICK_MISFIT = 7  # the master's, for another frame than the next one, where that matters
+    COMMAND = 8
+    COMMAND_TOO_FAR = 9
+    COMMAND_TOO_MANY = 10
+    PAUSE = 11
+    RESUME = 12
+    LOSS_TO_RUN = 13  # the lease has ended; the world is to run, pause, or wait for the next master
+    LOSS_TO_PAUSE = 14
+    LOSS_TO_WAIT = 15
+    TICK_EARLY = 16  # the master's, and a command of one of its frames is not ready
+    TURN = 17  # the first tick that waits can be carried out; others wait behind it
+    LAST_TURN = 18  # the same, and it is the only one
+    RESET = 19  # the world has begun anew
+
+
+OF_A_MASTER: Final = frozenset(
+    {
+        SyncEvent.START_BY_MASTER,
+        SyncEvent.STOP_BY_MASTER,
+        SyncEvent.TICK_BY_MASTER,
+        SyncEvent.TICK_MISFIT,
+        SyncEvent.TICK_EARLY,
+        SyncEvent.LOSS_TO_RUN,
+        SyncEvent.LOSS_TO_PAUSE,
+        SyncEvent.LOSS_TO_WAIT,
+    }
+)
+"""Events that take a master to happen: the table has no row for them in the states of `NO_MASTER`."""
+
+OF_WAITING: Final = frozenset({SyncEvent.TURN, SyncEvent.LAST_TURN})
+"""Events that take a tick that waits: the table has rows for them in WAITING alone."""
+
+
+class SyncEffect(StrEnum):
+    """What follows from an event.
+
+    LEAD: the caller is master, with this time step. RELEASE: nobody is master. DROP: the commands that wait are
+    forgotten. QUEUE: the command waits. MOVE: the frames of one tick are computed. WAIT: the tick waits for its turn,
+    see `take_turn`. REFUSE: the ticks that wait are refused. FLOW: real time counts from now on. ANNOUNCE: SyncModeInfo
+    has changed.
+    """
+
+    LEAD = "lead"
+    RELEASE = "release"
+    DROP = "drop"
+    QUEUE = "queue"
+    MOVE = "move"
+    WAIT = "wait"
+    REFUSE = "refuse"
+    FLOW = "flow"
+    ANNOUNCE = "announce"
+
+
+@dataclass(frozen=True, slots=True)
+class SyncOutcome:
+    """One row of the table.
+
+    Attributes:
+        state: the state afterwards.
+        is_accepted: `result` or `tick_status` on the wire.
+        effects: in the order in which they are carried out.
+        why: for a refusal, a text for the peer; empty otherwise.
+    """
+
+    state: SyncState
+    is_accepted: bool
+    effects: tuple[SyncEffect, ...] = ()
+    why: str = ""
+
+    @property
+    def reason(self) -> Reason:
+        """The kind of refusal that `why` puts into words."""
+        return REASONS.get(self.why, Reason.REFUSED)
+
+
+def _yes(state: SyncState, *effects: SyncEffect) -> SyncOutcome:
+    return SyncOutcome(state, is_accepted=True, effects=effects)
+
+
+def _no(state: SyncState, why: str) -> SyncOutcome:
+    return SyncOutcome(state, is_accepted=False, why=why)
+
+
+_OFF: Final = "synchronous mode is off"
+_TAKEN: Final = "another user id is the master"
+_LEADERLESS: Final = "nobody is master: start synchronous mode first"
+_IS_PAUSED: Final = "the simulation is paused"
+_MISFIT: Final = (
+    f"time_step must be a multiple of {FRAME_MS} ms and at most {MAX_STEP_MS}, user_id at most {MAX_USER_ID} characters"
+)
+_NOT_NEXT: Final = "strict frames: a tick must name the frame that it will end on"
+_TOO_FAR: Final = f"the frame is more than {MAX_AHEAD} frames ahead"
+_TOO_MANY: Final = f"{MAX_WAITING_COMMANDS} commands are waiting already"
+
+REASONS: Final[Mapping[str, Reason]] = {
+    _OFF: Reason.SYNC_OFF,
+    _TAKEN: Reason.NOT_MASTER,
+    _LEADERLESS: Reason.NO_MASTER,
+    _IS_PAUSED: Reason.PAUSED,
+    _MISFIT: Reason.WRONG_VALUE,
+    _NOT_NEXT: Reason.LATE_FRAME,
+    _TOO_FAR: Reason.FAR_FRAME,
+    _TOO_MANY: Reason.TOO_MUCH,
+}
+"""The text of a refusal -> its kind."""
+
+
+SYNC_TABLE: Final[Mapping[SyncState, Mapping[SyncEvent, SyncOutcome]]] = {
+    SyncState.FREE: {
+        SyncEvent.START_BY_OTHER: _yes(SyncState.LED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
+        SyncEvent.START_MISFIT: _no(SyncState.FREE, _MISFIT),
+        SyncEvent.STOP_BY_OTHER: _yes(SyncState.FREE),
+        SyncEvent.TICK_BY_OTHER: _no(SyncState.FREE, _OFF),
+        SyncEvent.COMMAND: _no(SyncState.FREE, _OFF),
+        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.FREE, _OFF),
+        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.FREE, _OFF),
+        SyncEvent.PAUSE: _yes(SyncState.FREE_PAUSED),
+        SyncEvent.RESUME: _yes(SyncState.FREE),
+        SyncEvent.RESET: _yes(SyncState.FREE, SyncEffect.DROP),
+    },
+    SyncState.FREE_PAUSED: {
+        SyncEvent.START_BY_OTHER: _yes(SyncState.LED_PAUSED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
+        SyncEvent.START_MISFIT: _no(SyncState.FREE_PAUSED, _MISFIT),
+        SyncEvent.STOP_BY_OTHER: _yes(SyncState.FREE_PAUSED),
+        SyncEvent.TICK_BY_OTHER: _no(SyncState.FREE_PAUSED, _OFF),
+        SyncEvent.COMMAND: _no(SyncState.FREE_PAUSED, _OFF),
+        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.FREE_PAUSED, _OFF),
+        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.FREE_PAUSED, _OFF),
+        SyncEvent.PAUSE: _yes(SyncState.FREE_PAUSED),
+        SyncEvent.RESUME: _yes(SyncState.FREE, SyncEffect.FLOW),
+        SyncEvent.RESET: _yes(SyncState.FREE_PAUSED, SyncEffect.DROP),
+    },
+    SyncState.OPEN: {
+        SyncEvent.START_BY_OTHER: _yes(SyncState.LED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
+        SyncEvent.START_MISFIT: _no(SyncState.OPEN, _MISFIT),
+        SyncEvent.STOP_BY_OTHER: _yes(SyncState.FREE, SyncEffect.DROP, SyncEffect.FLOW, SyncEffect.ANNOUNCE),
+        SyncEvent.TICK_BY_OTHER: _no(SyncState.OPEN, _LEADERLESS),
+        SyncEvent.COMMAND: _yes(SyncState.OPEN, SyncEffect.QUEUE),
+        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.OPEN, _TOO_FAR),
+        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.OPEN, _TOO_MANY),
+        SyncEvent.PAUSE: _yes(SyncState.OPEN_PAUSED),
+        SyncEvent.RESUME: _yes(SyncState.OPEN),
+        SyncEvent.RESET: _yes(SyncState.OPEN, SyncEffect.DROP),
+    },
+    SyncState.OPEN_PAUSED: {
+        SyncEvent.START_BY_OTHER: _yes(SyncState.LED_PAUSED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
+        SyncEvent.START_MISFIT: _no(SyncState.OPEN_PAUSED, _MISFIT),
+        SyncEvent.STOP_BY_OTHER: _yes(SyncState.FREE_PAUSED, SyncEffect.DROP, SyncEffect.ANNOUNCE),
+        SyncEvent.TICK_BY_OTHER: _no(SyncState.OPEN_PAUSED, _LEADERLESS),
+        SyncEvent.COMMAND: _yes(SyncState.OPEN_PAUSED, SyncEffect.QUEUE),
+        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.OPEN_PAUSED, _TOO_FAR),
+        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.OPEN_PAUSED, _TOO_MANY),
+        SyncEvent.PAUSE: _yes(SyncState.OPEN_PAUSED),
+        SyncEvent.RESUME: _yes(SyncState.OPEN),
+        SyncEvent.RESET: _yes(SyncState.OPEN_PAUSED, SyncEffect.DROP),
+    },
+    SyncState.LED: {
+        SyncEvent.START_BY_MASTER: _yes(SyncState.LED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
+        SyncEvent.START_BY_OTHER: _no(SyncState.LED, _TAKEN),
+        SyncEvent.START_MISFIT: _no(SyncState.LED, _MISFIT),
+        SyncEvent.STOP_BY_MASTER: _yes(
+            SyncState.FREE, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.FLOW, SyncEffect.ANNOUNCE
+        ),
+        SyncEvent.STOP_BY_OTHER: _no(SyncState.LED, _TAKEN),
+        SyncEvent.TICK_BY_MASTER: _yes(SyncState.LED, SyncEffect.MOVE),
+        SyncEvent.TICK_BY_OTHER: _no(SyncState.LED, _TAKEN),
+        SyncEvent.TICK_MISFIT: _no(SyncState.LED, _NOT_NEXT),
+        SyncEvent.COMMAND: _yes(SyncState.LED, SyncEffect.QUEUE),
+        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.LED, _TOO_FAR),
+        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.LED, _TOO_MANY),
+        SyncEvent.PAUSE: _yes(SyncState.LED_PAUSED, SyncEffect.ANNOUNCE),
+        SyncEvent.RESUME: _yes(SyncState.LED),
+        SyncEvent.LOSS_TO_RUN: _yes(
+            SyncState.FREE, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.FLOW, SyncEffect.ANNOUNCE
+        ),
+        SyncEvent.LOSS_TO_PAUSE: _yes(SyncState.FREE_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
+        SyncEvent.LOSS_TO_WAIT: _yes(SyncState.OPEN, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
+        SyncEvent.TICK_EARLY: _yes(SyncState.WAITING, SyncEffect.WAIT),
+        SyncEvent.RESET: _yes(SyncState.LED, SyncEffect.DROP),
+    },
+    SyncState.LED_PAUSED: {
+        SyncEvent.START_BY_MASTER: _yes(SyncState.LED_PAUSED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
+        SyncEvent.START_BY_OTHER: _no(SyncState.LED_PAUSED, _TAKEN),
+        SyncEvent.START_MISFIT: _no(SyncState.LED_PAUSED, _MISFIT),
+        SyncEvent.STOP_BY_MASTER: _yes(SyncState.FREE_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
+        SyncEvent.STOP_BY_OTHER: _no(SyncState.LED_PAUSED, _TAKEN),
+        SyncEvent.TICK_BY_MASTER: _no(SyncState.LED_PAUSED, _IS_PAUSED),
+        SyncEvent.TICK_BY_OTHER: _no(SyncState.LED_PAUSED, _TAKEN),
+        SyncEvent.TICK_MISFIT: _no(SyncState.LED_PAUSED, _IS_PAUSED),
+        SyncEvent.COMMAND: _yes(SyncState.LED_PAUSED, SyncEffect.QUEUE),
+        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.LED_PAUSED, _TOO_FAR),
+        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.LED_PAUSED, _TOO_MANY),
+        SyncEvent.PAUSE: _yes(SyncState.LED_PAUSED),
+        SyncEvent.RESUME: _yes(SyncState.LED, SyncEffect.ANNOUNCE),
+        SyncEvent.LOSS_TO_RUN: _yes(SyncState.FREE_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
+        SyncEvent.LOSS_TO_PAUSE: _yes(SyncState.FREE_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
+        SyncEvent.LOSS_TO_WAIT: _yes(SyncState.OPEN_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
+        SyncEvent.TICK_EARLY: _no(SyncState.LED_PAUSED, _IS_PAUSED),
+        SyncEvent.RESET: _yes(SyncState.LED_PAUSED, SyncEffect.DROP),
+    },
+    SyncState.WAITING: {
+        SyncEvent.START_BY_MASTER: _yes(SyncState.WAITING, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
+        SyncEvent.START_BY_OTHER: _no(SyncState.WAITING, _TAKEN),
+        SyncEvent.START_MISFIT: _no(SyncState.WAITING, _MISFIT),
+        SyncEvent.STOP_BY_MASTER: _yes(
+            SyncState.FREE, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.REFUSE, SyncEffect.FLOW, SyncEffect.ANNOUNCE
+        ),
+        SyncEvent.STOP_BY_OTHER: _no(SyncState.WAITING, _TAKEN),
+        SyncEvent.TICK_BY_MASTER: _yes(SyncState.WAITING, SyncEffect.WAIT),
+        SyncEvent.TICK_BY_OTHER: _no(SyncState.WAITING, _TAKEN),
+        SyncEvent.TICK_MISFIT: _no(SyncState.WAITING, _NOT_NEXT),
+        SyncEvent.TICK_EARLY: _yes(SyncState.WAITING, SyncEffect.WAIT),
+        SyncEvent.TURN: _yes(SyncState.WAITING, SyncEffect.MOVE),
+        SyncEvent.LAST_TURN: _yes(SyncState.LED, SyncEffect.MOVE),
+        SyncEvent.COMMAND: _yes(SyncState.WAITING, SyncEffect.QUEUE),
+        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.WAITING, _TOO_FAR),
+        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.WAITING, _TOO_MANY),
+        SyncEvent.PAUSE: _yes(SyncState.LED_PAUSED, SyncEffect.REFUSE, SyncEffect.ANNOUNCE),
+        SyncEvent.RESUME: _yes(SyncState.WAITING),
+        SyncEvent.LOSS_TO_RUN: _yes(
+            SyncState.FREE, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.REFUSE, SyncEffect.FLOW, SyncEffect.ANNOUNCE
+        ),
+        SyncEvent.LOSS_TO_PAUSE: _yes(
+            SyncState.FREE_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.REFUSE, SyncEffect.ANNOUNCE
+        ),
+        SyncEvent.LOSS_TO_WAIT: _yes(
+            SyncState.OPEN, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.REFUSE, SyncEffect.ANNOUNCE
+        ),
+        SyncEvent.RESET: _yes(SyncState.LED, SyncEffect.DROP, SyncEffect.REFUSE),
+    },
+}
+"""Every state and every event that can happen in it."""

@@ -1,0 +1,136 @@
+"""Types of packages that are unknown here: any JSON object passes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar
+
+import msgspec
+import numpy as np
+import orjson
+
+from rosbridge_sim.errors import FieldError
+from rosbridge_sim.schema.cbor import encode_plain
+from rosbridge_sim.schema.json_text import parse_json
+
+__all__ = ["OpaqueActionType", "OpaqueServiceType", "OpaqueType"]
+
+_MAX_ORJSON_DEPTH = 250
+"""orjson writes 254 levels, but reads 1,024."""
+
+
+class OpaqueType:
+    """A type of a package that nobody knows: any JSON object passes, nothing is checked or filled.
+
+    Attributes:
+        name: `pkg/Type`.
+        struct_type: makes a value from fields by keyword, as `MessageType.struct_type` does.
+    """
+
+    __slots__ = ("name",)
+
+    struct_type: ClassVar[Callable[..., dict[str, Any]]] = dict
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __repr__(self) -> str:
+        return f"OpaqueType({self.name})"
+
+    def decode_json(self, body: bytes | msgspec.Raw, stamp_ns: int) -> dict[str, Any]:
+        """The object that the text holds.
+
+        Raises:
+            FieldError: it is no JSON object, or nested too deeply to be sent on.
+        """
+        view = memoryview(body)
+        try:
+            value = orjson.loads(view)
+        except orjson.JSONDecodeError as refusal:
+            value = parse_json(self.name, body, refusal)
+        else:
+            if isinstance(value, dict) and _is_shallow(bytes(view)):
+                return value
+        return self.check(value, stamp_ns)
+
+    def check(self, value: object, stamp_ns: int, root: str | None = None) -> dict[str, Any]:  # noqa: ARG002 - as MessageType
+        """The object itself.
+
+        Raises:
+            FieldError: it is no object, or JSON cannot hold it.
+        """
+        if not isinstance(value, dict):
+            raise FieldError(f"Expected a JSON object for type {root or self.name} but received a {type(value)}")
+        try:
+            orjson.dumps(value, default=_no_array)  # arrays can always be written, and need not be for this
+        except orjson.JSONEncodeError as error:
+            raise FieldError(f"{root or self.name}: {error}") from None
+        return value
+
+    def encode_json(self, value: Mapping[str, Any]) -> bytes:
+        """The JSON text of an object that was accepted."""
+        return orjson.dumps(value, option=orjson.OPT_SERIALIZE_NUMPY)
+
+    def encode_cbor(self, value: Mapping[str, Any]) -> bytes:
+        """The CBOR map of an object that was accepted; nothing is known of arrays, so none is typed."""
+        return encode_plain(value)
+
+    def encode_raw(self, value: Mapping[str, Any]) -> bytes:  # noqa: ARG002 - as MessageType
+        """Nobody knows its bytes.
+
+        Raises:
+            FieldError: always.
+        """
+        raise FieldError(f"{self.name} is not known here, so it cannot be sent as cbor-raw")
+
+    def default(self) -> dict[str, Any]:
+        """The empty object: nothing is known of any field."""
+        return {}
+
+
+class OpaqueServiceType:
+    """A service type of a package that nobody knows: requests and responses are any JSON objects.
+
+    Attributes:
+        name: `pkg/Type`.
+        request, response: see `ServiceType`.
+    """
+
+    __slots__ = ("name", "request", "response")
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.request = OpaqueType(f"{name}Request")
+        self.response = OpaqueType(f"{name}Response")
+
+
+class OpaqueActionType:
+    """An action type of a package that nobody knows: goals, results and feedback are any JSON objects.
+
+    Attributes:
+        name: `pkg/Type`.
+        goal, result, feedback: see `ActionType`.
+    """
+
+    __slots__ = ("feedback", "goal", "name", "result")
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.goal = OpaqueType(f"{name}Goal")
+        self.result = OpaqueType(f"{name}Result")
+        self.feedback = OpaqueType(f"{name}Feedback")
+
+
+def _is_shallow(body: bytes) -> bool:
+    """Whether a text cannot be nested more deeply than orjson writes: brackets in strings are counted too."""
+    return body.count(b"{") + body.count(b"[") <= _MAX_ORJSON_DEPTH
+
+
+def _no_array(value: object) -> None:
+    """Pass over a typed array.
+
+    Raises:
+        TypeError: it is something else.
+    """
+    if not isinstance(value, np.ndarray):
+        raise TypeError(f"{type(value)} is no JSON")

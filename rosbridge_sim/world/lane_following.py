@@ -1,0 +1,210 @@
+"""Lane following: vehicles that drive on lanes, follow one another, obey lights and give way.
+
+*Position.* The middle of the rear axle is at arc length `arc` of a lane (see `lane_position`). It moves along straight
+legs of the lane's line, exactly as `path_following` moves along paths, so it is on the line to the last bits. The next
+five lanes are chosen in advance (`route_choice`). A driver without a route that waits for a full street chooses again
+after a while; otherwise streets that fill up in a ring would block one another for ever.
+
+*Speed.* `driver_perception` finds what is ahead, and `driver_model` turns that into an acceleration. Drivers decide
+ten times a second and keep their acceleration in between: a decision is made for all at once and costs ten times as
+much as moving them. It falls on fixed frames, so the columns of the world are the whole state.
+
+Limits of the model: no lane changes, no overtaking, no reversing. Of the entities that do not follow lanes, only
+pedestrians are seen where they will be; the others are seen where they are.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.world.driver_model import CREEP, accelerate
+from rosbridge_sim.world.driver_perception import perceive
+from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
+from rosbridge_sim.world.lane_conflicts import LaneConflicts
+from rosbridge_sim.world.lane_entries import Drivers, Entries, find_entries
+from rosbridge_sim.world.lane_position import headings, set_legs
+from rosbridge_sim.world.route_choice import NUM_AHEAD, RouteChoice
+from rosbridge_sim.world.self_driving import SelfDrivingEgos
+from rosbridge_sim.world.state import DT, Kind, World
+
+__all__ = ["DECISION", "drive_lanes"]
+
+DECISION: Final = 5
+"""Frames from one decision to the next: 0.1 s, less than a person needs to react."""
+
+_INTERVAL: Final = DECISION * DT
+
+MOVES: Final = 0.5
+"""A vehicle above this speed drives through an intersection; a slower one waits in it [m/s]."""
+
+FORESIGHT: Final = 3.0
+"""Drivers wait for pedestrians that will be on the road within this time [s]: 4 m at walking speed, a lane's width."""
+
+MAX_WAIT_DECISIONS: Final = 20
+"""Decisions after which a driver before a full street chooses other lanes: 2 s, enough for a queue to move off."""
+
+MAX_LANES_ENTERED: Final = 8
+"""Lanes entered within one step, at most: lanes of a centimetre in a map must not slow the step down."""
+
+
+def drive_lanes(world: World, dt: float) -> None:
+    """Move all entities that follow lanes; on the frames of decision they decide first.
+
+    Args:
+        world: written in place.
+        dt: length of the step [s].
+    """
+    followers = world.derived(_LaneFollowers)
+    if not followers.num:
+        return
+    if world.frame % DECISION == 0:
+        followers.decide()
+    followers.move(dt)
+
+
+class _LaneFollowers:
+    """The entities that follow lanes, and what is the same at every step.
+
+    It lives until the next `World.touch`: until an entity comes or goes, stops or starts to move. Indices (`which`)
+    count these entities; rows are rows of the world.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.rows = np.flatnonzero(world.alive & world.has_lane)
+        self.num = len(self.rows)
+        if not self.num:
+            return
+        first, last = int(self.rows[0]), int(self.rows[-1])
+        is_run = last - first + 1 == self.num
+        self.at: slice | IntArray = slice(first, last + 1) if is_run else self.rows
+        self.roads = world.roads
+        self.conflicts = world.roads.derived(LaneConflicts)
+        half, centre = world.half_length[self.at], world.centre[self.at]
+        self.nose, self.rear, self.length = half + centre, half - centre, 2.0 * half
+        self.desired_speed = world.desired_speed[self.at].copy()
+        self.wheelbase = world.wheelbase[self.at].copy()
+        self.uid = world.uid[self.at].copy()
+        self.choice = RouteChoice(world, self.rows)
+        self.egos = SelfDrivingEgos(world, self.rows)
+        others = world.alive & ~world.has_lane
+        may_move = (world.kind == Kind.EGO) | (world.speed != 0.0)
+        self.still, _ = _entries_of(world, np.flatnonzero(others & ~may_move))
+        self.moving = np.flatnonzero(others & may_move)
+        self.on_wheels = (world.kind[self.moving] == Kind.EGO) | (world.kind[self.moving] == Kind.VEHICLE)
+
+    def decide(self) -> None:
+        """Choose the accelerations until the next decision."""
+        world, at = self.world, self.at
+        if len(self.egos):
+            self.egos.project()
+            self._advance_lanes(self.egos.index)
+        lanes = world.int_block("lane", "ahead_5")[:, at]
+        drivers = Drivers(
+            *(lanes, world.arc[at], world.speed[at], world.point[at], self.nose, self.rear, self.length, self.uid),
+            *(world.claim[at], world.held[at], world.exit_lane[at]),
+        )
+        # Vehicles that drive through come first: they occupy the lanes of an intersection, the others only obstruct.
+        drives = self.on_wheels & (np.abs(world.speed[self.moving]) > MOVES)
+        seen, owner = _entries_of(world, np.concatenate([self.moving[drives], self.moving[~drives]]))
+        num_driving = int(np.count_nonzero(owner < np.count_nonzero(drives)))
+        perception = perceive(
+            self.conflicts, world.signals.may_enter, drivers, Entries.join(seen, self.still), num_driving
+        )
+        speed = drivers.speed
+        accel = accelerate(speed, np.fmin(self.desired_speed, perception.safe_speed), perception)
+        world.accel[at] = accel
+        self._steer(lanes, speed, accel)
+        if len(self.egos):
+            index = self.egos.index
+            self.egos.command(lanes[:, index], accel[index])
+        is_turn = (world.frame // DECISION + self.uid) % MAX_WAIT_DECISIONS == 0
+        gives_up = perception.is_shut_out & (speed < CREEP) & is_turn
+        if gives_up.any():
+            self.choice.change(np.flatnonzero(gives_up))
+        if not isinstance(at, slice):
+            world.claim[at], world.held[at], world.exit_lane[at] = drivers.claim, drivers.held, drivers.exit_lane
+
+    def _steer(self, lanes: IntArray, speed: FloatArray, accel: FloatArray) -> None:
+        """Set the yaw rates with which the headings are right at the next decision."""
+        world, at = self.world, self.at
+        time = np.where(speed + accel * _INTERVAL < 0.0, speed / np.fmax(-accel, CREEP), _INTERVAL)
+        distance = time * (speed + 0.5 * accel * time)
+        moves = np.flatnonzero(distance > 0.0)
+        turn = np.zeros(self.num)
+        heading = headings(self.roads, lanes[:, moves], (world.arc[at] + distance)[moves], self.wheelbase[moves])
+        turn[moves] = wrap_angle(heading - world.yaw[at][moves])
+        world.yaw_rate[at] = turn / _INTERVAL
+        world.lateral_accel[at] = world.yaw_rate[at] * speed
+
+    def move(self, dt: float) -> None:
+        """Move along the legs by `dt` [s]; `dynamics` moves the self-driving egos."""
+        world, at = self.world, self.at
+        saved = self.egos.save_poses() if len(self.egos) else None
+        before, accel = world.speed[at], world.accel[at]
+        after = before + accel * dt
+        is_stopping = after < 0.0
+        if np.count_nonzero(is_stopping):  # it brakes by no more than brings it to a stand
+            after = np.fmax(after, 0.0)
+            world.accel[at] = np.where(is_stopping, before / -dt, accel)
+        arc = world.arc[at] + (before + after) * (0.5 * dt)
+        world.speed[at], world.arc[at] = after, arc
+        is_past = arc >= world.leg_end[at]
+        if np.count_nonzero(is_past):
+            self._advance_lanes(np.flatnonzero(is_past))
+        distance = world.arc[at] - world.leg_start[at]
+        world.x[at] = world.leg_x[at] + distance * world.leg_dx[at]
+        world.y[at] = world.leg_y[at] + distance * world.leg_dy[at]
+        world.z[at] = world.leg_z[at] + distance * world.leg_dz[at]
+        yaw = world.yaw[at] + world.yaw_rate[at] * dt
+        world.yaw[at] = yaw if np.abs(yaw).max() < math.pi else wrap_angle(yaw)
+        if saved is not None:
+            self.egos.restore_poses(saved)
+
+    def _advance_lanes(self, which: IntArray) -> None:
+        """Bring lane and leg up to date for vehicles whose arc length may be beyond the end of their leg or lane."""
+        world, rows = self.world, self.rows[which]
+        for _ in range(MAX_LANES_ENTERED):
+            is_over = world.arc[rows] >= self.roads.length[world.lane[rows]]
+            if not is_over.any():
+                break
+            self._enter_next(which[is_over])
+        set_legs(world, self.conflicts, rows)
+
+    def _enter_next(self, which: IntArray) -> None:
+        """Move vehicles on to the next lane; at a dead end they stand at the end of theirs."""
+        world, rows = self.world, self.rows[which]
+        is_end = world.ahead_1[rows] < 0
+        if is_end.any():
+            at_end = rows[is_end]
+            world.arc[at_end] = np.nextafter(self.roads.length[world.lane[at_end]], 0.0)
+            world.speed[at_end] = world.accel[at_end] = 0.0
+            which, rows = which[~is_end], rows[~is_end]
+        world.arc[rows] -= self.roads.length[world.lane[rows]]
+        lanes = world.int_block("behind", "ahead_5")
+        lanes[:-1, rows] = lanes[1:, rows]
+        world.turns[rows] += 1
+        world.ahead_5[rows] = self.choice.choose(which, world.ahead_4[rows], world.turns[rows] + NUM_AHEAD)
+        lane = world.lane[rows]
+        enters = self.conflicts.wait_point[lane] == 0.0
+        world.held[rows[enters]] = lane[enters]
+        has_come = enters & (world.claim[rows] == lane)
+        world.claim[rows[has_come]] = -1
+
+
+def _entries_of(world: World, rows: IntArray) -> tuple[Entries, IntArray]:
+    """Return the entries of rows that do not follow lanes; see `find_entries`."""
+    cos, sin = np.cos(world.yaw[rows]), np.sin(world.yaw[rows])
+    return find_entries(
+        world.roads,
+        x=world.x[rows] + world.centre[rows] * cos,
+        y=world.y[rows] + world.centre[rows] * sin,
+        yaw=world.yaw[rows],
+        speed=world.speed[rows],
+        half_length=world.half_length[rows],
+        half_width=world.half_width[rows],
+        foresight=np.where(world.kind[rows] == Kind.PEDESTRIAN, FORESIGHT, 0.0),
+    )

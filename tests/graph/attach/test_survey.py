@@ -1,0 +1,99 @@
+"""What a far side lacks is one line in the log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rosbridge_sim.graph.attach.connection import PROBE
+from rosbridge_sim.graph.attach.survey import SURVEY_DELAYS
+from tests.graph.attach.mirror_harness import Car, Program, SimHarness, make_deaf
+
+# What it lacks
+
+
+def test_services_that_it_has_already_are_one_line_and_are_taken_over(lines: Callable[[], list[str]]) -> None:
+    harness = SimHarness()
+    other = Program(harness.far)
+    other.send("advertise_service", service="/honk", type="std_srvs/SetBool")
+    harness.attach()
+    taken = [line for line in lines() if "already" in line]
+    assert taken == [
+        "ws://far:9090: it has /honk already, of another program or of one that is gone; ours take their place"
+    ]
+    harness.cut()
+    harness.attach()
+    assert [line for line in lines() if "already" in line] == []
+
+
+def test_a_package_that_it_does_not_know_is_one_line_that_names_it(lines: Callable[[], list[str]]) -> None:
+    harness = SimHarness()
+    make_deaf(harness, "/honk")
+    harness.attach()
+    assert not any("package" in line for line in lines())  # it may take a while
+    harness.run(until=sum(SURVEY_DELAYS) + 1.0)
+    found = [line for line in lines() if "package" in line]
+    text = (
+        "it does not know the package std_srvs, and so not /honk: build the package where it runs, and start it again"
+    )
+    assert found == [f"ws://far:9090: {text}"]
+    harness.cut()
+    harness.attach()
+    harness.run(until=10.0)
+    assert not any("package" in line for line in lines())
+    assert harness.car.state.has_listener  # the others go on
+
+
+def test_a_topic_that_it_alone_does_not_have_may_be_denied(lines: Callable[[], list[str]]) -> None:
+    harness = SimHarness()
+    make_deaf(harness, "/state")
+    harness.attach()
+    harness.run(until=10.0)
+    (line,) = [line for line in lines() if "globs" in line]
+    assert "it does not have /state (std_msgs/Int32): its std_msgs may be of another release" in line
+
+
+def test_a_topic_that_is_of_another_type_there_is_told(lines: Callable[[], list[str]]) -> None:
+    harness = SimHarness()
+    Program(harness.far).send("advertise", topic="/state", type="std_msgs/String")
+    harness.attach()
+    harness.run(until=10.0)
+    assert any("/state is std_msgs/String there and not std_msgs/Int32" in line for line in lines())
+
+
+def test_a_status_about_a_package_is_the_same_line(harness: SimHarness, lines: Callable[[], list[str]]) -> None:
+    text = "Unable to import std_msgs.msg from package std_msgs. Caused by: no module"
+    for name in ("/state", "/plate"):
+        harness.receive({"op": "status", "level": "error", "msg": text, "id": f"advertise:{name}"})
+    (line,) = lines()
+    assert "it does not know the package std_msgs, and so not /state, /plate, /pedal: build the package" in line
+
+
+def test_a_package_of_which_we_have_nothing_is_told_in_its_own_words(
+    harness: SimHarness, lines: Callable[[], list[str]]
+) -> None:
+    """What ours is made of, or something of somebody else's."""
+    lines()
+    text = "Unable to import geometry_msgs.msg from package geometry_msgs. Caused by: no module"
+    harness.receive({"op": "status", "level": "error", "msg": text, "id": "advertise:/state"})
+    assert lines() == [f"ws://far:9090: it says of advertise:/state: [error] {text}"]
+
+
+def test_a_simulator_that_is_there_already_is_one_line(lines: Callable[[], list[str]]) -> None:
+    harness = SimHarness()
+    Car(harness.far.bus)
+    harness.attach()
+    warnings = [line for line in lines() if "attached" not in line]
+    assert len(warnings) == 1
+    assert "it has a simulator of its own (/car)" in warnings[0]
+
+
+def test_the_other_generation_of_ros_is_told(lines: Callable[[], list[str]]) -> None:
+    harness = SimHarness()
+    harness.far.mute.add(PROBE)
+    harness.attach()
+    question = harness.far.ops("call_service")[-1]
+    values = {"time": {"sec": 1, "nanosec": 2}}
+    harness.receive(
+        {"op": "service_response", "service": PROBE, "id": question["id"], "values": values, "result": True}
+    )
+    assert any("it is of ROS 2" in line and "--ros 2" in line for line in lines())

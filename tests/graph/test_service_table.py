@@ -1,0 +1,138 @@
+"""A service has one provider, and a call one end."""
+
+from __future__ import annotations
+
+import pytest
+
+from rosbridge_sim.errors import GraphError, Reason
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.service_table import MAX_CALLS, MAX_STALE
+from rosbridge_sim.graph.topics_services import Call
+from rosbridge_sim.protocol.account import Account
+from tests.graph.bus_fixture import make_bus, make_store
+from tests.graph.participants import ADD, Somebody
+
+
+def test_an_exclusive_service_cannot_be_taken_over() -> None:
+    bus, node, other = make_bus(), Somebody("/morai_sim"), Somebody()
+    service = bus.provide(node, "/s", ADD, node.hold, is_exclusive=True)
+    with pytest.raises(GraphError, match="provided by /morai_sim alone"):
+        bus.provide(other, "/s", ADD, other.hold)
+    with pytest.raises(GraphError, match="can't unadvertise"):
+        bus.withdraw(other, "/s")
+    assert bus.services["/s"] is service
+
+
+def test_a_service_may_be_withdrawn_with_or_without_an_answer_to_those_who_wait() -> None:
+    bus, provider, caller = make_bus(), Somebody(), Somebody()
+    for answers_calls in (True, False):
+        bus.provide(provider, "/add", ADD, provider.hold)
+        bus.call(caller, "/add", {}, caller.answers.append, now=0.0)
+        bus.withdraw(provider, "/add", answers_calls=answers_calls)
+        provider.calls[-1].refuse("later")
+    assert [answer.values for answer in caller.answers] == ["later", "Service /add was unadvertised"]
+
+
+def test_ended_calls_do_not_wait_for_a_deadline_that_is_far_away() -> None:
+    bus, provider, caller = make_bus(), Somebody(), Somebody()
+    bus.provide(provider, "/add", ADD, provider.hold)
+    bus.call(caller, "/add", {}, caller.answers.append, now=0.0, timeout=5.0)
+    for _ in range(10 * MAX_STALE):
+        bus.call(caller, "/add", {}, caller.answers.append, now=0.0, timeout=1e9)
+        provider.calls.pop().refuse("no")
+    assert len(bus._service_table._deadlines) <= 2 * MAX_STALE
+    bus.expire(5.0)
+    assert caller.answers[-1].values == "Timeout exceeded while waiting for service response"
+    assert provider.calls[0].request is None
+    assert bus.next_deadline() is None
+
+
+def test_call_in_flight_is_on_the_account_of_its_caller_until_it_has_ended() -> None:
+    bus, provider, caller = make_bus(), Somebody(), Somebody()
+    account = bus.accounts[caller] = Account(10_000)
+    bus.provide(provider, "/add", ADD, provider.hold)
+    bus.provide(provider, "/own", ADD, provider.hold, is_exclusive=True)
+    bus.call(caller, "/own", {}, caller.answers.append, now=0.0)
+    assert account.num_bytes == 0  # the simulator's own services answer at once
+    for end in ("answer", "refuse", "expire", "leave"):
+        bus.call(caller, "/add", {}, caller.answers.append, now=0.0, timeout=1.0)
+        assert account.num_bytes > 0
+        if end == "answer":
+            provider.calls[-1].answer(bus.store.service(ADD).response.default())
+        elif end == "refuse":
+            provider.calls[-1].refuse("no")
+        elif end == "expire":
+            bus.expire(1.0)
+        else:
+            bus.withdraw(provider, "/add")
+        assert account.num_bytes == 0
+
+
+def test_call_that_the_account_has_no_room_for_is_refused_and_not_handed_on() -> None:
+    bus, provider, caller = make_bus(), Somebody(), Somebody()
+    bus.accounts[caller] = Account(1)
+    bus.provide(provider, "/add", ADD, provider.hold)
+    bus.call(caller, "/add", {}, caller.answers.append, now=0.0)
+    (answer,) = caller.answers
+    assert (answer.is_ok, answer.reason, provider.calls) == (False, Reason.TOO_MUCH, [])
+    assert str(answer.values).startswith("Too much in flight: ")
+
+
+def test_owner_may_offer_its_own_service_anew_without_a_word_and_others_with_one() -> None:
+    bus, node, other = make_bus(), Somebody("/morai_sim"), Somebody()
+    for is_exclusive in (True, False):
+        service = bus.provide(node, "s", ADD, node.hold, is_exclusive=is_exclusive)
+        assert bus.services == {"/s": service}
+    assert node.told == []
+    bus.provide(other, "/s", ADD, other.hold)
+    assert other.told == [("warning", "Duplicate service advertised. Overwriting /s.")]
+
+
+def test_a_call_is_given_up_at_its_deadline() -> None:
+    bus, provider, caller = make_bus(), Somebody(), Somebody()
+    bus.provide(provider, "/add", ADD, provider.hold)
+    bus.call(caller, "/add", {"a": 1}, caller.answers.append, now=0.0, timeout=2.0)
+    bus.call(caller, "/add", {"a": 2}, caller.answers.append, now=0.0, timeout=0.0)
+    bus.call(caller, "/add", {"a": 3}, caller.answers.append, now=0.0)
+    assert bus.next_deadline() == 2.0
+    bus.expire(1.9)
+    assert caller.answers == []
+    bus.expire(2.0)
+    assert [a.values for a in caller.answers] == ["Timeout exceeded while waiting for service response"]
+    assert bus.next_deadline() is None
+    provider.calls[0].answer(bus.store.service(ADD).response.default())
+    assert len(caller.answers) == 1
+
+
+def test_the_buss_own_timeout_holds_where_a_call_gives_none() -> None:
+    bus = Bus(make_store(), service_timeout=5.0)
+    provider, caller = Somebody(), Somebody()
+    bus.provide(provider, "/add", ADD, provider.hold)
+    bus.call(caller, "/add", None, caller.answers.append, now=1.0)
+    assert bus.next_deadline() == 6.0
+    provider.calls[0].refuse("no")
+    assert bus.next_deadline() is None
+
+
+def test_a_provider_that_fails_by_our_own_fault_still_gives_an_answer() -> None:
+    bus, provider, caller = make_bus(), Somebody(), Somebody()
+
+    def fail(_call: Call, _now: float) -> None:
+        raise ZeroDivisionError
+
+    bus.provide(provider, "/add", ADD, fail)
+    with pytest.raises(ZeroDivisionError):
+        bus.call(caller, "/add", None, caller.answers.append, now=0.0)
+    assert [a.is_ok for a in caller.answers] == [False]
+
+
+def test_calls_in_flight_are_bounded() -> None:
+    bus, provider, caller = make_bus(), Somebody(), Somebody()
+    bus.provide(provider, "/add", ADD, provider.hold)
+    for _ in range(MAX_CALLS + 1):
+        bus.call(caller, "/add", None, caller.answers.append, now=0.0)
+    assert len(provider.calls) == MAX_CALLS
+    assert [a.is_ok for a in caller.answers] == [False]
+    provider.calls[0].refuse("no")
+    bus.call(caller, "/add", None, caller.answers.append, now=0.0)
+    assert len(provider.calls) == MAX_CALLS + 1

@@ -1,0 +1,110 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.world.roads import Roads
+from tests.morai.small_maps import KOREAN, ROADRUNNER, Files, read
+
+
+def edges(roads: Roads, name: str, *s: float) -> list[float]:
+    """Left, right, left, right, ... from the line of a lane at some places along it [m]."""
+    points, _ = roads.at([roads.row(name)] * len(s), s)
+    pairs = np.stack(roads.beside(roads.nearest(points[:, 0], points[:, 1])), axis=-1)
+    return [float(value) for value in pairs.round(6).ravel()]
+
+
+def changed(files: Files, **changes: Any) -> Files:  # noqa: ANN401 - contents of files
+    """The files with others in their place; `link` changes keys of the links with an id."""
+    links = changes.pop("links", {})
+    out = {**files, **changes}
+    out["link_set.json"] = [{**entry, **links.get(entry["idx"], {})} for entry in files["link_set.json"]]
+    return out
+
+
+@pytest.mark.parametrize("files", [ROADRUNNER, KOREAN])
+def test_links_are_lanes_and_lane_changes_are_not(files: Files) -> None:
+    roads = read(files).roads
+    assert roads.ids == ("A1B1", "A2B2", "B1C1", "B2C2", "B2D")
+    assert [roads.successors(i).tolist() for i in range(5)] == [[2], [3, 4], [], [], []]
+    assert roads.is_stop.tolist() == [True, True, False, False, False]
+    assert roads.left.tolist() == [1, -1, -1, -1, -1]
+    assert roads.right.tolist() == [-1, 0, -1, -1, -1]
+    assert roads.speed_limit.tolist() == pytest.approx([50 / 3.6] * 2 + [30 / 3.6] * 3)
+
+
+@pytest.mark.parametrize("files", [ROADRUNNER, KOREAN])
+def test_lane_borders_are_read_under_either_name(files: Files) -> None:
+    roads = read(files).roads
+    assert edges(roads, "A1B1", 0.0, 50.0) == pytest.approx([1.6, 1.5, 1.6, 2.333], abs=0.01)
+    # The edge's line ends 40 m before the lane does: there, and where nothing is drawn, it is half a width away.
+    assert edges(roads, "A1B1", 100.0) == [1.6, 1.75]
+    assert edges(roads, "A2B2", 50.0) == [1.75, 1.9]
+    assert edges(roads, "B2D", 5.0) == [1.75, 1.75]
+
+
+def test_old_border_name_takes_precedence() -> None:
+    files = {**KOREAN, "lane_boundary_set.json": []}
+    assert edges(read(files).roads, "A1B1", 0.0)[0] == 1.6
+    files = {**ROADRUNNER, "lane_marking_set.json": []}
+    assert edges(read(files).roads, "A1B1", 0.0) == [1.75, 1.75]
+
+
+def test_borders_far_away_or_on_the_wrong_side_are_ignored() -> None:
+    far = [{"idx": "middle", "points": [[0, 30, 0], [100, 30, 0]]}, {"idx": "edge", "points": [[0, 1, 0], [100, 1, 0]]}]
+    assert edges(read({**ROADRUNNER, "lane_boundary_set.json": far}).roads, "A1B1", 50.0) == [1.75, 1.75]
+
+
+def test_lane_change_links_define_neighbours_if_lanes_do_not() -> None:
+    silent = {"left_lane_change_dst_link_idx": None, "right_lane_change_dst_link_idx": None}
+    free = {**silent, "can_move_left_lane": True, "can_move_right_lane": True}
+    files = changed(ROADRUNNER, links={"A1B1": free, "A2B2": free})
+    assert read(files).roads.left.tolist() == [1, -1, -1, -1, -1]
+    assert read(files).roads.right.tolist() == [-1, -1, -1, -1, -1], "only one way has a link"
+    files = changed(ROADRUNNER, links={"A1B1": silent | {"can_move_left_lane": False}})
+    assert read(files).roads.left.tolist() == [-1, -1, -1, -1, -1], "it may not be used"
+    files["link_set.json"][-1]["lane_ch_link_path"] = ["A2B2", "A1B1", "elsewhere"]
+    files = changed(files, links={"A2B2": free})
+    assert read(files).roads.right.tolist() == [-1, 0, -1, -1, -1]
+
+
+def test_missing_neighbours_are_ignored() -> None:
+    files = changed(ROADRUNNER, links={"A2B2": {"right_lane_change_dst_link_idx": "gone"}})
+    assert read(files).roads.right.tolist() == [-1] * 5
+
+
+def test_missing_keys_of_older_maps_have_defaults() -> None:
+    keep = ("idx", "from_node_idx", "to_node_idx", "points", "lazy_init")
+    bare = [{key: entry[key] for key in keep} for entry in ROADRUNNER["link_set.json"]]
+    nodes = [{"idx": entry["idx"]} for entry in ROADRUNNER["node_set.json"]]
+    roads = read(
+        {"global_info.json": ROADRUNNER["global_info.json"], "node_set.json": nodes, "link_set.json": bare}
+    ).roads
+    assert (roads.width.tolist(), roads.speed_limit.tolist()) == ([3.5] * 5, [0.0] * 5)
+    assert not roads.is_stop.any()
+
+
+@pytest.mark.parametrize(
+    ("borders", "message"),
+    [
+        ([{"points": []}], "tiny/lane_boundary_set.json: [0].idx: missing"),
+        ([{"idx": "x", "points": [[0, 0]]}], "tiny/lane_boundary_set.json: [0].points[0][2]: missing"),
+        (
+            [{"idx": "x", "points": [[0, 0, 0], [1e9, 0, 0]]}],
+            "tiny/lane_boundary_set.json: [0].points[1]: expected coordinates within 10,000,000 m",
+        ),
+    ],
+)
+def test_unreadable_borders_are_named(borders: object, message: str) -> None:
+    with pytest.raises(DocumentError) as caught:
+        read({**ROADRUNNER, "lane_boundary_set.json": borders})
+    assert str(caught.value) == message
+
+
+def test_lane_with_repeated_points_keeps_its_borders() -> None:
+    points = [[0, 0, 0], [0, 0, 0], [50, 0, 0], [100, 0, 0]]
+    roads = read(changed(ROADRUNNER, links={"A1B1": {"points": points}})).roads
+    assert np.allclose(roads.border[:3, 0], 1.6)

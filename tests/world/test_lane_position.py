@@ -1,0 +1,89 @@
+"""Vehicles that are put onto lanes, and those that leave them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from rosbridge_sim.world.lane_position import keep_lane
+from rosbridge_sim.world.placement import teleport
+from rosbridge_sim.world.signal_plan import SignalPlan
+from rosbridge_sim.world.state import Kind, World
+from tests.world.lane_drives import lane_of, run, world_of
+from tests.world.road_factory import CAR, car, ego, line, make, ring, road
+
+
+@pytest.mark.parametrize(
+    ("figures", "message"),
+    [
+        ({"lane": 5}, "lane: expected 0..4"),
+        ({"lane": -1}, "lane: expected 0..4"),
+        ({"s": math.nan}, "s and desired_speed"),
+        ({"desired_speed": -1.0}, "s and desired_speed"),
+        ({"desired_speed": math.nan}, "s and desired_speed"),
+        ({"route": [1, 3]}, "route: expected to begin with lane 0"),
+        ({"route": [0, 1, 2]}, "lane 2 does not follow lane 1"),
+        ({"route": [0, 99]}, "lane 99 does not follow lane 0"),
+        ({"route": [0, 1], "is_loop": True}, "lane 0 does not follow lane 1"),
+    ],
+)
+def test_what_cannot_be_is_refused_and_changes_nothing(figures: dict[str, Any], message: str) -> None:
+    world = world_of(ring())
+    row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=3.0, y=4.0, speed=5.0))
+    before = world.digest()
+    with pytest.raises(ValueError, match=message):
+        keep_lane(world, row, **({"lane": 0, "s": 1.0} | figures))
+    assert world.digest() == before
+
+
+def test_only_vehicles_keep_to_lanes() -> None:
+    world = world_of(ring())
+    with pytest.raises(ValueError, match="expected a vehicle"):
+        keep_lane(world, ego(world, 0.0, 0.0), 0, 1.0)
+    empty = World()
+    empty.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0)
+    with pytest.raises(ValueError, match="lane: expected"):
+        keep_lane(empty, 0, 0, 0.0)
+
+
+def test_who_is_put_elsewhere_has_left_the_lanes() -> None:
+    world = world_of(ring())
+    row = car(world, "a", 1.0, speed=5.0, route="a b")
+    run(world, 1.0)
+    teleport(world, row, x=500.0, y=500.0, z=0.0, yaw=0.0, speed=2.0)
+    run(world, 1.0)
+    assert (bool(world.has_lane[row]), world.routes) == (False, {})
+    assert world.x[row] == pytest.approx(502.0)
+
+
+def test_on_other_roads_whoever_kept_to_the_old_ones_stands() -> None:
+    world = world_of(ring())
+    row = car(world, "a", 1.0, speed=5.0)
+    run(world, 1.0)
+    x = float(world.x[row])
+    world.lay_roads(road())
+    run(world, 1.0)
+    assert (float(world.x[row]), float(world.speed[row]), bool(world.has_lane[row])) == (x, 0.0, False)
+    with pytest.raises(ValueError, match="the plan is for"):
+        world.lay_roads(ring(), SignalPlan(road()))
+
+
+def test_a_row_may_be_used_again() -> None:
+    world = world_of(ring())
+    car(world, "a", 30.0)
+    row = car(world, "a", 1.0, route="a b")
+    world.remove(int(world.uid[row]))
+    row = world.row(world.spawn(Kind.VEHICLE, CAR, name="other", x=9.0, y=9.0, speed=1.0))
+    run(world, 1.0)
+    assert (bool(world.has_lane[row]), world.routes) == (False, {})
+    assert world.x[row] == pytest.approx(10.0)
+
+
+def test_snippets_of_lanes_do_not_hold_up_the_world() -> None:
+    snippets = {f"l{i}": (line((0.01 * i, 0), (0.01 * i + 0.01, 0)), f"l{i + 1}") for i in range(200)}
+    world = world_of(make(**snippets, l200=(line((2, 0), (300, 0)), "")))
+    row = car(world, "l0", 0.0, speed=10.0)
+    run(world, 20.0)
+    assert lane_of(world, row) == "l200"

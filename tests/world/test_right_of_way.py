@@ -1,0 +1,102 @@
+"""The right of way where lanes cross and join."""
+
+from __future__ import annotations
+
+import pytest
+
+from rosbridge_sim.world.driver_model import GAP
+from rosbridge_sim.world.lane_following import DECISION
+from rosbridge_sim.world.state import DT
+from tests.world.lane_drives import lane_of, run, world_of
+from tests.world.road_factory import CAR, arc, car, crossing, line, make
+
+
+@pytest.mark.parametrize("offset", [0.0, 3.0, 9.0, 20.0])
+def test_two_who_would_meet_take_turns(offset: float) -> None:
+    world = world_of(crossing())
+    rows = [car(world, "w", 60.0, speed=12.0), car(world, "s", 60.0 - offset, speed=12.0)]
+    run(world, 30.0)
+    assert [lane_of(world, row) for row in rows] == ["e", "n"]
+
+
+def test_the_nearer_one_goes_first_and_needs_not_brake() -> None:
+    world = world_of(crossing())
+    near, far = car(world, "w", 100.0, speed=12.0), car(world, "s", 60.0, speed=12.0)
+    speeds = run(world, 20.0)
+    assert speeds[:, near].min() > 11.5
+    assert speeds[:, far].min() < 11.0
+
+
+def test_streams_that_cross_get_through() -> None:
+    world = world_of(crossing())
+    rows = [car(world, lane, 30.0 + 25.0 * i, speed=8.0) for i in range(6) for lane in ("w", "s")]
+    run(world, 60.0)
+    assert [lane_of(world, row) for row in rows] == ["e", "n"] * 6
+
+
+def test_lanes_that_join_are_entered_one_by_one() -> None:
+    roads = make(
+        a=(line((0, 0), (200, 0)), "c"),
+        b=(line((0, -90), (150, -1.5), (200, 0)), "c"),
+        c=(line((200, 0), (900, 0)), ""),
+    )
+    world = world_of(roads)
+    rows = [car(world, lane, 10.0 + 20.0 * i, speed=10.0) for i in range(5) for lane in ("a", "b")]
+    run(world, 60.0)
+    assert {lane_of(world, row) for row in rows} == {"c"}
+
+
+def test_nobody_enters_who_would_have_to_stop_inside() -> None:
+    world = world_of(crossing())
+    blocker = car(world, "e", 4.0, desired_speed=0.0)
+    waiting = car(world, "w", 100.0, speed=10.0)
+    crosses = car(world, "s", 60.0, speed=10.0)
+    run(world, 30.0)
+    assert (lane_of(world, waiting), lane_of(world, crosses)) == ("w", "n")
+    world.remove(int(world.uid[blocker]))
+    run(world, 10.0)
+    assert lane_of(world, waiting) == "e"
+
+
+@pytest.mark.parametrize(("spare", "lane"), [(-0.3, "w"), (0.3, "e")])
+def test_a_crossing_is_entered_where_room_for_the_car_and_its_gap_is_behind_it(spare: float, lane: str) -> None:
+    """Who enters without room for the gap comes to a stand with its tail on the crossing."""
+    world = world_of(crossing())
+    car(world, "e", CAR.rear_overhang + CAR.length + GAP + spare, desired_speed=0.0)
+    row = car(world, "w", 150.0, speed=8.0)
+    run(world, 30.0)
+    assert lane_of(world, row) == lane
+
+
+@pytest.mark.parametrize(("spare", "may_enter"), [(-0.3, False), (0.3, True)])
+def test_room_behind_a_crossing_is_kept_for_those_who_may_enter_with_their_gap(
+    spare: float, *, may_enter: bool
+) -> None:
+    world = world_of(crossing())
+    car(world, "e", CAR.rear_overhang + 2.0 * (CAR.length + GAP) + spare, desired_speed=0.0)
+    first, second = car(world, "w", 176.0, speed=8.0), car(world, "w", 164.0, speed=8.0)
+    run(world, 4 * DECISION * DT)
+    entered = world.roads.row("we")
+    assert (world.claim[[first, second]] == entered).tolist() == [True, may_enter]
+
+
+def test_who_finds_a_street_full_takes_another() -> None:
+    roads = make(
+        a=(line((0, 0), (100, 0)), "b c"),
+        b=(line((100, 0), (120, 0)), "d"),
+        c=(arc(100, 15, 15, -90, 90), "e"),
+        d=(line((120, 0), (220, 0)), ""),
+        e=(line((115, 15), (115, 115)), ""),
+        x=(line((110, -50), (110, 50)), ""),
+    )
+    for seed in range(2):
+        world = world_of(roads, seed=seed)
+        car(world, "d", 3.0, desired_speed=0.0)
+        row = car(world, "a", 70.0, speed=8.0)
+        run(world, 30.0)
+        assert lane_of(world, row) == "e"
+    world = world_of(roads)
+    car(world, "d", 3.0, desired_speed=0.0)
+    row = car(world, "a", 70.0, speed=8.0, route="a b d")
+    run(world, 20.0)
+    assert lane_of(world, row) == "a", "but not if he knows where he wants to go"

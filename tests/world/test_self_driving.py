@@ -1,0 +1,163 @@
+"""Driven rows that drive themselves: on the lane, behind others, and given back to whoever commands them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from rosbridge_sim.world.commands import command, shift
+from rosbridge_sim.world.driver_model import GAP
+from rosbridge_sim.world.lane_position import leave_lane
+from rosbridge_sim.world.placement import teleport
+from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.self_driving import MAX_LATERAL_OFFSET, start_self_driving
+from rosbridge_sim.world.state import DT, Gear, Kind, Mode, World
+from rosbridge_sim.world.step import step
+from tests.world.road_factory import CAR, arc, car, ego, line, make, road
+
+LIMIT = 15.0
+
+
+def world_of(roads: Roads) -> World:
+    world = World()
+    world.lay_roads(roads)
+    return world
+
+
+def self_driving_ego(world: World, x: float, y: float = 0.0, *, yaw: float = 0.0) -> int:
+    """An ego in D that drives itself; returns the row."""
+    row = ego(world, x, y, yaw=yaw)
+    assert shift(world, row, Gear.DRIVE)
+    assert start_self_driving(world, row)
+    return row
+
+
+def run(world: World, seconds: float) -> None:
+    for _ in range(round(seconds / DT)):
+        step(world)
+
+
+def test_from_beside_the_line_it_steers_onto_it_and_reaches_the_limit() -> None:
+    world = world_of(road(limit=LIMIT))
+    row = self_driving_ego(world, 10.0, 1.5, yaw=0.1)
+    assert (world.x[row], world.y[row]) == (10.0, 1.5)  # nobody lifts it there
+    run(world, 30.0)
+    assert world.y[row] == pytest.approx(0.0, abs=0.01)
+    assert LIMIT - 0.5 < world.speed[row] <= LIMIT + 0.1
+
+
+def test_it_takes_a_bend_on_its_lane() -> None:
+    world = world_of(
+        make(
+            a=(line((0, 0), (50, 0)), "b", LIMIT),
+            b=(arc(50, 20, 20.0, -90.0, 90.0), "c", LIMIT),
+            c=(line((70, 20), (70, 200)), "", LIMIT),
+        )
+    )
+    row = self_driving_ego(world, 5.0)
+    worst = 0.0
+    for _ in range(round(15.0 / DT)):
+        step(world)
+        worst = max(worst, abs(float(world.roads.nearest(world.x[row], world.y[row], world.yaw[row]).lateral[0])))
+    assert world.y[row] > 40.0
+    assert worst < 0.3
+
+
+def test_it_keeps_its_distance_to_the_one_before_it() -> None:
+    world = world_of(road(limit=LIMIT))
+    before = car(world, "a", 60.0, desired_speed=0.0)
+    row = self_driving_ego(world, 10.0)
+    run(world, 30.0)
+    assert not len(world.contacts)
+    assert world.speed[row] == pytest.approx(0.0, abs=0.01)
+    gap = world.x[before] - CAR.rear_overhang - (world.x[row] + CAR.length - CAR.rear_overhang)
+    assert gap == pytest.approx(GAP, abs=0.5)
+
+
+def test_others_keep_their_distance_to_it() -> None:
+    world = world_of(road(limit=LIMIT))
+    row = self_driving_ego(world, 60.0)
+    behind = car(world, "a", 10.0)
+    leave_lane(world, row)
+    command(world, row, mode=Mode.PEDALS, steer=0.0, brake=1.0)
+    assert start_self_driving(world, row)
+    world.desired_speed[row] = 5.0
+    world.touch()
+    run(world, 60.0)
+    assert not len(world.contacts)
+    assert world.speed[behind] == pytest.approx(world.speed[row], abs=0.2)
+
+
+@pytest.mark.parametrize(("y", "yaw"), [(MAX_LATERAL_OFFSET + 0.1, 0.0), (0.0, math.radians(80.0)), (0.0, math.pi)])
+def test_beside_the_road_or_across_it_there_is_no_lane_to_take(y: float, yaw: float) -> None:
+    world = world_of(road())
+    row = ego(world, 10.0, y, yaw=yaw)
+    before = world.digest()
+    assert not start_self_driving(world, row)
+    assert world.digest() == before
+
+
+def test_without_roads_there_is_none_either() -> None:
+    world = World()
+    assert not start_self_driving(world, ego(world, 0.0, 0.0))
+
+
+def test_only_who_is_driven_can_drive_itself() -> None:
+    world = world_of(road())
+    with pytest.raises(ValueError, match="not driven"):
+        start_self_driving(world, car(world, "a", 10.0))
+
+
+def test_given_back_it_goes_on_as_it_moves() -> None:
+    world = world_of(road(limit=LIMIT))
+    row = self_driving_ego(world, 10.0)
+    run(world, 10.0)
+    speed = float(world.speed[row])
+    leave_lane(world, row)
+    command(world, row, mode=Mode.PEDALS, steer=0.2)
+    assert world.speed[row] == speed
+    run(world, 2.0)
+    assert world.y[row] > 1.0
+    assert not world.has_lane[row]
+
+
+def test_who_is_put_elsewhere_has_left_the_lane() -> None:
+    world = world_of(road())
+    row = self_driving_ego(world, 10.0)
+    teleport(world, row, x=0.0, y=50.0, z=0.0, yaw=0.0)
+    run(world, 2.0)
+    assert (world.x[row], world.y[row], world.has_lane[row]) == (0.0, 50.0, False)
+
+
+def test_in_another_gear_it_brakes() -> None:
+    world = world_of(road())
+    row = self_driving_ego(world, 10.0)
+    assert shift(world, row, Gear.NEUTRAL)
+    run(world, 1.0)
+    assert (world.speed[row], world.brake[row]) == (0.0, 1.0)
+
+
+def test_self_driving_egos_among_drivers_change_nothing_of_how_these_move() -> None:
+    lone, shared = world_of(road()), world_of(road())
+    rows = [car(world, "a", 500.0, speed=10.0) for world in (lone, shared)]
+    self_driving_ego(shared, 10.0)
+    for _ in range(500):
+        step(lone)
+        step(shared)
+    for name in ("x", "y", "yaw", "speed", "arc"):
+        np.testing.assert_array_equal(getattr(lone, name)[rows[0]], getattr(shared, name)[rows[1]])
+
+
+def test_a_restored_self_driving_ego_drives_on_to_the_bit() -> None:
+    world = world_of(road())
+    self_driving_ego(world, 10.0, 1.0)
+    run(world, 1.0)
+    saved = world.snapshot()
+    run(world, 3.0)
+    end = world.digest()
+    world.restore(saved)
+    run(world, 3.0)
+    assert world.digest() == end
+    assert world.kind[0] == Kind.EGO
