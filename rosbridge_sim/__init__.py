@@ -2,25 +2,43 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 from rosbridge_sim.version import __version__
 
 if TYPE_CHECKING:
     from rosbridge_sim.errors import DocumentError, RosbridgeSimError
-    from rosbridge_sim.shell.app import Simulator
+    from rosbridge_sim.shell.app import AddressError, Simulator
+    from rosbridge_sim.shell.config.options import SimulatorOptions
+    from rosbridge_sim.shell.config.value_types import SettingError
+    from rosbridge_sim.shell.scheduler import WorldFailedError
 
-__all__ = ["DocumentError", "RosbridgeSimError", "Simulator", "__version__"]
+__all__ = [
+    "AddressError",
+    "DocumentError",
+    "RosbridgeSimError",
+    "SettingError",
+    "Simulator",
+    "SimulatorOptions",
+    "WorldFailedError",
+    "__version__",
+]
+
+_MODULES = {
+    "AddressError": "rosbridge_sim.shell.app",
+    "DocumentError": "rosbridge_sim.errors",
+    "RosbridgeSimError": "rosbridge_sim.errors",
+    "SettingError": "rosbridge_sim.shell.config.value_types",
+    "Simulator": "rosbridge_sim.shell.app",
+    "SimulatorOptions": "rosbridge_sim.shell.config.options",
+    "WorldFailedError": "rosbridge_sim.shell.scheduler",
+}
+"""Where each public name is defined."""
 
 
 def __getattr__(name: str) -> object:
     """The public names, imported when asked for: `rosbridge-sim --help` needs none of what they need."""
-    if name == "Simulator":
-        from rosbridge_sim.shell.app import Simulator  # noqa: PLC0415
-
-        return Simulator
-    if name in {"DocumentError", "RosbridgeSimError"}:
-        from rosbridge_sim import errors  # noqa: PLC0415
-
-        return getattr(errors, name)
+    if name in _MODULES:
+        return getattr(import_module(_MODULES[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

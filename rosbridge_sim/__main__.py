@@ -7,22 +7,32 @@ wished end is 0.
 
 from __future__ import annotations
 
+import sys
+
+if sys.version_info < (3, 11):  # noqa: UP036 - pip refuses an older Python, `python -m` in a checkout does not
+    sys.exit(
+        f"rosbridge-sim: expected Python 3.11 or newer; this is {sys.version.split()[0]} ({sys.executable}):"
+        " install a newer one and start with it"
+    )
+
 import asyncio
 import gc
 import logging
 import os
 import signal
-import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
 from rosbridge_sim import __version__
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.shell.config.loading import SettingError, format_config, hint, read_settings, strange_variables
+from rosbridge_sim.shell.config.loading import read_settings, strange_variables
+from rosbridge_sim.shell.config.settings import Settings
+from rosbridge_sim.shell.config.value_types import SettingError
 from rosbridge_sim.shell.log_format import formatter_of
 from rosbridge_sim.shell.signals import on_stop_signals, stop_signals
 from rosbridge_sim.shell.websocket.memory import keep_memory
+from rosbridge_sim.suggestions import hint
 
 if TYPE_CHECKING:
     from rosbridge_sim.shell.app import Simulator
@@ -67,9 +77,10 @@ def _serve(argv: Sequence[str], *, is_attaching: bool = False) -> int:
         print(f"rosbridge-sim {__version__}")  # noqa: T201 - what was asked for
         return 0
     words = [word for word in argv if word != "--print-config"]
-    settings = read_settings(words, os.environ, is_attaching=is_attaching)
+    settings = read_settings(words, os.environ, is_attaching=is_attaching, find_more=_find_more)
     if "--print-config" in argv:
         from rosbridge_sim.shell.app import list_items  # noqa: PLC0415 - as below
+        from rosbridge_sim.shell.config.toml_output import format_config  # noqa: PLC0415 - as below
 
         print(format_config(settings, list_items(settings)), end="")  # noqa: T201 - what was asked for
         return 0
@@ -91,6 +102,13 @@ def _serve(argv: Sequence[str], *, is_attaching: bool = False) -> int:
             for line in str(error).splitlines():
                 _log.critical("%s", line)
             return 2
+
+
+def _find_more(settings: Settings) -> Sequence[str]:
+    """Return the mistakes that only a simulator finds."""
+    from rosbridge_sim.shell.app import mistakes_of_items  # noqa: PLC0415 - as above
+
+    return mistakes_of_items(settings)
 
 
 def _attach(argv: Sequence[str]) -> int:

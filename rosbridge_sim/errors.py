@@ -8,8 +8,14 @@
     │   ├── FieldError         a message that does not fit its type
     │   ├── EncodingError      a message that cannot be written in some encoding, by a bug of ours
     │   └── GraphError         a topic, service or name that cannot be had
-    └── DocumentError          a file or setting of the user's: one readable line, exit code 2
-        └── DefinitionError    a .msg, .srv or .action text, with line and column
+    ├── DocumentError          a file or setting of the user's: one readable line, exit code 2
+    │   └── DefinitionError    a .msg, .srv or .action text, with line and column
+    └── ClientError            a client of ours (`rosbridge_sim.client`) cannot do what its user asked for
+        ├── ConnectError         the connection cannot be made
+        ├── ConnectionLostError  the connection has ended
+        ├── ServiceRefusedError  a service said no
+        ├── OpRefusedError       the server refused a message or a subscription
+        └── AnswerTimeoutError   an answer or a message did not come in time; it is a TimeoutError as well
 
 A `PeerError` never ends a connection and leaves everything as it was. Whatever is not in this tree is a
 bug of ours: it is raised, logged with its traceback and counted.
@@ -20,15 +26,21 @@ from __future__ import annotations
 from enum import Enum
 
 __all__ = [
+    "AnswerTimeoutError",
+    "ClientError",
+    "ConnectError",
+    "ConnectionLostError",
     "DefinitionError",
     "DocumentError",
     "EncodingError",
     "FieldError",
     "FrameError",
     "GraphError",
+    "OpRefusedError",
     "PeerError",
     "Reason",
     "RosbridgeSimError",
+    "ServiceRefusedError",
     "TypeNameError",
     "UnknownPackageError",
 ]
@@ -156,3 +168,51 @@ class DefinitionError(DocumentError):
         super().__init__(f"{source}:{line}:{column}: {text}")
         self.line = line
         self.column = column
+
+
+class ClientError(RosbridgeSimError):
+    """A call of a client (`rosbridge_sim.client`) that cannot be carried out."""
+
+
+class ConnectError(ClientError):
+    """A connection that cannot be made.
+
+    Attributes:
+        status: HTTP status that the other side answered with; None where it did not.
+        is_final: no later attempt with the same arguments can succeed: the URL or the token is none, or the server
+            refuses the token.
+    """
+
+    def __init__(self, text: str, *, status: int | None = None, is_final: bool = False) -> None:
+        super().__init__(text)
+        self.status = status
+        self.is_final = is_final
+
+
+class ConnectionLostError(ClientError):
+    """A connection that has ended, or that was never opened; the text says how."""
+
+
+class ServiceRefusedError(ClientError):
+    """A service that said no, or that does not exist.
+
+    Attributes:
+        service: its name.
+        reason: what the server said; empty where it gave no reason.
+        answer: the values that came with the refusal, as they came.
+    """
+
+    def __init__(self, service: str, reason: str, answer: object = None) -> None:
+        text = reason or "refused without a reason"
+        super().__init__(text if text.startswith(f"{service}: ") else f"{service}: {text}")
+        self.service = service
+        self.reason = reason
+        self.answer = answer
+
+
+class OpRefusedError(ClientError):
+    """A message, an advertisement or a subscription that the server refused, by a status frame."""
+
+
+class AnswerTimeoutError(ClientError, TimeoutError):
+    """An answer or a message that did not come in time."""

@@ -5,6 +5,9 @@ root=$(cd -P -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)
 
 say() { printf '%s: %s\n' "${0##*/}" "$1" >&2; }
 
+# is_old PYTHON: whether it runs, and is too old.
+is_old() { "$1" -c 'import sys; sys.exit(sys.version_info >= (3, 11))' 2>/dev/null; }
+
 # find_python: the first Python that is new enough and can make an environment, in $python.
 find_python() {
     local candidate old="" bare=""
@@ -45,6 +48,10 @@ ensure_environment() {
         flock 9
     fi
     if ! is_current "$stamp"; then
+        if [[ -x $root/.venv/bin/python ]] && is_old "$root/.venv/bin/python"; then
+            say "needs Python 3.11 or newer; $root/.venv was made with an older one; remove that folder and start again"
+            exit 1
+        fi
         if ! "$root/.venv/bin/python" -m pip --version >/dev/null 2>&1; then
             find_python
             say "making .venv with $("$python" --version 2>&1)"

@@ -44,18 +44,20 @@ ARROWS: dict[str, set[str]] = {
     "morai.scenarios": {*_BASE, "morai", "morai.maps", "world"},
     "shell": {*_BELOW_SHELL, *_SHELL, "version"},
     "shell.websocket": {*_BASE, "graph", "protocol", "schema", "shell", "version"},
-    "shell.config": {*_BASE, "morai", "morai.interfaces", "shell", "shell.websocket"},
+    "shell.config": {*_BASE, "morai", "morai.interfaces", "shell.websocket"},
     "shell.files": {*_BASE, *_SCENE, "schema", "shell.config", "world"},
     "shell.bags": {*_BASE, "graph", "morai.replays", "schema", "shell.files"},
     "cli": {"errors", "cli.tools", "shell.config", "shell.websocket"},
-    "cli.tools": {*_BELOW_SHELL, *_SHELL},
-    "__main__": {"", "cli", "errors", "shell", "shell.config", "shell.websocket", "version"},
-    "": {"errors", "shell", "version"},
+    "cli.tools": {*_BELOW_SHELL, *_SHELL, "client"},
+    "client": {*_BASE, "protocol", "shell", "shell.websocket"},
+    "pytest_plugin": {"", "client", "shell"},
+    "__main__": {"", "cli", "errors", "shell", "shell.config", "shell.websocket", "suggestions", "version"},
+    "": {"errors", "shell", "shell.config", "version"},
 }
 """Room -> rooms that it may import, beside itself. The empty name is the package's own `__init__`. A folder within a
 room is a room of its own; the files beside it are the room's."""
 
-OUTSIDE = frozenset({"shell", "cli", "__main__", ""})
+OUTSIDE = frozenset({"shell", "cli", "client", "pytest_plugin", "__main__", ""})
 """The rooms that may reach outside, with all that is within them."""
 
 PURE_LIBRARIES: dict[str, set[str]] = {

@@ -18,7 +18,9 @@ from rosbridge_sim.cli.command_line import (
 )
 from rosbridge_sim.cli.file_commands import run_bag, run_map, run_scenario, run_schema
 from rosbridge_sim.cli.tools.text import read_body
-from rosbridge_sim.shell.config.loading import PREFIX, Parser, SettingError, layout
+from rosbridge_sim.shell.config.command_flags import Parser, layout
+from rosbridge_sim.shell.config.keys import PREFIX
+from rosbridge_sim.shell.config.value_types import SettingError
 from rosbridge_sim.shell.websocket.urls import shown_url
 
 if TYPE_CHECKING:

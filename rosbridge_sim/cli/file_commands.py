@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rosbridge_sim.cli.command_line import Options, add_definitions, add_json, choice_of, group_of, run_command
-from rosbridge_sim.shell.config.loading import Parser
+from rosbridge_sim.shell.config.command_flags import Parser
 
 __all__ = ["run_bag", "run_map", "run_scenario", "run_schema"]
 

@@ -14,6 +14,7 @@ from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.topics_services import Call, Service, Subscription, Topic
 from rosbridge_sim.protocol.account import Account
+from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.store import Store
 
 __all__ = ["BusState", "Holdings"]
@@ -43,6 +44,7 @@ class BusState:
         on_topic: called with a topic after an owner has begun to publish or to listen there.
         on_holdings: called with an owner after it has begun or ceased to publish, to listen or to serve somewhere.
         on_refusal: called with each mistake that a client is told of.
+        on_message: called with each message before it is delivered; None for nothing. It may not raise.
         num_published: messages since the start.
     """
 
@@ -57,6 +59,7 @@ class BusState:
         self.on_topic: list[Callable[[Topic], None]] = []
         self.on_holdings: list[Callable[[Participant], None]] = []
         self.on_refusal: Callable[[RefusedRequest], None] = lambda _refusal: None
+        self.on_message: Callable[[Topic, Message], None] | None = None
         self.num_published = 0
         self._own_account = Account(total=self.total)
         self._holdings: dict[Participant, Holdings] = {}

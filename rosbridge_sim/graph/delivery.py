@@ -36,7 +36,10 @@ class Delivery:
                 have it all the same.
             Exception: a listener that cannot end alone has failed; the same.
         """
-        self._state.num_published += 1
+        state = self._state
+        state.num_published += 1
+        if state.on_message is not None:
+            state.on_message(topic, message)
         problem: PeerError | None = None
         failure: Exception | None = None
         if topic.depth and not topic.keep(sender, message, self._accounts.get(sender)):

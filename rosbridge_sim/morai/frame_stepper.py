@@ -84,10 +84,9 @@ class FrameStepper:
             is_tick: a tick has asked for it: every topic goes out. Otherwise real time has, and rates count.
             is_last: no other frame of the same tick follows.
         """
-        meter = self.meter
+        world, hooks, meter = self._world, self._hooks, self.meter
         if meter is not None:
             meter.begin()
-        world, hooks = self._world, self._hooks
         for command in self._sync.due(world.frame + 1):
             command(now)
         step(world, self._place)

@@ -61,13 +61,6 @@ class RealTime:
             dues += [pacer.due_at if pacer.is_started else now, publishers.repeat_due]
         return min((due for due in dues if due is not None), default=None)
 
-    def lag(self, now: float) -> float:
-        """How far the world is behind real time at `now` [s]; 0.0 where real time does not move it."""
-        context = self._context
-        if context.failure.why is not None or not (context.sync.is_free and context.pacer.is_started):
-            return 0.0
-        return max(0.0, now - context.pacer.due_at)
-
     def _advance(self, now: float) -> None:
         context = self._context
         sync, publishers, pacer, stepper = context.sync, context.publishers, context.pacer, context.stepper

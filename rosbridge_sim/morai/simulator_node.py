@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.morai.catalogue import BUILT_IN, Catalogue
 from rosbridge_sim.morai.component import Component
 from rosbridge_sim.morai.context import SimulatorContext
@@ -29,6 +30,7 @@ from rosbridge_sim.morai.real_time import RealTime
 from rosbridge_sim.morai.releases import MANUAL, Profile, SpeedLimits
 from rosbridge_sim.morai.scene import Scene
 from rosbridge_sim.morai.sync import SceneCommand, Sync
+from rosbridge_sim.schema.message import Message
 from rosbridge_sim.world.state import World
 
 __all__ = ["NodeSettings", "SimulatorNode"]
@@ -177,27 +179,29 @@ class SimulatorNode:
         return self.context.pacer.num_stalls
 
     @property
-    def lost_time(self) -> float:
-        """Real time that was lost in stalls [s]: the world will not catch up with it."""
-        return self.context.pacer.lost_time
-
-    @property
     def num_frames(self) -> int:
         """How many frames have been computed; unlike the world's frame it never goes back."""
         return self.context.stepper.num_frames
 
     @property
-    def frame_meter(self) -> FrameMeter | None:
-        """Measures what each frame costs; None for none."""
-        return self.context.stepper.meter
-
-    @frame_meter.setter
-    def frame_meter(self, meter: FrameMeter | None) -> None:
-        self.context.stepper.meter = meter
+    def lost_time(self) -> float:
+        """Real time that was lost in stalls [s]: the world will not catch up with it."""
+        return self.context.pacer.lost_time
 
     def real_time_lag(self, now: float) -> float:
-        """See `RealTime.lag`."""
-        return self._real_time.lag(now)
+        """How far the world is behind real time at `now` [s]; 0.0 where real time does not move it."""
+        context = self.context
+        if not (context.sync.is_free and context.pacer.is_started) or self.failure is not None:
+            return 0.0
+        return max(0.0, now - context.pacer.due_at)
+
+    def measure_frames(self, meter: FrameMeter) -> None:
+        """Have a meter called at the begin and at the end of each frame."""
+        self.context.stepper.meter = meter
+
+    def current_messages(self) -> list[tuple[Topic, Message]]:
+        """Return the message that each topic of the simulator would publish now, with and without subscribers."""
+        return list(self.context.publishers.current())
 
     def _open_ego(self, ego: Ego, bindings: SubscribersServices) -> None:
         """Give a further ego its topics and services."""

@@ -29,7 +29,7 @@ class Account:
     __slots__ = ("_limit", "_total", "num_bytes")
 
     def __init__(self, limit: int = UNLIMITED, total: Account | None = None) -> None:
-        """Nothing is held.
+        """Begin with nothing held.
 
         Args:
             limit: the most that can be held [bytes].
@@ -68,7 +68,7 @@ class HeldMessages(Generic[T]):
         """No messages.
 
         Args:
-            account: pays for them; None where there is no limit but their number.
+            account: has their memory; None where there is no limit but their number.
             size_of: what a message costs [bytes].
         """
         self._account = account

@@ -13,13 +13,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Generator
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import cbor2
 import numpy as np
 import pybase64
 
 from rosbridge_sim.errors import FrameError
+from rosbridge_sim.loose_types import LibraryArgument
 from rosbridge_sim.weight import LIGHT
 
 __all__ = ["cbor_head", "cbor_raw_frame", "decode_cbor", "is_cbor"]
@@ -46,7 +47,7 @@ _BUILT_IN_TAGS = (0, 1, 2, 3, 4, 5, 25, 28, 29, 30, 35, 36, 37, 52, 54, 100, 256
 
 
 def is_cbor(frame: bytes) -> bool:
-    """Whether a frame starts as a CBOR map does."""
+    """Tell whether a frame starts as a CBOR map does."""
     return 0xA0 <= frame[0] <= 0xBF if frame else False  # noqa: PLR2004 - RFC 8949: major type 5
 
 
@@ -119,7 +120,7 @@ _NUM_LOOKED_AT = 2_000
 """Items that are counted in one go: 1 ms."""
 
 
-def _read_tag(*args: Any) -> object:  # noqa: ANN401 - the library passes the decoder too, of no known type
+def _read_tag(*args: LibraryArgument) -> object:  # the library passes the decoder, too
     tag = args[-1] if isinstance(args[-1], cbor2.CBORTag) else args[0]
     kind = _ARRAY_TYPES.get(tag.tag)
     if kind is None or not isinstance(tag.value, bytes):
@@ -158,7 +159,7 @@ def _plain(value: object) -> object:
 
 
 def cbor_head(topic: str) -> bytes:
-    """Everything of a CBOR data message that stands before its body; `topic` in the listener's own spelling."""
+    """Return a CBOR data message up to its body; `topic` is in the subscriber's own spelling."""
     return b"\xa3\x62op\x67publish\x65topic" + cbor2.dumps(topic) + b"\x63msg"
 
 

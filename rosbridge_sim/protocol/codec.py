@@ -5,7 +5,7 @@ slow one that takes over whenever the fast one objects. The slow path is the ful
 objects, accepts the bare `NaN` that Python clients write, takes null for absent and names what is wrong in
 rosbridge_suite's own words. `tests/protocol/test_codec.py` holds the two against each other.
 
-A long frame is weighed first (`weight.py`): one call of a decoder can hold up everybody else. Glued ops are read one
+A long frame is weighed first (`weight.py`): one call of a decoder can delay all other clients. Glued ops are read one
 by one, as their reader asks for them.
 
 One JSON object split over several frames is not joined (rosbridge_suite keeps the halves in a buffer that
@@ -47,7 +47,7 @@ __all__ = [
 ]
 
 _SHOWN = 200
-"""Characters of a stranger's text that an answer quotes: enough to recognise it, too few to be an amplifier."""
+"""Characters of a client's text that an answer quotes: enough to recognise it, too few to be an amplifier."""
 
 HEAVY = 256 * 1024
 """A message whose text is as long as this is encoded when its listener's turn has come [bytes]; less takes 20 ms at
@@ -118,7 +118,7 @@ T = TypeVar("T")
 
 
 class Encoded(Protocol):
-    """A message whose encodings are made once and shared by all who listen."""
+    """A message whose encodings are made once and shared by all subscribers."""
 
     @property
     def text_length(self) -> int:
@@ -144,7 +144,7 @@ class Encoded(Protocol):
         """`head`, the body as JSON text, and a closing brace; the last such frame is kept for the next listener."""
 
     def shared(self, key: object, make: Callable[[], T]) -> T:
-        """Return what `make` gives, made once for all who ask with this key."""
+        """Return what `make` gives, made once for all calls with this key."""
 
 
 def decode_quickly(frame: bytes | memoryview) -> Op | None:
@@ -264,7 +264,7 @@ def _find_end_of_value(view: memoryview) -> int | None:
 
 
 def _read_op(part: memoryview) -> Op | FrameError:
-    """The op that one JSON value spells, or what is wrong with it."""
+    """Return the op that a JSON value spells, or what is wrong with it."""
     op = decode_quickly(part)
     if op is not None:
         return op
@@ -279,7 +279,7 @@ def _read_op(part: memoryview) -> Op | FrameError:
 
 
 def _op_or_error(value: object) -> Op | FrameError:
-    """The op that a JSON value spells, or what is wrong with it, with the op that it names."""
+    """Return the op that a JSON value spells, or what is wrong with it, with the op that it names."""
     try:
         return op_from_value(value)
     except FrameError as error:
@@ -289,7 +289,7 @@ def _op_or_error(value: object) -> Op | FrameError:
 
 
 def _outline(part: memoryview) -> dict[str, Any]:
-    """The fields of a long object: its bodies stay text, what else is long is left out.
+    """Return the fields of a long object: its bodies stay text, what else is long is left out.
 
     Raises:
         FrameError: it is no object.
@@ -338,7 +338,7 @@ def _scan_words(frame: bytes, start: int, num_ops: int) -> Iterator[Op | FrameEr
 
 
 def _name(error: FrameError, text: str) -> FrameError:
-    """The error, with the op and the id that an unreadable answer of a provider names: somebody waits for it.
+    """Return the error, with the op and the id that an unreadable answer of a provider names: a caller waits for it.
 
     The ids of calls and goals are ours, so they are known wherever they stand; two different ones are none.
     """
@@ -360,7 +360,7 @@ def _ends(text: bytes | memoryview | str) -> str:
 
 
 def op_from_value(value: JsonValue) -> Op:
-    """The op that a JSON value spells; its bodies stay as they are.
+    """Return the op that a JSON value spells; its bodies stay as they are.
 
     Args:
         value: decoded JSON or CBOR; a body may still be JSON text.
@@ -439,7 +439,7 @@ def _checked(given: JsonValue, op: str, field: str, op_id: object) -> JsonValue:
 
 
 def _is_unicode(text: str) -> bool:
-    """Return whether text has no half of a surrogate pair, which no encoder could send on."""
+    """Tell whether a text has no half of a surrogate pair, which no encoder could send on."""
     try:
         text.encode()
     except UnicodeEncodeError:
@@ -448,7 +448,7 @@ def _is_unicode(text: str) -> bool:
 
 
 def _is_id(value: object) -> bool:
-    """Return whether a value can be echoed as an id: a JSON scalar that JSON can say."""
+    """Tell whether a value can be echoed as an id: a scalar that JSON has."""
     if isinstance(value, str):
         return _is_unicode(value)
     return isinstance(value, (bool, int)) or (isinstance(value, float) and math.isfinite(value))
@@ -469,26 +469,26 @@ def _shorten_bytes(part: memoryview) -> str:
 
 
 def is_absent(body: OpBody) -> bool:
-    """Return whether a body was left out, or null, which means the same."""
+    """Tell whether a body was left out, or null, which means the same."""
     if isinstance(body, (bytes, msgspec.Raw)):
         return body is ABSENT or bytes(body) in {b"", b"null"}
     return body is None
 
 
 def publish_head(topic: str) -> bytes:
-    """Everything of a data message that stands before its body; `topic` in the listener's own spelling."""
+    """Return a data message up to its body; `topic` is in the subscriber's own spelling."""
     return b'{"op":"publish","topic":' + orjson.dumps(topic) + b',"msg":'
 
 
 def response_frame(service: str, values: bytes, *, is_ok: bool, op_id: Id) -> bytes:
-    """The answer to a call. `id` is there if and only if the call had one."""
+    """Return the answer to a call. It has an `id` if and only if the call had one."""
     tail = b"}" if op_id is None else b',"id":' + _encode_id(op_id) + b"}"
     result = b',"result":true' if is_ok else b',"result":false'
     return b'{"op":"service_response","service":' + orjson.dumps(service) + b',"values":' + values + result + tail
 
 
 def op_frame(op: str, bodies: Mapping[str, bytes], **fields: object) -> bytes:
-    """Any op of ours: its fields, of which `None` is left out, and its bodies, which are JSON text already."""
+    """Return the frame of any op: its fields without those that are None, and its bodies, which are JSON text."""
     parts = [b'{"op":' + orjson.dumps(op)]
     for name, value in fields.items():
         if value is not None:

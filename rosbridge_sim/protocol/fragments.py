@@ -22,7 +22,7 @@ MAX_OPEN = 64
 """Fragmented messages that one client may have under way."""
 
 MAX_PIECES = 10_000
-"""Pieces of one message, in and out: 16 MiB in pieces of 1.6 kB, finer than anybody cuts."""
+"""Pieces of one message, in and out: 16 MiB in pieces of 1.6 kB, finer than any client cuts."""
 
 MAX_AGE = 60.0
 """A message is forgotten when no piece of it has come for so long [s]; rosbridge_suite waits ten minutes."""
@@ -31,11 +31,11 @@ _OVERHEAD = 150
 """Memory of a piece beside its characters: the text, the number and the entry of a table [bytes]."""
 
 MIN_SIZE = 10
-"""A smaller fragment_size is taken for this one [characters]: each one in a frame of its own helps nobody."""
+"""A smaller fragment_size is taken for this one [characters]: each one in a frame of its own helps no client."""
 
 
 class Characters:
-    """The characters of a long frame, shared by all who get it in pieces; they take no memory of their own in ASCII.
+    """The characters of a long frame, shared by all clients that get it in pieces; in ASCII they take no memory.
 
     Attributes:
         frame: in UTF-8.
@@ -44,7 +44,7 @@ class Characters:
     __slots__ = ("_text", "frame")
 
     def __init__(self, frame: bytes) -> None:
-        """Nothing is decoded yet.
+        """Remember the frame; `cut` decodes it.
 
         Args:
             frame: JSON text.
@@ -77,7 +77,7 @@ class Pieces:
     __slots__ = ("_id", "_num", "_size", "_text", "_total", "is_finished", "num_bytes")
 
     def __init__(self, text: Characters, size: int, message_id: str) -> None:
-        """Nothing is made yet.
+        """Count the pieces; `take` makes them.
 
         Args:
             text: of the frame.
@@ -141,18 +141,18 @@ class Defragmenter:
     __slots__ = ("_account", "_max_bytes", "_partials")
 
     def __init__(self, max_bytes: int, account: Account | None = None) -> None:
-        """Nothing under way.
+        """Begin without any message.
 
         Args:
             max_bytes: of all pieces that wait together, in UTF-8 [bytes].
-            account: pays for them.
+            account: has their memory.
         """
         self._max_bytes = max_bytes
         self._account = account or Account()
         self._partials: dict[object, _Partial] = {}
 
     def add(self, op: Fragment, now: float) -> bytes | None:
-        """The whole frame, if this piece was the last one missing.
+        """Take a piece; return the whole frame, if this was the last one missing.
 
         Raises:
             FrameError: the piece contradicts those before, or a bound is passed; the message is forgotten.

@@ -1,6 +1,6 @@
-"""What a peer can say: each rosbridge op as a small frozen type with its fields.
+"""The ops of rosbridge: each one a small frozen type with its fields.
 
-The fields are the ones that mean something to us; a frame may carry any others. `None` is *absent*: a JSON
+The fields are those that this server uses; a frame may have others. `None` is *absent*: a JSON
 null in an optional field means the same as leaving it out, because ROS# writes nulls for what is unset
 (rosbridge_suite refuses those). Message bodies (`msg`, `args`, `values`) of plain frames stay JSON text that is not
 read yet; `schema/` decodes them. Those of other frames (glued ones, CBOR) are Python objects, though declared as text:
@@ -53,7 +53,7 @@ OpBody: TypeAlias = msgspec.Raw | bytes | dict[str, Any] | list[Any] | str | flo
 
 
 class _Op(msgspec.Struct, frozen=True, tag_field="op"):
-    """What all ops share."""
+    """The base of all ops."""
 
     id: Id = None
 
@@ -62,7 +62,7 @@ class _Op(msgspec.Struct, frozen=True, tag_field="op"):
 
 
 class Advertise(_Op, frozen=True, tag="advertise", kw_only=True):
-    """I shall publish here. `id` is the key of this advertisement within the client and topic."""
+    """The client will publish on a topic. `id` is the key of this advertisement within the client and topic."""
 
     topic: str
     type: str
@@ -71,7 +71,7 @@ class Advertise(_Op, frozen=True, tag="advertise", kw_only=True):
 
 
 class Unadvertise(_Op, frozen=True, tag="unadvertise", kw_only=True):
-    """I publish here no more; without an `id`, under none of my advertisements."""
+    """The client no longer publishes on a topic; without an `id`, all of its advertisements there end."""
 
     topic: str
 
@@ -89,7 +89,7 @@ class Publish(_Op, frozen=True, tag="publish", kw_only=True):
 
 
 class Subscribe(_Op, frozen=True, tag="subscribe", kw_only=True):
-    """Send me what is published here. The same `id` again replaces its settings."""
+    """The client wants the messages of a topic. The same `id` again replaces its settings."""
 
     topic: str
     type: str | None = None
@@ -101,13 +101,13 @@ class Subscribe(_Op, frozen=True, tag="subscribe", kw_only=True):
 
 
 class Unsubscribe(_Op, frozen=True, tag="unsubscribe", kw_only=True):
-    """Send me no more of this; without an `id`, under none of my subscriptions."""
+    """The client no longer wants the messages of a topic; without an `id`, all of its subscriptions there end."""
 
     topic: str
 
 
 class CallService(_Op, frozen=True, tag="call_service", kw_only=True):
-    """Call a service. `timeout` in seconds, 0 or less waits for ever."""
+    """A call of a service. `timeout` is in seconds; 0 or less waits for ever."""
 
     service: str
     args: msgspec.Raw = ABSENT
@@ -118,25 +118,25 @@ class CallService(_Op, frozen=True, tag="call_service", kw_only=True):
 
 
 class AdvertiseService(_Op, frozen=True, tag="advertise_service", kw_only=True):
-    """I provide this service."""
+    """The client provides a service."""
 
     service: str
     type: str
 
 
 class UnadvertiseService(_Op, frozen=True, tag="unadvertise_service", kw_only=True):
-    """I provide this service no more."""
+    """The client no longer provides a service."""
 
     service: str
 
 
 class ServiceResponse(_Op, frozen=True, tag="service_response", kw_only=True):
-    """My answer to a call. roslib 2 leaves `values` out when its handler failed.
+    """The answer of a provider to a call. roslib 2 leaves `values` out when its handler failed.
 
     `result` may be left out, since rosbridge_suite never looks at it.
 
-    `reason` says why not, beside `values` that are no text: rosbridge_suite takes an object there and nothing else, and
-    a caller whose provider sent a text waits for ever. No other server knows the field; all pass over it.
+    `reason` is the error text where `values` is no text: rosbridge_suite takes an object in `values` and nothing else,
+    and lets a caller wait for ever if the provider sends a text. Other servers ignore the field.
     """
 
     service: str
@@ -148,20 +148,20 @@ class ServiceResponse(_Op, frozen=True, tag="service_response", kw_only=True):
 
 
 class AdvertiseAction(_Op, frozen=True, tag="advertise_action", kw_only=True):
-    """I provide this action."""
+    """The client provides an action."""
 
     action: str
     type: str
 
 
 class UnadvertiseAction(_Op, frozen=True, tag="unadvertise_action", kw_only=True):
-    """I provide this action no more."""
+    """The client no longer provides an action."""
 
     action: str
 
 
 class SendActionGoal(_Op, frozen=True, tag="send_action_goal", kw_only=True):
-    """Work towards this goal; with `feedback`, tell me how it goes."""
+    """A goal of an action; with `feedback`, the client wants its feedback."""
 
     action: str
     action_type: str | None = None
@@ -173,14 +173,14 @@ class SendActionGoal(_Op, frozen=True, tag="send_action_goal", kw_only=True):
 
 
 class CancelActionGoal(_Op, frozen=True, tag="cancel_action_goal", kw_only=True):
-    """End my goal of this id soon."""
+    """A request to cancel the client's goal of this id."""
 
     id: str
     action: str
 
 
 class ActionFeedback(_Op, frozen=True, tag="action_feedback", kw_only=True):
-    """How the goal that I work on is going."""
+    """The feedback of a provider on a goal."""
 
     id: str
     action: str
@@ -190,7 +190,10 @@ class ActionFeedback(_Op, frozen=True, tag="action_feedback", kw_only=True):
 
 
 class ActionResult(_Op, frozen=True, tag="action_result", kw_only=True):
-    """How a goal ended. Some builds of roslib leave out `status`, or `status` and `values` where it failed."""
+    """The result of a provider for a goal.
+
+    Some builds of roslib leave out `status`, or `status` and `values` where the goal failed.
+    """
 
     id: str
     action: str
@@ -217,20 +220,23 @@ class Png(_Op, frozen=True, tag="png", kw_only=True):
 
 
 class SetLevel(_Op, frozen=True, tag="set_level", kw_only=True):
-    """Send me status frames of this level and graver ones."""
+    """The client wants status frames of this level and graver ones."""
 
     level: str
 
 
 class Status(_Op, frozen=True, tag="status", kw_only=True):
-    """A client's own remark; it goes to our log."""
+    """A status message of a client; it goes to the log."""
 
     level: str | None = None
     msg: str | None = None
 
 
 class Auth(_Op, frozen=True, tag="auth", kw_only=True):
-    """Who I am, as the first message. rosauth's own, which roslibpy can send, has other fields and no token."""
+    """The token of a client, as its first message.
+
+    The op of rosauth, which roslibpy can send, has the same name, other fields and no token.
+    """
 
     token: str | None = None
 

@@ -1,11 +1,11 @@
-"""The outbox of one peer, with a bound.
+"""The outbox of a peer: the frames that wait for its socket, with a bound.
 
 Topic messages, answers and remarks leave in one order, so that a tick's topics are always ahead of the
 tick's answer. While the socket takes what it is given, nothing is lost, however long the burst. When it does
 not, the outbox grows to a limit and then forgets the oldest messages of each topic: the newest `burst` of
 every topic stay as long as the byte limit lets them (rosbridge_suite's own smoke test sends ten at once to a
 subscriber with default settings and wants ten). Answers and remarks are never forgotten; if they alone pass
-the hard limit, the peer is beyond help and its connection is to be closed.
+the hard limit, the connection has to be closed.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class LateFrames(Protocol):
 
     @property
     def num_bytes(self) -> int:
-        """Bytes that are held until then."""
+        """Memory that is held until they are taken [bytes]."""
 
     @property
     def identity(self) -> int:
@@ -37,19 +37,19 @@ class LateFrames(Protocol):
 
     @property
     def is_finished(self) -> bool:
-        """Return whether all of them were taken."""
+        """True once all of them were taken."""
 
     def take(self, max_bytes: int) -> list[bytes]:
         """Do a slice of work; return the frames that it gave, if any: about `max_bytes` in all."""
 
 
 def _ignore(topic: str, error: Exception) -> None:
-    """Do nothing about a message that could not be made."""
+    """Ignore messages whose frames could not be made."""
 
 
 @dataclass(frozen=True, slots=True)
 class OutboxLimits:
-    """Bounds of what a peer may leave unread.
+    """The bounds on what a peer may leave unread.
 
     Attributes:
         burst: newest messages of each topic that are kept for a peer that does not read.
@@ -95,8 +95,8 @@ class Outbox:
 
         Args:
             limits: the bounds.
-            schedule_flush: called when a frame arrives in an empty outbox: somebody should soon `take`.
-            flush: called before anything is forgotten: take now, as much as the socket takes.
+            schedule_flush: called when a frame arrives in an empty outbox; its owner should call `take` soon.
+            flush: called before anything is forgotten; its owner should call `take` now, as much as the socket takes.
         """
         self._limits = limits
         self._schedule_flush = schedule_flush
@@ -149,7 +149,7 @@ class Outbox:
             was done, and there will be more if it is asked again.
 
         Raises:
-            Exception: the frames of an answer cannot be made. Whoever waits for it would wait for ever, so the
+            Exception: the frames of an answer cannot be made. Its caller would wait for ever, so the
                 connection should be closed.
         """
         waiting = self._frames
@@ -168,8 +168,8 @@ class Outbox:
                 waiting.popleft()
                 self.num_bytes -= size
                 continue
-            # It is work of its own: what was taken goes first. And it is nothing to do in the turn of whoever has sent
-            # the message, once for each listener.
+            # Making frames is work of its own: what was taken goes first. And it must not be done in the turn of the
+            # client that has sent the message, once for each subscriber.
             if taken or self._is_relieving:
                 break
             topic = topic or self._begun
@@ -203,14 +203,14 @@ class Outbox:
         self.num_bytes -= size
 
     def close(self) -> None:
-        """Forget everything: nobody will take it any more."""
+        """Forget everything: the peer is gone."""
         self._frames.clear()
         self._begun = None
         self._num_late = 0
         self.num_bytes = 0
 
     def _relieve(self) -> None:
-        """Flush what the socket takes; forget topic messages if that was not enough."""
+        """Have the owner take what the socket takes; forget topic messages if that was not enough."""
         self._is_relieving = True
         try:
             self._flush()

@@ -82,7 +82,7 @@ def _read_header(file: bytes) -> tuple[int, ...]:
 
 def _read_whole(file: bytes) -> bytes:
     """The pixels of a small picture of any form."""
-    from PIL import Image  # noqa: PLC0415 - 30 ms that only those pay who ask for pictures
+    from PIL import Image  # noqa: PLC0415 - 30 ms that only pictures cost
 
     with Image.open(BytesIO(file), formats=["PNG"]) as image:
         pixels: bytes = image.convert("RGB").tobytes()
@@ -189,7 +189,7 @@ class Picture:
     )
 
     def __init__(self, text: bytes) -> None:
-        """Nothing is made yet.
+        """Remember the text; `work` makes the picture.
 
         Args:
             text: the frame of JSON text.

@@ -1,9 +1,9 @@
 """One connection as a state machine: frames in, ops out; messages, answers and remarks in, frames out.
 
 A session knows one peer's wire and nothing else: how it spells topics, in which encoding and how often it wants
-their messages, which pieces of which long frames have come, from which level on it wants to hear remarks, what
-waits in its outbox. `receive` never raises for anything that a peer can send; what is no op is told to the peer
-and gone. What the ops *mean* is `graph/peer.py`'s business.
+their messages, which pieces of which long frames have come, from which level on it wants status frames, and
+what waits in its outbox. `receive` never raises for anything that a peer can send; the peer is told what is no op.
+The meaning of the ops is in `graph/peer.py`.
 
 No encoding, piece or binary frame goes to a peer that did not ask for it.
 """
@@ -44,14 +44,14 @@ class Session:
 
     Attributes:
         outbox: what is on its way to the peer.
-        account: pays for what the peer makes us hold.
+        account: has the memory that is held for the peer.
         level: remarks up to this one are sent; `error` until the peer asks otherwise.
         frame_length: of the frame in hand, if it is not a plain one [bytes]; else 0.
         num_received, num_refused: frames in, and those among them that held something that is no op.
         num_sent: messages of topics that went into the outbox.
-        on_unsent: hears of a spelling of a topic whose message could not be encoded after it had waited for its turn.
-        on_mistake: hears of what is no op, after the peer was told.
-        on_lost_answer: hears of what is no op but should have been the answer to a call or the end of a goal.
+        on_unsent: called with a spelling of a topic, if a message could not be encoded after it had waited.
+        on_mistake: called with what is no op, after the peer was told.
+        on_lost_answer: called with what is no op but should have been the answer to a call or the result of a goal.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Session:
         on_refused: Callable[[FrameError], None] | None = None,
         account: Account | None = None,
     ) -> None:
-        """A session at its start.
+        """Begin without subscriptions.
 
         Args:
             outbox: where frames for the peer go.
@@ -141,7 +141,7 @@ class Session:
             yield error
 
     def _unwrap(self, op: Fragment | Png, now: float) -> Iterator[Op | None]:
-        """The ops inside a picture, or inside the frame that a piece has made whole."""
+        """Yield the ops inside a picture, or inside the frame that a piece has made whole."""
         try:
             inner = yield from self._open(op, now)
         except FrameError as error:
@@ -149,7 +149,7 @@ class Session:
             self._refuse(error)
             return
         for inner_op in decode_frame(inner) if inner is not None else ():
-            if isinstance(inner_op, (Fragment, Png)):  # a picture in a picture in a picture: nobody's need
+            if isinstance(inner_op, (Fragment, Png)):  # a picture in a picture in a picture: no client needs it
                 self._refuse(FrameError("A fragment or a png may not hold another one", inner_op.id))
                 yield None
             elif isinstance(inner_op, FrameError):
@@ -181,11 +181,11 @@ class Session:
     # Out
 
     def set_level(self, level: str) -> None:
-        """Hear remarks up to `level` from now on; a word that is no level changes nothing."""
+        """Send status frames up to `level` from now on; a word that is no level changes nothing."""
         self.level = LEVELS.get(level, self.level)
 
     def remark(self, level: str, text: str, op_id: object = None) -> None:
-        """Send a status frame, if the peer wants to hear of that level."""
+        """Send a status frame, if the peer wants those of that level."""
         if self._is_talkative and LEVELS[level] <= self.level:
             self.outbox.send(status_frame(level, text, op_id))
 
@@ -195,7 +195,7 @@ class Session:
         """Answer a call of the peer's: with a message, or with whatever JSON value says why not.
 
         Raises:
-            EncodingError: the message cannot be written, by a bug of ours.
+            EncodingError: the message cannot be written; this is an internal error.
         """
         body = values.json if is_ok else orjson.dumps(values)  # type: ignore[union-attr] # is_ok: Encoded
         frame = response_frame(service, body, is_ok=is_ok, op_id=op_id)
@@ -223,7 +223,7 @@ class Session:
         return Pieces(text, int(min(size, 2**31)), f"frag:{self._num_fragmented}")
 
     def _lose_message(self, spelling: str, cause: Exception) -> None:
-        """Tell of a message whose frames could not be made when the peer was to have them."""
+        """Report a message whose frames could not be made when the peer was to have them."""
         if isinstance(cause, EncodingError):
             self.on_unsent(spelling, cause)
             return

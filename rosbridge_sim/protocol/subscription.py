@@ -5,7 +5,7 @@ of the topic leaves at most once. The options of the ids are merged (facts of ro
 protocol's text differ we say which side we took):
 
     throttle_rate   the lowest (both)
-    queue_length    the highest (the text; rosbridge_suite takes the lowest, which drops what somebody asked for)
+    queue_length    the highest (the text; rosbridge_suite takes the lowest, which drops what a client asked for)
     fragment_size   the lowest that was given (the text)
     compression     cbor-raw before cbor before png before none (rosbridge_suite)
 
@@ -54,7 +54,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class SubscriptionOptions:
-    """Options of one subscription.
+    """The options of one subscription.
 
     Attributes:
         interval: least time between two messages [s]; 0 is no limit.
@@ -70,7 +70,7 @@ class SubscriptionOptions:
 
 
 def read_options(op: Subscribe) -> SubscriptionOptions:
-    """The options that a subscribe asks for; an encoding that nobody knows means JSON, as in rosbridge_suite."""
+    """Return the options of a subscribe; an unknown encoding means JSON, as in rosbridge_suite."""
     size = op.fragment_size
     return SubscriptionOptions(
         interval=max(0.0, op.throttle_rate or 0.0) / 1e3,
@@ -82,10 +82,10 @@ def read_options(op: Subscribe) -> SubscriptionOptions:
 
 @dataclass(frozen=True, slots=True)
 class Qos:
-    """The part of a quality-of-service object that has a meaning in one process.
+    """The parts of a quality-of-service object that have a meaning in one process.
 
     Attributes:
-        depth: messages kept for those who come late.
+        depth: messages kept for subscribers that come late.
         is_latching: durability: transient_local is True, volatile is False, None leaves it open.
     """
 
@@ -108,7 +108,7 @@ def read_qos(qos: dict[str, object] | None) -> Qos:
     """The part of a `qos` object that is honoured: durability and depth (rosbridge_suite of 2026, PR 1150).
 
     Raises:
-        FrameError: a policy or one of its values that nobody knows.
+        FrameError: a policy or one of its values is unknown.
     """
     if qos is None:
         return Qos()
@@ -197,7 +197,7 @@ class Throttle(Generic[T]):
     __slots__ = ("_free_at", "_interval", "_max_length", "_waiting", "num_dropped")
 
     def __init__(self, account: Account | None = None, size_of: Callable[[T], int] = _nothing) -> None:
-        """Nothing waits, and nothing is throttled.
+        """Begin without messages and without a throttle.
 
         Args:
             account: pays for the messages that wait.
@@ -217,7 +217,7 @@ class Throttle(Generic[T]):
         self.num_dropped += self._waiting.shorten(options.queue_length)
 
     def admit(self, message: T, now: float) -> bool:
-        """Return whether this message leaves now; else it waits or is dropped."""
+        """Tell whether this message leaves now; else it waits or is dropped."""
         if self._interval == 0.0 and not self._waiting:
             return True
         if now >= self._free_at and not self._waiting:
@@ -239,7 +239,7 @@ class Throttle(Generic[T]):
         return self._waiting.pop()
 
     def forget(self) -> None:
-        """Drop what waits: nobody will ask for it."""
+        """Drop what waits: the subscriptions have ended."""
         self._waiting.shorten(0)
 
     def waiting(self) -> list[T]:

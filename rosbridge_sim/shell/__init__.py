@@ -1,1 +1,1 @@
-"""The only room with sockets, clock, disk and tasks."""
+"""The packages that use sockets, clocks, the disk and tasks; everything below them does without."""

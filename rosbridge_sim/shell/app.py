@@ -1,4 +1,4 @@
-"""The whole: settings in, a running simulator out.
+"""The simulator and its server, built from settings.
 
 This is the one place that builds the parts and hands them to each other. `Simulator` is the same thing for the
 command line, for a test and for a notebook; two of them share nothing. Where the world fails (see `scheduler.py`),
@@ -12,14 +12,14 @@ import errno
 import logging
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from ssl import SSLContext
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Self, TypeVar, Unpack
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
@@ -39,16 +39,19 @@ from rosbridge_sim.protocol.outbox import OutboxLimits
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.bags.recordings import DiskRecordings
 from rosbridge_sim.shell.config.loading import check_options
+from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.shell.config.settings import Settings
-from rosbridge_sim.shell.config.value_types import URLS
+from rosbridge_sim.shell.config.value_types import URLS, SettingError
 from rosbridge_sim.shell.descriptors import DescriptorWatch
 from rosbridge_sim.shell.files.access_rights import is_writable, why_not_writable
-from rosbridge_sim.shell.files.library import DiskLibrary, Texts, read_definitions
+from rosbridge_sim.shell.files.definitions import Texts, read_definitions
+from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.shell.files.network_files import DiskNetworks
 from rosbridge_sim.shell.files.quota import DataQuota, in_thread
 from rosbridge_sim.shell.files.sensor_data_store import DiskArchive
 from rosbridge_sim.shell.files.thread_reader import ThreadReader
 from rosbridge_sim.shell.log_limits import LineLimiter
+from rosbridge_sim.shell.loop_thread import LoopStoppedError, LoopThread
 from rosbridge_sim.shell.masking import mask_of
 from rosbridge_sim.shell.metrics import Metrics
 from rosbridge_sim.shell.port_file import PortFile
@@ -62,19 +65,22 @@ from rosbridge_sim.shell.websocket.memory_budget import default_budget
 from rosbridge_sim.shell.websocket.origins import OriginRules
 from rosbridge_sim.shell.websocket.server import Server
 from rosbridge_sim.shell.websocket.urls import shown_url
+from rosbridge_sim.suggestions import listing
 from rosbridge_sim.world.state import World
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # no circle: most servers attach to no bridge and record nothing
     from rosbridge_sim.shell.attach import Attachment
     from rosbridge_sim.shell.bags.recording import Recorder
 
-__all__ = ["AddressError", "Simulator", "list_items"]
+__all__ = ["AddressError", "Simulator", "list_items", "mistakes_of_items"]
+
+T = TypeVar("T")
 
 _log = logging.getLogger("rosbridge_sim.app")
 
 
 class AddressError(DocumentError):
-    """The host and port cannot be had."""
+    """The server cannot listen on its host and port."""
 
 
 class Simulator:
@@ -83,26 +89,32 @@ class Simulator:
         async with Simulator(port=0, scenario="demo") as sim:
             print(sim.url)
 
+    In a program that blocks, `with Simulator(port=0) as sim:` does the same in a thread of its own, and so do `open`
+    and `close`. What belongs to a simulator in another thread may be touched by `run_inside` alone; `url`, `port` and
+    `settings` may be read anywhere.
+
     Attributes:
-        settings: what it was made with.
-        bus: where everybody meets; None before the start.
+        settings: as it was made.
+        bus: the topics and services that all participants share; None before the start.
         node: the simulator itself; None before the start, and without a world.
-        attachments: the bridges that it dials, once started.
-        descriptors: tells the log when no file descriptor is left; None before the start.
+        attachments: the bridges that it connects to; empty before the start.
+        descriptors: logs when no file descriptor is left; None before the start.
     """
 
-    def __init__(self, settings: Settings | None = None, /, **options: object) -> None:
-        """A simulator that does not run yet.
+    def __init__(self, settings: Settings | None = None, /, **options: Unpack[SimulatorOptions]) -> None:
+        """Read the settings; nothing runs yet.
 
         Args:
             settings: everything at once; None takes the options.
-            options: fields of `Settings` by name. The environment plays no part.
+            options: fields of `Settings` by name, and `rate`. The environment plays no part.
 
         Raises:
-            DocumentError: an option that does not exist or that has a bad value.
+            SettingError: an option that does not exist or that has a bad value, or settings and options together. It is
+                a DocumentError.
         """
-        assert settings is None or not options, "settings or options, not both"
-        self.settings = check_options(options) if settings is None else settings
+        if settings is not None and options:
+            raise SettingError(f"Simulator: expected settings or options; got both, with {listing(options)}")
+        self.settings = check_options(options, mistakes_of_items) if settings is None else settings
         self.bus: Bus | None = None
         self.node: SimulatorNode | None = None
         self.attachments: tuple[Attachment, ...] = ()
@@ -117,22 +129,32 @@ class Simulator:
         self._quota: DataQuota | None = None
         self._reader: ThreadReader | None = None
         self._stopping: asyncio.Task[None] | None = None
+        self._thread: LoopThread | None = None
+        self._is_stopped = False
+
+    def __repr__(self) -> str:
+        """Return where it listens, what it simulates and whether it runs."""
+        settings = self.settings
+        state = "stopped" if self._is_stopped else "not started" if self.bus is None else "running"
+        where = self.url if self.port else f"{settings.host} port {settings.port}"
+        world = f"scenario={settings.scenario!r} seed={settings.seed}" if settings.world else "without a world"
+        return f"<Simulator {where} {world} {state}>"
 
     @property
     def port(self) -> int:
-        """The port it really listens on; 0 while it does not, or never does."""
+        """The port that it listens on; 0 while it does not listen."""
         return self._server.port if self._server is not None else 0
 
     @property
     def url(self) -> str:
-        """Where clients connect."""
+        """URL for clients."""
         host = self.settings.host
         scheme = "ws" if self.settings.certfile is None else "wss"
         return f"{scheme}://[{host}]:{self.port}" if ":" in host else f"{scheme}://{host}:{self.port}"
 
     @property
     def num_bugs(self) -> int:
-        """Faults of ours: each is in the log with its traceback.
+        """Number of internal errors; each is in the log with its traceback.
 
         Frames, loads and replays that could not be handled, what the bus's guard has counted, and one more if the world
         has failed.
@@ -144,6 +166,56 @@ class Simulator:
         is_standing = self.node is not None and self.node.failure is not None
         num_guarded = self.bus.guard.num_faults if self.bus is not None else 0
         return num_frames + num_loads + num_guarded + (self._scheduler.is_failed or is_standing)
+
+    def __enter__(self) -> Self:
+        return self.open()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+        if error is None and self._scheduler is not None and self._scheduler.is_failed:
+            self._scheduler.failure.result()
+
+    def open(self) -> Self:
+        """Start in a thread of its own, with its own event loop; return the simulator itself once clients are served.
+
+        Raises:
+            DocumentError: as for `start`; nothing is left of the thread then.
+            RuntimeError: it was started before.
+        """
+        if self._thread is not None or self.bus is not None:
+            raise RuntimeError(f"{self!r}: expected a simulator that was never started; make another one")
+        self._thread = LoopThread("rosbridge_sim.simulator")
+        try:
+            self._thread.run(self.start())
+        except BaseException:
+            self._thread.stop()
+            self._thread = None
+            raise
+        return self
+
+    def close(self) -> None:
+        """Stop what `open` has started, and end its thread; within two seconds, and twice is no error."""
+        if self._thread is not None and self._thread.is_alive:
+            try:
+                with suppress(LoopStoppedError):  # another thread closes it as well
+                    self._thread.run(self.stop())
+            finally:
+                self._thread.stop()
+
+    def run_inside(self, function: Callable[[], T]) -> T:
+        """Run a function in the simulator's own thread, between two frames, and return its result.
+
+        Args:
+            function: may look at `bus` and `node`; the world and all clients wait for it.
+
+        Raises:
+            RuntimeError: no `open` or `with` has started it, it was closed, or the caller is in that thread already.
+        """
+        if self._thread is None:
+            raise RuntimeError(f"{self!r}: expected a simulator that runs in a thread of its own; use `with` or open()")
+        return self._thread.call(function)
 
     async def __aenter__(self) -> Self:
         await self.start()
@@ -157,11 +229,11 @@ class Simulator:
             await self.wait()
 
     async def start(self) -> None:
-        """Build everything, listen, and dial; clients are served from now on.
+        """Build everything, listen, and connect to the bridges; clients are served from now on.
 
         Raises:
             DocumentError: a file that cannot be used.
-            AddressError: host and port cannot be had, or they are those of a bridge that is to be dialled.
+            AddressError: the server cannot listen there, or `attach` names the server itself.
         """
         settings = self.settings
         _check_sense(settings)
@@ -238,23 +310,26 @@ class Simulator:
         settings = self.settings
         if settings.listen and settings.token is None:
             if not server.is_loopback:
-                _log.warning("%s wants no token: every program that reaches it is let in; --token sets one", self.url)
+                _log.warning(
+                    "no token is set: every program that can reach %s may connect; set one with --token", self.url
+                )
             for flag in limits.access.origins.open_flags():
                 _log.warning(
-                    "%s lets in any website that the user visits, since no token is set; --token sets one", flag
+                    "%s lets every website that the user visits connect, because no token is set; set one with --token",
+                    flag,
                 )
         if settings.world and not is_writable(folder := Path(settings.data_dir)):
             _log.warning("--data-dir %s: clients can save nothing there: %s", folder, why_not_writable(folder))
 
     def _attach(self, bus: Bus, node: SimulatorNode, scheduler: Scheduler, stamps: Stamps | None) -> None:
-        """Dial the bridges."""
+        """Connect to the bridges."""
         settings = self.settings
         if not settings.attach:
             return
-        from rosbridge_sim.shell.attach import AttachLimits, Attachment  # noqa: PLC0415 - most dial nobody
+        from rosbridge_sim.shell.attach import AttachLimits, Attachment  # noqa: PLC0415 - most servers attach to no bridge
 
         if settings.sync_lease is None:
-            _log.info("without --sync-lease, a master behind a bridge stays master when it dies: nobody sees it go")
+            _log.info("without --sync-lease, a crashed master behind a bridge cannot be detected; set --sync-lease")
         limits = AttachLimits(
             has_connection_each=settings.attach_sockets == "per-topic",
             max_wait=settings.attach_retry,
@@ -275,6 +350,7 @@ class Simulator:
     async def stop(self) -> None:
         """Close every connection (code 1001) and stop the world; within two seconds, and twice is no error."""
         self._remove_port_file()  # while the port is still ours
+        self._is_stopped = self.bus is not None
         if self._scheduler is not None:
             self._scheduler.stop()
         if self._recordings is not None:
@@ -314,12 +390,12 @@ class Simulator:
         await asyncio.shield(self._scheduler.failure)
 
     def _give_up(self) -> None:
-        """The world has failed: whoever waits for it is to hear that it is gone."""
+        """Stop, because the world has failed; clients see their connections close."""
         self._stopping = asyncio.get_running_loop().create_task(self.stop())
 
 
 def list_items(settings: Settings) -> list[ListedInterface]:
-    """What a simulator with these settings has on the bus; one is put together for that, in the built-in scene.
+    """List what a simulator with these settings has on the bus; one is built for that, in the built-in scene.
 
     Raises:
         DocumentError: a file that cannot be used, or network settings that do not fit.
@@ -329,6 +405,21 @@ def list_items(settings: Settings) -> list[ListedInterface]:
     WebRepublisher(bus)
     built_in = replace(settings, scenario=Settings().scenario, scenario_path=(), map=None, catalogue=None)
     return list(_make_node(bus, built_in, None, None).interfaces.listing())
+
+
+def mistakes_of_items(settings: Settings) -> list[str]:
+    """Return the mistakes in what is chosen about topics and services, a line for each.
+
+    For the readers of settings, which tell all mistakes at once. Where there are no others it is not needed, because
+    the simulator itself finds these at its start.
+    """
+    if not (settings.publishers or settings.subscribers or settings.services):
+        return []
+    try:
+        list_items(settings)
+    except DocumentError as error:
+        return str(error).splitlines()
+    return []
 
 
 def _make_node(
@@ -393,11 +484,11 @@ def _describe(node: SimulatorNode | None) -> dict[str, object]:
 
 
 def _choose_stamps(settings: Settings, node: SimulatorNode) -> Stamps:
-    """Which time the simulator stamps with."""
+    """Choose the time for stamps."""
     clock = WallClock()
     choice = settings.stamps or ("sim" if settings.listen else "auto")
     if choice == "auto" and not settings.attach:
-        _log.info("--stamps auto asks a bridge, and --attach names none: stamps are simulated time")
+        _log.info("--stamps auto follows a bridge, but no --attach is given: stamps are simulated time")
     return Stamps(choice, lambda now: node.use_wall_time(clock.read_ns, now))
 
 
@@ -411,7 +502,7 @@ def _taken_names(settings: Settings) -> list[str]:
 
 
 def _start_recording(settings: Settings, bus: Bus, node: SimulatorNode | None, texts: Texts) -> Recorder | None:
-    """Whoever records, if that is wanted.
+    """Begin to record, where `--record` says so.
 
     Raises:
         DocumentError: the file cannot be made.
@@ -419,7 +510,8 @@ def _start_recording(settings: Settings, bus: Bus, node: SimulatorNode | None, t
     if settings.record is None:
         return None
     from rosbridge_sim.shell.bags.bag import open_bag  # noqa: PLC0415 - rosbags' writers are a tenth of a second
-    from rosbridge_sim.shell.bags.recording import BagMessageWriter, Recorder  # noqa: PLC0415
+    from rosbridge_sim.shell.bags.message_writer import BagMessageWriter  # noqa: PLC0415
+    from rosbridge_sim.shell.bags.recording import Recorder  # noqa: PLC0415
 
     path = Path(settings.record)
     if path.resolve().is_relative_to(Path(settings.data_dir).resolve()):  # which is made when it is needed
@@ -472,7 +564,10 @@ def _complete_policy(policy: Policy, node: SimulatorNode | None, *, is_attaching
     for line in policy.left_open():
         _log.warning("%s", line)
     if is_attaching and not policy.is_open:
-        _log.warning("patterns hold for this server's own clients; a bridge judges the programs behind it itself")
+        _log.warning(
+            "--allow and --deny patterns apply to clients of this server only, and not to programs behind a bridge;"
+            " set rules at the bridge"
+        )
 
 
 def _outbox_limits(settings: Settings) -> OutboxLimits:
@@ -490,14 +585,14 @@ def _check_sense(settings: Settings) -> None:
     if settings.port_file is not None and not settings.listen:
         raise DocumentError("port-file: expected a server that listens; one that only attaches has no port")
     if not settings.attach and not settings.listen:
-        raise DocumentError(f"attach: expected {URLS.expects}; got none, and nobody could come here either")
+        raise DocumentError(f"attach: expected {URLS.expects}; got none, and --no-listen accepts no clients")
 
 
 async def _check_bridges(urls: Sequence[str], server: Server) -> None:
-    """Refuse to dial ourselves: we would be a client of our own, with every name taken.
+    """Refuse to attach to this server itself, where every name is taken already.
 
     Raises:
-        AddressError: one of the URLs is our own.
+        AddressError: one of the URLs is that of this server.
     """
     if not urls or not server.port:
         return
@@ -512,7 +607,7 @@ async def _check_bridges(urls: Sequence[str], server: Server) -> None:
 
 
 def _why_not(settings: Settings, error: OSError | UnicodeError) -> str:
-    """Why there is no listening there, and what to do about it."""
+    """Return why the server cannot listen there, and what to do about it."""
     where = f"cannot listen on {settings.host} port {settings.port}"
     if isinstance(error, UnicodeError):
         return f"{where}: expected a host name or address"
@@ -532,7 +627,7 @@ class _WallClockBus(Bus):
 
     @time_ns.setter
     def time_ns(self, time_ns: int) -> None:
-        """Nobody sets the time of day."""
+        """Ignore it: the time of day cannot be set."""
 
     @property
     def stamp_ns(self) -> int:
@@ -540,4 +635,4 @@ class _WallClockBus(Bus):
 
     @stamp_ns.setter
     def stamp_ns(self, stamp_ns: int) -> None:
-        """Nobody sets the time of day."""
+        """Ignore it: the time of day cannot be set."""

@@ -1,4 +1,4 @@
-"""Dialling somebody else's rosbridge, and again when it is gone.
+"""Connections to another rosbridge, made again after each loss.
 
 An `Attachment` is one bridge. What is said there is `graph/attach/mirror.py`'s business; here are the sockets: a task
 for each line that the mirror wants dials, carries frames both ways until the socket ends, waits and dials again. The
@@ -59,7 +59,7 @@ _log = logging.getLogger("rosbridge_sim.attach")
 
 @dataclass(frozen=True, slots=True)
 class AttachLimits:
-    """What holds for each connection to a far side.
+    """Limits of each connection to a far side.
 
     Attributes:
         has_connection_each: a connection for each topic and service.
@@ -82,7 +82,7 @@ class Attachment:
 
     Attributes:
         url: as people may read it.
-        mirror: who stands for the far side on our bus.
+        mirror: the participant of our bus that stands for the far side.
         attached: done when everything was announced there for the first time.
         connected_at: when the first line got the socket that it has [s], or had last.
         lookup: finds its host, for all lines at once.
@@ -93,7 +93,7 @@ class Attachment:
     def __init__(
         self, bus: Bus, source: Participant, url: str, limits: AttachLimits, on_change: Callable[[], None]
     ) -> None:
-        """Nothing is dialled before `start`.
+        """Prepare; `start` connects.
 
         Args:
             bus: where the simulator is.
@@ -140,7 +140,7 @@ class Attachment:
 
     def _fail(self, error: Exception) -> None:
         """Something that was done for the bridge has failed by a bug of ours: connect anew, and go on."""
-        _log.error("%s: a failure of ours; its connections are made anew", self.url, exc_info=error)
+        _log.error("%s: internal error; connecting again", self.url, exc_info=error)
         for carrier in self._carriers.values():
             carrier.cut()
 
@@ -237,7 +237,7 @@ class _ConnectionKeeper:
                 was_ready, why = await self._connect_once()
             except Exception:  # noqa: BLE001 - our own bug: this connection is lost, and there will be another
                 self._attachment.num_bugs += 1
-                _log.exception("a connection to %s could not be kept", self._attachment.url)
+                _log.exception("internal error in a connection to %s; it was closed", self._attachment.url)
                 was_ready, why = False, f"{self._attachment.url}: lost"
             if self._is_stopped:
                 return
@@ -281,7 +281,7 @@ class _ConnectionKeeper:
         Raises:
             OSError: the last of them has none.
             ValueError: the URL is none.
-            WebSocketException: somebody else is there.
+            WebSocketException: what listens there is no WebSocket server.
         """
         limits = self._limits
         addresses = await self._attachment.lookup.addresses(STOP_PATIENCE)
@@ -344,9 +344,9 @@ class _ConnectionKeeper:
         """Do one turn's worth of what came; read nothing more while too much of it waits."""
         try:
             is_more = work(self._loop.time())
-        except Exception:  # noqa: BLE001 - our own bug: this message is lost, everybody goes on
+        except Exception:  # noqa: BLE001 - our own bug: this message is lost, everything else goes on
             self._attachment.num_bugs += 1
-            _log.exception("a frame of %s could not be handled", self._attachment.url)
+            _log.exception("internal error in a frame of %s; the frame was dropped", self._attachment.url)
             is_more = True
         if is_more:
             self._schedule()
@@ -383,7 +383,9 @@ class _ConnectionKeeper:
             self._on_change()
         if line.outbox.is_overfull:
             _log.warning(
-                "%s: answers are not taken: %d bytes wait; closing", self._attachment.url, line.outbox.num_bytes
+                "%s: the bridge reads too slowly, %d bytes wait for it: closing",
+                self._attachment.url,
+                line.outbox.num_bytes,
             )
             line.outbox.close()
             dialed.transport.abort()
@@ -393,7 +395,7 @@ class _ConnectionKeeper:
 
 
 async def is_own_address(url: str, port: int, addresses: Sequence[str]) -> bool:
-    """Whether a URL leads to ourselves.
+    """Tell whether a URL leads to this server.
 
     Args:
         url: what is to be dialled.
@@ -421,7 +423,7 @@ async def is_own_address(url: str, port: int, addresses: Sequence[str]) -> bool:
 
 
 def _is_local(address: ipaddress.IPv4Address | ipaddress.IPv6Address) -> bool:
-    """Whether the address is one of this machine: only those can be bound."""
+    """Tell whether an address is one of this machine: only those can be bound."""
     family = socket.AF_INET if address.version == 4 else socket.AF_INET6  # noqa: PLR2004 - IP's versions
     with socket.socket(family, socket.SOCK_DGRAM) as probe:
         try:

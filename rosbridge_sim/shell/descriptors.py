@@ -1,8 +1,8 @@
 """A watch over file descriptors: one line in the log when none is left, and not one for each connection refused.
 
-Without descriptors nobody can connect and no file can be opened, but all who are connected are served. Event loops say
-so in different ways: asyncio's own reports each attempt to accept with a traceback, a hundred a second; uvloop closes
-new connections in silence. So the watch tries to open a file once a second, and takes the loop's reports as well.
+Without descriptors no client can connect and no file can be opened, but connected clients are served. Event loops
+report that in different ways: asyncio's own logs each attempt to accept with a traceback, a hundred a second; uvloop
+closes new connections in silence. So the watch tries to open a file once a second, and takes the loop's reports, too.
 """
 
 from __future__ import annotations
@@ -11,12 +11,22 @@ import asyncio
 import errno
 import logging
 import os
-import sys
 from collections.abc import Callable
 from typing import Any, Final
 
-if sys.platform != "win32":
+try:
     import resource  # now, for it takes a descriptor
+except ImportError:  # on Windows
+
+    def _most() -> int | None:
+        """Return None: the number of descriptors has no limit that could be read."""
+        return None
+else:
+
+    def _most() -> int | None:
+        """Return how many descriptors this process may have."""
+        return resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+
 
 __all__ = ["DescriptorWatch"]
 
@@ -30,13 +40,13 @@ _log = logging.getLogger("rosbridge_sim.server")
 
 
 class DescriptorWatch:
-    """Tells the log that no descriptor is left, until `stop`."""
+    """Logs when no descriptor is left, until `stop`."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, try_one: Callable[[], None] | None = None) -> None:
         """Begin to watch.
 
         Args:
-            loop: whose timer is used.
+            loop: has the timer.
             try_one: uses a descriptor for a moment; raises OSError where there is none. None opens a file.
         """
         self._loop = loop
@@ -62,14 +72,14 @@ class DescriptorWatch:
             self._tell(error)
 
     def _tell(self, error: OSError) -> bool:
-        """Log it, but not again and again; say whether it was for want of descriptors."""
+        """Log a lack of descriptors, once in a while; return whether the error is one."""
         if error.errno not in {errno.EMFILE, errno.ENFILE}:
             return False
         now = self._loop.time()
         if now - self._told_at >= QUIET:
             self._told_at = now
             _log.error(
-                "no file descriptors are left%s: nobody can connect and no file can be opened until some are free;"
+                "no file descriptors are left%s: no client can connect and no file can be opened until some are free;"
                 " close clients, or raise the limit (ulimit -n) and restart",
                 _limit_of(error),
             )
@@ -81,9 +91,8 @@ def _open_and_close() -> None:
 
 
 def _limit_of(error: OSError) -> str:
-    """The limit that was met, in words."""
+    """Return the limit that was met, in words."""
     if error.errno == errno.ENFILE:
         return " on this machine"
-    if sys.platform == "win32":
-        return ""
-    return f" (this process may have {resource.getrlimit(resource.RLIMIT_NOFILE)[0]:,})"
+    most = _most()
+    return "" if most is None else f" (this process may have {most:,})"

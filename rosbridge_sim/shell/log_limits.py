@@ -24,7 +24,7 @@ __all__ = ["LOGGERS", "LineLimiter"]
 LOGGERS: Final = tuple(
     f"rosbridge_sim{name}"
     for name in (
-        *("", ".access", ".app", ".attach", ".graph", ".morai"),
+        *("", ".access", ".app", ".attach", ".client", ".graph", ".morai"),
         *(".recording", ".replay", ".server", ".storage", ".websockets"),
     )
 )
@@ -66,7 +66,7 @@ class _Source:
     num_left_out: int = 0
 
     def has_token(self, now: float) -> bool:
-        """Whether another line may be written now [s]."""
+        """Tell whether another line may be written now [s]."""
         self.tokens = min(self.burst, self.tokens + (now - self.at) * self.rate)
         self.at = now
         return self.tokens >= 1.0
@@ -85,7 +85,7 @@ class LineLimiter(logging.Filter):
         """A limiter that does nothing yet.
 
         Args:
-            loop: whose timer says when to tell what was left out.
+            loop: has the timer for reports on lines that were left out.
             clock: monotonic time [s]; None for that of the loop.
             mask: takes the token out of lines that quote clients.
         """
@@ -94,7 +94,7 @@ class LineLimiter(logging.Filter):
         self._loop = loop
         self._clock = clock or loop.time
         self._sources: dict[str, _Source] = {}
-        self._num_forgotten = 0  # lines left out whose source is not known any more
+        self._num_forgotten = 0  # lines left out of sources that were forgotten
         self._level = logging.NOTSET  # the gravest of what was left out
         self._lock = threading.Lock()  # replays are read, and log, in threads
         self._timer: asyncio.TimerHandle | None = None
@@ -115,7 +115,7 @@ class LineLimiter(logging.Filter):
         self.flush()
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Say whether a line is written; it is cut if need be. Whoever logs something does not fail by that."""
+        """Tell whether a line is written; cut it if need be. Must not raise, because the caller only logs something."""
         try:
             return self._judge(record)
         except Exception:  # noqa: BLE001 - such as values that do not fit the text: handlers report that on stderr

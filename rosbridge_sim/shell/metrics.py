@@ -125,7 +125,7 @@ class Metrics:
             self._registry.register(self)
             ProcessCollector(registry=self._registry)  # memory, CPU time and descriptors of the whole process
             if self._node is not None:
-                self._node.frame_meter = self.frames
+                self._node.measure_frames(self.frames)
         return self._registry
 
     def describe(self) -> list[Metric]:

@@ -1,4 +1,4 @@
-"""Mistakes of clients, for the people who wrote the clients: lines in the log, and the list behind `/sim/refusals`.
+"""Mistakes of clients, for the authors of these clients: lines in the log, and the list behind `/sim/refusals`.
 
 A client is told of each mistake by a status or in an answer, but many client libraries show neither. So the log has a
 WARNING line for each client and reason: the first refusal at once; those of the same client and reason in the next
@@ -38,7 +38,7 @@ MAX_KINDS: Final = 2_000
 """Pairs of client and reason that are known at once, some 300 bytes each. The oldest is forgotten first."""
 
 MAX_CLIENTS: Final = 20
-"""Clients whose refusals are kept: more programs than one person debugs at once."""
+"""Clients with refusals that are kept: more programs than a user debugs at once."""
 
 MAX_KEPT: Final = 10
 """Refusals kept of one client, so that a client that floods hides no other's."""
@@ -101,7 +101,7 @@ class RefusalLog:
         """A log without refusals.
 
         Args:
-            loop: whose timer ends the periods.
+            loop: has the timer that ends the periods.
             frame: gives the world's frame.
             is_quiet: keep refusals, but write no lines.
             clock: monotonic time [s]; None for that of the loop.

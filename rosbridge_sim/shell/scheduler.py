@@ -1,10 +1,10 @@
-"""How time passes in a running simulator: one timer, armed for whatever is due next.
+"""The scheduler of a running simulator: one timer, set for what is due next.
 
 That is the world's next frame, the bus's next time-out or another part's turn. It is looked at anew after each frame
 that a client sends, since that may have changed what is due.
 
-A failure of ours inside the world is not lived with: a simulator that stands still and answers is worse than one
-that is gone. It is logged with its traceback, and whoever waits for `failure` hears of it.
+An internal error in the world ends the simulator, because one that stands still and answers is worse than none. The
+error is logged with its traceback, and `failure` ends with it.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ SHORTEST_WAIT = 0.001
 
 
 class WorldFailedError(RosbridgeSimError):
-    """A bug of ours has stopped the world; its cause is what was raised."""
+    """An internal error has stopped the world; its cause is the exception that was raised."""
 
 
 class Clock(Protocol):
-    """A part of the whole for which time passes."""
+    """A part of the simulator that has work at certain times."""
 
     def next_due(self, now: float) -> float | None:
-        """When `advance` has something to do next [s]; None while only others can bring that about."""
+        """Return when `advance` has something to do next [s]; None while that depends on other parts."""
 
     def advance(self, now: float) -> None:
         """Do what is due by now [s]; nothing if it is too early."""
@@ -41,14 +41,14 @@ class Clock(Protocol):
 
 @runtime_checkable
 class Endable(Protocol):
-    """A clock without which everything else can go on."""
+    """A clock that the rest of the simulator can do without."""
 
     def end(self, error: Exception) -> None:
         """End for good, because of a failure. From then on `next_due` is None, and `advance` does nothing."""
 
 
 class Scheduler:
-    """Lets time pass on a bus, and for the world and whoever else lives on it and needs turns.
+    """Calls what is due on a bus, in the world and in other clocks.
 
     Attributes:
         failure: ends with WorldFailedError if the world fails, and never otherwise.
@@ -57,10 +57,10 @@ class Scheduler:
     def __init__(
         self, loop: asyncio.AbstractEventLoop, bus: Bus, clocks: Sequence[Clock], on_failure: Callable[[], None]
     ) -> None:
-        """Nothing is armed before the first `look`.
+        """Set no timer before the first `look`.
 
         Args:
-            loop: whose time it is.
+            loop: has the time and the timer.
             bus: its time-outs come first.
             clocks: get their turns after it, in this order.
             on_failure: called once if one of them fails.
@@ -77,26 +77,26 @@ class Scheduler:
 
     @property
     def is_failed(self) -> bool:
-        """Whether the world has failed."""
+        """True once the world has failed."""
         return self.failure.done()
 
     def add(self, clock: Clock) -> None:
-        """One more for whom time passes."""
+        """Add a clock."""
         self._clocks += (clock,)
 
     def look(self) -> None:
-        """Something has changed: see what is due, once for all that changes in this turn of the loop."""
+        """Check what is due, once for all that changes in this turn of the loop."""
         if not self._is_looking:
             self._is_looking = True
             self._loop.call_soon(self._turn)
 
     def turn(self) -> None:
-        """See what is due at once, at the end of a pass of the loop; a look that is coming will do as well."""
+        """Check what is due now, at the end of a pass of the loop, unless `look` was called already."""
         if not self._is_looking:
             self._turn()
 
     def stop(self) -> None:
-        """Time stands still from now on."""
+        """Call nothing more."""
         self._is_stopped = True
         if self._timer is not None:
             self._timer.cancel()
@@ -161,18 +161,18 @@ class Scheduler:
         if self._timer is not None:
             self._timer.cancel()
         self._armed_for = wanted
-        self._timer = None if due is None else self._loop.call_at(wanted, self._ring)
+        self._timer = None if due is None else self._loop.call_at(wanted, self._on_timer)
 
-    def _ring(self) -> None:
+    def _on_timer(self) -> None:
         self._timer = None
         self._armed_for = float("inf")
         self._turn()
 
     def _fail(self, error: Exception) -> None:
         self.stop()
-        _log.critical("the world has failed; this is a bug of ours", exc_info=error)
+        _log.critical("internal error: the world has failed", exc_info=error)
         failed = WorldFailedError(f"the world has failed: {error!r}")
         failed.__cause__ = error
         self.failure.set_exception(failed)
-        self.failure.exception()  # nobody has to wait for it
+        self.failure.exception()  # so that asyncio does not log it where nothing waits for it
         self._on_failure()

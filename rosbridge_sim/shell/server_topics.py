@@ -1,8 +1,8 @@
-"""What the server says of itself on topics: who is connected, what they leave unread, what is in its log.
+"""Topics about the server itself: its clients, what they leave unread, and its log.
 
     /client_count        how many clients are connected; latched, at each change
-    /connected_clients   who they are and since when; latched, at each change
-    /sim/clients         what each has sent, was given and leaves unread; once a second while somebody listens
+    /connected_clients   their addresses and times of connection; latched, at each change
+    /sim/clients         what each has sent, was given and leaves unread; once a second while it has a subscriber
     /sim/refusals        the last mistakes of clients, with reasons; latched, at changes, at most ten times a second
     /rosout              the log lines of this process, from level info on; clients may write there too
 
@@ -14,13 +14,13 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from typing import Any, Literal
+from typing import Literal
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer_base import WEBSOCKET_NODE_NAME
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.graph.ways import PolicyEffect, Use, Way
-from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.loose_types import JsonValue, Struct
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.refusals import RefusalLog, escape
 from rosbridge_sim.shell.websocket.client import Client
@@ -69,8 +69,8 @@ class ServerTopics:
 
         Args:
             bus: where the topics are.
-            server: whose clients are reported.
-            loop: whose timers are used.
+            server: has the clients that are reported.
+            loop: has the timers.
             refusals: what clients were refused; None for a log of its own.
         """
         self.bus = bus
@@ -88,7 +88,7 @@ class ServerTopics:
         self._refusals_at = float("-inf")  # when they were told last [s]
         self._refusals_timer: asyncio.TimerHandle | None = None
         bus.on_refusal = self._refusals.note
-        self._entries: dict[Client, Any] = {}  # generated structs
+        self._entries: dict[Client, Struct] = {}
         self._soon: asyncio.Handle | None = None
         server.on_clients = self.tell_clients_soon
         self._timer = loop.call_later(REPORT_PERIOD, self._tick)
@@ -107,14 +107,14 @@ class ServerTopics:
         logging.getLogger("rosbridge_sim").removeHandler(self._log)
 
     def notify(self, level: str, text: str) -> None:
-        """Nobody reads what the server is told; it asks for nothing."""
+        """Ignore a message of the bus: this participant asks for nothing."""
 
-    def publish(self, topic: Topic, **fields: Any) -> None:  # noqa: ANN401 - each field of its own type
+    def publish(self, topic: Topic, **fields: JsonValue) -> None:
         """Send a message made from its fields."""
         self.bus.announce(self, topic, Message(topic.type, self._struct(topic)(**fields)), self._loop.time())
 
     def tell_clients_soon(self) -> None:
-        """Tell in the next turn of the loop who is connected: once, however many come and go in this one."""
+        """Publish the clients in the next turn of the loop: once, however many come and go in this one."""
         if self._soon is None:
             self._soon = self._loop.call_soon(self._tell_clients)
 
@@ -164,8 +164,9 @@ class ServerTopics:
     def _advertise(self, name: str, type_name: str, *, depth: int = 0, is_exclusive: bool = False) -> Topic:
         return self.bus.advertise(self, name, type_name, depth=depth, is_exclusive=is_exclusive)
 
-    def _struct(self, topic: Topic) -> Any:  # noqa: ANN401 - a class that is generated
-        return self.bus.store.message(topic.type.name).struct_type
+    def _struct(self, topic: Topic) -> type[Struct]:
+        struct_type: type[Struct] = self.bus.store.message(topic.type.name).struct_type
+        return struct_type
 
     def _tick(self) -> None:
         self._timer = self._loop.call_later(REPORT_PERIOD, self._tick)
@@ -232,7 +233,7 @@ class _LogTopic(logging.Handler):
                 function=record.funcName or "",
                 line=record.lineno,
             )
-        except Exception as error:  # noqa: BLE001 - who logs something must not fail by that
+        except Exception as error:  # noqa: BLE001 - the caller only logs something and must not fail
             self._reports.bus.guard.note("/rosout", error)
         finally:
             self._is_sending = False

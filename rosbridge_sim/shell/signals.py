@@ -4,6 +4,9 @@ SIGHUP, which a closing terminal sends, is one of them, unless it is ignored at 
 signal is for a program that does not come to its end: files are closed by what the caller gives for that, and one
 second later the process is gone whatever that does. The exit code is then 128 + the signal's number, as a shell has it.
 A SIGHUP is never a second signal: one closing terminal may send it twice, and service managers send it after SIGTERM.
+
+Windows has no SIGHUP. It has SIGBREAK: Ctrl-Break, a console that closes, and the end that one program asks of another
+(`CTRL_BREAK_EVENT`). The event loops there handle no signals, so Python's own handlers hand them to the loop.
 """
 
 from __future__ import annotations
@@ -11,7 +14,6 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -21,17 +23,18 @@ from typing import Final
 __all__ = ["on_stop_signals", "stop_signals"]
 
 HURRY: Final = 1.0
-"""How long a second signal leaves for closing files [s]; the index of a recording of hours takes a tenth of that."""
+"""Time that a second signal leaves for closing files [s]; the index of a recording of hours takes a tenth of that."""
 
+_NAMES: Final = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+"""Signals that end a program; each system has some of them."""
 
-_URGENT: Final = (signal.SIGINT, signal.SIGTERM)
+_NEVER_SECOND: Final = "SIGHUP"
 
 
 def stop_signals() -> tuple[signal.Signals, ...]:
-    """The signals that end a program, as things are when it starts."""
-    if sys.platform == "win32" or signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
-        return (signal.SIGINT, signal.SIGTERM)
-    return (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    """Return the signals that end a program, as things are when it starts."""
+    there = [signal.Signals[name] for name in _NAMES if hasattr(signal, name)]
+    return tuple(one for one in there if one.name != "SIGHUP" or signal.getsignal(one) is not signal.SIG_IGN)
 
 
 @contextmanager
@@ -46,8 +49,7 @@ def on_stop_signals(stop: Callable[[signal.Signals], None], hurry: Callable[[], 
     numbers = stop_signals()
     ending = _Ending(loop, numbers, stop, hurry)
     try:
-        for number in numbers:
-            loop.add_signal_handler(number, ending.begin, number)
+        ending.listen()
     except (RuntimeError, ValueError):  # not the main thread
         yield
         return
@@ -55,8 +57,15 @@ def on_stop_signals(stop: Callable[[signal.Signals], None], hurry: Callable[[], 
         yield
     finally:
         for number in numbers:
-            if not loop.remove_signal_handler(number):
+            if not _remove(loop, number):
                 signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
+
+
+def _remove(loop: asyncio.AbstractEventLoop, number: signal.Signals) -> bool:
+    """Take a handler of the loop's away; return whether it had one."""
+    with suppress(NotImplementedError):  # the loops of Windows have none
+        return loop.remove_signal_handler(number)
+    return False
 
 
 class _Ending:
@@ -75,6 +84,23 @@ class _Ending:
         self._hurry = hurry
         self._has_begun = False
 
+    def listen(self) -> None:
+        """Have the signals call `begin`.
+
+        Raises:
+            RuntimeError, ValueError: this is not the main thread.
+        """
+        for number in self._numbers:
+            try:
+                self._loop.add_signal_handler(number, self.begin, number)
+            except NotImplementedError:  # on Windows
+                signal.signal(number, self._take)
+
+    def _take(self, number: int, _frame: FrameType | None) -> None:
+        """Hand a signal to the loop, from wherever the program is."""
+        with suppress(RuntimeError):  # the loop is closed: all is done
+            self._loop.call_soon_threadsafe(self.begin, signal.Signals(number))
+
     def begin(self, number: signal.Signals) -> None:
         """Take the first signal, within the loop."""
         if self._has_begun:  # two came in one turn of the loop
@@ -82,13 +108,13 @@ class _Ending:
             return
         self._has_begun = True
         for other in self._numbers:  # from now on without the loop's help: it may be what does not come to its end
-            self._loop.remove_signal_handler(other)
+            _remove(self._loop, other)
             signal.signal(other, self._end_soon)
         self._stop(number)
 
     def _end_soon(self, number: int, _frame: FrameType | None) -> None:
         """Take a second signal, wherever the program is."""
-        if number not in _URGENT:
+        if signal.Signals(number).name == _NEVER_SECOND:
             return
         timer = threading.Timer(HURRY, os._exit, (128 + number,))
         timer.daemon = True

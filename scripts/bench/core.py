@@ -29,7 +29,8 @@ from rosbridge_sim.morai.simulator_node import NodeSettings
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.shell.files.library import DiskLibrary, read_definitions
+from rosbridge_sim.shell.files.definitions import read_definitions
+from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.state import Kind, World
 from scripts.bench.program import machine
 

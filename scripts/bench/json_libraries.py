@@ -27,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.shell.files.library import read_definitions
+from rosbridge_sim.shell.files.definitions import read_definitions
 from scripts.bench import bodies
 from scripts.bench.program import machine
 

@@ -43,7 +43,7 @@ if __name__ == "__main__":
 
 from rosbridge_sim.morai.releases import LENIENCY  # noqa: E402
 from rosbridge_sim.schema.store import Store  # noqa: E402
-from rosbridge_sim.shell.files.library import read_definitions  # noqa: E402
+from rosbridge_sim.shell.files.definitions import read_definitions  # noqa: E402
 from scripts.soak.fuzz_bridge import spoiling  # noqa: E402
 from scripts.soak.fuzz_frames import Act, FrameMaker, Interface  # noqa: E402
 from scripts.soak.fuzz_server import (  # noqa: E402

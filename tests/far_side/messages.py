@@ -18,7 +18,7 @@ from typing import Any
 from rosbridge_sim.errors import DefinitionError
 from rosbridge_sim.schema.parse import INT_RANGES, Definition, Field, parse_message, parse_service
 from rosbridge_sim.schema.standard import standard_text
-from rosbridge_sim.shell.files.library import read_definitions
+from rosbridge_sim.shell.files.definitions import read_definitions
 
 __all__ = ["Json", "RosError", "Types", "now"]
 

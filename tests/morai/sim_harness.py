@@ -21,7 +21,7 @@ from rosbridge_sim.morai.scenarios.reader import Scenario, read_scenario
 from rosbridge_sim.morai.simulator_node import NodeSettings
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.shell.files.library import read_definitions
+from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import World
 from tests.morai.small_maps import ROADRUNNER, read

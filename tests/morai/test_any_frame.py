@@ -27,7 +27,7 @@ from rosbridge_sim.protocol.outbox import BinaryFrame, Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.shell.files.library import read_definitions
+from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.world.state import World
 from scripts.soak.fuzz_frames import FrameMaker, Interface
 from tests.morai.memory_recordings import MemoryRecordings

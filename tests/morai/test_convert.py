@@ -14,7 +14,7 @@ from rosbridge_sim.morai.convert import Converter, gear_of, maker, time_text
 from rosbridge_sim.morai.maps.mgeo import Projection, RoadMap
 from rosbridge_sim.morai.releases import FIELD, LENIENCY, MANUAL, RELEASES, Profile, choose_profile
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.shell.files.library import read_definitions
+from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.world import commands
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import Body, Gear, Kind, Mode, World

@@ -110,7 +110,7 @@ def test_frames_are_measured_and_counted_by_real_time_and_by_ticks() -> None:
             calls.append(f"end {harness.world.frame}")
 
     harness.run(0.1)
-    harness.node.frame_meter = Meter()
+    harness.node.measure_frames(Meter())
     harness.run(0.04)
     client = harness.client()
     client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=40)

@@ -154,7 +154,7 @@ STARVED = """
 import resource
 from pathlib import Path
 from rosbridge_sim.errors import FieldError
-from rosbridge_sim.shell.files.library import read_definitions
+from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.schema.store import Store
 
 string = Store(read_definitions("22.R2")).message("std_msgs/String")

@@ -9,28 +9,34 @@ import re
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
-from typing import NoReturn
+from typing import Literal, NoReturn, Unpack
 
 import pytest
 from websockets.exceptions import ConnectionClosed
 
 import rosbridge_sim
 from rosbridge_sim import DocumentError, Simulator
+from rosbridge_sim.client import Client, ServiceRefusedError
 from rosbridge_sim.shell.app import AddressError, list_items
-from rosbridge_sim.shell.config.loading import check_options, format_config
+from rosbridge_sim.shell.config.loading import check_options
+from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.shell.config.settings import Settings
+from rosbridge_sim.shell.config.toml_output import format_config
+from rosbridge_sim.shell.config.value_types import SettingError
 from rosbridge_sim.shell.scheduler import WorldFailedError
 from tests.conftest import Connect
 from tests.graph.bus_fixture import Wire
 from tests.support import PATIENCE, ROOT
 
 
-async def start_of(**options: object) -> str:
+async def start_of(**options: Unpack[SimulatorOptions]) -> str:
     """The one line with which a start is refused."""
+    options.setdefault("port", 0)
     with pytest.raises(DocumentError) as caught:
-        await Simulator(port=0, **options).start()
+        await Simulator(**options).start()
     text = str(caught.value)
     assert "\n" not in text
     return text
@@ -315,7 +321,7 @@ async def test_failures_of_listeners_within_frames_do_not_end_the_world(
         assert sim.num_bugs > 1
         assert not sim._scheduler.is_failed
     lines = [record.getMessage() for record in caplog.records if record.exc_info]
-    assert [line for line in lines if line.endswith(": closed, because of a failure of ours")] == lines[:1]
+    assert [line for line in lines if line.endswith(": closed because of an internal error")] == lines[:1]
     assert {line[:35] for line in lines[1:]} == {"a listener of /Ego_topic has failed"}
 
 
@@ -447,7 +453,9 @@ async def test_network_settings_that_do_not_fit_are_told_with_their_line(tmp_pat
 
 
 @pytest.mark.parametrize("release", ["22.R2", "26.R1"])
-async def test_printed_config_lists_what_the_node_has_and_gives_it_back(release: str, tmp_path: Path) -> None:
+async def test_printed_config_lists_what_the_node_has_and_gives_it_back(
+    release: Literal["22.R2", "26.R1"], tmp_path: Path
+) -> None:
     settings = check_options({"release": release, "port": 0, "seed": 5})
     text = format_config(settings, list_items(settings))
     file = tmp_path / "s.toml"
@@ -468,9 +476,90 @@ async def test_printed_config_lists_what_the_node_has_and_gives_it_back(release:
             assert listed == own
 
 
+# In a thread of its own
+
+
+def test_blocking_form_serves_and_leaves_no_thread() -> None:
+    before = threading.active_count()
+    with Simulator(port=0, start="sync") as sim, Client(sim.url) as client:
+        client.start_sync()
+        assert client.tick(3).frame == sim.run_inside(lambda: sim.node.world.frame if sim.node else -1) == 3
+    assert threading.active_count() == before
+    assert (sim.num_bugs, sim.port) == (0, int(sim.url.rpartition(":")[2]))
+
+
+async def test_blocking_form_runs_within_somebody_elses_event_loop(connect: Connect) -> None:
+    with Simulator(port=0) as sim:
+        client = await connect(sim.url)
+        assert (await client.values("/rosapi/services"))["services"]
+
+
+def test_blocking_close_is_for_any_time() -> None:
+    sim = Simulator(port=0, world=False)
+    sim.close()
+    sim.open()
+    with pytest.raises(RuntimeError, match="expected a simulator that was never started"):
+        sim.open()
+    sim.close()
+    sim.close()
+    with pytest.raises(RuntimeError, match="has been stopped"):
+        sim.run_inside(lambda: None)
+
+
+def test_blocking_start_that_fails_leaves_no_thread_and_can_be_tried_again() -> None:
+    before = threading.active_count()
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        sim = Simulator(port=taken.getsockname()[1], world=False)
+        with pytest.raises(AddressError, match="the port is taken"):
+            sim.open()
+        assert threading.active_count() == before
+    with sim:
+        assert sim.port
+
+
+async def test_what_belongs_to_a_thread_is_refused_without_one() -> None:
+    async with Simulator(port=0, world=False) as sim:
+        with pytest.raises(RuntimeError, match=r"runs in a thread of its own; use `with` or open\(\)"):
+            sim.run_inside(lambda: None)
+        with pytest.raises(RuntimeError, match="never started"):
+            sim.open()
+
+
+def _fail() -> None:
+    raise ZeroDivisionError
+
+
+def test_blocking_form_tells_that_the_world_has_failed() -> None:
+    sim = Simulator(port=0, start="sync").open()
+    assert sim.node is not None
+    placing = sim.node.context.hooks.place
+    with Client(sim.url) as client:
+        client.start_sync()
+        sim.run_inside(lambda: placing.append(_fail))
+        with pytest.raises(ServiceRefusedError, match="the world has failed"):
+            client.tick()
+    with pytest.raises(WorldFailedError):
+        sim.__exit__(None, None, None)
+    sim.__exit__(KeyError, KeyError(), None)  # an error that is on its way is not replaced
+
+
+def test_repr_tells_place_world_and_state_and_no_secret() -> None:
+    sim = Simulator(port=0, seed=7, token="sesame")  # noqa: S106 - opens nothing
+    assert repr(sim) == "<Simulator 127.0.0.1 port 0 scenario='demo' seed=7 not started>"
+    with sim:
+        assert repr(sim) == f"<Simulator {sim.url} scenario='demo' seed=7 running>"
+    assert repr(sim) == f"<Simulator {sim.url} scenario='demo' seed=7 stopped>"
+    assert "without a world" in repr(Simulator(world=False))
+
+
+def test_settings_and_options_together_are_a_mistake() -> None:
+    with pytest.raises(SettingError, match="expected settings or options; got both, with port, seed"):
+        Simulator(Settings(), port=0, seed=1)
+
+
 def test_option_that_is_none_is_told() -> None:
     with pytest.raises(DocumentError, match=r"no such option: prot \(did you mean port\?\)"):
-        Simulator(prot=0)
+        Simulator(prot=0)  # type: ignore[call-arg]
 
 
 # What a start costs
@@ -532,8 +621,13 @@ async def test_client_can_take_none_of_the_names_that_the_server_has_alone(*, is
 async def test_patterns_hold_for_all_names_and_the_log_names_what_they_leave_open(
     connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
-    settings = {"deny_publish": ["/ctrl_cmd"], "deny_subscribe": ["/tf", "/client_count"], "start": "sync"}
-    async with Simulator(port=0, **settings) as sim:
+    settings: SimulatorOptions = {
+        "deny_publish": ["/ctrl_cmd"],
+        "deny_subscribe": ["/tf", "/client_count"],
+        "start": "sync",
+        "port": 0,
+    }
+    async with Simulator(**settings) as sim:
         client = await connect(sim.url)
         for topic in ("/ctrl_cmd", "/ctrl_cmd_0", "/Ego-2/ctrl_cmd"):
             await client.send("advertise", topic=topic, type="morai_msgs/CtrlCmd")
@@ -557,7 +651,16 @@ async def test_log_says_that_patterns_do_not_hold_behind_a_bridge(caplog: pytest
         bridge = f"ws://127.0.0.1:{nobody.getsockname()[1]}"
         async with Simulator(port=0, attach=[bridge], deny_publish=["/nothing"]):
             pass
-    assert len([line for line in caplog.messages if line.startswith("patterns hold for this server's own")]) == 1
+    assert (
+        len(
+            [
+                line
+                for line in caplog.messages
+                if line.startswith("--allow and --deny patterns apply to clients of this server only")
+            ]
+        )
+        == 1
+    )
 
 
 async def test_names_that_a_scenario_brings_are_judged_at_once(tmp_path: Path, connect: Connect) -> None:

@@ -9,7 +9,7 @@ import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from itertools import pairwise
-from typing import Any, NoReturn
+from typing import Any, NoReturn, Unpack
 
 import pytest
 from websockets.asyncio.server import ServerConnection, serve
@@ -20,6 +20,7 @@ from rosbridge_sim.morai.loads import Loads
 from rosbridge_sim.shell import attach
 from rosbridge_sim.shell.app import AddressError
 from rosbridge_sim.shell.attach import is_own_address
+from rosbridge_sim.shell.config.options import SimulatorOptions
 from tests.conftest import Connect
 from tests.far_side import graph as far_graph
 from tests.far_side.server import FarSide
@@ -32,16 +33,20 @@ EVERYWHERE = "0.0.0.0"  # noqa: S104 - nobody listens there, or at most for a mo
 
 
 @asynccontextmanager
-async def gateway(port: int = 0, **options: object) -> AsyncIterator[Simulator]:
+async def gateway(**options: Unpack[SimulatorOptions]) -> AsyncIterator[Simulator]:
     """A rosbridge of our own kind, without a world."""
-    async with Simulator(port=port, world=False, **options) as sim:
+    options.setdefault("port", 0)
+    options["world"] = False
+    async with Simulator(**options) as sim:
         yield sim
 
 
 @asynccontextmanager
-async def attached(*urls: str, **options: object) -> AsyncIterator[Simulator]:
+async def attached(*urls: str, **options: Unpack[SimulatorOptions]) -> AsyncIterator[Simulator]:
     """A simulator that is attached to these bridges, and listens nowhere."""
-    async with Simulator(attach=urls, listen=False, **{"start": "sync", **options}) as sim:
+    options.setdefault("start", "sync")
+    options.update({"attach": urls, "listen": False})
+    async with Simulator(**options) as sim:
         async with asyncio.timeout(PATIENCE):
             await asyncio.gather(*(asyncio.shield(attachment.attached) for attachment in sim.attachments))
         yield sim
@@ -136,7 +141,7 @@ async def test_bridge_that_fails_is_dialled_anew_and_the_other_one_misses_nothin
         assert sim.num_bugs == sim.bus.guard.num_faults >= 1
         assert sim._scheduler is not None
         assert not sim._scheduler.is_failed
-    assert any("a failure of ours; its connections are made anew" in line for line in caplog.messages)
+    assert any("internal error; connecting again" in line for line in caplog.messages)
 
 
 async def test_command_on_a_bridge_drives(connect: Connect) -> None:
@@ -299,7 +304,7 @@ async def test_a_bridge_that_takes_a_few_sockets_only_is_told_of_in_a_few_lines(
         gateway(max_clients=5) as bridge,
         Simulator(attach=bridge.url, attach_sockets="per-topic", listen=False, attach_retry=0.5),
     ):
-        await until(lambda: any("takes nobody now" in line for line in lines()))
+        await until(lambda: any("takes no more clients now" in line for line in lines()))
         assert len(lines()) < 20
 
 
@@ -330,12 +335,12 @@ async def test_client_goes_on_after_the_bridge_is_started_again(
     connect: Connect, lines: Callable[[], list[str]]
 ) -> None:
     async with attached_later() as (sim, port):
-        async with gateway(port) as bridge:
+        async with gateway(port=port) as bridge:
             await asyncio.wait_for(sim.attachments[0].attached, PATIENCE)
             frame = await lead(client := await connect(bridge.url))
             await client.ask("/SyncModeWaitForTick", user_id="me", frame=frame + 1)
         await until(lambda: any("closed the connection" in line for line in lines()))
-        async with gateway(port) as bridge:
+        async with gateway(port=port) as bridge:
             client = await connect(bridge.url)
             await provided(client, "/SyncModeWaitForTick")
             answer = await client.ask("/SyncModeWaitForTick", user_id="me", frame=frame + 2)
@@ -498,7 +503,7 @@ async def test_a_far_side_that_sends_rubbish_is_lived_with(caplog: pytest.LogCap
 # What cannot be
 
 
-async def refusal_of(**options: object) -> str:
+async def refusal_of(**options: Unpack[SimulatorOptions]) -> str:
     with pytest.raises(DocumentError) as caught:
         await Simulator(**options).start()
     text = str(caught.value)
@@ -634,7 +639,7 @@ async def test_program_behind_a_bridge_finds_the_car_at_its_own_now(connect: Con
     ],
 )
 async def test_headers_clock_and_transforms_have_the_time_of_the_bridge(
-    connect: Connect, parameter: object, options: dict[str, str], *, is_wall: bool
+    connect: Connect, parameter: object, options: SimulatorOptions, *, is_wall: bool
 ) -> None:
     async with FarSide() as far_side:
         if parameter is not None:
@@ -681,7 +686,7 @@ async def test_auto_without_a_bridge_is_simulated_time_and_a_line(caplog: pytest
     async with Simulator(port=0, start="sync", stamps="auto") as sim:
         assert sim.bus is not None
         assert sim.bus.stamp_ns == 0
-    assert any("--attach names none" in record.getMessage() for record in caplog.records)
+    assert any("no --attach is given" in record.getMessage() for record in caplog.records)
 
 
 # What goes, and comes back

@@ -161,9 +161,9 @@ async def test_two_simulators_have_registries_of_their_own() -> None:
 async def test_nothing_measures_frames_before_the_first_scrape() -> None:
     async with Simulator(port=0) as sim:
         assert sim.node is not None
-        assert sim.node.frame_meter is None
+        assert sim.node.context.stepper.meter is None
         await scrape(sim)
-        assert sim.node.frame_meter is not None
+        assert sim.node.context.stepper.meter is not None
 
 
 @pytest.mark.slow

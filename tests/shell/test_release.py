@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import pytest
 
 from rosbridge_sim import Simulator
@@ -10,7 +12,7 @@ from tests.conftest import Connect
 
 @pytest.mark.parametrize(("release", "steering", "gain"), [("22.R2", "steering", 3.0), ("26.R1", "front_steer", 1.0)])
 async def test_one_flag_and_one_name_change_between_releases(
-    release: str, steering: str, gain: float, connect: Connect
+    release: Literal["22.R2", "26.R1"], steering: str, gain: float, connect: Connect
 ) -> None:
     async with Simulator(port=0, start="sync", release=release) as sim:
         client = await connect(sim.url)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -18,7 +19,8 @@ from rosbridge_sim.morai.node_factory import make_node
 from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.morai.simulator_node import NodeSettings
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.shell.files.library import DiskLibrary, read_definitions
+from rosbridge_sim.shell.files.definitions import read_definitions
+from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.shell.scheduler import Scheduler
 from rosbridge_sim.world.state import World
 
@@ -81,8 +83,8 @@ class Timer:
 class Room:
     """A bus and a world whose time the test moves."""
 
-    def __init__(self, start: Literal["run", "sync"] = "run") -> None:
-        self.loop = Loop()
+    def __init__(self, start: Literal["run", "sync"] = "run", loop: Loop | None = None) -> None:
+        self.loop = loop or Loop()
         self.bus = Bus(Store(read_definitions("22.R2"), leniency=LENIENCY), service_timeout=1.0)
         library = DiskLibrary()
         settings = NodeSettings(start=start)
@@ -239,3 +241,42 @@ class Somebody:
 
     def notify(self, level: str, text: str) -> None:
         """Nobody listens."""
+
+
+class CoarseLoop(Loop):
+    """An event loop as on Windows: its clock moves in steps, and a wait ends at one.
+
+    It rings what is due within a step, as asyncio's loop does, which allows for the clock's resolution.
+    """
+
+    STEP = 1 / 64
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.real = self.now
+        self.num_turns = 0
+
+    def run_until(self, end: float) -> None:
+        while self.real < end:
+            wait = 0.0 if self.soon else max(0.0, min(self.armed) - self.now)
+            if wait:
+                self.real = (math.floor(self.real / self.STEP) + max(1, math.ceil(wait / self.STEP))) * self.STEP
+            self.now = math.floor(self.real / self.STEP) * self.STEP
+            due = [timer for timer in self.timers if timer.when < self.now + self.STEP and not timer.is_cancelled]
+            self.timers = [timer for timer in self.timers if timer not in due]
+            for timer in due:
+                timer.call()
+            soon, self.soon = self.soon, []
+            for call in soon:
+                call()
+            self.num_turns += 1
+
+
+def test_real_time_is_right_where_timers_are_coarse() -> None:
+    loop = CoarseLoop()
+    room = Room(loop=loop)
+    for second in range(1, 31):
+        loop.run_until(1000.0 + second)
+        assert 0 <= 50 * second - room.frame <= 1
+    assert room.node.num_stalls == 0
+    assert loop.num_turns <= 2 * 30 / loop.STEP, "it waits, and does not spin"

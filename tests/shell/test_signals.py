@@ -146,11 +146,20 @@ if sys.argv[1] == "uvloop":
     import uvloop
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         runner.run(main())
-asyncio.run(main())
+
+class DeafLoop(asyncio.SelectorEventLoop):  # handles no signals, like those of Windows
+    def add_signal_handler(self, *_):
+        raise NotImplementedError
+
+    def remove_signal_handler(self, *_):
+        raise NotImplementedError
+
+with asyncio.Runner(loop_factory=DeafLoop if sys.argv[1] == "deaf" else None) as runner:
+    runner.run(main())
 """
 
 
-@pytest.mark.parametrize("loop", ["uvloop", "asyncio"])
+@pytest.mark.parametrize("loop", ["uvloop", "asyncio", "deaf"])
 def test_second_signal_ends_even_a_loop_that_is_stuck(loop: str) -> None:
     process = subprocess.Popen([sys.executable, "-c", STUCK, loop], cwd=ROOT, stdout=subprocess.PIPE, text=True)
     with process:

@@ -58,3 +58,11 @@ def test_no_two_readings_are_the_same_even_if_no_time_passes() -> None:
     assert [times.after(0) for _ in range(3)] == [DAY, DAY + 1, DAY + 2]
     times.wall = 0
     assert times.after(0) == DAY + 3
+
+
+def test_stamps_differ_where_the_systems_clock_moves_in_coarse_steps() -> None:
+    step = 15_625_000  # of Windows
+    times = Times()
+    seen = [times.after(step if i % 4 == 0 else 0) for i in range(400)]
+    assert all(later > earlier for earlier, later in pairwise(seen))
+    assert 0 <= seen[-1] - (DAY + 100 * step) < 4

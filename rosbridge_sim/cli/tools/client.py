@@ -1,49 +1,30 @@
-"""A small rosbridge client: one socket, one thing at a time, and a deadline for every answer.
+"""The tools' connection: a rosbridge that is asked one thing at a time, with a deadline for every answer.
 
 It is made for any rosbridge and not for ours alone: for one that never sends a status frame, that has no rosapi, that
-cuts its long messages into fragments nobody asked for, or that says nothing at all. There is no task and no queue
-behind it. Whoever waits for something reads the socket; what comes meanwhile and is not his waits in the inbox.
+cuts its long messages into fragments nobody asked for, or that says nothing at all. `rosbridge_sim.client` reads and
+writes the frames. Frames that answer no call wait in the inbox until a tool takes them.
 """
 
 from __future__ import annotations
 
 import asyncio
-import itertools
-import json
-from collections import deque
 from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
-from typing import Any
-
-import msgspec
-import orjson
-from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import ConnectionClosed, WebSocketException
+from typing import ClassVar
 
 from rosbridge_sim.cli.tools.text import note
-from rosbridge_sim.errors import FrameError
-from rosbridge_sim.protocol.fragments import Defragmenter
-from rosbridge_sim.protocol.ops import Fragment
+from rosbridge_sim.client.asynchronous import AsyncClient
+from rosbridge_sim.client.frames import Frame, absolute
+from rosbridge_sim.errors import ConnectError, ConnectionLostError
 from rosbridge_sim.shell.terminal_text import safe
 from rosbridge_sim.shell.websocket.bridge_errors import BridgeError, RefusedError
-from rosbridge_sim.shell.websocket.client_connection import why_gone, why_not
-from rosbridge_sim.shell.websocket.library_log import quiet
-from rosbridge_sim.shell.websocket.urls import full_url, shown_url
+from rosbridge_sim.shell.websocket.urls import shown_url
 
 __all__ = ["Bridge", "Frame", "ToolAnswer", "absolute", "answer_of", "open_bridge", "words"]
 
-MAX_SIZE = 2**28
-"""The longest frame that is read [bytes]: a picture or a point cloud as base64 has a tenth of it."""
-
-CLOSE_PATIENCE = 1.0
-"""How long the other side may take to say goodbye [s]."""
-
 CALLS_AT_ONCE = 20
 """Calls that are under way together: the reference server takes a thread for each."""
-
-Frame = dict[str, Any]
-"""A JSON object of the server's: what is in it is for whoever reads it to check."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,35 +56,27 @@ async def open_bridge(url: str, token: str | None, patience: float) -> AsyncIter
         BridgeError: it cannot be made.
         RefusedError: it ended by itself.
     """
-    url = full_url(url)
-    secrets = (token,) if token else ()
-    headers = {"Authorization": f"Bearer {_check_token(token)}"} if token else {}
+    client = _ToolClient(url, token=token, timeout=patience, status_level=None)
     try:
-        connection = await connect(
-            url,
-            additional_headers=headers,
-            compression=None,
-            open_timeout=patience,
-            close_timeout=CLOSE_PATIENCE,
-            ping_interval=None,  # a server that is busy with a long call answers no ping, and that is no fault
-            max_size=MAX_SIZE,
-            proxy=None,  # the environment's are for the web
-            logger=quiet,
-        )
-    except (OSError, ValueError, WebSocketException) as error:
-        text = why_not(url, error, patience, flag="--url", token="--token", secrets=secrets)  # noqa: S106 - a flag
-        raise BridgeError(text) from None
-    async with connection:
-        try:
-            yield Bridge(connection, url, patience)
-        except ConnectionClosed as closed:
-            raise RefusedError(why_gone(url, closed, secrets)) from None
+        await client.open()
+    except ConnectError as error:
+        raise BridgeError(str(error)) from error
+    try:
+        yield Bridge(client, patience)
+    except ConnectionLostError as error:
+        raise RefusedError(str(error)) from None
+    finally:
+        await client.close()
 
 
-def _check_token(token: str) -> str:
-    if not token.isascii() or not token.isprintable() or " " in token:
-        raise BridgeError("--token: expected printable ASCII without blanks")
-    return token
+class _ToolClient(AsyncClient):
+    """A client that speaks of flags, to the user of a command."""
+
+    url_name: ClassVar[str] = "--url"
+    token_name: ClassVar[str] = "--token"  # noqa: S105 - a flag, and no secret
+
+    def note(self, text: str) -> None:
+        note(text)
 
 
 # Frames
@@ -116,13 +89,10 @@ class Bridge:
         patience: how long an answer may take [s].
     """
 
-    def __init__(self, connection: ClientConnection, url: str, patience: float) -> None:
+    def __init__(self, client: AsyncClient, patience: float) -> None:
         self.patience = patience
-        self._connection = connection
-        self._url = shown_url(url)
-        self._inbox: deque[Frame] = deque()
-        self._pieces = Defragmenter(MAX_SIZE)
-        self._numbers = itertools.count(1)
+        self._client = client
+        self._inbox = client.collect_others()
 
     def now(self) -> float:
         """The time that deadlines are measured in [s]."""
@@ -130,40 +100,15 @@ class Bridge:
 
     async def send(self, op: str, **fields: object) -> str:
         """Send an op; the id that it got."""
-        mark = f"{op}:{next(self._numbers)}"
-        await self._connection.send(orjson.dumps({"op": op, "id": mark, **fields}).decode())
-        return mark
+        return await self._client.send(op, **fields)
 
     async def receive(self, until: float | None = None) -> Frame | None:
         """The next frame; None if none comes until then."""
-        return self._inbox.popleft() if self._inbox else await self._read(until)
+        return await self._inbox.next(until)
 
     def take_inbox(self) -> list[Frame]:
         """The frames that came while something else was waited for."""
-        frames = list(self._inbox)
-        self._inbox.clear()
-        return frames
-
-    async def _read(self, until: float | None) -> Frame | None:
-        """The next frame off the socket. What is no JSON object is passed over."""
-        try:
-            async with asyncio.timeout_at(until):
-                while True:
-                    frame = _parse(await self._connection.recv())
-                    if frame.get("op") == "fragment":
-                        frame = _parse(self._join(frame))
-                    if frame:
-                        return frame
-        except TimeoutError:
-            return None
-
-    def _join(self, frame: Frame) -> bytes:
-        """The whole that a piece completes, or nothing."""
-        try:
-            return self._pieces.add(msgspec.convert(frame, Fragment), self.now()) or b""
-        except (msgspec.ValidationError, FrameError) as error:
-            note(f"a fragment that cannot be used: {error}")
-            return b""
+        return self._inbox.take()
 
     # Calls
 
@@ -176,9 +121,9 @@ class Bridge:
             patience: how long it may take [s]; None is for ever. The server is told, and has a moment more, so that its
                 own words win.
         """
-        mark = await self.send("call_service", service=service, args=args, timeout=patience or 0.0)
-        until = None if patience is None else self.now() + patience + _LAST_WORD
-        return (await self._answers([mark], until)).get(mark)
+        call = await self._client.begin_call(service, args, server_timeout=patience or 0.0)
+        answers = await self._answers([call], None if patience is None else patience + _LAST_WORD)
+        return answers[0] if answers else None
 
     async def ask(self, service: str, /, **args: object) -> Frame:
         """The values of a rosapi service.
@@ -202,60 +147,38 @@ class Bridge:
         """
         answers: list[ToolAnswer] = []
         for start in range(0, len(questions), CALLS_AT_ONCE):
-            marks = [
-                await self.send("call_service", service=f"/rosapi/{service}", args=args)
+            calls = [
+                await self._client.begin_call(f"/rosapi/{service}", args)
                 for service, args in questions[start : start + CALLS_AT_ONCE]
             ]
-            found = await self._answers(marks, self.now() + self.patience)
-            if len(found) < len(marks):
+            found = await self._answers(calls, self.patience)
+            if len(found) < len(calls):
                 raise BridgeError(self.silence)
-            answers += [found[mark] for mark in marks]
+            answers += found
         return answers
 
     @property
     def silence(self) -> str:
         """What to say when rosapi does not answer."""
-        return f"{self._url}: no answer within {self.patience:g} s; is rosapi running there?"
+        return f"{shown_url(self._client.url)}: no answer within {self.patience:g} s; is rosapi running there?"
 
-    async def _answers(self, marks: Sequence[str], until: float | None) -> dict[str, ToolAnswer]:
-        """The answers to these calls that come until then, by the ids of the calls."""
-        found: dict[str, ToolAnswer] = {}
-        while len(found) < len(marks):
-            frame = await self._read(until)
-            if frame is None:
-                break
-            if frame.get("op") == "service_response" and frame.get("id") in marks:
-                found[frame["id"]] = answer_of(frame)
-            else:
-                self._inbox.append(frame)
-        return found
+    async def _answers(self, calls: Sequence[asyncio.Future[Frame]], patience: float | None) -> list[ToolAnswer]:
+        """Return the answers to these calls that come in time, in the order of the calls; cancel the others."""
+        try:
+            await asyncio.wait(calls, timeout=patience)
+            return [answer_of(call.result()) for call in calls if call.done()]
+        finally:
+            for call in calls:
+                call.cancel()
 
 
 _LAST_WORD = 0.5
 """How much longer than the server we wait for its own words about a time-out [s]."""
 
 
-def _parse(data: str | bytes) -> Frame:
-    """The JSON object of a frame; an empty one if it holds none."""
-    value: object
-    try:
-        value = orjson.loads(data)
-    except orjson.JSONDecodeError:
-        try:
-            value = json.loads(data)  # some servers write a bare NaN, which is no JSON
-        except (ValueError, RecursionError):
-            value = None
-    return value if isinstance(value, dict) else {}
-
-
 def answer_of(frame: Frame) -> ToolAnswer:
     """What a service_response says; where it does not say whether it went well, it did."""
     return ToolAnswer(frame.get("result", True) is not False, frame.get("values", {}))
-
-
-def absolute(name: str) -> str:
-    """The name with its leading slash: rosapi compares names as they are written."""
-    return name if name.startswith("/") else f"/{name}"
 
 
 def words(values: Frame, key: str) -> list[str]:

@@ -49,7 +49,7 @@ def show_maps(names: Sequence[str], picture: str | None, *, is_json: bool, is_st
     if len(folders) == 1:
         account, road_map = _account(folders[0])
         if picture is not None and road_map is not None:
-            from rosbridge_sim.cli.tools.map_picture import draw_map  # noqa: PLC0415 - with Pillow, for this alone
+            from rosbridge_sim.shell.map_picture import draw_map  # noqa: PLC0415 - with Pillow, for this alone
 
             draw_map(road_map, Path(picture))
         if is_json:

@@ -24,7 +24,8 @@ from rosbridge_sim.cli.tools.text import note, put_json
 from rosbridge_sim.errors import PeerError
 from rosbridge_sim.graph.policy import Rule
 from rosbridge_sim.shell.bags.bag import BagGoneError, generation_of, open_bag
-from rosbridge_sim.shell.bags.recording import FLUSH_PERIOD, BagMessageWriter
+from rosbridge_sim.shell.bags.message_writer import BagMessageWriter
+from rosbridge_sim.shell.bags.recording import FLUSH_PERIOD
 from rosbridge_sim.shell.signals import on_stop_signals
 from rosbridge_sim.shell.terminal_text import safe
 from rosbridge_sim.shell.websocket.bridge_errors import RefusedError

@@ -24,9 +24,13 @@ from rosbridge_sim.morai.scenarios.check import find_oddities, keys_near, place_
 from rosbridge_sim.morai.scenarios.reader import PhaseStart, Scenario, Spawn, sort_phases
 from rosbridge_sim.morai.scene import DEFAULT_MAP
 from rosbridge_sim.morai.units import MPS_TO_KMH
-from rosbridge_sim.shell.config.loading import PREFIX, SettingError, hint, looks_like_path, read_settings
+from rosbridge_sim.shell.config.keys import PREFIX
+from rosbridge_sim.shell.config.loading import read_settings
+from rosbridge_sim.shell.config.settings_file import looks_like_path
+from rosbridge_sim.shell.config.value_types import SettingError
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.shell.terminal_text import safe
+from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.geometry import arc_lengths
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import Kind
@@ -128,7 +132,7 @@ def _expand(name: str, library: DiskLibrary) -> list[str]:
 
 
 def _draw(scenario: Scenario, road_map: RoadMap | None, path: Path) -> None:
-    from rosbridge_sim.cli.tools.map_picture import draw_map  # noqa: PLC0415 - with Pillow, for this alone
+    from rosbridge_sim.shell.map_picture import draw_map  # noqa: PLC0415 - with Pillow, for this alone
 
     ground = road_map or RoadMap(scenario.map_name or "", Projection(is_tm=False), (0.0, 0.0, 0.0), Roads())
     draw_map(ground, path, (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles))

@@ -5,9 +5,9 @@ from __future__ import annotations
 from rosbridge_sim.cli.tools.client import Bridge, Frame, absolute, answer_of, words
 from rosbridge_sim.cli.tools.sync import why_silent
 from rosbridge_sim.cli.tools.text import note
-from rosbridge_sim.shell.config.loading import hint
 from rosbridge_sim.shell.terminal_text import safe
 from rosbridge_sim.shell.websocket.bridge_errors import RefusedError
+from rosbridge_sim.suggestions import hint
 
 __all__ = ["Listener", "no_topic"]
 

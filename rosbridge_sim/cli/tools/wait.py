@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import asyncio
 
-from websockets.exceptions import InvalidStatus, InvalidURI
-
 from rosbridge_sim.cli.tools.client import open_bridge
+from rosbridge_sim.errors import ConnectError
 from rosbridge_sim.shell.websocket.bridge_errors import BridgeError, RefusedError
 
 __all__ = ["wait_until_ready"]
@@ -16,9 +15,6 @@ PAUSE = 0.1
 
 ATTEMPT = 2.0
 """Longest time of one attempt [s]: a port that is open but served by nobody yet does not use up all the time."""
-
-_FINAL = (401, 403)
-"""HTTP statuses that no waiting changes: the token is wrong, or we are not wanted."""
 
 
 async def wait_until_ready(url: str, token: str | None, patience: float) -> int:
@@ -43,12 +39,10 @@ async def wait_until_ready(url: str, token: str | None, patience: float) -> int:
         except RefusedError as error:  # it was there, and went
             why: Exception = error
         except BridgeError as error:
-            cause = error.__context__
-            if isinstance(cause, (InvalidURI, ValueError)) and not isinstance(cause, UnicodeError):
-                raise
-            if cause is None:  # the token is none that can be sent
-                raise
-            if isinstance(cause, InvalidStatus) and cause.response.status_code in _FINAL:
+            cause = error.__cause__
+            if isinstance(cause, ConnectError) and cause.is_final:
+                if cause.status is None:  # the URL or the token is none
+                    raise
                 raise RefusedError(str(error)) from None
             why = error
         if loop.time() + PAUSE >= until:

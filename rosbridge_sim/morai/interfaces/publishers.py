@@ -20,7 +20,7 @@ go out, the network settings say.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from itertools import count
 from typing import Any, Final
@@ -297,6 +297,13 @@ class Publishers:
         for publisher in self._periodic:
             if publisher.is_latched:
                 self.show_now(publisher, now)
+
+    def current(self) -> Iterator[tuple[Topic, Message]]:
+        """Yield each topic that has something to say, with the message that would go out now; nothing is published."""
+        for publisher in self._periodic:
+            value = None if publisher.topic is None else publisher.make()
+            if publisher.topic is not None and value is not None:
+                yield publisher.topic, Message(publisher.topic.type, value)
 
     def set_paused(self, *, is_paused: bool, now: float) -> None:
         """Begin or end to show the world in a pause; twice is no error.

@@ -58,7 +58,7 @@ class Bag(Protocol):
 
     @property
     def ros(self) -> Generation:
-        """Whose bytes go in: ROS 1 bytes, or CDR."""
+        """The ROS generation of the bytes that go in: ROS 1 bytes, or CDR."""
 
     def add(self, topic: str, type_name: str, text: str, *, digest: str = "", latching: bool = False) -> Channel:
         """A new topic.
@@ -68,7 +68,7 @@ class Bag(Protocol):
             type_name: `pkg/Type`.
             text: the definition with those of all types in it, as `Store.full_text` has it.
             digest: what the generation knows the definition by, if it is known; else it is computed.
-            latching: whether who comes late gets the last message too.
+            latching: a subscriber that comes late gets the last message, too.
         """
 
     def write(self, channel: Channel, stamp_ns: int, raw: bytes) -> None:
@@ -93,7 +93,7 @@ class Bag(Protocol):
 
 
 def generation_of(path: Path) -> Generation:
-    """Whose bag a file of that name is.
+    """Return the ROS generation of a bag, by its name.
 
     Raises:
         DocumentError: it is neither's that we could write.
@@ -145,7 +145,7 @@ def _why_not(path: Path, error: OSError) -> str:
 
 
 def _why_gone(path: Path, file: BinaryIO) -> str | None:
-    """Why the file that is written is not the one at `path`; None where it is."""
+    """Return why the file that is written is not the one at `path`; None where it is."""
     try:
         there = path.stat()
     except FileNotFoundError:
@@ -243,7 +243,7 @@ class _Bag2:
 
     def add(self, topic: str, type_name: str, text: str, *, digest: str = "", latching: bool = False) -> Channel:
         """See `Bag`."""
-        del latching  # a matter of QoS there, which nobody here offers
+        del latching  # part of QoS there, which is not written here
         digest = digest or _no_digest(type_name, text, 2)
         full_name = type_name.replace("/", "/msg/")
         for known in connections_of(self._writer):

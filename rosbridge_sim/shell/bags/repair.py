@@ -39,7 +39,7 @@ _MAX_RECORD: Final = 2**31
 
 @dataclass(slots=True)
 class Recovered:
-    """What there was in a bag.
+    """Counts of what was found in a bag.
 
     Attributes:
         num_messages: in all whole chunks.
@@ -60,7 +60,7 @@ class Recovered:
 
 
 def repaired_name(path: Path) -> Path:
-    """Where the repaired bag goes if nobody says: `drive.repaired.bag` beside `drive.bag`."""
+    """Return the default path of a repaired bag: `drive.repaired.bag` beside `drive.bag`."""
     return path.with_name(f"{path.stem}.repaired{path.suffix}")
 
 
@@ -106,7 +106,7 @@ _Copy = Callable[[BinaryIO, Bag, Recovered], None]
 
 
 def _format_of(stream: BinaryIO, path: Path) -> _Copy:
-    """How a file is to be read, by its first bytes; the stream then stands behind them."""
+    """Return the function that copies a file, chosen by its first bytes; the stream then stands behind them."""
     start = stream.read(len(_MAGIC1))
     if start == _MAGIC1:
         return _copy1

@@ -131,7 +131,7 @@ def shorten_index1(writer: Writer1) -> None:
 
 
 class _OneFile:
-    """What the library's MCAP storage takes for a folder, where the file itself is wanted."""
+    """A stand-in for a folder, with which the library's MCAP storage writes one given file."""
 
     def __init__(self, path: Path) -> None:
         self.name = path.stem

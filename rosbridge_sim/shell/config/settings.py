@@ -2,7 +2,7 @@
 
 `Settings` is the only list. Each field carries its flag's group, check and help, and from that one place come
 the command line, the names of environment variables, the keys of the file and what `--print-config` writes
-(`loading.py` reads and writes those; `value_types.py` has the checks).
+(`loading.py` reads those, `toml_output.py` writes them; `value_types.py` has the checks).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from rosbridge_sim.shell.config.value_types import (
     whole_number,
 )
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # no circle, but a tenth of a second of imports that `--help` does without
     from rosbridge_sim.morai.interfaces.network_settings import InterfaceChoice
 
 __all__ = ["FIELDS", "SHORT_FORMS", "Flag", "Settings", "flag_of"]
@@ -43,7 +43,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Flag:
-    """How a field shows itself to a person."""
+    """Group, values and help text of a setting."""
 
     group: str
     kind: ValueType
@@ -58,17 +58,17 @@ def _flag(default: T, group: str, kind: ValueType, text: str) -> T:
     return field(default=default, metadata=metadata, repr=kind not in (SECRET, URLS))
 
 
-_LISTEN = "where it listens"
-_ATTACH = "behind somebody else's bridge"
-_ACCESS = "who may connect, and what clients may do"
+_LISTEN = "listening"
+_ATTACH = "attaching to another rosbridge"
+_ACCESS = "access"
 _WORLD = "the world"
 _NETWORK = "the simulator's topics and services"
-_FACE = "what MORAI calls things"
+_FACE = "MORAI conventions"
 _SYNC = "synchronous mode"
 _TYPES = "message types"
-_WIRE = "the wire"
+_WIRE = "connections and messages"
 _RECORD = "recording"
-_LOG = "the rest"
+_LOG = "log and settings file"
 
 _GIB = 2**30
 _DAY = 86_400.0
@@ -76,15 +76,22 @@ _DAY = 86_400.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """All that can be set, checked. Durations in seconds, sizes in bytes, None where something is off.
+    """Settings of one server, checked. Durations are in seconds, sizes in bytes; None means that something is off.
 
     The field `sync_lease` is the flag `--sync-lease`, the variable `ROSBRIDGE_SIM_SYNC_LEASE` and the key `sync-lease`.
     """
 
-    host: str = _flag("127.0.0.1", _LISTEN, text_of("a host name or address", "HOST"), "address; 0.0.0.0 is every one")
-    port: int = _flag(9090, _LISTEN, whole_number(0, 65_535), "TCP port; 0 takes a free one")
-    certfile: str | None = _flag(None, _LISTEN, FILE, "certificate in PEM: clients then connect to wss://")
-    keyfile: str | None = _flag(None, _LISTEN, FILE, "its private key in PEM, if the same file does not hold it")
+    host: str = _flag(
+        "127.0.0.1",
+        _LISTEN,
+        text_of("a host name or address", "HOST"),
+        "address to listen on; 0.0.0.0 is every IPv4 address of this machine",
+    )
+    port: int = _flag(9090, _LISTEN, whole_number(0, 65_535), "TCP port to listen on; 0 takes a free one")
+    certfile: str | None = _flag(None, _LISTEN, FILE, "TLS certificate (PEM); clients then connect to wss://")
+    keyfile: str | None = _flag(
+        None, _LISTEN, FILE, "private key (PEM) of --certfile, if that file does not contain it"
+    )
 
     port_file: str | None = _flag(
         None,
@@ -93,158 +100,186 @@ class Settings:
         "write the port into this file once the server listens, and remove it at the end; for --port 0",
     )
     listen: bool = _flag(
-        default=True, group=_LISTEN, kind=SWITCH, text="listen at all; without it, it is only to be found by --attach"
+        default=True,
+        group=_LISTEN,
+        kind=SWITCH,
+        text="accept clients on --port; with --no-listen the simulator is reachable through --attach only",
     )
 
     attach: tuple[str, ...] = _flag(
         (),
         _ATTACH,
         URLS,
-        "be the simulator behind this rosbridge, too: dial it and advertise everything there; repeatable",
+        "connect to this rosbridge as a client and offer the simulator's topics and services there; repeatable",
     )
     attach_sockets: Literal["one", "per-topic"] = _flag(
         "one",
         _ATTACH,
         choice_of("one", "per-topic"),
-        "one socket keeps a tick's topics ahead of its answer; one for each topic and service keeps them apart",
+        "sockets to each bridge: one, so that the topics of a tick arrive before its answer, or one for each topic and"
+        " service",
     )
     attach_retry: float = _flag(
-        10.0, _ATTACH, period(0.1, 3_600.0), "longest wait between two attempts to reach a bridge"
+        10.0, _ATTACH, period(0.1, 3_600.0), "longest wait between two attempts to connect to a bridge"
     )
 
     token: str | None = _flag(
         None,
         _ACCESS,
         SECRET,
-        "what every client must show; set as a variable or in the file, no list of processes has it",
+        "token required from clients; set it in the environment or in the settings file to keep it out of the list of"
+        " processes",
     )
     allow_origin: tuple[str, ...] = _flag(
         (),
         _ACCESS,
         ORIGINS,
-        "web pages that may connect, beside those of localhost and of the server's own address; repeatable",
+        "web pages that may connect, in addition to those of localhost and of the server's own address, such as"
+        " https://*.example.org; repeatable",
     )
     allow_host: tuple[str, ...] = _flag(
         (),
         _ACCESS,
         HOSTS,
-        "names by which web pages may call the server, beside localhost, IP addresses and its own; repeatable",
+        "host names by which web pages may address the server, in addition to localhost, IP addresses and its own name;"
+        " repeatable",
     )
     allow_publish: tuple[str, ...] = _flag(
-        (), _ACCESS, PATTERNS, "topics to which clients may publish, in place of all; repeatable"
+        (), _ACCESS, PATTERNS, "topics that clients may publish, such as /a/*; without it all; repeatable"
     )
     deny_publish: tuple[str, ...] = _flag(
-        (), _ACCESS, PATTERNS, "topics to which they may not, even if allowed; repeatable"
+        (), _ACCESS, PATTERNS, "topics that clients may not publish, even if --allow-publish has them; repeatable"
     )
     allow_subscribe: tuple[str, ...] = _flag(
-        (), _ACCESS, PATTERNS, "topics to which clients may subscribe, in place of all; repeatable"
+        (), _ACCESS, PATTERNS, "topics that clients may subscribe to; without it all; repeatable"
     )
-    deny_subscribe: tuple[str, ...] = _flag((), _ACCESS, PATTERNS, "topics to which they may not; repeatable")
+    deny_subscribe: tuple[str, ...] = _flag(
+        (), _ACCESS, PATTERNS, "topics that clients may not subscribe to; repeatable"
+    )
     allow_service: tuple[str, ...] = _flag(
         (),
         _ACCESS,
         PATTERNS,
-        "services and actions that clients may call and offer, in place of all; /rosapi/* stays; repeatable",
+        "services and actions that clients may call and offer; without it all; /rosapi/* is always allowed; repeatable",
     )
-    deny_service: tuple[str, ...] = _flag((), _ACCESS, PATTERNS, "services and actions that they may not; repeatable")
+    deny_service: tuple[str, ...] = _flag(
+        (), _ACCESS, PATTERNS, "services and actions that clients may neither call nor offer; repeatable"
+    )
     allow_param: tuple[str, ...] = _flag(
-        (), _ACCESS, PATTERNS, "parameters that clients may use, in place of all; repeatable"
+        (), _ACCESS, PATTERNS, "parameters that clients may read and write; without it all; repeatable"
     )
-    deny_param: tuple[str, ...] = _flag((), _ACCESS, PATTERNS, "parameters that they may not; repeatable")
-    max_clients: int | None = _flag(1_000, _ACCESS, or_none(whole_number(1, 1_000_000), "none"), "clients at once")
+    deny_param: tuple[str, ...] = _flag(
+        (), _ACCESS, PATTERNS, "parameters that clients may neither read nor write; repeatable"
+    )
+    max_clients: int | None = _flag(1_000, _ACCESS, or_none(whole_number(1, 1_000_000), "none"), "most clients at once")
     max_strangers: int = _flag(
         100,
         _ACCESS,
         whole_number(1, 100_000),
-        "connections at once that have not shown the token yet; the oldest one is closed for a new one",
+        "most connections at once that have not shown the token yet; the oldest one is closed for a new one",
     )
     max_rate: int | None = _flag(
-        None, _ACCESS, or_none(whole_number(1, 1_000_000), "none"), "frames a second from one client, after a burst"
+        None,
+        _ACCESS,
+        or_none(whole_number(1, 1_000_000), "none"),
+        "most frames a second from one client, after a burst",
     )
     max_held: int = _flag(
-        10_000, _ACCESS, whole_number(1, 1_000_000), "subscriptions, advertisements and services of one client"
+        10_000, _ACCESS, whole_number(1, 1_000_000), "most subscriptions, advertisements and services of one client"
     )
-    max_calls: int = _flag(1_000, _ACCESS, whole_number(1, 1_000_000), "calls of one client in flight, and goals")
+    max_calls: int = _flag(1_000, _ACCESS, whole_number(1, 1_000_000), "most calls and goals of one client in flight")
 
     world: bool = _flag(
-        default=True, group=_WORLD, kind=SWITCH, text="have the driving world inside; without it this is a bare gateway"
+        default=True,
+        group=_WORLD,
+        kind=SWITCH,
+        text="run the simulator; with --no-world this is a rosbridge server alone",
     )
     scenario: str = _flag(
-        "demo", _WORLD, text_of("a scenario's name or file", "NAME|FILE"), "what stands and drives in the world"
+        "demo", _WORLD, text_of("a scenario's name or file", "NAME|FILE"), "scenario that is loaded at the start"
     )
     map: str | None = _flag(
         None,
         _WORLD,
         or_none(text_of("a map's name or folder", "NAME|DIR"), "none"),
-        "in place of the scenario's own map",
+        "map that replaces the map of every scenario",
     )
     scenario_path: tuple[str, ...] = _flag(
-        (), _WORLD, FOLDERS, "folder in which clients' scenarios are found; may be repeated"
+        (), _WORLD, FOLDERS, "folder with scenarios that clients may load; repeatable"
     )
     catalogue: str | None = _flag(
         None,
         _WORLD,
         FILE,
-        "your own table of models, *.toml or *.csv, asked before the built-in one: DataID, name, class, length, width,"
-        " height, wheelbase, rear_overhang [m], max_steer [deg], mass [kg]",
+        "your table of models, *.toml or *.csv, searched before the built-in one; columns: DataID, name, class, length,"
+        " width, height, wheelbase, rear_overhang [m], max_steer [deg], mass [kg]",
     )
     data_dir: str = _flag(
         "SaveFile",
         _WORLD,
         FOLDER_TYPE,
-        "folder of sensors' data, network settings and recordings to replay; made when it is needed",
+        "folder of saved sensor data, network settings and recordings to replay; created when it is needed",
     )
     data_quota: int | None = _flag(
         10 * _GIB,
         _WORLD,
         or_none(size(1024, 2**20 * _GIB), "none"),
-        "size that --data-dir may reach by what clients have written there; beyond it they are refused",
+        "most bytes in --data-dir; a client's request to save beyond that is refused",
     )
     data_quota_files: int | None = _flag(
         200_000,
         _WORLD,
         or_none(whole_number(1, 1_000_000_000), "none"),
-        "files and folders that --data-dir may come to hold in the same way",
+        "most files and folders in --data-dir, in the same way",
     )
     start: Literal["run", "sync"] = _flag(
-        "run", _WORLD, choice_of("run", "sync"), "run in real time, or stand at frame 0 until a first master comes"
+        "run",
+        _WORLD,
+        choice_of("run", "sync"),
+        "at the start, run in real time, or stand at frame 0 until a client starts synchronous mode",
     )
-    seed: int = _flag(0, _WORLD, whole_number(0, 2**32 - 1), "of all chance in the world")
+    seed: int = _flag(0, _WORLD, whole_number(0, 2**32 - 1), "random seed of the simulation")
     on_world_failure: Literal["exit", "serve"] = _flag(
         "exit",
         _WORLD,
         choice_of("exit", "serve"),
-        "after a bug of ours in a step of the world: end with code 1, or go on serving clients without the world",
+        "after an internal error in a step of the world, end with code 1, or go on serving clients without the world",
     )
 
     publishers: Mapping[str, InterfaceChoice] = _flag(
         cast("Mapping[str, InterfaceChoice]", {}),
         _NETWORK,
         item_choices("publishers"),
-        "what the simulator publishes: each topic's name, its rate [Hz, at most 120], and whether it is there",
+        "topics that the simulator publishes: name, rate [Hz, at most 120], on or off",
     )
     subscribers: Mapping[str, InterfaceChoice] = _flag(
         cast("Mapping[str, InterfaceChoice]", {}),
         _NETWORK,
         item_choices("subscribers"),
-        "the topics that it listens to",
+        "topics that the simulator subscribes to: name, on or off",
     )
     services: Mapping[str, InterfaceChoice] = _flag(
-        cast("Mapping[str, InterfaceChoice]", {}), _NETWORK, item_choices("services"), "the services that it offers"
+        cast("Mapping[str, InterfaceChoice]", {}),
+        _NETWORK,
+        item_choices("services"),
+        "services that the simulator offers: name, on or off",
     )
 
     replay_info: bool = _flag(
         default=False,
         group=_NETWORK,
         kind=SWITCH,
-        text="publish /ReplayInfo_topic of each drive for bridges and --record, too; a subscriber has it anyhow",
+        text="publish /ReplayInfo_topic to bridges and --record, too; clients that subscribe always get it",
     )
 
     release: Literal["22.R2", "26.R1"] = _flag(
-        "22.R2", _FACE, choice_of("22.R2", "26.R1"), "MORAI SIM release whose message fields are used"
+        "22.R2", _FACE, choice_of("22.R2", "26.R1"), "MORAI SIM release whose message definitions are used"
     )
     profile: Literal["manual", "field"] = _flag(
-        "manual", _FACE, choice_of("manual", "field"), "where both differ: as the manual says, or as clients read"
+        "manual",
+        _FACE,
+        choice_of("manual", "field"),
+        "convention to follow where MORAI's manual and existing client code disagree",
     )
     wheel_angle_unit: Literal["rad", "deg"] | None = _flag(
         None, _FACE, or_none(choice_of("rad", "deg"), "profile"), "unit of the ego's wheel_angle"
@@ -253,13 +288,13 @@ class Settings:
         None,
         _FACE,
         or_none(choice_of("width-length-height", "length-width-height"), "profile"),
-        "what x, y, z of an object's size are",
+        "meaning of x, y, z of an object's size",
     )
     object_limit: int | None = _flag(
         None,
         _FACE,
         or_none(whole_number(0, 1_000_000), "profile"),
-        "how many objects are published, the nearest; 0 is all",
+        "most objects that are published, the nearest ones; 0 is all",
     )
     object_velocity_unit: Literal["km/h", "m/s"] | None = _flag(
         None, _FACE, or_none(choice_of("km/h", "m/s"), "profile"), "unit of objects' velocity"
@@ -268,24 +303,33 @@ class Settings:
         None,
         _FACE,
         or_none(choice_of("sim", "wall", "auto"), "default"),
-        "time in headers, /clock and tf: simulated, of day, or as /use_sim_time of the first bridge says;"
-        " sim for serve and auto for attach by default",
+        "time in headers, /clock and tf: simulated time, time of day, or (auto) as /use_sim_time of the first bridge"
+        " says; the default is sim for serve and auto for attach",
     )
     start_mode: Literal["external", "keyboard"] = _flag(
-        "external", _FACE, choice_of("external", "keyboard"), "whether /ctrl_cmd moves the ego from the start"
+        "external",
+        _FACE,
+        choice_of("external", "keyboard"),
+        "control mode of the ego at the start; with external, /ctrl_cmd moves it",
     )
 
     sync_frames: Literal["lenient", "strict"] = _flag(
-        "lenient", _SYNC, choice_of("lenient", "strict"), "whether a tick may name any frame, or the next one alone"
+        "lenient", _SYNC, choice_of("lenient", "strict"), "frames that a tick may name: any, or only the next one"
     )
     sync_lease: float | None = _flag(
-        None, _SYNC, seconds(_DAY), "silence after which the master has lost the mode; closing always loses it"
+        None,
+        _SYNC,
+        seconds(_DAY),
+        "seconds without a call after which the master is considered lost; a closed connection always is",
     )
     sync_on_loss: Literal["run", "pause", "wait"] = _flag(
-        "run", _SYNC, choice_of("run", "pause", "wait"), "what the world does when the master is lost"
+        "run",
+        _SYNC,
+        choice_of("run", "pause", "wait"),
+        "after the master is lost, run in real time, pause, or wait for a new master",
     )
     anyone_may_stop: bool = _flag(
-        default=False, group=_SYNC, kind=SWITCH, text="let others than the master stop the mode"
+        default=False, group=_SYNC, kind=SWITCH, text="let any client stop synchronous mode, not only its master"
     )
 
     ros: Literal[1, 2] = cast(
@@ -294,53 +338,68 @@ class Settings:
             1,
             _TYPES,
             whole_number(1, 2, "1|2"),
-            "ROS generation whose names, times and bytes go out",
+            "ROS generation of type names, times and serialised bytes",
         ),
     )
     schema_path: tuple[str, ...] = _flag(
-        (), _TYPES, FOLDERS, "folder with ROS packages whose messages are to be known; may be repeated"
+        (), _TYPES, FOLDERS, "folder with ROS packages (PACKAGE/msg/*.msg) to read; repeatable"
     )
     strict_types: bool = _flag(
-        default=False, group=_TYPES, kind=SWITCH, text="refuse types of unknown packages in place of relaying them"
+        default=False,
+        group=_TYPES,
+        kind=SWITCH,
+        text="refuse types of unknown packages; otherwise their messages are relayed unchecked",
     )
 
     service_timeout: float | None = _flag(
-        None, _WIRE, seconds(_DAY), "how long a call waits for a client's service if it does not say"
+        None, _WIRE, seconds(_DAY), "longest wait for the answer of a client's service, for calls that name no timeout"
     )
-    max_frame_size: int = _flag(16 * 2**20, _WIRE, size(1024, _GIB), "a longer frame closes the connection (1009)")
+    max_frame_size: int = _flag(
+        16 * 2**20, _WIRE, size(1024, _GIB), "longest frame; a longer one closes the connection (code 1009)"
+    )
     outbox_burst: int = _flag(
-        100, _WIRE, whole_number(1, 1_000_000), "newest messages of each topic kept for a client that does not read"
+        100,
+        _WIRE,
+        whole_number(1, 1_000_000),
+        "messages of each topic kept for a client that reads too slowly, the newest ones",
     )
-    outbox_size: int = _flag(4 * 2**20, _WIRE, size(1024, 4 * _GIB), "oldest topic messages are dropped beyond this")
+    outbox_size: int = _flag(
+        4 * 2**20,
+        _WIRE,
+        size(1024, 4 * _GIB),
+        "bytes that may wait for a client before its oldest topic messages are dropped",
+    )
     outbox_limit: int = _flag(
-        64 * 2**20, _WIRE, size(1024, 16 * _GIB), "a client that leaves more unread is closed (1008)"
+        64 * 2**20, _WIRE, size(1024, 16 * _GIB), "bytes that may wait for a client before it is closed (code 1008)"
     )
     client_memory: int = _flag(
         256 * 2**20,
         _WIRE,
         size(2**20, 64 * _GIB),
-        "what one client may make the server hold: throttle queues, latched messages, calls in flight, parts of frames",
+        "most memory held for one client: throttle queues, latched messages, calls in flight, parts of frames",
     )
     memory_budget: int | None = _flag(
         None,
         _WIRE,
         or_none(size(2**20, 1024 * _GIB), "auto"),
-        "what all clients together may; beyond it the one that holds most is closed [half of the machine's or"
-        " container's memory]",
+        "most memory held for all clients together; beyond it the client that holds most is closed; auto is half of the"
+        " memory of the machine or container",
     )
-    ping_interval: float | None = _flag(20.0, _WIRE, seconds(_DAY), "between pings")
-    ping_timeout: float | None = _flag(20.0, _WIRE, seconds(_DAY), "a ping unanswered for so long closes")
+    ping_interval: float | None = _flag(20.0, _WIRE, seconds(_DAY), "seconds between two pings")
+    ping_timeout: float | None = _flag(
+        20.0, _WIRE, seconds(_DAY), "seconds after which an unanswered ping closes the connection"
+    )
     compression: bool = _flag(
-        default=False, group=_WIRE, kind=SWITCH, text="permessage-deflate for clients that offer it"
+        default=False, group=_WIRE, kind=SWITCH, text="compress messages (permessage-deflate) for clients that offer it"
     )
     websocket_io: Literal["direct", "library"] = _flag(
         "direct",
         _WIRE,
         choice_of("direct", "library"),
-        "read WebSocket frames by the server's own code, or by that of the websockets library, which is slower; to find"
-        " out which of the two a fault comes from",
+        "code that reads WebSocket frames: the server's own, or the slower code of the websockets library, to find out"
+        " from which of the two a fault comes",
     )
-    status: bool = _flag(default=True, group=_WIRE, kind=SWITCH, text="send status frames at all")
+    status: bool = _flag(default=True, group=_WIRE, kind=SWITCH, text="send status frames to clients")
 
     record: str | None = _flag(
         None,
@@ -349,20 +408,24 @@ class Settings:
         "record into this bag: NAME.bag is ROS 1, NAME.mcap ROS 2, any other name a folder of ROS 2",
     )
     record_topics: tuple[str, ...] = _flag(
-        (), _RECORD, PATTERNS, "topics to record, in place of the simulator's and its commands'; repeatable"
+        (),
+        _RECORD,
+        PATTERNS,
+        "topics to record, such as /a/*; without it those of the simulator, its commands included; repeatable",
     )
 
     log_level: Literal["debug", "info", "warning", "error"] = _flag(
-        "info", _LOG, choice_of("debug", "info", "warning", "error"), "least level of the log on stderr"
+        "info", _LOG, choice_of("debug", "info", "warning", "error"), "lowest level of log lines on stderr"
     )
     log_format: Literal["text", "json"] = _flag(
         "text", _LOG, choice_of("text", "json"), "lines for people, or one JSON object a line with the date in UTC"
     )
-    quiet_clients: bool = _flag(
-        default=False, group=_LOG, kind=SWITCH, text="write no log lines about mistakes of clients"
-    )
+    quiet_clients: bool = _flag(default=False, group=_LOG, kind=SWITCH, text="leave mistakes of clients out of the log")
     config: str | None = _flag(
-        None, _LOG, text_of("a TOML file", "FILE.toml"), "settings by their flags' names; paths are from its folder"
+        None,
+        _LOG,
+        text_of("a TOML file", "FILE.toml"),
+        "settings file; keys are the names of flags, paths are relative to its folder",
     )
 
 
@@ -371,13 +434,17 @@ FIELDS: dict[str, Field[Any]] = {one.name.replace("_", "-"): one for one in fiel
 
 
 SHORT_FORMS: dict[str, Flag] = {
-    "rate": Flag(_NETWORK, RATES, "publish a topic of the simulator's so often, whatever the file says; repeatable"),
+    "rate": Flag(
+        _NETWORK,
+        RATES,
+        "publishing rate of one of the simulator's topics, such as /Ego_topic=10; it beats the file; repeatable",
+    ),
 }
 """Flags and variables that say a part of a setting that is a table: `rate` one of `publishers`."""
 
 
 def flag_of(key: str) -> Flag:
-    """How the setting or short form of that key shows itself."""
+    """Return group, values and help text of the setting or short form of a key."""
     if key in SHORT_FORMS:
         return SHORT_FORMS[key]
     flag: Flag = FIELDS[key].metadata["flag"]

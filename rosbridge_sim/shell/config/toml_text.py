@@ -54,7 +54,7 @@ _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 
 
 def _split_place(message: str) -> tuple[str, str]:
-    """What tomllib says, and where, as `:line:column`; it puts both into one text."""
+    """Return the message of tomllib, and its place as `:line:column`; the library puts both into one text."""
     match = _PLACE.search(message)
     if match is None:
         return message, ""

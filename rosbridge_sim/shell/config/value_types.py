@@ -48,7 +48,7 @@ class SettingError(DocumentError):
 
 @dataclass(frozen=True, slots=True)
 class ValueType:
-    """What values a setting takes.
+    """The values that a setting takes.
 
     Attributes:
         expects: what a person should write, to stand after "expected".
@@ -159,7 +159,7 @@ def period(low: float, high: float) -> ValueType:
 
 
 def or_none(kind: ValueType, word: str) -> ValueType:
-    """The same, or a word that means None."""
+    """Return the type that also takes a word for None."""
 
     def read(value: object) -> object:
         return None if value is None or _is_word(value, word) else kind.read(value)
@@ -282,10 +282,10 @@ RATES = ValueType(f"TOPIC=HZ with at most {_MAX_RATE} Hz, such as /Ego_topic=10"
 
 
 def item_choices(name: str) -> ValueType:
-    """What is chosen about the simulator's publishers, subscribers or services."""
+    """Return the type of a table of choices about publishers, subscribers or services."""
 
     def read(value: object) -> object:
-        # Only who has such a table waits for what it takes to read one.
+        # Imported here: only a setting with such a table needs it.
         from rosbridge_sim.morai.interfaces.network_settings import InterfaceKind, read_choices  # noqa: PLC0415
 
         return read_choices(InterfaceKind(name), value)

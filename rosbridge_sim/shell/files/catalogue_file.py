@@ -1,6 +1,6 @@
 """The user's own models: a table in a TOML or CSV file -> the catalogue that is asked before ours.
 
-MORAI publishes neither sizes nor names of most of its models. A user who has them writes them down once:
+MORAI publishes neither sizes nor names of most of its models. A user that has them writes them into a file once:
 
     [[model]]                      DataID,name,class,length,width,height,wheelbase,rear overhang,max steer,mass
     DataID = 30200005              30200005,Sonata,vehicle,4.9,1.86,1.445,2.84,1.1,35,1500

@@ -2,7 +2,7 @@
 
 A document is known again by what it was made from: path, time of change, size and inode of each of its files. So a file
 that was changed or replaced is read anew, and nothing has to be said when one is. The same unchanged map is the same
-object for all who ask, however many do at once: for the world that is no change of map.
+object for all callers, however many ask at once: for the world that is no change of map.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from typing import Any, Final, TypeVar
 __all__ = ["DocumentCache"]
 
 MAX_DOCUMENTS: Final = 64
-"""A training run goes round some dozen scenarios on a few maps; whoever has more reads them again."""
+"""Documents that are kept. A training run repeats some dozen scenarios on a few maps; further ones are read
+again."""
 
 MAX_CACHED_BYTES: Final = 32 * 2**20
 """Size of all source files together [bytes]. In memory a map takes two to four times as much as its files, so
@@ -33,7 +34,7 @@ class _Slot:
     """The place of one document.
 
     Attributes:
-        lock: held while it is read, so that others who want it wait instead of reading it too.
+        lock: held while the document is read, so that other threads wait instead of reading it, too.
         signature: of the files that it was made from; None while nothing is kept.
         document: what was made from them.
     """
@@ -104,7 +105,7 @@ class DocumentCache:
 
 
 def _sign(files: Sequence[Path]) -> _Signature | None:
-    """What some files are known again by; None if one of them cannot be looked at."""
+    """Return what tells that files are unchanged; None if one of them cannot be looked at."""
     signature = []
     try:
         for file in files:

@@ -6,24 +6,24 @@ from pathlib import Path
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.interfaces.network_settings import NetworkSettings
-from rosbridge_sim.shell.config.loading import read_network
-from rosbridge_sim.shell.files.library import safe_parts
+from rosbridge_sim.shell.config.settings_file import read_network
+from rosbridge_sim.shell.files.names import safe_parts
 
 __all__ = ["DiskNetworks"]
 
 NETWORK_FOLDER = "Network"
-"""As MORAI calls it."""
+"""Folder for network settings within the data folder, named as by MORAI."""
 
 
 class DiskNetworks:
     """Network settings by the name of the scenario that they belong to, read when they are asked for."""
 
     def __init__(self, root: str | Path) -> None:
-        """Those in a folder that need not be there."""
+        """Use the folder `Network` in `root`; neither has to exist."""
         self._folder = Path(root) / NETWORK_FOLDER
 
     def network(self, scenario: str) -> NetworkSettings | None:
-        """Those of the scenario that a client calls NAME, NAME.json or MAP/NAME; None where there is no such file.
+        """Return the settings of a scenario, named NAME, NAME.json or MAP/NAME; None where there is no such file.
 
         Raises:
             DocumentError: the name is none or leads out of the folder, or the file cannot be used.

@@ -71,7 +71,7 @@ def in_thread(loop: asyncio.AbstractEventLoop) -> Aside:
 
 
 class DataQuota:
-    """What may still be written into one folder."""
+    """The bytes and files that may still be written into one folder."""
 
     def __init__(
         self,

@@ -11,19 +11,16 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.files.access_rights import why_not_writable
-from rosbridge_sim.shell.files.library import MAX_NAME, PLAIN_NAME
-
-if TYPE_CHECKING:
-    from rosbridge_sim.shell.files.quota import DataQuota
+from rosbridge_sim.shell.files.names import MAX_NAME, is_plain_name
+from rosbridge_sim.shell.files.quota import DataQuota
 
 __all__ = ["OWN_NAME", "DiskArchive"]
 
 USUAL_FOLDER = "SensorData"
-"""Where captures go whose client names no folder."""
+"""Folder of captures for clients that name none."""
 
 OWN_NAME = "SaveFile"
 """What MORAI calls the folder of `--data-dir`; a client's path may begin with it."""
@@ -59,7 +56,7 @@ class DiskArchive:
             DocumentError: one line for the client: the folder is out of bounds, the name is none, the quota is used up,
                 or the disk says no.
         """
-        if len(name) > MAX_NAME or not PLAIN_NAME.fullmatch(name):
+        if len(name) > MAX_NAME or not is_plain_name(name):
             raise DocumentError(f"expected a plain file name without a folder, got {name[:80]!r}")
         place = self._find(folder)
         for pattern in files:
@@ -85,7 +82,7 @@ class DiskArchive:
         self._has_saved = True
 
     def _find(self, folder: str) -> Path:
-        """The folder that a client means.
+        """Return the folder that a client means.
 
         Raises:
             DocumentError: the text is no path to a folder in `--data-dir`.
@@ -95,7 +92,7 @@ class DiskArchive:
         is_full = path.startswith("/")
         if not is_full and parts[:1] == [OWN_NAME]:
             parts = parts[1:]
-        if len(path) > MAX_PATH or not all(map(PLAIN_NAME.fullmatch, parts)):
+        if len(path) > MAX_PATH or not all(map(is_plain_name, parts)):
             raise _out_of_bounds(folder)
         return Path("/", *parts) if is_full else self._root.joinpath(*parts)
 
@@ -118,7 +115,7 @@ def _out_of_bounds(folder: str) -> DocumentError:
 
 
 def _missing_folders(wanted: Iterable[Path]) -> list[Path]:
-    """The folders that must be made to have these, the outer ones first."""
+    """Return the folders that have to be made to have these, the outer ones first."""
     missing: dict[Path, None] = {}
     for folder in wanted:
         inner: list[Path] = []
@@ -133,7 +130,7 @@ def _missing_folders(wanted: Iterable[Path]) -> list[Path]:
 def _write(place: Path, name: str, files: Mapping[str, bytes], folders: Sequence[Path], made: list[Path]) -> None:
     """Make the folders and write all files; `made` tells of those that were begun, should one of them fail.
 
-    A file gets its name when it is whole: whoever ends this process meanwhile leaves a hidden part, and no half file.
+    A file gets its name when it is whole: if the process is killed meanwhile, a hidden part is left, and no half file.
     """
     free = _find_free(place, name, files)
     for folder in folders:
@@ -146,16 +143,35 @@ def _write(place: Path, name: str, files: Mapping[str, bytes], folders: Sequence
         with part.open("xb") as file:
             made.append(part)
             file.write(content)
-        path.hardlink_to(part)  # unlike a renaming, it never takes the place of a file that is there
+        _name(part, path)
         made.append(path)
-        part.unlink()
+        part.unlink(missing_ok=True)
+
+
+def _name(part: Path, path: Path) -> None:
+    """Give a whole file its name, which no other file may have: a renaming alone would take another file's place.
+
+    Raises:
+        OSError: there is a file of that name, or the disk says no.
+    """
+    try:
+        path.hardlink_to(part)
+    except FileExistsError:
+        raise
+    except OSError:  # FAT and exFAT have no links: take the name first
+        path.touch(exist_ok=False)
+        try:
+            part.replace(path)
+        except OSError:
+            path.unlink()
+            raise
 
 
 def _find_free(place: Path, name: str, patterns: Mapping[str, bytes]) -> str:
-    """The name itself, or with the first number behind it under which nothing is there.
+    """Return the name, or the name with the first number behind it that is free.
 
     In twice the logarithm of their number steps: a client may save under one name all day long. That takes numbers
-    without gaps; where somebody has made some, it finds a later one that is free.
+    without gaps; where a user has made some, it finds a later one that is free.
     """
 
     def is_taken(number: int) -> bool:

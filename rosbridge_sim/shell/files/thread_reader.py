@@ -118,7 +118,7 @@ class ThreadReader:
                 thread.start()
 
     def _run(self, job: _Job[T]) -> None:
-        """In a thread of its own, until the work is done or `stop` interrupts it."""
+        """Work in a thread, until the work is done or `stop` interrupts it."""
         with suppress(SystemExit):
             self._do(job)
 
@@ -130,7 +130,7 @@ class ThreadReader:
         except DocumentError as error:
             outcome = error
         except Exception:  # noqa: BLE001 - a bug of ours must not leave the caller without an answer
-            _log.exception("a document could not be read; this is a bug of ours")
+            _log.exception("internal error: a document could not be read")
             outcome, is_bug = DocumentError("it cannot be read: the server failed, and its log says why"), True
         with suppress(RuntimeError):  # the loop is closed
             self._loop.call_soon_threadsafe(self._hand_over, threading.current_thread(), job, outcome, is_bug)
@@ -142,14 +142,14 @@ class ThreadReader:
         outcome: T | DocumentError,
         is_bug: bool,  # noqa: FBT001 - asyncio passes by position
     ) -> None:
-        """On the loop: a thread has done its work."""
+        """Take the outcome of a thread, on the loop."""
         self._threads.discard(thread)
         self.num_bugs += is_bug
         self._start_next()
         self._end(job, outcome)
 
     def _end(self, job: _Job[T], outcome: T | DocumentError) -> None:
-        """On the loop: the outcome is there, or has been waited for long enough."""
+        """Hand over an outcome, on the loop: it is there, or it took too long."""
         if job.is_done or self._is_stopped:
             return
         job.is_done = True
@@ -158,9 +158,9 @@ class ThreadReader:
         self._deadlines.discard(job.deadline)
         try:
             job.then(outcome, self._loop.time())
-        except Exception:  # noqa: BLE001 - our own bug: this load is lost, everybody goes on
+        except Exception:  # noqa: BLE001 - our own bug: this load is lost, everything else goes on
             self.num_bugs += 1
-            _log.exception("what was read could not be used; this is a bug of ours")
+            _log.exception("internal error: a document that was read could not be used")
         self.on_done()
 
 

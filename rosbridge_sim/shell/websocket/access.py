@@ -1,8 +1,8 @@
-"""Who may connect, and how fast a client may talk: what is judged before anything reaches the bus.
+"""Rules for connections: token, origin, number of clients and rate. They apply before anything reaches the bus.
 
 A WebSocket handshake is refused with an HTTP status and a text where the page that asks is none of ours (403), where
 the token that it shows is wrong (401), or where there is no room (503). A client that shows no token may still show it
-in a message; `strangers.py` sees to those.
+in a message; see `unauthenticated.py`.
 
 What clients may do once they are in is `graph/policy.py`. A client needs a `RateGate` only where a rate is set.
 """
@@ -63,10 +63,10 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """Who may connect.
+    """The rules for new connections.
 
     Attributes:
-        token: what a client must show; None lets everybody in.
+        token: required from clients; None lets every client connect.
         origins: the web pages that may connect. A handshake that shows the token is not asked for its page.
         max_clients: at once; None is no limit. Only those count that have shown the token, if one is wanted.
         max_strangers: connections at once that have not.
@@ -111,7 +111,7 @@ class Access:
         return self.max_clients is not None and num_clients >= self.max_clients
 
     def is_shown(self, request: Request) -> bool:
-        """Whether the request itself shows the token, or none is wanted."""
+        """Tell whether a request shows the token, or none is wanted."""
         if self.token is None:
             return True
         shown = list(islice(_shown_tokens(request), MAX_SHOWN + 1))
@@ -122,13 +122,13 @@ class Access:
         return any(True for _ in _shown_tokens(request))
 
     def is_token(self, text: str) -> bool:
-        """Whether a text is the token, in a time that says nothing about where they differ."""
+        """Tell whether a text is the token, in a time that does not depend on where they differ."""
         wanted = "" if self.token is None else self.token
         return hmac.compare_digest(text.encode("utf-8", "surrogatepass"), wanted.encode())
 
 
 def _shown_tokens(request: Request) -> Iterator[str]:
-    """What a request shows as its token, in the header or in the query."""
+    """Return the tokens that a request shows, in the header and in the query."""
     for value in request.headers.get_all("Authorization"):
         scheme, _, token = value.partition(" ")
         if scheme.lower() == "bearer":
@@ -137,7 +137,7 @@ def _shown_tokens(request: Request) -> Iterator[str]:
 
 
 class TokenBucket:
-    """How many frames a client may still send: it fills with time up to a burst, and each frame takes one."""
+    """The frames that a client may still send: it fills with time up to a burst, and each frame takes one."""
 
     __slots__ = ("_at", "_burst", "_level", "_rate")
 
@@ -148,7 +148,7 @@ class TokenBucket:
         self._at = now
 
     def take(self, now: float) -> bool:
-        """Whether there was one to take."""
+        """Take a frame's worth; return whether there was one."""
         self._level = min(self._burst, self._level + (now - self._at) * self._rate)
         self._at = now
         if self._level < 1.0:
@@ -161,10 +161,10 @@ class RateGate:
     """Stands before a client's peer: lets ops through, and not faster than allowed."""
 
     def __init__(self, peer: Peer, max_rate: int, now: float) -> None:
-        """A warden for one client.
+        """Begin with a full bucket.
 
         Args:
-            peer: who does what is let through.
+            peer: handles the frames that are let through.
             max_rate: frames a second.
             now: monotonic time [s].
         """
@@ -209,7 +209,7 @@ class RateGate:
 
 
 def load_certificate(certfile: str | None, keyfile: str | None) -> ssl.SSLContext | None:
-    """What wss:// needs; None where there is no certificate.
+    """Load the certificate for wss://; None where there is none.
 
     Args:
         certfile: a certificate, or a chain of them, in PEM.
@@ -242,5 +242,5 @@ def load_certificate(certfile: str | None, keyfile: str | None) -> ssl.SSLContex
 
 
 def _no_password() -> str:
-    """Nobody sits there to type one; without this the library would ask on the terminal."""
+    """Return no password; without this the library would ask for one on the terminal."""
     return ""

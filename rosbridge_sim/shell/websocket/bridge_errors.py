@@ -1,4 +1,4 @@
-"""How a tool ends when it cannot do what it was asked for."""
+"""Errors that end a command-line tool."""
 
 from __future__ import annotations
 
@@ -12,4 +12,4 @@ class BridgeError(DocumentError):
 
 
 class RefusedError(RosbridgeSimError):
-    """Whoever was asked says no, or has gone: exit code 1."""
+    """The server refused a request, or is gone: exit code 1."""

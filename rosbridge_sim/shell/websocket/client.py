@@ -39,7 +39,7 @@ _log = logging.getLogger("rosbridge_sim.server")
 MAX_REASON = 120
 """Characters of a reason in a close frame, which has room for 123 bytes (RFC 6455 section 5.5)."""
 
-MAX_CARRIED = 2 * 2**20
+MAX_FLUSHED = 2 * 2**20
 """Bytes that are handed to one transport in one turn: some 1 ms. The rest goes in later turns."""
 
 WRITE_SIZE = 64 * 1024
@@ -81,7 +81,7 @@ class Client:
             watch: hears of what concerns the whole server.
         """
         self.socket = socket
-        self.outbox = Outbox(limits.outbox, self._wake, self.carry)
+        self.outbox = Outbox(limits.outbox, self._schedule_flush, self.flush)
         session = Session(
             self.outbox,
             self._set_alarm,
@@ -112,7 +112,7 @@ class Client:
         self._has_input = False
         self._has_output = False
         self._is_in_line = False
-        socket.on_room = self.carry
+        socket.on_room = self.flush
         self.peer.on_failure = self._fail
         self.peer.on_released = lambda: self._get_in_line(had_turn=False)
         if limits.access.max_rate is not None:
@@ -144,7 +144,7 @@ class Client:
     def evict(self, reason: str) -> None:
         """Close it at once with code 1008, and let go of all it holds."""
         self.peer.session.remark("error", reason)
-        self.carry()
+        self.flush()
         self._start_closing(CloseCode.POLICY_VIOLATION, reason[:MAX_REASON])
         self._bus.forget_latched(self.peer)
         self.leave()
@@ -164,7 +164,7 @@ class Client:
             return self._do_steps()
         try:
             work = self._begin_frame(message, self._clock())
-        except Exception:  # noqa: BLE001 - our own bug: this message is lost, everybody goes on
+        except Exception:  # noqa: BLE001 - our own bug: this message is lost, everything else goes on
             self._regret_frame()
             return True
         if work is None:
@@ -179,7 +179,7 @@ class Client:
         while self._work is not None:
             if self.outbox.is_overfull or self._closing is not None:  # it does not hear the answers
                 self._work = None
-                self.carry()
+                self.flush()
                 break
             try:
                 if not self._work.step(self._clock()):
@@ -195,7 +195,7 @@ class Client:
 
     def _regret_frame(self) -> None:
         self._watch.count_bug()
-        _log.exception("a frame of %s could not be handled", self.peer.address)
+        _log.exception("internal error in a frame of %s; the frame was dropped", self.peer.address)
         if not self.has_failed:
             self.peer.notify("error", "The server failed on a message; its log says why")
 
@@ -246,17 +246,17 @@ class Client:
         self._until = until
         if self._has_output:
             self._has_output = False
-            self.carry()
+            self.flush()
         if self._has_input and not self.peer.is_held and self._do_steps():
             self._has_input = self.socket.go_on(until)
         self._is_in_line = self._has_output or (self._has_input and not self.peer.is_held)
 
     # Out
 
-    def _wake(self) -> None:
+    def _schedule_flush(self) -> None:
         if not self._is_woken:
             self._is_woken = True
-            self.socket.loop.call_soon(self.carry)
+            self.socket.loop.call_soon(self.flush)
 
     def _set_alarm(self, due: float) -> None:
         """Flush the peer's feeds at `due`, or earlier if an earlier alarm is set already."""
@@ -264,9 +264,9 @@ class Client:
             if self._alarm is not None:
                 self._alarm.cancel()
             self._alarm_due = due
-            self._alarm = self.socket.loop.call_at(due, self._flush)
+            self._alarm = self.socket.loop.call_at(due, self._flush_peer)
 
-    def _flush(self) -> None:
+    def _flush_peer(self) -> None:
         self._alarm = None
         self._alarm_due = _NEVER
         self._contain(self.peer.flush, self.socket.loop.time())
@@ -286,11 +286,11 @@ class Client:
         if self.has_failed:
             return
         self.has_failed = True  # first of all: the log is a topic, and this client may listen to it
-        _log.error("%s: closed, because of a failure of ours", self.peer.address, exc_info=error)
+        _log.error("%s: closed because of an internal error", self.peer.address, exc_info=error)
         try:
             self._start_closing(CloseCode.INTERNAL_ERROR, "the server failed on this connection; its log says why")
         except Exception:  # noqa: BLE001 - whatever is wrong with it, it is to go
-            _log.exception("%s: it could not be closed; cut off", self.peer.address)
+            _log.exception("%s: cut off, because closing failed", self.peer.address)
             self.socket.transport.abort()
         self.leave()
 
@@ -305,17 +305,17 @@ class Client:
         finally:
             self.peer.leave(self.socket.loop.time())
 
-    def carry(self) -> None:
+    def flush(self) -> None:
         """Hand what waits to the transport, for as long as it takes it, and about as much as one turn has time for."""
-        self._contain(self._carry)
+        self._contain(self._flush_outbox)
 
-    def _carry(self) -> None:
+    def _flush_outbox(self) -> None:
         self._is_woken = False
         socket, outbox = self.socket, self.outbox
         if not socket.is_open:
             outbox.close()
             return
-        left = MAX_CARRIED
+        left = MAX_FLUSHED
         while (socket.unsent or len(outbox)) and not socket.is_full:
             frames: list[bytes] = []
             if socket.unsent:

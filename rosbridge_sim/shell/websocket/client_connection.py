@@ -1,4 +1,4 @@
-"""Connecting to somebody else's rosbridge: the socket, and why there is none.
+"""A WebSocket connection to another rosbridge, and texts about why there is none.
 
 `DialedConnection` is to a client what `server_connection.py` is to the server: messages go from the transport to a
 callback and back, without a queue and a task in between. It leaves the reading of frames to the library: what comes
@@ -30,7 +30,7 @@ class DialedConnection(MessageConnection, ClientConnection):
     def __init__(self, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
         super().__init__(*args, **kwargs)
         self._on_message: Callable[[bytes], None] | None = None
-        self._early: list[bytes] = []  # what comes before somebody listens: nothing, but for a server that greets
+        self._early: list[bytes] = []  # came before `listen`: nothing, but for a server that greets
 
     def listen(self, on_message: Callable[[bytes], None]) -> None:
         """From now on, call `on_message` for each message; it may not raise."""
@@ -41,7 +41,7 @@ class DialedConnection(MessageConnection, ClientConnection):
 
     @property
     def has_room(self) -> bool:
-        """Whether messages can be sent now."""
+        """True while messages can be sent."""
         return not self.is_full and self.is_open
 
     def send_messages(self, messages: Sequence[bytes]) -> None:
@@ -73,7 +73,7 @@ class DialedConnection(MessageConnection, ClientConnection):
 def why_not(
     url: str, error: Exception, patience: float, *, flag: str, token: str, secrets: Collection[str] = ()
 ) -> str:
-    """Why there is no connection, and what to do about it.
+    """Return why there is no connection, and what to do about it.
 
     Args:
         url: what was dialled.
@@ -116,7 +116,7 @@ def _why_status(error: InvalidStatus, token: str, hidden: Collection[str]) -> st
         401: f"it wants a token ({token})",
         403: "it refuses us",
         429: "it refuses us",
-        503: "it takes nobody now",
+        503: "it takes no more clients now",
     }
     status = f"HTTP {response.status_code} {safe(hide(response.reason_phrase, hidden))}".strip()
     said = hide((response.body or b"").decode(errors="replace").strip(), hidden)
@@ -129,7 +129,7 @@ def why_gone(url: str, closed: ConnectionClosed, secrets: Collection[str] = ()) 
     shown = shown_url(url)
     hidden = secrets_of(url) | set(secrets)
     if closed.rcvd is None:
-        if closed.sent is not None and closed.sent.reason:  # a frame too long, a ping that nobody answers
+        if closed.sent is not None and closed.sent.reason:  # a frame too long, a ping without an answer
             return f"{shown}: the connection was given up: {safe(hide(closed.sent.reason, hidden))}"
         return f"{shown}: the connection was lost"
     reason = f": {safe(hide(closed.rcvd.reason, hidden))}" if closed.rcvd.reason else ""

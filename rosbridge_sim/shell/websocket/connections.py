@@ -9,15 +9,17 @@ from websockets.asyncio.server import ServerConnection
 from websockets.frames import CloseCode
 
 from rosbridge_sim.loose_types import LibraryArgument
+from rosbridge_sim.shell.websocket.connection_places import ConnectionPlaces
 from rosbridge_sim.shell.websocket.library_connection import LibraryConnection
 from rosbridge_sim.shell.websocket.limits import MAX_OPENING
+from rosbridge_sim.shell.websocket.receiving_connection import ReceivingConnection
 from rosbridge_sim.shell.websocket.server_connection import DirectConnection
-from rosbridge_sim.shell.websocket.strangers import ConnectionPlaces
-from rosbridge_sim.shell.websocket.tls_door import TlsDoor, TlsRules
+from rosbridge_sim.shell.websocket.tls_handshake import TlsHandshake, TlsRules
 
 __all__ = [
     "CROWDED",
     "ConnectionTables",
+    "DirectServedConnection",
     "LibraryServedConnection",
     "ServedConnection",
     "address_of",
@@ -36,23 +38,23 @@ class ConnectionTables:
 
     Attributes:
         sockets: every open connection.
-        doors: those in their TLS handshake.
+        handshakes: those in their TLS handshake.
         opening: those without a whole request.
-        strangers: those that have not shown the token.
+        unauthenticated: those that have not shown the token.
         num_bytes_received: bytes that came over connections that are closed by now.
     """
 
     def __init__(self, max_strangers: int) -> None:
         """Tables without connections; at most `max_strangers` may be without the token."""
         self.sockets: dict[ServedConnection, None] = {}
-        self.doors: dict[TlsDoor, None] = {}
+        self.handshakes: dict[TlsHandshake, None] = {}
         self.opening = ConnectionPlaces(MAX_OPENING)
-        self.strangers = ConnectionPlaces(max_strangers)
+        self.unauthenticated = ConnectionPlaces(max_strangers)
         self.num_bytes_received = 0
 
 
-class ServedConnection(DirectConnection):
-    """A connection that stands in tables for as long as it is open."""
+class ServedConnection(ReceivingConnection):
+    """A connection that stands in tables for as long as it is open; stands before the kind of reading in the bases."""
 
     def __init__(self, tables: ConnectionTables, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
         super().__init__(*args, **kwargs)
@@ -70,7 +72,7 @@ class ServedConnection(DirectConnection):
             del self._tables.sockets[self]
             self._tables.num_bytes_received += self.num_bytes_received
         self._tables.opening.leave(self)
-        self._tables.strangers.leave(self)
+        self._tables.unauthenticated.leave(self)
         super().connection_lost(exc)
 
     def evict(self) -> None:
@@ -86,8 +88,12 @@ class ServedConnection(DirectConnection):
             self.transport.close()
 
 
+class DirectServedConnection(ServedConnection, DirectConnection):
+    """A connection of the server that reads frames by our own code."""
+
+
 class LibraryServedConnection(ServedConnection, LibraryConnection):
-    """The same, without the shortcut of `DirectConnection`."""
+    """A connection of the server that reads frames by the library's code."""
 
 
 def make_connection(
@@ -99,7 +105,7 @@ def make_connection(
 ) -> asyncio.Protocol:
     """Make the protocol of a connection that was accepted; `rules` are those of TLS, if it is to be encrypted."""
     socket = kind(tables, *args, **kwargs)
-    return socket if rules is None else TlsDoor(socket, rules, tables.opening, tables.doors)
+    return socket if rules is None else TlsHandshake(socket, rules, tables.opening, tables.handshakes)
 
 
 def address_of(connection: ServerConnection) -> str:

@@ -1,7 +1,7 @@
-"""Where a host is, found without a name server that does not answer keeping anybody.
+"""Resolve host names in a daemon thread, so that a dead DNS server never blocks shutdown.
 
 The loop's own way occupies a thread until the system gives up, half a minute perhaps, and no process ends before it.
-Here that thread is one that nobody has to wait for.
+Here that thread is a daemon, which the end of the process does not wait for.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ __all__ = ["HostLookup"]
 
 
 class HostLookup:
-    """Finds the addresses of one host, as often as wanted; who asks while a question is open shares its answer."""
+    """Resolves one host name, as often as wanted; requests at the same time share one answer."""
 
     def __init__(self, host: str) -> None:
-        """Nobody is asked yet."""
+        """Remember the host; `addresses` resolves it."""
         self._host = host
         self._answer: asyncio.Future[list[str]] | None = None
 
     async def addresses(self, patience: float) -> list[str]:
-        """The host's addresses, best first.
+        """Return the host's addresses, best first.
 
         Args:
             patience: how long that may take [s].
 
         Raises:
-            socket.gaierror: it has none, or nobody has said so in time (EAI_AGAIN).
+            socket.gaierror: it has none, or there was no answer in time (EAI_AGAIN).
             UnicodeError: no host can have that name.
         """
         with suppress(ValueError):
@@ -41,12 +41,14 @@ class HostLookup:
             async with asyncio.timeout(patience):
                 return await asyncio.shield(self._answer)
         except TimeoutError:
-            raise socket.gaierror(socket.EAI_AGAIN, "nobody has answered in time") from None
+            raise socket.gaierror(socket.EAI_AGAIN, "no name server answered in time") from None
 
     def _ask(self) -> asyncio.Future[list[str]]:
         loop = asyncio.get_running_loop()
         answer: asyncio.Future[list[str]] = loop.create_future()
-        answer.add_done_callback(lambda done: done.cancelled() or done.exception())  # perhaps nobody waits any more
+        answer.add_done_callback(
+            lambda done: done.cancelled() or done.exception()
+        )  # so that asyncio does not log it where nothing waits any more
 
         def settle(outcome: list[str] | Exception) -> None:
             if answer.cancelled():

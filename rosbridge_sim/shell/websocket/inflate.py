@@ -1,6 +1,6 @@
 """Compressed messages (permessage-deflate, RFC 7692), inflated slice by slice.
 
-16 kB can inflate to 16 MB, and the library does that in one go while everybody else waits. Here its extension hands a
+16 kB can inflate to 16 MB, and the library does that in one go while all other clients wait. Here its extension hands a
 compressed message on as it came, marked as such, and `inflate` reads it in slices. Others have their turn in between.
 """
 

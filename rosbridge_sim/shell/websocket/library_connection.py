@@ -3,8 +3,8 @@
 It is there to be compared with `server_connection.py`.
 
 Messages come from the library's `recv`, in a task, and its core makes the frames that go out. A fault that shows with
-`DirectConnection` and not here is one of our own frame reading, and the difference in CPU time is what the shortcut
-gains (`scripts/bench/wire.py --websocket-io library`). Turns, outboxes and the bounds of a stranger are the same. Some
+`DirectConnection` and not here is one of our own frame reading. The difference in CPU time is what the shortcut gains
+(`scripts/bench/wire.py --websocket-io library`). Turns, outboxes and the bounds without a token are the same. Some
 things differ, because the library reads ahead of us:
 
 - some 16 messages more wait for their turn, and no account counts them;
@@ -24,7 +24,7 @@ from websockets.exceptions import ConnectionClosed
 
 from rosbridge_sim.loose_types import LibraryArgument
 from rosbridge_sim.protocol.outbox import BinaryFrame
-from rosbridge_sim.shell.websocket.server_connection import DirectConnection, Receiver
+from rosbridge_sim.shell.websocket.receiving_connection import Receiver, ReceivingConnection
 
 __all__ = ["LibraryConnection"]
 
@@ -32,8 +32,8 @@ LAST_TURNS = 0.5
 """Time for what was read before the connection was lost to have its turn [s]: a hundred rounds."""
 
 
-class LibraryConnection(DirectConnection):
-    """A `DirectConnection` without its shortcut. Early bytes, compression and closing are as there."""
+class LibraryConnection(ReceivingConnection):
+    """A connection that reads and writes frames by the library's code."""
 
     has_queue = True
 
@@ -82,10 +82,8 @@ class LibraryConnection(DirectConnection):
         self.is_held = False
         self._released.set()
 
-    def send_messages(self, messages: Sequence[bytes]) -> int:
-        """Have the library make frames of messages, and hand them to the transport; see `DirectConnection`."""
-        if self.is_extended:
-            return super().send_messages(messages)
+    def _send_plain(self, messages: Sequence[bytes]) -> int:
+        """Have the library make frames of messages, and hand them to the transport."""
         for message in messages:
             (self.core.send_binary if type(message) is BinaryFrame else self.core.send_text)(message)
         return self.flush()
@@ -111,7 +109,7 @@ class LibraryConnection(DirectConnection):
         if not self.is_trusted:
             data = self._read_early(data)
             if self._receiver is not None:
-                self._receiver.begin()  # it counts what a stranger sends; pings come to no other place of ours
+                self._receiver.begin()  # it counts what comes without a token; pings come to no other place of ours
         if data:
             self.feed(data)
             self.cut_off_deaf()

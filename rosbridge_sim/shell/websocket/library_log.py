@@ -13,6 +13,8 @@ from collections.abc import Callable, Mapping
 from http import HTTPMethod
 from typing import Any
 
+from rosbridge_sim.loose_types import LibraryArgument
+
 __all__ = ["quiet"]
 
 _HARMLESS_HEADERS = frozenset(
@@ -86,7 +88,7 @@ class _Quiet(logging.LoggerAdapter[Any]):
     By itself it logs a traceback for each handshake that a port scanner breaks off. Its text may quote what came.
     """
 
-    def log(self, level: int, msg: object, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - logging's own signature
+    def log(self, level: int, msg: object, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
         show = _SHOWN.get(str(msg))
         if args and show is None:
             msg, args = "%s", (f"{msg} (values are not shown)",)

@@ -22,7 +22,7 @@ OPEN_TIMEOUT = 5.0
 MAX_OPENING = 256
 """Connections without a whole request at once, those in a TLS handshake included; the oldest one is cut off for a new
 one. The system hands over some hundred in one go (the backlog), and each has its request read in the next turn of the
-loop. Together with strangers they leave most of the usual 1,024 file descriptors to clients."""
+loop. Together with those that have no token they leave most of the usual 1,024 file descriptors to clients."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class ServerLimits:
         outbox: what a client may leave unread.
         client_memory: what one client may make the server hold, apart from its outbox [bytes].
         memory_budget: the same for all clients together, their outboxes included [bytes]; None is no limit.
-        access: who may connect, and how fast a client may talk.
+        access: rules for new connections, and how fast a client may send.
         policy: what a client may do.
         tls_timeout, open_timeout: for the TLS handshake, and for the request after it [s].
     """

@@ -36,7 +36,7 @@ class MemoryReturn:
     """Gives free memory back to the system once no large frames come any more."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Nothing is given back before the first large frame."""
+        """Set no timer before the first large frame."""
         self._loop = loop
         self._trim = _function("malloc_trim")
         self._timer: asyncio.TimerHandle | None = None

@@ -2,7 +2,7 @@
 
 Each client has bounds of its own; a thousand of them at their bounds would still be more than any machine has. So what
 all of them make the server hold is added up twice a second. Bytes that several clients wait for are held once, and are
-counted once before anybody is closed.
+counted once before any client is closed.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class MemoryBudget:
         """Look from now on, until `stop`.
 
         Args:
-            loop: whose time it is.
+            loop: has the timer.
             bus: its owners' accounts are a part of what is held.
             clients: those that are connected.
             budget: the most that all of them may hold [bytes].

@@ -37,6 +37,7 @@ from rosbridge_sim.shell.websocket.access import Refusal
 from rosbridge_sim.shell.websocket.client import Client
 from rosbridge_sim.shell.websocket.connections import (
     ConnectionTables,
+    DirectServedConnection,
     LibraryServedConnection,
     ServedConnection,
     address_of,
@@ -51,10 +52,10 @@ from rosbridge_sim.shell.websocket.limits import CLOSE_TIMEOUT, ServerLimits
 from rosbridge_sim.shell.websocket.memory import MemoryReturn
 from rosbridge_sim.shell.websocket.memory_budget import MemoryBudget
 from rosbridge_sim.shell.websocket.origins import MAX_REFUSED_ORIGINS, RefusedOrigins, own_names
-from rosbridge_sim.shell.websocket.strangers import MAX_UNPROVEN_SIZE, WRONG_TOKEN, Stranger
-from rosbridge_sim.shell.websocket.tls_door import TlsRules
+from rosbridge_sim.shell.websocket.tls_handshake import TlsRules
 from rosbridge_sim.shell.websocket.traffic import Traffic
 from rosbridge_sim.shell.websocket.turns import Turns
+from rosbridge_sim.shell.websocket.unauthenticated import MAX_UNPROVEN_SIZE, WRONG_TOKEN, UnauthenticatedConnection
 from rosbridge_sim.version import __version__
 
 __all__ = ["STOPPING", "Server"]
@@ -67,16 +68,16 @@ STOPPING = "the server is shutting down"
 _VERSION = json.dumps({"name": "rosbridge-sim", "version": __version__, "protocol": "rosbridge v2.0"})
 """Answer of `/version`; the protocol is called as its specification calls itself."""
 
-STRANGERS = "no token"
+UNAUTHENTICATED = "no token"
 """Name under which the log and `/sim/refusals` have all connections that have not shown the token."""
 
 
 class Server:
-    """Listens, and makes each connection a peer of the bus.
+    """A listener that makes each connection a peer of the bus.
 
     Attributes:
-        clients: who is connected now, in order of arrival.
-        on_clients: called when somebody has come or gone.
+        clients: those that are connected, in order of arrival.
+        on_clients: called when a client has come or left.
         why_unhealthy: asked for `/healthz`: why the server does not do all that it should; None where it does.
         describe: asked for `/healthz`: what it tells of the simulator, by name.
         render_metrics: asked for `/metrics`, with the `Accept` header: the body and its content type; None where there
@@ -132,7 +133,7 @@ class Server:
     @property
     def num_strangers(self) -> int:
         """Connections that have not shown the token yet, where one is wanted."""
-        return len(self._tables.strangers)
+        return len(self._tables.unauthenticated)
 
     async def start(self, host: str, port: int, tls: ssl.SSLContext | None = None) -> None:
         """Listen, with a certificate at wss://; port 0 takes a free one.
@@ -145,7 +146,7 @@ class Server:
         self._turns, self._memory = Turns(loop, self._on_change), MemoryReturn(loop)
         if limits.memory_budget is not None:
             self._budget = MemoryBudget(loop, self._bus, lambda: list(self.clients), limits.memory_budget)
-        kind = ServedConnection if limits.is_direct else LibraryServedConnection
+        kind = DirectServedConnection if limits.is_direct else LibraryServedConnection
         rules = None if tls is None else TlsRules(tls, limits.tls_timeout, CLOSE_TIMEOUT)
         self._server = await serve(
             self._serve,
@@ -177,16 +178,16 @@ class Server:
                 part.stop()
         if self._server is not None:
             self._server.close()
-            for door in list(self._tables.doors):
-                door.evict()
+            for handshake in list(self._tables.handshakes):
+                handshake.evict()
             try:
                 async with asyncio.timeout(CLOSE_TIMEOUT):
                     await self._server.wait_closed()
             except TimeoutError:  # some do not read, not even that we go; some never said what they want
                 for socket in self._tables.sockets:
                     socket.transport.abort()
-                for door in list(self._tables.doors):  # the system had accepted them already
-                    door.evict()
+                for handshake in list(self._tables.handshakes):  # the system had accepted them already
+                    handshake.evict()
                 await self._server.wait_closed()
 
     async def _serve(self, socket: ServerConnection) -> None:
@@ -196,7 +197,7 @@ class Server:
             await self._serve_socket(socket)
         except Exception:  # the library closes it with code 1011, and its own words about that are not logged
             self.num_bugs += 1
-            _log.exception("%s could not be served", address_of(socket))
+            _log.exception("internal error: %s could not be served", address_of(socket))
             raise
 
     async def _serve_socket(self, socket: ServedConnection) -> None:
@@ -209,39 +210,43 @@ class Server:
         await self._serve_client(socket)
 
     async def _let_prove(self, socket: ServedConnection) -> str | None:
-        """Wait until a stranger has shown the token; why it was closed if it has not, or has found no room."""
+        """Wait until a connection has shown the token.
+
+        Returns:
+            None if it has; else the reason for which it was closed, which may be that there are too many clients.
+        """
         assert self._turns is not None, "it listens"
-        note = partial(self._note_stranger, socket)
+        note = partial(self._note_refused_token, socket)
         access, is_talkative = self._limits.access, self._limits.is_talkative
-        stranger = Stranger(socket, access, self._turns, is_talkative=is_talkative, on_refusal=note)
+        waiting = UnauthenticatedConnection(socket, access, self._turns, is_talkative=is_talkative, on_refusal=note)
         try:
-            socket.listen(stranger)
-            why = await stranger.wait_settled()
+            socket.listen(waiting)
+            why = await waiting.wait_settled()
             code = CloseCode.POLICY_VIOLATION
             if why is None and self._limits.access.is_full(len(self.clients)):
                 code, why = CloseCode.TRY_AGAIN_LATER, f"there are {len(self.clients)} clients already; try again later"
             if why is None:
-                self._tables.strangers.leave(socket)
+                self._tables.unauthenticated.leave(socket)
                 self._trust(socket)
-                if stranger.rest:
-                    socket.put_back(stranger.rest)
+                if waiting.rest:
+                    socket.put_back(waiting.rest)
                 return None
-            stranger.let_go()
+            waiting.let_go()
             with suppress(TimeoutError):
                 async with asyncio.timeout(CLOSE_TIMEOUT):
                     await socket.close(code, why)
             socket.transport.abort()
             return why
         finally:
-            stranger.leave()
+            waiting.leave()
 
-    def _note_stranger(self, socket: ServerConnection, reason: Reason, op: str, text: str) -> None:
+    def _note_refused_token(self, socket: ServerConnection, reason: Reason, op: str, text: str) -> None:
         """Tell the log and `/sim/refusals` of a connection without the token.
 
         All of them count as one client there, because each attempt can come from another port or address.
         """
         text = f"{text}; the connection is {address_of(socket)}"
-        refusal = RefusedRequest(STRANGERS, reason, op, "", text)
+        refusal = RefusedRequest(UNAUTHENTICATED, reason, op, "", text)
         self._bus.guard.attempt("the account of a refusal", self._bus.on_refusal, refusal)
 
     def _trust(self, socket: ServedConnection) -> None:
@@ -268,12 +273,12 @@ class Server:
             _log.info("%s left; %d connected now", peer.address, len(self.clients))
 
     def _try(self, act: Callable[[], None]) -> None:
-        """Do something whose failure must not keep the rest from being done."""
+        """Do something; its failure is logged and must not keep the rest from being done."""
         try:
             act()
         except Exception:  # noqa: BLE001 - our own bug, whatever it is
             self.num_bugs += 1
-            _log.exception("something failed as a client came or went; the rest goes on")
+            _log.exception("internal error while a client came or left; the other clients are served")
 
     def count_bug(self) -> None:
         """See `ClientWatch`."""
@@ -296,7 +301,7 @@ class Server:
     def _regret_request(self, connection: ServerConnection) -> Response:
         """Count and log the exception in hand; answer that the server has failed."""
         self.num_bugs += 1
-        _log.exception("a request of %s could not be answered", address_of(connection))
+        _log.exception("internal error: an HTTP request of %s could not be answered", address_of(connection))
         return connection.respond(HTTPStatus.INTERNAL_SERVER_ERROR, "The server failed; its log says why\n")
 
     def _judge_request(
@@ -329,24 +334,24 @@ class Server:
                 self._limit(connection)
             return None
         if refusal.status is HTTPStatus.UNAUTHORIZED:
-            self._note_stranger(connection, Reason.WRONG_TOKEN, "", WRONG_TOKEN)
+            self._note_refused_token(connection, Reason.WRONG_TOKEN, "", WRONG_TOKEN)
         self._log_refusal(address_of(connection), refusal)
         response = connection.respond(refusal.status, refusal.text)
         return self._delay(connection, response) if refusal.status is HTTPStatus.UNAUTHORIZED else response
 
     def _delay(self, connection: ServedConnection, response: Response) -> Awaitable[Response]:
-        """Send the refusal of a token after a while, during which the connection counts as a stranger."""
+        """Send the refusal of a token after a while, during which the connection counts as one without the token."""
         response.headers["WWW-Authenticate"] = "Bearer"
         self._limit(connection)
         return _answer_late(connection, response, self._limits.access.delay)
 
     def _limit(self, connection: ServedConnection) -> None:
-        """Have a connection treated as a stranger's until it is trusted."""
+        """Apply the limits of a connection without the token until it is trusted."""
         connection.limit_message_size(min(MAX_UNPROVEN_SIZE, self._limits.max_frame_size))
         connection.refuse_extensions()  # what cannot come compressed need not be inflated
         self._tables.opening.leave(connection)
         if connection in self._tables.sockets:  # else it is lost already, and would keep its place
-            self._tables.strangers.take(connection)
+            self._tables.unauthenticated.take(connection)
 
     def _log_refusal(self, address: str, refusal: Refusal) -> None:
         """Warn of each web page once, and not of each of its attempts: a page in a tab may try every second."""
@@ -357,7 +362,9 @@ class Server:
         # A line of its own in the code: the log limits lines by that, and a page in a loop must not hide another page.
         _log.warning("%s refused: %s", address, text)
         if self._refused_origins.is_full:
-            _log.warning("pages of %d origins were refused; further ones are told at level info", MAX_REFUSED_ORIGINS)
+            _log.warning(
+                "web pages of %d origins were refused; further ones are logged at level info", MAX_REFUSED_ORIGINS
+            )
 
     def _tell_health(self, connection: ServerConnection, request: Request) -> Response | Awaitable[Response]:
         """Answer the state of the server as JSON; more than status and reason only to those who show the token."""
@@ -377,7 +384,7 @@ class Server:
         return _answer_late(connection, response, access.delay)
 
     def _tell_version(self, connection: ServerConnection, request: Request) -> Response | Awaitable[Response]:
-        """Answer name, version and protocol; with a token set, only to those who show it."""
+        """Answer name, version and protocol; with a token set, only to requests that show it."""
         if not self._limits.access.is_shown(request):
             return self._want_token(connection, "/version")
         return _answer(connection, HTTPStatus.OK, f"{_VERSION}\n".encode(), _JSON)
@@ -403,7 +410,7 @@ class Server:
     def _want_token(self, connection: ServerConnection, page: str) -> Awaitable[Response]:
         """Refuse a page to those who do not show the token."""
         assert isinstance(connection, ServedConnection)
-        self._note_stranger(connection, Reason.NO_TOKEN, "", f"{page} wants the token")
+        self._note_refused_token(connection, Reason.NO_TOKEN, "", f"{page} wants the token")
         response = connection.respond(HTTPStatus.UNAUTHORIZED, "The token is missing or wrong\n")
         return self._delay(connection, response)
 
@@ -429,6 +436,6 @@ def _extensions(limits: ServerLimits) -> list[ServerExtensionFactory] | None:
 
 
 async def _answer_late(connection: ServedConnection, response: Response, delay: float) -> Response:
-    """Keep a program that tries tokens waiting for its answer, and nobody else [s]."""
+    """Delay the answer to a program that tries tokens, and no other connection [s]."""
     await asyncio.wait([connection.lost], timeout=delay)
     return response

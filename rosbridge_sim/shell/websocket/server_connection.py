@@ -20,43 +20,27 @@ Road not taken: a class of our own beside `ServerConnection` would repeat its cl
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from struct import pack
 from time import perf_counter
-from typing import Protocol
 
-from websockets.asyncio.server import ServerConnection
-from websockets.frames import CloseCode
 from websockets.protocol import State
 
 from rosbridge_sim.loose_types import LibraryArgument
 from rosbridge_sim.protocol.outbox import BinaryFrame
 from rosbridge_sim.shell.websocket.inflate import Deflated, DeflatedText
+from rosbridge_sim.shell.websocket.receiving_connection import MAX_EARLY, Receiver, ReceivingConnection
 from rosbridge_sim.shell.websocket.text_check import TextCheck
-from rosbridge_sim.shell.websocket.websocket_internals import MessageConnection, apply_mask
+from rosbridge_sim.shell.websocket.websocket_internals import apply_mask
 
-__all__ = ["DirectConnection", "Receiver", "head_of"]
+__all__ = ["DirectConnection", "head_of"]
 
 MAX_HELD = 64 * 2**10
 """Received bytes that may wait for their turn before the transport is told to stop reading."""
 
-MAX_EARLY = 16 * 2**10
-"""The same before the other side is trusted; and the longest HTTP request, which is what Node.js takes."""
-
 LARGE = 16 * 2**10
 """A frame from here on is not copied once more to stand behind its head [bytes]."""
 
-COMPRESSED_AT_ONCE = 32 * 2**10
-"""Bytes that are compressed in one go: 2 ms for text that does not repeat itself. A longer message goes out in
-fragments (RFC 6455 section 5.4), and others have their turn in between."""
-
-_BLANK_LINE = b"\r\n\r\n"
-
-_TOO_LONG = (
-    b"HTTP/1.1 431 Request Header Fields Too Large\r\nConnection: close\r\nContent-Type: text/plain; charset=utf-8\r\n"
-    b"Content-Length: 48\r\n\r\nA request may have at most 16,384 bytes of head\n"
-)
 _OPEN, _CLOSED = State.OPEN, State.CLOSED
 _CONTROL = 0x08
 """Bit of a frame's first byte: a ping, a pong or a close (RFC 6455 section 5.2)."""
@@ -66,12 +50,8 @@ _WHOLE = _TEXT, _BINARY = 0x81, 0x82
 """First byte of a frame that is a whole message (RFC 6455 section 5.2: FIN and the opcode, no extension's bits)."""
 
 
-def _ignore() -> None:
-    """Nobody listens yet."""
-
-
 def head_of(message: bytes, mask_bit: int = 0) -> bytes:
-    """What stands before a whole message in its frame: `BinaryFrame` is binary, all else is text.
+    """Return the head of a frame with a whole message: `BinaryFrame` is binary, all else is text.
 
     Args:
         message: as it is before it is masked.
@@ -86,59 +66,25 @@ def head_of(message: bytes, mask_bit: int = 0) -> bytes:
     return pack("!BBQ", first, mask_bit | 127, size)
 
 
-class Receiver(Protocol):
-    """Takes the messages of a connection."""
-
-    def begin(self) -> float:
-        """Begin a turn; return when it ends, by `perf_counter` [s]. It may be over already."""
-
-    def receive(self, message: bytes) -> bool:
-        """Take a message; return whether the next one may come. Must not raise."""
-
-    def wait(self, *, had_turn: bool) -> None:
-        """Messages are left, or the end is: call the connection's `go_on` later."""
-
-
-class DirectConnection(MessageConnection, ServerConnection):
-    """A connection that hands each message to a receiver, once `listen` was called; `recv` gives nothing.
-
-    Attributes:
-        on_too_long: called before a frame is refused for its length, or for having no mask.
-        is_trusted: less is kept of what others send. To be set before `listen`, and never taken back.
-        num_early: bytes that came behind the HTTP request while it was not trusted.
-        num_bytes_received: bytes that came in all, the HTTP request included.
-        is_held: what comes is kept for later.
-        unsent: what `send_more` has still to send, compressed.
-        is_text: the message that the receiver is handed now was sent as text; later it may say anything.
-    """
+class DirectConnection(ReceivingConnection):
+    """A connection that reads and writes whole frames by our own code; `recv` gives nothing."""
 
     def __init__(self, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
         super().__init__(*args, **kwargs)
-        self.is_text = True
-        self.on_too_long: Callable[[], None] = _ignore
-        self.is_trusted = False
-        self.num_early = 0
-        self.num_bytes_received = 0
-        self._num_head = 0  # bytes of the HTTP request so far
-        self._receiver: Receiver | None = None
-        self._head = b""  # the last bytes of the HTTP request so far: they may hold the beginning of its end
         self._kept = bytearray()  # what is no whole frame yet, or waits for its turn
         self._need = 0  # length from which on `_kept` is worth looking at
-        self.is_held = True
         self._takes_more = True
         self._is_paused = False
         self._has_ended = False  # the other side says nothing any more
         self._is_dropping = False  # nothing of what comes means anything any more
         self._check: TextCheck | None = None  # of the message that comes before all in `_kept`
         self._ping = b""  # the newest one that came while there was no room for an answer
-        self.unsent: deque[bytes] = deque()  # what is to be compressed
-        self._num_compressed = 0  # bytes of the first of them that are sent
 
     @property
     def num_bytes_held(self) -> int:
         """Bytes that have come and were not handled yet, and those that are to be compressed."""
         checked = 0 if self._check is None else len(self._check.message)
-        return len(self._kept) + self.num_bytes_in_fragments + checked + sum(map(len, self.unsent))
+        return super().num_bytes_held + len(self._kept) + checked
 
     def listen(self, receiver: Receiver) -> None:
         """Hand all messages to a receiver from now on, those first that have come already."""
@@ -185,22 +131,12 @@ class DirectConnection(MessageConnection, ServerConnection):
 
     def forget(self) -> None:
         """Pass over all messages from now on, those held back among them: the connection is closing."""
+        super().forget()
         self._is_dropping = True
-        self.forget_fragments()
         self._check = None
-        self.unsent.clear()
 
-    def send_messages(self, messages: Sequence[bytes]) -> int:
-        """Hand messages to the transport: `BinaryFrame` as binary, others as text. The connection must be open.
-
-        Where they are compressed it is as many as that takes little time for: see `unsent`.
-
-        Returns:
-            How many bytes the transport was given.
-        """
-        if self.is_extended:
-            self.unsent += messages
-            return self.send_more()
+    def _send_plain(self, messages: Sequence[bytes]) -> int:
+        """Send frames whose heads are made here, in one write."""
         transport = self.transport
         parts: list[bytes] = []
         for message in messages:
@@ -211,28 +147,6 @@ class DirectConnection(MessageConnection, ServerConnection):
         data = b"".join(parts)
         transport.write(data)
         return len(data)
-
-    def send_more(self) -> int:
-        """Compress a slice of what is left, and hand it to the transport. The connection must be open.
-
-        Returns:
-            How many bytes the transport was given.
-        """
-        core = self.core
-        left = COMPRESSED_AT_ONCE
-        while self.unsent and left > 0:
-            message, start = self.unsent[0], self._num_compressed
-            part = memoryview(message)[start : start + COMPRESSED_AT_ONCE]
-            is_last = start + len(part) == len(message)
-            if start:
-                core.send_continuation(part, fin=is_last)
-            else:
-                (core.send_binary if type(message) is BinaryFrame else core.send_text)(part, fin=is_last)
-            if is_last:
-                self.unsent.popleft()
-            self._num_compressed = 0 if is_last else start + len(part)
-            left -= len(part)
-        return self.flush()
 
     # What the transport calls
 
@@ -299,7 +213,6 @@ class DirectConnection(MessageConnection, ServerConnection):
         """Forget what cannot be answered any more."""
         self._kept.clear()
         self._check = None
-        self.unsent.clear()
         self._ping = b""
         self._has_ended = False
         self._is_dropping = True
@@ -348,50 +261,12 @@ class DirectConnection(MessageConnection, ServerConnection):
             return True
         return receiver.receive(check.message)
 
-    def refuse(self, fault: str) -> None:
-        """Fail the connection for data that are not what their frame says, with code 1007 (RFC 6455 section 7.4.1)."""
-        self.on_room()  # answers to the messages before it
-        self.forget()
-        self.fail(CloseCode.INVALID_DATA, fault)
-
     # How bytes become messages
 
     def _end(self) -> None:
-        """Nothing comes any more, and what was whole is handled: send the answers, forget the rest, and close."""
-        self.on_room()
+        """Drop the beginning of a frame that never came whole, and close."""
         self._kept.clear()
-        super().eof_received()
-        self.cut_off_unread()  # the transport itself waits without end for its buffer to be read
-        self.transport.close()
-
-    def _read_early(self, data: bytes) -> bytes:
-        """Count what comes, and return what of it stands behind the HTTP request."""
-        if self.request is None:
-            data = self._read_head(data)
-        self.num_early += len(data)
-        if self.num_early > MAX_EARLY and self.core.state is State.CONNECTING:
-            # RFC 6455 section 4.1: a client waits for the answer to its request before it sends any data
-            self.transport.abort()
-            return b""
-        return data
-
-    def _read_head(self, data: bytes) -> bytes:
-        """Give the library the HTTP request, if it is not too long; return what comes behind it."""
-        seen = self._head + data
-        end = seen.find(_BLANK_LINE)
-        self._num_head += len(data) if end < 0 else end + len(_BLANK_LINE) - len(self._head)
-        if self._num_head > MAX_EARLY:
-            if not self.transport.is_closing():
-                self.transport.write(_TOO_LONG)
-                self.transport.close()
-            return b""
-        if end < 0:
-            self._head = seen[1 - len(_BLANK_LINE) :]
-            self.feed(data)
-            return b""
-        cut = end + len(_BLANK_LINE) - len(self._head)
-        self.feed(data[:cut])
-        return data[cut:]
+        super()._end()
 
     # A call a frame would cost a tenth.
     def _read(self, data: bytes | bytearray, until: float) -> bool:  # noqa: C901, PLR0912, PLR0915
@@ -426,7 +301,7 @@ class DirectConnection(MessageConnection, ServerConnection):
                 size = int.from_bytes(view[position + 2 : start - 4], "big")
             stop = start + size
             if size < 0 or size > max_size:  # not masked, or too long: the library says so and closes
-                if not self._takes_more:  # whoever takes it may take longer ones
+                if not self._takes_more:  # a later receiver may take longer ones
                     break
                 need = 2
                 self.on_too_long()

@@ -39,10 +39,10 @@ class Turns:
     """The turns of all clients of one server."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, on_round: Callable[[], None]) -> None:
-        """Nothing waits yet.
+        """Begin without any worker.
 
         Args:
-            loop: whose passes are the rounds.
+            loop: its passes are the rounds.
             on_round: called after each round in which a client has worked; it must not raise.
         """
         self._loop = loop

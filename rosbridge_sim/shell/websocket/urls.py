@@ -49,7 +49,7 @@ def port_of(url: str) -> int:
 
 
 def shown_url(url: str) -> str:
-    """The URL without what nobody should read in a log: a token in its query, a name and password."""
+    """Return a URL without its secrets, for logs: the query, which may hold a token, and name and password."""
     scheme, mark, rest = url.partition("://")
     if not mark:
         scheme, rest = "", url

@@ -160,7 +160,7 @@ class MessageConnection(Connection):
             self._cut_off_in(self.close_timeout)
 
     def cut_off_unread(self) -> None:
-        """The same for a peer that has ended its side; it has time to read its answers, which may be long."""
+        """Abort the transport of a peer that has ended its side, after time for reading long answers."""
         self._cut_off_in(LAST_ANSWERS)
 
     def _cut_off_in(self, delay: float) -> None:
@@ -168,7 +168,7 @@ class MessageConnection(Connection):
             self._cut_off = self.loop.call_later(delay, self.transport.abort)
 
     def cut_off_deaf(self) -> None:
-        """Abort a connection whose other side reads no answers and goes on sending."""
+        """Abort a connection if the other side reads no answers and goes on sending."""
         if self.is_full and self.transport.get_write_buffer_size() > MAX_UNREAD:
             self.transport.abort()
 

@@ -10,7 +10,9 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from rosbridge_sim.cli.tools.map_picture import (
+from rosbridge_sim.morai.maps.mgeo import RoadMap, read_map
+from rosbridge_sim.morai.scenarios.reader import Spawn, read_scenario
+from rosbridge_sim.shell.map_picture import (
     AGENTS,
     CAR_LIGHT,
     DEAD_END,
@@ -24,8 +26,6 @@ from rosbridge_sim.cli.tools.map_picture import (
     _legend_font,
     draw_map,
 )
-from rosbridge_sim.morai.maps.mgeo import RoadMap, read_map
-from rosbridge_sim.morai.scenarios.reader import Spawn, read_scenario
 from tests.cli.tool_fixture import run
 from tests.morai.small_maps import KOREAN, ROADRUNNER
 

@@ -14,7 +14,7 @@ from rosbags.typesys.store import Typestore
 
 from rosbridge_sim.morai.replays.object_list_decoder import decode_object_lists
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.shell.files.library import read_definitions
+from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.world.state import Kind
 
 VECTORS = st.fixed_dictionaries(dict.fromkeys("xyz", st.floats(allow_nan=False)))

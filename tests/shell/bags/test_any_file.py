@@ -24,11 +24,13 @@ from rosbridge_sim.morai.replays.recording_builder import RecordingBuilder
 from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.bags.bag import open_bag
-from rosbridge_sim.shell.bags.recordings import read_recording
+from rosbridge_sim.shell.bags.bag_reader import read_recording
 from rosbridge_sim.shell.bags.repair import repair
-from rosbridge_sim.shell.config.loading import SettingError, read_network, read_settings
+from rosbridge_sim.shell.config.loading import read_settings
+from rosbridge_sim.shell.config.settings_file import read_network
 from rosbridge_sim.shell.config.toml_text import lines_of
-from rosbridge_sim.shell.files.library import read_definitions
+from rosbridge_sim.shell.config.value_types import SettingError
+from rosbridge_sim.shell.files.definitions import read_definitions
 from tests.mutations import Flip, damage, examples, flips
 
 STEP_NS = 20_000_000

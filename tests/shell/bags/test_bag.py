@@ -14,7 +14,7 @@ from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.bags.bag import Bag, BagGoneError, open_bag
-from rosbridge_sim.shell.files.library import read_definitions
+from rosbridge_sim.shell.files.definitions import read_definitions
 from tests.shell.bags.bag_reading import read_bag
 
 NAMES = ("drive.bag", "drive.mcap", "drive")

@@ -17,7 +17,8 @@ from rosbridge_sim import DocumentError, Simulator
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.bags import recording
 from rosbridge_sim.shell.bags.bag import open_bag
-from rosbridge_sim.shell.bags.recording import BagMessageWriter, Recorder
+from rosbridge_sim.shell.bags.message_writer import BagMessageWriter
+from rosbridge_sim.shell.bags.recording import Recorder
 from tests.conftest import Connect
 from tests.graph.bus_fixture import Wire, make_bus
 from tests.shell.bags.bag_reading import Seen, read_bag
@@ -124,7 +125,12 @@ async def test_topics_that_are_recorded_are_bounded_and_the_log_says_so_once(
             client.says(op="publish", topic=f"/chat{i}", type="std_msgs/String", msg={"data": "x"})
             client.says(op="unadvertise", topic=f"/chat{i}")
     assert [topic for topic, _, _ in read_bag(path)] == ["/chat0", "/chat1", "/chat2"]
-    assert caplog.messages.count(f"{path}: no further topics are recorded: 3 are recorded already") == 1
+    assert (
+        caplog.messages.count(
+            f"{path}: new topics are not recorded, because 3 topics are; choose some with --record-topics"
+        )
+        == 1
+    )
 
 
 async def test_patterns_choose_topics_of_anybody(tmp_path: Path, connect: Connect) -> None:
@@ -174,8 +180,10 @@ async def test_type_that_nobody_knows_is_told_once_and_left_out(
         for _ in range(3):
             await client.send("publish", topic="/odd", msg={"a": 1})
         await client.settle()
-    assert [line for line in caplog.messages if line.startswith("/odd is not recorded")] != []
-    assert len([line for line in caplog.messages if line.startswith("/odd is not recorded")]) == 1
+    assert [line for line in caplog.messages if line.startswith("topic /odd is recorded in part or not at all")] != []
+    assert (
+        len([line for line in caplog.messages if line.startswith("topic /odd is recorded in part or not at all")]) == 1
+    )
     assert stamps_of(read_bag(tmp_path / "a.bag"), "/odd") == []
 
 
@@ -195,9 +203,9 @@ async def test_type_of_a_topic_in_the_bag_is_its_first_publishers(
             await talker.send("publish", topic="/t", type="std_msgs/Int32", msg={"data": 7})
         await talker.settle()
     assert [one.data for topic, _, one in read_bag(tmp_path / "a.bag") if topic == "/t"] == ["first"]
-    told = [line for line in caplog.messages if line.startswith("/t is not recorded, or not all of it")]
+    told = [line for line in caplog.messages if line.startswith("topic /t is recorded in part or not at all")]
     assert told == [
-        "/t is not recorded, or not all of it: expected std_msgs/String, as the topic began; got std_msgs/Int32"
+        "topic /t is recorded in part or not at all: expected std_msgs/String, as the topic began; got std_msgs/Int32"
     ]
 
 
@@ -354,7 +362,7 @@ async def test_recording_that_fails_ends_and_the_world_goes_on(
         assert sim.num_bugs == (2 if seam == "abort" else 1)
         monkeypatch.undo()
         recorder.writer.abort()
-    assert "the recording has ended by a bug of ours; `rosbridge-sim bag repair` makes it readable" in failures(caplog)
+    assert "the recording ended by an internal error; `rosbridge-sim bag repair` makes it readable" in failures(caplog)
     assert len(failures(caplog)) == (2 if seam == "abort" else 1)
 
 

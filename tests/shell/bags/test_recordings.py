@@ -1,235 +1,29 @@
-"""Recordings from the disk: ours and strangers', whole, broken and none; and names that lead nowhere or elsewhere."""
+"""How recordings are found by name and read in a thread, and what a server makes of them."""
 
 from __future__ import annotations
 
 import asyncio
 import shutil
-from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import pytest
-from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
-from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from rosbags.typesys.store import Typestore
 
 from rosbridge_sim import DocumentError, Simulator
 from rosbridge_sim.morai.convert import Converter
 from rosbridge_sim.morai.releases import LENIENCY
-from rosbridge_sim.morai.replays.recording import EGO_COLUMNS, Recording
+from rosbridge_sim.morai.replays.recording import Recording
 from rosbridge_sim.morai.replays.recording_builder import RecordingBuilder
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.shell.bags.bag import open_bag
-from rosbridge_sim.shell.bags.recording import BagMessageWriter
-from rosbridge_sim.shell.bags.recordings import DiskRecordings, find_recording, read_recording
-from rosbridge_sim.shell.files.library import read_definitions
+from rosbridge_sim.shell.bags.recordings import DiskRecordings, find_recording
+from rosbridge_sim.shell.files.definitions import read_definitions
 from tests.conftest import Connect
+from tests.shell.bags.test_bag_reader import ways, write
 from tests.support import PATIENCE, Client
 
 FRAME_NS = 20_000_000
 STATUS = "/sim/process/state/msg/MoraiSimProcStatus"
 EGO, OBJECTS, INFO = "morai_msgs/EgoVehicleStatus", "morai_msgs/ObjectStatusList", "morai_msgs/ReplayInfo"
-
-
-def read(path: Path, release: str = "22.R2") -> Recording:
-    texts = read_definitions(release)
-    reading = RecordingBuilder(path.name, Converter(Store(texts, leniency=LENIENCY)))
-    return read_recording(path, reading, texts, lambda: None)
-
-
-def write(path: Path, topics: dict[str, tuple[str, list[dict[str, Any]]]], release: str = "22.R2") -> Path:
-    """A bag with messages 20 ms apart on each topic."""
-    ros: Literal[1, 2] = 1 if path.suffix == ".bag" else 2
-    store = Store(read_definitions(release), leniency=LENIENCY, ros=ros)
-    writer = BagMessageWriter(open_bag(path), store)
-    for topic, (type_name, messages) in topics.items():
-        writer.add(topic, type_name)
-        message_type = store.message(type_name)
-        for i, fields in enumerate(messages):
-            raw = message_type.encode_raw(message_type.check(fields, (i + 1) * FRAME_NS))
-            writer._write(topic, raw, (i + 1) * FRAME_NS)
-    writer.close()
-    return path
-
-
-def ways(*xs: float) -> list[dict[str, Any]]:
-    return [{"position": {"x": x}, "heading": 90.0, "accel": 0.5} for x in xs]
-
-
-def shown(recording: Recording, index: int = 0) -> list[float]:
-    return list(recording.egos[index].values[0])
-
-
-# What is in a bag
-
-
-@pytest.mark.parametrize("name", ["a.bag", "a.mcap", "a"])
-def test_egos_and_objects_are_read(tmp_path: Path, name: str) -> None:
-    objects = [{"npc_list": [{"unique_id": 4, "name": "Bus", "position": {"x": x}}]} for x in (1.0, 2.0)]
-    path = write(
-        tmp_path / name,
-        {
-            "/Ego_topic": (EGO, ways(1.0, 2.0)),
-            "/Ego-3/Ego_topic": (EGO, ways(7.0)),
-            "/Object_topic": (OBJECTS, objects),
-            "/Ego-3/Object_topic": (OBJECTS, []),
-            "/ReplayInfo_topic": (INFO, [{}]),
-            "/chatter": ("std_msgs/String", [{"data": "x"}]),
-        },
-    )
-    recording = read(path)
-    assert shown(recording) == [1.0, 2.0]
-    assert shown(recording, 3) == [7.0]
-    assert recording.objects is not None
-    assert recording.objects.values[0].tolist() == [1.0, 2.0]
-    assert recording.duration_ns == FRAME_NS
-    assert recording.notes == ()
-
-
-@pytest.mark.parametrize("name", ["a.bag", "a.mcap"])
-def test_replay_info_fills_in_what_the_others_do_not_tell(tmp_path: Path, name: str) -> None:
-    info = {"ego_acc": 0.25, "npc_list": [{"unique_id": 4, "name": "Bus", "position": {"x": 9.0}}]}
-    alone = read(write(tmp_path / name, {"/ReplayInfo_topic": (INFO, [info])}))
-    assert not alone.egos[0].has_place
-    assert alone.egos[0].values[EGO_COLUMNS.index("throttle")].tolist() == [0.25]
-    assert alone.objects is not None
-    both = read(write(tmp_path / f"b-{name}", {"/r": (INFO, [info]), "/e": (EGO, ways(1.0))}))
-    assert both.egos[0].has_place
-    assert both.objects is not None
-    assert both.objects.values[0].tolist() == [9.0]
-
-
-def test_of_two_topics_of_a_type_the_usual_one_is_read(tmp_path: Path) -> None:
-    recording = read(write(tmp_path / "a.bag", {"/AAA": (EGO, ways(7.0)), "/Ego_topic": (EGO, ways(1.0))}))
-    assert shown(recording) == [1.0]
-    assert recording.notes == ("/AAA is left out: /Ego_topic is replayed",)
-
-
-def test_under_names_of_ones_own_the_messages_say_whose_they_are(tmp_path: Path) -> None:
-    second = [{**way, "unique_id": 2} for way in ways(7.0)]
-    first = [{**way, "unique_id": -1} for way in ways(1.0)]
-    recording = read(write(tmp_path / "a.bag", {"/a/second": (EGO, second), "/car/state": (EGO, first)}))
-    assert (shown(recording), shown(recording, 2)) == ([1.0], [7.0])
-    assert recording.notes == ()
-
-
-def test_bag_without_anything_of_ours_is_empty(tmp_path: Path) -> None:
-    assert read(write(tmp_path / "a.bag", {"/chatter": ("std_msgs/String", [{"data": "x"}])})).is_empty
-    assert read(write(tmp_path / "b.bag", {"/Ego_topic": (EGO, [])})).is_empty
-
-
-@pytest.mark.parametrize(("written", "used"), [("22.R2", "26.R1"), ("26.R1", "22.R2")])
-def test_bag_of_the_other_release_is_read_by_its_own_definitions(tmp_path: Path, written: str, used: str) -> None:
-    steering = "wheel_angle" if written == "22.R2" else "front_steer_angle"
-    path = write(tmp_path / "a.mcap", {"/Ego_topic": (EGO, [{"position": {"x": 3.0}, steering: 0.5}])}, written)
-    recording = read(path, used)
-    assert shown(recording) == [3.0]
-    steer = recording.egos[0].values[EGO_COLUMNS.index("steer"), 0]
-    assert steer == pytest.approx(0.5 if written == "22.R2" else 0.5 * 3.14159265 / 180)
-
-
-# Strangers' bags
-
-HEADER = "=" * 80 + "\nMSG: std_msgs/Header\nuint32 seq\ntime stamp\nstring frame_id\n"
-VECTOR = "=" * 80 + "\nMSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n"
-OTHER_STATUS = (
-    "Header header\nObjectStatus[] npc_list\n"
-    + ("=" * 80)
-    + "\nMSG: morai_msgs/ObjectStatus\nint32 unique_id\nstring name\nfloat64 heading\nfloat64 extra\n"
-    "geometry_msgs/Vector3 velocity\ngeometry_msgs/Vector3 acceleration\ngeometry_msgs/Vector3 size\n"
-    "geometry_msgs/Vector3 position\n"
-)
-
-
-def write_strange(
-    path: Path,
-    text: str,
-    raw_of: Callable[[Typestore], bytes],
-    topic: str = "/Object_topic",
-    name: str = "ObjectStatusList",
-) -> Path:
-    """A ROS 1 bag with one message of a definition of somebody's own."""
-    full_name = f"morai_msgs/msg/{name}"
-    types = get_typestore(Stores.EMPTY)
-    types.register(get_types_from_msg(text, full_name))
-    with Writer1(path) as writer:
-        connection = writer.add_connection(topic, full_name, msgdef=text, md5sum="0" * 32)
-        broken = writer.add_connection("/odd", "odd_msgs/msg/Odd", msgdef="§ this is no definition", md5sum="0" * 32)
-        writer.write(connection, FRAME_NS, raw_of(types))
-        writer.write(broken, FRAME_NS, b"\1\2\3")
-    return path
-
-
-def test_other_layout_is_read_by_the_bags_own_definition(tmp_path: Path) -> None:
-    def raw_of(types: Typestore) -> bytes:
-        kinds: dict[str, Any] = types.types  # classes that are made at run time
-        vector = kinds["geometry_msgs/msg/Vector3"]
-        stamp = kinds["std_msgs/msg/Header"](0, kinds["builtin_interfaces/msg/Time"](1, 0), "")
-        status = kinds["morai_msgs/msg/ObjectStatus"](
-            5, "Bus", 90.0, 1.0, *(vector(float(i), float(i + 1), float(i + 2)) for i in (1, 4, 7, 10))
-        )
-        message = kinds["morai_msgs/msg/ObjectStatusList"](stamp, [status])
-        return bytes(types.serialize_ros1(message, "morai_msgs/msg/ObjectStatusList"))
-
-    recording = read(write_strange(tmp_path / "a.bag", OTHER_STATUS + HEADER + VECTOR, raw_of))
-    assert recording.objects is not None
-    assert recording.objects.values[:3, 0].tolist() == [10.0, 11.0, 12.0]
-    assert recording.objects.actors[0].uid == 5
-
-
-def test_message_without_the_fields_that_matter_is_told(tmp_path: Path) -> None:
-    path = write_strange(tmp_path / "a.bag", "float64 x\n", lambda _types: bytes(8), "/Ego_topic", "EgoVehicleStatus")
-    with pytest.raises(DocumentError, match=r"a\.bag: a message does not fit its type: /Ego_topic: .*'header'"):
-        read(path)
-
-
-def test_bag_without_definitions_is_read_by_those_in_use(tmp_path: Path) -> None:
-    store = Store(read_definitions("26.R1"), leniency=LENIENCY, ros=2)
-    message_type = store.message(EGO)
-    path = tmp_path / "old"
-    with Writer2(path, version=8, storage_plugin=StoragePlugin.SQLITE3) as writer:
-        full_name = EGO.replace("/", "/msg/")
-        connection = writer.add_connection("/Ego_topic", full_name, msgdef=store.full_text(EGO), rihs01="RIHS01_0")
-        raw = message_type.encode_raw(message_type.check(ways(5.0)[0], FRAME_NS))
-        writer.write(connection, FRAME_NS, raw)
-    import sqlite3  # noqa: PLC0415 - takes the definitions out, as they were not in there before
-
-    with sqlite3.connect(path / "old.db3") as database:
-        database.execute("DELETE FROM message_definitions")
-    database.close()
-    assert shown(read(path, "26.R1")) == [5.0]
-
-
-# Broken ones
-
-
-@pytest.mark.parametrize("name", ["a.bag", "a.mcap"])
-def test_broken_bags_are_one_readable_line(tmp_path: Path, name: str) -> None:
-    whole = write(tmp_path / name, {"/Ego_topic": (EGO, ways(*range(200)))}).read_bytes()
-    path = tmp_path / f"b-{name}"
-    texts = []
-    for content in (b"", b"no bag at all", whole[: len(whole) // 2], whole[:-20], whole[100:]):
-        path.write_bytes(content)
-        with pytest.raises(DocumentError) as caught:
-            read(path)
-        texts.append(str(caught.value))
-    assert all(text.startswith(f"b-{name}: ") and "\n" not in text for text in texts)
-    assert all("is no bag, or has no end" in text for text in texts[:3])
-
-
-@pytest.mark.slow
-def test_any_bytes_in_the_middle_give_a_recording_or_a_reason(tmp_path: Path) -> None:
-    for name in ("a.bag", "a.mcap"):
-        whole = write(tmp_path / name, {"/Ego_topic": (EGO, ways(*range(20)))}).read_bytes()
-        for at in range(0, len(whole), len(whole) // 30):
-            path = tmp_path / f"b-{name}"
-            path.write_bytes(whole[:at] + b"\xff\xfe\xfd\xfc" + whole[at + 4 :])
-            with suppress(DocumentError):
-                assert isinstance(read(path), Recording)
-
 
 # Names
 

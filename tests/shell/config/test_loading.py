@@ -9,18 +9,13 @@ import pytest
 
 from rosbridge_sim.morai.interfaces.network_settings import InterfaceChoice, InterfaceKind, NetworkSettings
 from rosbridge_sim.morai.interfaces.registry import ListedInterface
-from rosbridge_sim.shell.config.loading import (
-    PREFIX,
-    SettingError,
-    check_options,
-    format_config,
-    looks_like_path,
-    read_network,
-    read_settings,
-    strange_variables,
-)
+from rosbridge_sim.shell.app import mistakes_of_items
+from rosbridge_sim.shell.config.keys import PREFIX
+from rosbridge_sim.shell.config.loading import check_options, read_settings, strange_variables
 from rosbridge_sim.shell.config.settings import FIELDS, SHORT_FORMS, Settings, flag_of
-from rosbridge_sim.shell.config.value_types import FILE, FOLDER_TYPE, FOLDERS, SWITCH
+from rosbridge_sim.shell.config.settings_file import looks_like_path, read_network
+from rosbridge_sim.shell.config.toml_output import format_config
+from rosbridge_sim.shell.config.value_types import FILE, FOLDER_TYPE, FOLDERS, SWITCH, SettingError
 
 OTHER: dict[str, object] = {
     "host": "::1",
@@ -118,7 +113,7 @@ def as_variable(key: str, value: object) -> str:
 
 def mistake(argv: list[str], environ: dict[str, str] | None = None) -> str:
     with pytest.raises(SettingError) as caught:
-        read_settings(argv, environ or {})
+        read_settings(argv, environ or {}, find_more=mistakes_of_items)
     text = str(caught.value)
     if "--config" not in argv:
         assert "\n" not in text
@@ -285,7 +280,7 @@ def test_network_settings_may_stand_in_a_whole_settings_file(tmp_path: Path, cap
     file.write_text('port = 1\nno-world = true\n[publishers]\n"tf" = { rate = 5 }\n')
     with caplog.at_level("INFO"):
         assert read_network(file) == NetworkSettings(publishers={"/tf": InterfaceChoice(rate=5.0)})
-    assert caplog.messages == [f"{file}: passed over what is no network setting: port, no-world"]
+    assert caplog.messages == [f"{file}: ignored keys that are no network settings: port, no-world"]
     file.write_text("[publisher]\n")
     with pytest.raises(SettingError, match=r"n.toml:1: publisher: expected .* \(did you mean publishers\?\)"):
         read_network(file)

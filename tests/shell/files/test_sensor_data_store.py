@@ -6,6 +6,7 @@ import errno
 import logging
 import os
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 
@@ -200,3 +201,32 @@ def test_a_part_that_a_killed_process_left_behind_is_no_hindrance(root: Path) ->
     assert tree(root) == ["SensorData/Ego-2/BOXES_one.txt", "SensorData/GPS_one.csv"]
     assert (place / "GPS_one.csv").read_bytes() == FILES["GPS_{}.csv"]
     assert outside.read_bytes() == b"precious"
+
+
+def refuse_link(self: Path, target: Path) -> NoReturn:
+    """Do as FAT does."""
+    raise PermissionError(errno.EPERM, os.strerror(errno.EPERM), str(self), None, str(target))
+
+
+def test_a_disk_without_links_takes_captures_too_and_nothing_is_overwritten(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Path, "hardlink_to", refuse_link)
+    for _ in range(2):
+        DiskArchive(root).save("", "shot", FILES)
+    assert tree(root) == [
+        *("SensorData/Ego-2/BOXES_shot.txt", "SensorData/Ego-2/BOXES_shot_2.txt"),
+        *("SensorData/GPS_shot.csv", "SensorData/GPS_shot_2.csv"),
+    ]
+    assert (root / "SensorData" / "GPS_shot.csv").read_bytes() == FILES["GPS_{}.csv"]
+
+
+def test_capture_that_fails_on_a_disk_without_links_leaves_nothing(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(self: Path, target: Path) -> NoReturn:
+        raise PermissionError(errno.EACCES, "another program has it open", str(self), None, str(target))
+
+    monkeypatch.setattr(Path, "hardlink_to", refuse_link)
+    monkeypatch.setattr(Path, "replace", refuse)
+    with pytest.raises(DocumentError, match="another program has it open"):
+        DiskArchive(root).save("", "shot", FILES)
+    assert tree(root) == []

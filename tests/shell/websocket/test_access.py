@@ -19,7 +19,6 @@ from urllib.parse import quote
 
 import pytest
 import pytest_asyncio
-import uvloop
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
@@ -28,11 +27,13 @@ from websockets.asyncio.client import connect as connect_socket
 from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
 
 from rosbridge_sim import DocumentError, Simulator
+from rosbridge_sim.client import AsyncClient, ConnectError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
+from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.shell.websocket import connections
 from rosbridge_sim.shell.websocket.access import (
     LEAST_BURST,
@@ -47,6 +48,7 @@ from rosbridge_sim.shell.websocket.origins import OriginRules, own_names
 from rosbridge_sim.shell.websocket.server import Server
 from tests.conftest import Connect, Serve
 from tests.graph.bus_fixture import make_store
+from tests.shell.event_loops import EACH_LOOP, MakeLoop
 from tests.support import PATIENCE, Client
 
 TOKEN = "s3cret/+="  # noqa: S105 - a test's own
@@ -549,8 +551,9 @@ def certificate(tmp_path_factory: pytest.TempPathFactory) -> Certificate:
 
 
 async def test_with_a_certificate_it_is_wss(certificate: Certificate) -> None:
-    options: dict[str, object] = {"certfile": certificate.certfile, "keyfile": certificate.keyfile, "token": TOKEN}
-    async with Simulator(port=0, world=False, **options) as sim:
+    options: SimulatorOptions = {"certfile": certificate.certfile, "keyfile": certificate.keyfile, "token": TOKEN}
+    options |= {"port": 0, "world": False}
+    async with Simulator(**options) as sim:
         assert sim.url == f"wss://127.0.0.1:{sim.port}"
         async with await enter(sim.url, headers=BEARER, context=certificate.context) as client:
             await client.subscribe("/t", type="std_msgs/String")
@@ -559,13 +562,24 @@ async def test_with_a_certificate_it_is_wss(certificate: Certificate) -> None:
             assert (await client.message("/t"))["data"] == text
 
 
+async def test_python_client_trusts_the_certificate_that_it_is_given(certificate: Certificate) -> None:
+    options: SimulatorOptions = {"certfile": certificate.certfile, "keyfile": certificate.keyfile, "token": TOKEN}
+    options |= {"port": 0, "world": False}
+    async with Simulator(**options) as sim:
+        async with AsyncClient(sim.url, token=TOKEN, tls=certificate.context) as client:
+            await client.confirm()
+        with pytest.raises(ConnectError, match="certificate"):
+            await AsyncClient(sim.url, token=TOKEN).open()
+
+
 async def test_a_simulator_dials_a_bridge_with_a_certificate(
     certificate: Certificate, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("SSL_CERT_FILE", certificate.certfile)
-    options: dict[str, object] = {"certfile": certificate.certfile, "keyfile": certificate.keyfile, "token": TOKEN}
+    options: SimulatorOptions = {"certfile": certificate.certfile, "keyfile": certificate.keyfile, "token": TOKEN}
+    options |= {"port": 0, "world": False}
     async with (
-        Simulator(port=0, world=False, **options) as bridge,
+        Simulator(**options) as bridge,
         Simulator(listen=False, attach=f"{bridge.url}/?token={quote(TOKEN)}") as sim,
     ):
         await asyncio.wait_for(asyncio.shield(sim.attachments[0].attached), PATIENCE)
@@ -589,9 +603,9 @@ async def test_who_speaks_plainly_to_a_port_with_a_certificate_disturbs_nobody(
 
 
 @pytest.mark.parametrize("is_tls", [True, False])
-@pytest.mark.parametrize("loop_factory", [asyncio.new_event_loop, uvloop.new_event_loop], ids=["asyncio", "uvloop"])
+@EACH_LOOP
 def test_connection_that_does_not_get_to_its_request_is_closed_in_time(
-    certificate: Certificate, loop_factory: Callable[[], asyncio.AbstractEventLoop], *, is_tls: bool
+    certificate: Certificate, make_loop: MakeLoop, *, is_tls: bool
 ) -> None:
     limits = ServerLimits(tls_timeout=0.05, open_timeout=0.05)
 
@@ -612,13 +626,13 @@ def test_connection_that_does_not_get_to_its_request_is_closed_in_time(
             await asyncio.gather(*(connect_and_wait(server.port, first) for first in (b"", hello) for _ in range(20)))
         await server.stop()
 
-    with asyncio.Runner(loop_factory=loop_factory) as runner:
+    with asyncio.Runner(loop_factory=make_loop) as runner:
         runner.run(check())
 
 
-@pytest.mark.parametrize("loop_factory", [asyncio.new_event_loop, uvloop.new_event_loop], ids=["asyncio", "uvloop"])
+@EACH_LOOP
 def test_tls_handshakes_that_stall_are_bounded_and_keep_nobody_out(
-    certificate: Certificate, loop_factory: Callable[[], asyncio.AbstractEventLoop], monkeypatch: pytest.MonkeyPatch
+    certificate: Certificate, make_loop: MakeLoop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(connections, "MAX_OPENING", 3)
 
@@ -641,10 +655,10 @@ def test_tls_handshakes_that_stall_are_bounded_and_keep_nobody_out(
                 with suppress(ConnectionError):
                     assert await reader.read() == b""
                 writer.close()
-        assert not server._tables.doors
+        assert not server._tables.handshakes
         assert not len(server._tables.opening)
 
-    with asyncio.Runner(loop_factory=loop_factory) as runner:
+    with asyncio.Runner(loop_factory=make_loop) as runner:
         runner.run(check())
 
 
@@ -751,8 +765,43 @@ async def test_what_is_open_without_a_token_is_warned_of_once(caplog: pytest.Log
         ({"allow_origin": ["https://*.example.org"], "allow_host": ["*.example.org"]}, 0),
     ):
         caplog.clear()
-        async with Simulator(port=0, world=False, **options):
+        async with Simulator(**options):
             pass
         warnings = [record.getMessage() for record in caplog.records if record.levelno >= logging.WARNING]
         assert len(warnings) == num_lines, warnings
         assert all("--token" in line for line in warnings)
+
+
+@EACH_LOOP
+def test_request_in_one_packet_with_the_end_of_the_handshake_is_answered(
+    certificate: Certificate, make_loop: MakeLoop
+) -> None:
+    async def check() -> None:
+        server = Server(Bus(make_store()), ServerLimits(), lambda: None)
+        await server.start("127.0.0.1", 0, load_certificate(certificate.certfile, certificate.keyfile))
+        reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        incoming, outgoing = ssl.MemoryBIO(), ssl.MemoryBIO()
+        client = certificate.context.wrap_bio(incoming, outgoing, server_hostname="127.0.0.1")
+        async with asyncio.timeout(PATIENCE):
+            while True:
+                try:
+                    client.do_handshake()
+                    break
+                except ssl.SSLWantReadError:
+                    writer.write(outgoing.read())
+                    incoming.write(await reader.read(2**16))
+            client.write(b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+            writer.write(outgoing.read())  # the client's last flight of TLS 1.3, and the request behind it
+            answer = b""
+            while b"\r\n\r\n" not in answer:
+                incoming.write(await reader.read(2**16))
+                with suppress(ssl.SSLWantReadError):
+                    answer += client.read(2**16)
+        assert answer.startswith(b"HTTP/1.1 200")
+        writer.close()
+        await server.stop()
+        assert not server._tables.handshakes
+        assert not len(server._tables.opening)
+
+    with asyncio.Runner(loop_factory=make_loop) as runner:
+        runner.run(check())

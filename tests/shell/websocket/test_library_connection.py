@@ -22,6 +22,8 @@ from rosbridge_sim.protocol.outbox import BinaryFrame
 from rosbridge_sim.shell.app import Simulator
 from rosbridge_sim.shell.websocket import library_connection, websocket_internals
 from rosbridge_sim.shell.websocket.library_connection import LibraryConnection
+from rosbridge_sim.shell.websocket.receiving_connection import ReceivingConnection
+from rosbridge_sim.shell.websocket.server_connection import DirectConnection
 from tests.shell.websocket.test_server_connection import (
     CONVERSATIONS,
     INVALID_DATA,
@@ -309,3 +311,9 @@ async def test_server_with_clients_stops() -> None:
         with pytest.raises(ConnectionClosed):
             await client.read()
         assert client.socket.close_code == 1001
+
+
+def test_neither_kind_of_connection_is_the_other() -> None:
+    for kind, other in [(LibraryConnection, DirectConnection), (DirectConnection, LibraryConnection)]:
+        assert issubclass(kind, ReceivingConnection)
+        assert not issubclass(kind, other)

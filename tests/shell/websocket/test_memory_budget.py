@@ -13,7 +13,7 @@ from websockets.exceptions import ConnectionClosed
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.shell.files.library import read_definitions
+from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.shell.websocket.limits import ServerLimits
 from rosbridge_sim.shell.websocket.memory_budget import MemoryBudget, default_budget
 from rosbridge_sim.shell.websocket.server import Server

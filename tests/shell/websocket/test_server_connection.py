@@ -21,7 +21,8 @@ from websockets.frames import Frame, Opcode
 
 from rosbridge_sim.protocol.outbox import BinaryFrame
 from rosbridge_sim.shell.websocket import websocket_internals
-from rosbridge_sim.shell.websocket.server_connection import COMPRESSED_AT_ONCE, DirectConnection, Receiver
+from rosbridge_sim.shell.websocket.receiving_connection import COMPRESSED_AT_ONCE, Receiver, ReceivingConnection
+from rosbridge_sim.shell.websocket.server_connection import DirectConnection
 from tests.support import PATIENCE
 
 MAX_SIZE = 70_000
@@ -38,7 +39,7 @@ def frame(opcode: Opcode, data: bytes, *, fin: bool = True) -> bytes:
 class Ear:
     """Takes messages of one connection, a few in each turn, and now and then wants a pause behind one."""
 
-    def __init__(self, socket: DirectConnection, heard: list[bytes], num_a_turn: int) -> None:
+    def __init__(self, socket: ReceivingConnection, heard: list[bytes], num_a_turn: int) -> None:
         self._socket = socket
         self._heard = heard
         self._num_a_turn = num_a_turn

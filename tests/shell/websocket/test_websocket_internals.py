@@ -1,7 +1,8 @@
 """The contract with the `websockets` library: what we use of it beyond its documented interface is there and behaves.
 
-A new version of the library is tried by running this file, `test_direct.py`, `test_dialing.py`, `test_inflate.py`,
-`test_library_log.py`, `test_server.py` and `test_strangers.py` with it. If they pass, it joins `TRIED`.
+A new version of the library is tried by running this file, `test_server_connection.py`, `test_client_connection.py`,
+`test_inflate.py`, `test_library_log.py`, `test_server.py` and `test_unauthenticated.py` with it. If they pass, it joins
+`TRIED`.
 """
 
 from __future__ import annotations

@@ -1,15 +1,14 @@
-"""Connections that have shown no token yet, where one is wanted: what they may send, and how many there may be.
+"""Connections that have not shown the token yet, on a server that wants one.
 
 A page in a browser can set no header, so a client may also show its token in its first message:
-`{"op": "auth", "token": ...}`. Until then it is a `Stranger`. It has no peer, no session and no outbox. Small frames of
-plain JSON are looked at and nothing else is decoded; its frames and its bytes are counted; and what it sends too much
-of closes it. A wrong token holds up this one connection and no other, because behind a router or Docker all clients
-have the same address.
+`{"op": "auth", "token": ...}`. Until then it is an `UnauthenticatedConnection`, without peer, session and outbox. Small
+frames of plain JSON are read, and nothing else is decoded. Frames and bytes are counted; too many of them close it. A
+wrong token delays this one connection and no other, because behind a router or Docker all clients have the same
+address.
 
-Strangers have places of their own (`ConnectionPlaces`) and never take one of a client's. When these are full, the
-oldest stranger gives its place to the new one. The other way, to refuse the new one, would let anybody keep out all
-pages with a few idle connections. So a client has some time in any case, and one that shows its token in the handshake
-never needs such a place.
+These connections have places of their own (`ConnectionPlaces`) and never take a client's. When the places are full, the
+oldest connection is closed for the new one. So a client has some time in any case, and one that shows its token in the
+handshake never needs such a place.
 """
 
 from __future__ import annotations
@@ -17,13 +16,13 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.protocol.first_op import FirstOp, read_first_op, refusal_frame
 from rosbridge_sim.shell.websocket.access import Access
 from rosbridge_sim.shell.websocket.inflate import Deflated
-from rosbridge_sim.shell.websocket.server_connection import DirectConnection
+from rosbridge_sim.shell.websocket.receiving_connection import ReceivingConnection
 from rosbridge_sim.shell.websocket.turns import Turns
 
 __all__ = [
@@ -32,18 +31,16 @@ __all__ = [
     "MAX_UNPROVEN_SIZE",
     "NO_TOKEN",
     "WRONG_TOKEN",
-    "ConnectionPlaces",
-    "Evictable",
-    "Stranger",
+    "UnauthenticatedConnection",
 ]
 
 _log = logging.getLogger("rosbridge_sim.access")
 
 MAX_UNPROVEN_SIZE = 16 * 1024
-"""A longer message of a stranger closes it with code 1009 before its payload is kept [bytes]."""
+"""Longest message [bytes]; a longer one closes the connection with code 1009 before its payload is kept."""
 
 MAX_UNPROVEN_BYTES = 64 * 1024
-"""Bytes that a stranger may send in all, pings and pieces included [bytes]: far more than a token in any spelling."""
+"""Most that may come in all, pings and fragments included [bytes]: far more than a token in any spelling."""
 
 MAX_REFUSED = 16
 """Frames without a token that are answered; the next one closes the connection. A program that is written for a server
@@ -61,61 +58,25 @@ MAX_OP = 30
 _GONE = "the connection was lost"
 
 
-class Evictable(Protocol):
-    """A holder of a place."""
-
-    def evict(self) -> None:
-        """Leave at once: another one takes the place. Must not raise."""
-
-
-class ConnectionPlaces:
-    """A bounded number of places, in order of arrival; the oldest one leaves for a new one."""
-
-    def __init__(self, number: int) -> None:
-        """All free.
-
-        Args:
-            number: of places, 1 at least.
-        """
-        self._number = number
-        self._taken: dict[Evictable, None] = {}
-
-    def __len__(self) -> int:
-        """Number of places taken."""
-        return len(self._taken)
-
-    def take(self, one: Evictable) -> None:
-        """Give a place to one that has none, if need be the place of the oldest."""
-        self._taken[one] = None
-        if len(self._taken) > self._number:
-            oldest = next(iter(self._taken))
-            del self._taken[oldest]
-            oldest.evict()
-
-    def leave(self, one: Evictable) -> None:
-        """Free a place; one that has none is no error."""
-        self._taken.pop(one, None)
-
-
-class Stranger:
-    """One such connection, as the `Receiver` of its socket and a `Worker` with turns.
+class UnauthenticatedConnection:
+    """A connection without the token, as the `Receiver` of its socket and a `Worker` with turns.
 
     Attributes:
         settled: why it is to be closed, with code 1008; None where it has shown the token. Then nothing more is read
-            from the socket until somebody else listens. A bug of ours is its exception.
-        rest: what was glued behind the token in one message.
+            from the socket until another receiver listens. An internal error is its exception.
+        rest: the ops behind the token in the same message.
     """
 
     def __init__(
         self,
-        socket: DirectConnection,
+        socket: ReceivingConnection,
         access: Access,
         turns: Turns,
         *,
         is_talkative: bool,
         on_refusal: Callable[[Reason, str, str], None] = lambda _reason, _op, _text: None,
     ) -> None:
-        """A stranger that has said nothing yet, and whose time runs.
+        """Begin to wait for the token; the time runs from here on.
 
         Args:
             socket: its connection, open.
@@ -272,7 +233,7 @@ class Stranger:
         self._turns.wait(self, had_turn=had_turn)
 
     def _contain(self, act: Callable[..., None], *args: object) -> None:
-        """Do something that concerns this connection alone; a bug of ours ends it and nobody else."""
+        """Do something that concerns this connection alone; an internal error closes it and no other."""
         try:
             act(*args)
         except Exception as error:  # noqa: BLE001 - the server logs and counts it
@@ -285,4 +246,4 @@ _STATUS = b'{"op":"status"'
 
 
 def _ignore() -> None:
-    """Do nothing: the stranger is gone or has become a client."""
+    """Do nothing: the connection is lost or has become a client."""

@@ -23,16 +23,16 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.shell.websocket.access import Access
+from rosbridge_sim.shell.websocket.connection_places import ConnectionPlaces
 from rosbridge_sim.shell.websocket.limits import MAX_OPENING, ServerLimits
+from rosbridge_sim.shell.websocket.receiving_connection import MAX_EARLY
 from rosbridge_sim.shell.websocket.server import Server
-from rosbridge_sim.shell.websocket.server_connection import MAX_EARLY
-from rosbridge_sim.shell.websocket.strangers import (
+from rosbridge_sim.shell.websocket.unauthenticated import (
     MAX_REFUSED,
     MAX_TRIES,
     MAX_UNPROVEN_BYTES,
     MAX_UNPROVEN_SIZE,
     NO_TOKEN,
-    ConnectionPlaces,
 )
 from tests.graph.bus_fixture import make_store
 from tests.support import PATIENCE, Client, mask, open_raw
@@ -77,7 +77,7 @@ class Port:
 
     @property
     def num_strangers(self) -> int:
-        return len(self.server._tables.strangers)
+        return len(self.server._tables.unauthenticated)
 
     async def is_serving(self) -> None:
         """A client with the token is let in at once, and served."""
@@ -457,7 +457,7 @@ async def test_little_is_read_of_a_flood_behind_a_wrong_token(listen: Listen) ->
     port = await listen(delay=FOR_EVER, patience=FOR_EVER)
     _, writer = await open_raw(port.server.port)
     writer.write(mask('{"op": "auth", "token": "wrong"}'))
-    await until(lambda: any(socket._is_paused for socket in port.server._tables.sockets))
+    await until(lambda: any(getattr(one, "_is_paused", False) for one in port.server._tables.sockets))
     (socket,) = port.server._tables.sockets
     writer.write(mask("x" * 1_000) * 10_000)
     await port.is_serving()

@@ -1,0 +1,42 @@
+"""A small client for a rosbridge, in a blocking form (`Client`) and one for asyncio (`AsyncClient`).
+
+    from rosbridge_sim.client import Client
+
+    with Client("ws://127.0.0.1:9090") as client:
+        client.start_sync()
+        print(client.tick(50).ego["position"])
+
+Both have the same methods. The blocking form runs the other one in a thread of its own, so that a method is written
+once: a test holds the two to the same signatures. The `websockets` library carries the frames.
+"""
+
+from __future__ import annotations
+
+from rosbridge_sim.client.asynchronous import DEFAULT_URL, AsyncClient, AsyncSubscription, Status, Tick
+from rosbridge_sim.client.blocking import Client, Subscription
+from rosbridge_sim.client.frames import Frame
+from rosbridge_sim.errors import (
+    AnswerTimeoutError,
+    ClientError,
+    ConnectError,
+    ConnectionLostError,
+    OpRefusedError,
+    ServiceRefusedError,
+)
+
+__all__ = [
+    "DEFAULT_URL",
+    "AnswerTimeoutError",
+    "AsyncClient",
+    "AsyncSubscription",
+    "Client",
+    "ClientError",
+    "ConnectError",
+    "ConnectionLostError",
+    "Frame",
+    "OpRefusedError",
+    "ServiceRefusedError",
+    "Status",
+    "Subscription",
+    "Tick",
+]

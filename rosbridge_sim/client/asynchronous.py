@@ -1,0 +1,728 @@
+"""The client for asyncio programs. The blocking one is made from it.
+
+One task reads the socket as long as the connection lives: answers go to their calls, messages to their subscriptions.
+So pings are answered while the program does something else, and several tasks may use one client.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import logging
+import math
+import ssl
+from collections import deque
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, ClassVar, Literal, Self
+
+import orjson
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed, InvalidStatus, InvalidURI, WebSocketException
+
+from rosbridge_sim.client.frames import MAX_SIZE, Frame, FrameReader, Inbox, absolute
+from rosbridge_sim.errors import (
+    AnswerTimeoutError,
+    ClientError,
+    ConnectError,
+    ConnectionLostError,
+    FrameError,
+    OpRefusedError,
+    ServiceRefusedError,
+)
+from rosbridge_sim.shell.terminal_text import safe
+from rosbridge_sim.shell.websocket.client_connection import why_gone, why_not
+from rosbridge_sim.shell.websocket.library_log import quiet
+from rosbridge_sim.shell.websocket.urls import DEFAULT_PORT, full_url, shown_url
+
+__all__ = ["DEFAULT_URL", "AsyncClient", "AsyncSubscription", "Status", "Tick"]
+
+DEFAULT_URL = f"ws://127.0.0.1:{DEFAULT_PORT}"
+"""A server on this machine that was started without flags."""
+
+DEFAULT_TIMEOUT = 5.0
+"""Longest wait for an answer if nothing is said [s]: rosbridge_suite's own time-out of a call."""
+
+DEFAULT_KEEP = 1_000
+"""Messages of a subscription that wait to be taken, if nothing is said: 20 s of a topic at 50 Hz."""
+
+DEFAULT_USER_ID = "rosbridge_sim.client"
+"""Name under which the client is master of synchronous mode, if nothing is said."""
+
+CLOSE_TIMEOUT = 1.0
+"""Longest wait for the other side's goodbye [s]."""
+
+MAX_STATUSES = 100
+"""Remarks of the server that are kept, the newest: more than a person reads."""
+
+FRAME_MS = 20
+"""One frame of the simulator [ms]; a tick moves it by a multiple."""
+
+_FINAL_STATUSES = (401, 403)
+"""HTTP statuses that no later attempt changes: the token is wrong, or the server does not want this client."""
+
+_log = logging.getLogger("rosbridge_sim.client")
+
+Predicate = Callable[[Frame], object]
+"""Takes a message; a true value says that it is the one that is waited for."""
+
+StatusLevel = Literal["info", "warning", "error", "none"]
+"""The least level of the remarks that the server sends."""
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """A remark of the server, from a `status` frame.
+
+    Attributes:
+        level: `info`, `warning` or `error`.
+        text: what it says.
+        op_id: the id of the op that it is about; None where the server does not tell.
+    """
+
+    level: str
+    text: str
+    op_id: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """The simulation after a tick of synchronous mode.
+
+    Attributes:
+        frame: number of the frame.
+        time: simulated time [s].
+        ego: a `morai_msgs/EgoVehicleStatus`: position [m, ENU], heading [deg], velocity in the car's frame [m/s].
+    """
+
+    frame: int
+    time: float
+    ego: Frame
+
+
+@dataclass(slots=True)
+class _SyncMode:
+    """Synchronous mode of which this client is master."""
+
+    user_id: str
+    step_ms: int
+    frame: int
+
+
+class AsyncClient:
+    """A connection to a rosbridge, for the tasks of one event loop.
+
+        async with AsyncClient("ws://127.0.0.1:9090") as client:
+            spec = await client.ask("/Service_MoraiVehicleSpec", unique_id=0)
+
+    It does not connect anew by itself: after `ConnectionLostError`, make another one. Each method that waits takes
+    `timeout` in seconds; None takes the client's own, and `math.inf` sets no limit.
+
+    Attributes:
+        url: of the server.
+        timeout: longest wait for an answer or a message, where a method is given no other [s].
+        statuses: the last remarks of the server, oldest first. They are in the log `rosbridge_sim.client` as well.
+    """
+
+    url_name: ClassVar[str] = "url"
+    """Where the URL was given, for errors."""
+
+    token_name: ClassVar[str] = "token"  # noqa: S105 - a name, and no secret
+    """The same for the token."""
+
+    def __init__(
+        self,
+        url: str = DEFAULT_URL,
+        *,
+        token: str | None = None,
+        timeout: float = DEFAULT_TIMEOUT,
+        tls: ssl.SSLContext | None = None,
+        status_level: StatusLevel | None = "warning",
+    ) -> None:
+        """Prepare a client; `open` or `async with` connects it.
+
+        Args:
+            url: `ws://HOST:PORT` or `wss://HOST:PORT`; `HOST` and `HOST:PORT` will do.
+            token: what the server was given by `--token`; None shows none.
+            timeout: longest wait for an answer or a message [s].
+            tls: certificates to trust for `wss://`; None trusts those of the system.
+            status_level: least level of the remarks that the server is asked for; None leaves that to the server.
+        """
+        self.url = full_url(url)
+        self.timeout = timeout
+        self.statuses: deque[Status] = deque(maxlen=MAX_STATUSES)
+        self._token = token
+        self._tls = tls
+        self._status_level = status_level
+        self._connection: ClientConnection | None = None
+        self._reading: asyncio.Task[None] | None = None
+        self._lost: ConnectionLostError | None = None
+        self._numbers = itertools.count(1)
+        self._calls: dict[str, asyncio.Future[Frame]] = {}
+        self._subscriptions: dict[str, list[AsyncSubscription]] = {}
+        self._others: Inbox | None = None
+        self._advertised: set[tuple[str, str]] = set()
+        self._refusals: dict[str, Status] = {}  # errors that nobody has been told of, by the ids of their ops
+        self._num_statuses = 0
+        self._sync: _SyncMode | None = None
+        self._ticking = asyncio.Lock()
+
+    def __repr__(self) -> str:
+        """Return the URL without a token, and the state."""
+        state = "connected" if self.is_connected else "not connected"
+        return f"<{type(self).__name__} {shown_url(self.url)} {state}>"
+
+    # The connection
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether it is open, as far as this side knows."""
+        return self._connection is not None and self._lost is None
+
+    async def __aenter__(self) -> Self:
+        """Connect."""
+        return await self.open()
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Disconnect."""
+        await self.close()
+
+    async def open(self) -> Self:
+        """Connect to the server; return the client itself. A client connects once.
+
+        Raises:
+            ConnectError: there is no connection; the text says why.
+        """
+        if self._connection is not None:
+            raise ClientError(f"{self!r}: expected a client that was never opened; make another one")
+        headers = {} if not self._token else {"Authorization": f"Bearer {self._check_token(self._token)}"}
+        if self._tls is not None and not self.url.startswith("wss://"):
+            raise ConnectError(f"tls: expected a URL with wss://; got {shown_url(self.url)!r}", is_final=True)
+        more: dict[str, Any] = {} if self._tls is None else {"ssl": self._tls}  # Any: arguments of the library
+        try:
+            self._connection = await connect(
+                self.url,
+                additional_headers=headers,
+                compression=None,
+                open_timeout=self._limit(None),
+                close_timeout=CLOSE_TIMEOUT,
+                ping_interval=None,  # a server that is busy with a long call answers no ping, and that is no fault
+                max_size=MAX_SIZE,
+                proxy=None,  # the environment's proxies are for the web
+                logger=quiet,
+                **more,
+            )
+        except (OSError, ValueError, WebSocketException) as error:
+            raise self._why_not(error) from error
+        self._reading = asyncio.create_task(self._read(self._connection))
+        if self._status_level is not None:
+            await self.send("set_level", level=self._status_level)
+        return self
+
+    def _check_token(self, token: str) -> str:
+        if not token.isascii() or not token.isprintable() or " " in token:
+            raise ConnectError(f"{self.token_name}: expected printable ASCII without blanks", is_final=True)
+        return token
+
+    @property
+    def _secrets(self) -> tuple[str, ...]:
+        return (self._token,) if self._token else ()
+
+    def _why_not(self, error: Exception) -> ConnectError:
+        text = why_not(self.url, error, self.timeout, flag=self.url_name, token=self.token_name, secrets=self._secrets)
+        status = error.response.status_code if isinstance(error, InvalidStatus) else None
+        is_no_url = isinstance(error, (InvalidURI, ValueError)) and not isinstance(error, (UnicodeError, ssl.SSLError))
+        return ConnectError(text, status=status, is_final=is_no_url or status in _FINAL_STATUSES)
+
+    async def close(self) -> None:
+        """Disconnect in order: the server forgets what it held for this client. Twice is no error."""
+        if self._connection is None or self._reading is None:
+            return
+        self._end(ConnectionLostError(f"{shown_url(self.url)}: this client was closed"))
+        if not self._reading.done():  # else the other side has closed it, and the library fails where it was cut off
+            await self._connection.close()
+            await asyncio.wait({self._reading})
+
+    def _end(self, error: ConnectionLostError) -> None:
+        """Let all who wait know that nothing more comes."""
+        if self._lost is not None:
+            return
+        self._lost = error
+        for future in list(self._calls.values()):
+            if not future.done():
+                future.set_exception(error)
+                future.exception()  # a call whose caller is gone is no fault
+        for inbox in [one.inbox for some in self._subscriptions.values() for one in some]:
+            inbox.end(error)
+        if self._others is not None:
+            self._others.end(error)
+
+    # Frames
+
+    async def send(self, op: str, **fields: object) -> str:
+        """Send an op of the rosbridge protocol as it is; return the id that it got.
+
+        Raises:
+            ConnectionLostError: there is no connection.
+            TypeError: a value that JSON has no word for.
+        """
+        op_id = f"{op}:{next(self._numbers)}"
+        await self._send(op_id, op, fields)
+        return op_id
+
+    async def _send(self, op_id: str, op: str, fields: Mapping[str, object]) -> None:
+        text = orjson.dumps({"op": op, "id": op_id, **fields}, option=orjson.OPT_SERIALIZE_NUMPY).decode()
+        connection = self._connection
+        if connection is None:
+            raise ConnectionLostError(f"{shown_url(self.url)}: not connected yet; use `with`, or call open() first")
+        if self._lost is not None:
+            raise self._lost
+        try:
+            await connection.send(text)
+        except ConnectionClosed as closed:
+            raise ConnectionLostError(why_gone(self.url, closed, self._secrets)) from None
+
+    def collect_others(self) -> Inbox:
+        """Return an inbox that gets each frame from now on that answers no call and belongs to no subscription."""
+        self._others = self._others or Inbox()
+        return self._others
+
+    def note(self, text: str) -> None:
+        """Tell of something that came and cannot be used."""
+        _log.warning("%s: %s", shown_url(self.url), text)
+
+    async def _read(self, connection: ClientConnection) -> None:
+        reader = FrameReader()
+        now = asyncio.get_running_loop().time
+        try:
+            while True:
+                data = await connection.recv()
+                try:
+                    frame = reader.read(data, now())
+                except FrameError as error:
+                    self.note(f"a fragment that cannot be used: {error}")
+                else:
+                    if frame is not None:
+                        self._take(frame)
+        except ConnectionClosed as closed:
+            self._end(ConnectionLostError(why_gone(self.url, closed, self._secrets)))
+        finally:  # a bug of ours: nobody is to wait for ever
+            self._end(ConnectionLostError(f"{shown_url(self.url)}: the client has stopped reading"))
+
+    def _take(self, frame: Frame) -> None:
+        """Give a frame to whoever waits for it."""
+        op = frame.get("op")
+        if op == "service_response":
+            future = self._calls.get(str(frame.get("id")))
+            if future is not None and not future.done():
+                future.set_result(frame)
+                return
+        elif op == "publish":
+            listeners = self._subscriptions.get(absolute(str(frame.get("topic"))), [])
+            msg = frame.get("msg")
+            for listener in listeners:
+                listener.inbox.put(msg if isinstance(msg, dict) else {})
+            if listeners:
+                return
+        elif op == "status" and self._others is None:
+            self._note_status(frame)
+        if self._others is not None:
+            self._others.put(frame)
+
+    def _note_status(self, frame: Frame) -> None:
+        op_id = frame.get("id")
+        status = Status(str(frame.get("level")), str(frame.get("msg")), None if op_id is None else str(op_id))
+        self.statuses.append(status)
+        self._num_statuses += 1
+        op_name = (status.op_id or "").partition(":")[0]
+        if status.level == "error" and op_name != "call_service" and len(self._refusals) < MAX_STATUSES:
+            self._refusals.setdefault(status.op_id or f"status:{self._num_statuses}", status)
+        if status.level in {"warning", "error"}:
+            _log.warning("%s says: %s: %s", shown_url(self.url), safe(status.level), safe(status.text))
+
+    def _limit(self, timeout: float | None) -> float | None:
+        """Return the longest wait [s]; None where there is no limit."""
+        limit = self.timeout if timeout is None else timeout
+        return None if math.isinf(limit) else limit
+
+    def _until(self, timeout: float | None) -> float | None:
+        limit = self._limit(timeout)
+        return None if limit is None else asyncio.get_running_loop().time() + limit
+
+    # Services
+
+    async def begin_call(
+        self, service: str, args: object = None, *, server_timeout: float | None = None
+    ) -> asyncio.Future[Frame]:
+        """Send a call and do not wait: for many calls that are under way at once.
+
+        Args:
+            service: its name.
+            args: the request, by field names or, as a list, by position.
+            server_timeout: the server gives up after so long [s]; 0 is for ever, None leaves it to the server.
+
+        Returns:
+            The `service_response` frame, in the future. Cancel it to wait no longer.
+
+        Raises:
+            ConnectionLostError: there is no connection.
+        """
+        call_id = f"call_service:{next(self._numbers)}"
+        future: asyncio.Future[Frame] = asyncio.get_running_loop().create_future()
+        self._calls[call_id] = future
+        future.add_done_callback(lambda _: self._calls.pop(call_id, None))
+        fields: dict[str, object] = {"service": service, "args": {} if args is None else args}
+        if server_timeout is not None:
+            fields["timeout"] = server_timeout
+        try:
+            await self._send(call_id, "call_service", fields)
+        except BaseException:
+            self._calls.pop(call_id, None)
+            raise
+        return future
+
+    async def call(self, service: str, args: object = None, *, timeout: float | None = None) -> Frame:
+        """Call any service and return its values.
+
+        Args:
+            service: its name.
+            args: the request, by field names or, as a list, by position.
+            timeout: longest wait [s].
+
+        Raises:
+            ServiceRefusedError: it says no, or there is no such service; the error has the reason.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        future = await self.begin_call(service, args)
+        limit = self._limit(timeout)
+        try:
+            async with asyncio.timeout(limit):
+                frame = await future
+        except TimeoutError:
+            raise AnswerTimeoutError(f"{service}: no answer within {limit:g} s") from None
+        values = frame.get("values", {})
+        if frame.get("result", True) is False:
+            raise ServiceRefusedError(service, values if isinstance(values, str) else "", values)
+        return values if isinstance(values, dict) else {}
+
+    async def ask(self, service: str, /, *, timeout: float | None = None, **request: object) -> Frame:
+        """Call a service of the simulator and return its `response`.
+
+        Services of `morai_msgs` wrap one message: `request` goes in and `response` comes out. For others use `call`.
+
+        Args:
+            service: its name.
+            timeout: longest wait [s].
+            request: the fields of the request; those that are left out are 0.
+
+        Raises:
+            ServiceRefusedError: it says no, or there is no such service; the error has the reason.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        values = await self.call(service, {"request": request}, timeout=timeout)
+        response = values.get("response")
+        if not isinstance(response, dict):
+            raise ServiceRefusedError(service, "the answer has no `response`; use call()", values)
+        return response
+
+    # Topics
+
+    async def publish(self, topic: str, msg: Mapping[str, object], type_name: str | None = None) -> None:
+        """Publish a message. The server tells of a mistake later: `confirm` waits for that.
+
+        Args:
+            topic: its name.
+            msg: fields by name; those that are left out are 0.
+            type_name: of the message, as `pkg/Type`; the server must be told it once for a topic of your own.
+
+        Raises:
+            ConnectionLostError: there is no connection.
+        """
+        if type_name is not None and (topic, type_name) not in self._advertised:
+            await self.send("advertise", topic=topic, type=type_name)
+            self._advertised.add((topic, type_name))
+        await self.send("publish", topic=topic, msg=msg)
+
+    async def confirm(self, *, timeout: float | None = None) -> None:
+        """Wait until the server has handled all that was sent so far.
+
+        Args:
+            timeout: longest wait [s].
+
+        Raises:
+            OpRefusedError: it refused some of that since the last call of this method.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        await self._settle(timeout)
+        refusals, self._refusals = self._refusals, {}
+        if refusals:
+            raise OpRefusedError("; ".join(status.text for status in refusals.values()))
+
+    async def _settle(self, timeout: float | None) -> None:
+        """Make a harmless call: the server handles frames in order, so its answer comes after all before it."""
+        with suppress(ServiceRefusedError):  # it has no rosapi, and that is an answer as well
+            await self.call("/rosapi/get_time", timeout=timeout)
+
+    async def subscribe(
+        self, topic: str, type_name: str | None = None, *, throttle_ms: int = 0, keep: int = DEFAULT_KEEP
+    ) -> AsyncSubscription:
+        """Subscribe to a topic; return once the server has done it.
+
+        The last message of a latched topic comes at once. A further subscription to that topic brings it to the earlier
+        ones of this client again, since messages do not tell which subscription they are for.
+
+        Args:
+            topic: its name.
+            type_name: of its messages; None takes the topic's, which must be there then.
+            throttle_ms: least time between two messages [ms].
+            keep: messages that wait to be taken; where more come, the oldest are dropped first.
+
+        Raises:
+            OpRefusedError: there is no such topic, or it has another type.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        if keep < 1:
+            raise ValueError(f"keep: expected a number from 1 on; got {keep}")
+        subscription = AsyncSubscription(self, absolute(topic), Inbox(keep), f"subscribe:{next(self._numbers)}")
+        # A server sends what is subscribed to under two spellings twice, so all subscriptions have one.
+        fields: dict[str, object] = {"topic": subscription.topic, "throttle_rate": throttle_ms}
+        if type_name is not None:
+            fields["type"] = type_name
+        listeners = self._subscriptions.setdefault(subscription.topic, [])
+        listeners.append(subscription)
+        try:
+            await self._send(subscription.op_id, "subscribe", fields)
+            await self._settle(None)
+        except BaseException:
+            self._forget(subscription)
+            raise
+        refusal = self._refusals.pop(subscription.op_id, None)
+        if refusal is not None:
+            self._forget(subscription)
+            raise OpRefusedError(refusal.text)
+        return subscription
+
+    def _forget(self, subscription: AsyncSubscription) -> None:
+        listeners = self._subscriptions.get(subscription.topic, [])
+        if subscription in listeners:
+            listeners.remove(subscription)
+        if not listeners:
+            self._subscriptions.pop(subscription.topic, None)
+        subscription.inbox.end(None)
+
+    async def unsubscribe(self, subscription: AsyncSubscription) -> None:
+        """End a subscription; twice is no error, nor is a connection that has ended."""
+        if subscription not in self._subscriptions.get(subscription.topic, []):
+            return
+        self._forget(subscription)
+        if self.is_connected:
+            with suppress(ConnectionLostError):  # that ends it as well
+                await self._send(subscription.op_id, "unsubscribe", {"topic": subscription.topic})
+
+    async def wait_for(
+        self,
+        topic: str,
+        predicate: Predicate | None = None,
+        *,
+        type_name: str | None = None,
+        timeout: float | None = None,
+    ) -> Frame:
+        """Return the first message of a topic that fits, from now on. A message that is latched there counts.
+
+        What comes before the call is missed: to publish something and see its effect, `subscribe` first.
+
+        Args:
+            topic: its name.
+            predicate: takes a message and says whether it fits; None takes the first one.
+            type_name: as for `subscribe`.
+            timeout: longest wait [s].
+
+        Raises:
+            OpRefusedError: there is no such topic, or it has another type.
+            AnswerTimeoutError: none that fits in time.
+            ConnectionLostError: the connection has ended.
+        """
+        subscription = await self.subscribe(topic, type_name)
+        try:
+            return await subscription.wait_for(predicate, timeout=timeout)
+        finally:
+            await self.unsubscribe(subscription)
+
+    async def next_of(
+        self, subscription: AsyncSubscription, predicate: Predicate | None, timeout: float | None
+    ) -> Frame:
+        """Return the next message of a subscription that fits; see `AsyncSubscription.wait_for`."""
+        until, num = self._until(timeout), 0
+        while (msg := await subscription.inbox.next(until)) is not None:
+            if predicate is None or predicate(msg):
+                return msg
+            num += 1
+        if subscription.inbox.is_ended:
+            raise ClientError(f"{subscription.topic}: expected an open subscription; this one was closed")
+        why = f"; of {num:,} that came none fits" if num else ""
+        if self._sync is not None and not num:
+            why = "; in synchronous mode the world stands until tick()"
+        raise AnswerTimeoutError(f"{subscription.topic}: no message within {self._limit(timeout):g} s{why}")
+
+    # Synchronous mode
+
+    async def start_sync(self, *, user_id: str = DEFAULT_USER_ID, step_ms: int = FRAME_MS) -> int:
+        """Start synchronous mode with this client as its master; return the frame that the world stands at.
+
+        Args:
+            user_id: name of the master.
+            step_ms: how far a tick moves the world: a multiple of 20 [ms].
+
+        Raises:
+            ServiceRefusedError: there is another master, or the mode cannot be started; the error has the reason.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        response = await self._ask_sync("result", "/SyncModeCmd", _sync_command(user_id, step_ms, is_on=True))
+        self._sync = _SyncMode(user_id, step_ms, int(response.get("frame", 0)))
+        return self._sync.frame
+
+    async def stop_sync(self) -> None:
+        """End synchronous mode: the world goes on in real time. Nothing if this client has not started it.
+
+        Raises:
+            ServiceRefusedError: the simulator says no; the error has the reason.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        if self._sync is not None:
+            await self._ask_sync("result", "/SyncModeCmd", _sync_command(self._sync.user_id, self._sync.step_ms))
+            self._sync = None
+
+    async def tick(self, n: int = 1, *, timeout: float | None = None) -> Tick:
+        """Move the world by some ticks; return what the last one brought. Ticks of several callers do not overlap.
+
+        Args:
+            n: number of ticks, from 1 on.
+            timeout: longest wait for each [s].
+
+        Raises:
+            ClientError: synchronous mode was not started.
+            ServiceRefusedError: the tick is refused; the error has the reason.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        if n < 1:
+            raise ValueError(f"tick: expected a number from 1 on; got {n}")
+        async with self._ticking:
+            sync = self._sync
+            if sync is None:
+                raise ClientError("tick: expected synchronous mode; call start_sync() first")
+            for _ in range(n):
+                request = {"user_id": sync.user_id, "frame": sync.frame + sync.step_ms // FRAME_MS}
+                response = await self._ask_sync("tick_status", "/SyncModeWaitForTick", request, timeout)
+                sync.frame = int(response.get("frame", 0))
+        return Tick(sync.frame, float(response.get("time") or "nan"), response.get("vehicle_status", {}))
+
+    @property
+    def next_frame(self) -> int:
+        """The frame that the next tick leads to, for requests that name one; 0 without `start_sync`."""
+        return 0 if self._sync is None else self._sync.frame + self._sync.step_ms // FRAME_MS
+
+    async def _ask_sync(
+        self, key: str, service: str, request: Mapping[str, object], timeout: float | None = None
+    ) -> Frame:
+        """Return the response of a service of synchronous mode, which says in a field whether it did what was asked.
+
+        Raises:
+            ServiceRefusedError: it did not; the reason is the server's remark, which is not in the response.
+        """
+        num_before = self._num_statuses
+        response = await self.ask(service, timeout=timeout, **request)
+        if response.get(key) is not True:
+            await self._settle(timeout)
+            num_new = min(self._num_statuses - num_before, len(self.statuses))
+            reasons = [status.text for status in list(self.statuses)[len(self.statuses) - num_new :]]
+            raise ServiceRefusedError(service, reasons[-1] if reasons else "", response)
+        return response
+
+
+def _sync_command(user_id: str, step_ms: int, *, is_on: bool = False) -> Frame:
+    return {"user_id": user_id, "start_sync_mode": is_on, "time_step": step_ms}
+
+
+class AsyncSubscription:
+    """The messages of a topic, from `AsyncClient.subscribe`.
+
+        async with await client.subscribe("/Ego_topic") as egos:
+            async for ego in egos:
+                ...
+
+    The loop ends when the subscription is closed, and raises `ConnectionLostError` when the connection ends.
+
+    Attributes:
+        topic: its absolute name.
+        inbox: messages that wait to be taken.
+        op_id: the id of the subscription on the wire.
+    """
+
+    def __init__(self, client: AsyncClient, topic: str, inbox: Inbox, op_id: str) -> None:
+        self.topic = topic
+        self.inbox = inbox
+        self.op_id = op_id
+        self._client = client
+
+    @property
+    def num_dropped(self) -> int:
+        """Messages that were dropped, since more came than the subscription keeps."""
+        return self.inbox.num_dropped
+
+    async def next(self, *, timeout: float | None = None) -> Frame:
+        """Return the next message; errors as for `wait_for`."""
+        return await self._client.next_of(self, None, timeout)
+
+    async def wait_for(self, predicate: Predicate | None = None, *, timeout: float | None = None) -> Frame:
+        """Return the next message that fits; those before it are passed over.
+
+        Args:
+            predicate: takes a message and says whether it fits; None takes the first one.
+            timeout: longest wait [s]; None takes the client's own.
+
+        Raises:
+            AnswerTimeoutError: none that fits in time.
+            ConnectionLostError: the connection has ended.
+            ClientError: the subscription was closed.
+        """
+        return await self._client.next_of(self, predicate, timeout)
+
+    async def take(self) -> list[Frame]:
+        """Return the messages that wait, oldest first, without waiting for more."""
+        return self.inbox.take()
+
+    async def close(self) -> None:
+        """End the subscription; twice is no error."""
+        await self._client.unsubscribe(self)
+
+    def __aiter__(self) -> Self:
+        """Iterate over the messages, without a limit of time."""
+        return self
+
+    async def __anext__(self) -> Frame:
+        """Return the next message."""
+        msg = await self.inbox.next(None)
+        if msg is None:
+            raise StopAsyncIteration
+        return msg
+
+    async def __aenter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End the subscription."""
+        await self.close()

@@ -1,0 +1,252 @@
+"""The blocking client: each method runs the one of the same name of an `AsyncClient`, in a thread of its own.
+
+The library has a client for threads as well. It was turned down: it has a thread for each connection too, which stops
+reading when a few messages wait, so a second one would be needed; and each method would have to be written twice.
+"""
+
+from __future__ import annotations
+
+import ssl
+from collections.abc import Coroutine, Mapping
+from contextlib import suppress
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+from rosbridge_sim.client.asynchronous import (
+    DEFAULT_KEEP,
+    DEFAULT_TIMEOUT,
+    DEFAULT_URL,
+    DEFAULT_USER_ID,
+    FRAME_MS,
+    AsyncClient,
+    AsyncSubscription,
+    Predicate,
+    Status,
+    StatusLevel,
+    Tick,
+)
+from rosbridge_sim.client.frames import Frame
+from rosbridge_sim.errors import ClientError, ConnectionLostError
+from rosbridge_sim.shell.loop_thread import LoopStoppedError, LoopThread
+from rosbridge_sim.shell.websocket.urls import shown_url
+
+__all__ = ["Client", "Subscription"]
+
+T = TypeVar("T")
+
+
+class Client:
+    """A connection to a rosbridge, for programs that block. Every method may be called from any thread.
+
+        with Client("ws://127.0.0.1:9090") as client:
+            spec = client.ask("/Service_MoraiVehicleSpec", unique_id=0)
+
+    It does not connect anew by itself: after `ConnectionLostError`, make another one. Each method that waits takes
+    `timeout` in seconds; None takes the client's own, and `math.inf` sets no limit. A predicate runs in the client's
+    thread, so it may not call the client. In a coroutine use `AsyncClient`: this one would hold up the event loop.
+    """
+
+    def __init__(
+        self,
+        url: str = DEFAULT_URL,
+        *,
+        token: str | None = None,
+        timeout: float = DEFAULT_TIMEOUT,
+        tls: ssl.SSLContext | None = None,
+        status_level: StatusLevel | None = "warning",
+    ) -> None:
+        """Prepare a client; `open` or `with` connects it. Arguments as for `AsyncClient`."""
+        self._client = AsyncClient(url, token=token, timeout=timeout, tls=tls, status_level=status_level)
+        self._thread: LoopThread | None = None
+
+    def __repr__(self) -> str:
+        """Return the URL without a token, and the state."""
+        return repr(self._client).replace(AsyncClient.__name__, type(self).__name__, 1)
+
+    def run(self, work: Coroutine[Any, Any, T]) -> T:
+        """Run a coroutine of the inner client in the client's thread."""
+        url = shown_url(self._client.url)
+        if self._thread is None:
+            work.close()
+            raise ConnectionLostError(f"{url}: not connected yet; use `with`, or call open() first")
+        try:
+            return self._thread.run(work)
+        except LoopStoppedError:
+            raise ConnectionLostError(f"{url}: this client was closed") from None
+
+    # The connection
+
+    @property
+    def url(self) -> str:
+        """The URL of the server."""
+        return self._client.url
+
+    @property
+    def timeout(self) -> float:
+        """Longest wait for an answer or a message, where a method is given no other [s]."""
+        return self._client.timeout
+
+    @property
+    def statuses(self) -> list[Status]:
+        """The last remarks of the server, oldest first. They are in the log `rosbridge_sim.client` as well."""
+        return list(self._client.statuses)
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether it is open, as far as this side knows."""
+        return self._client.is_connected
+
+    def __enter__(self) -> Self:
+        """Connect."""
+        return self.open()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Disconnect."""
+        self.close()
+
+    def open(self) -> Self:
+        """See `AsyncClient.open`."""
+        if self._thread is not None:
+            raise ClientError(f"{self!r}: expected a client that was never opened; make another one")
+        self._thread = LoopThread("rosbridge_sim.client")
+        try:
+            self.run(self._client.open())
+        except BaseException:
+            self._thread.stop()
+            raise
+        return self
+
+    def close(self) -> None:
+        """See `AsyncClient.close`."""
+        if self._thread is not None and self._thread.is_alive:
+            try:
+                with suppress(ConnectionLostError):  # another thread closes it as well
+                    self.run(self._client.close())
+            finally:
+                self._thread.stop()
+
+    def send(self, op: str, **fields: object) -> str:
+        """See `AsyncClient.send`."""
+        return self.run(self._client.send(op, **fields))
+
+    # Services
+
+    def call(self, service: str, args: object = None, *, timeout: float | None = None) -> Frame:
+        """See `AsyncClient.call`."""
+        return self.run(self._client.call(service, args, timeout=timeout))
+
+    def ask(self, service: str, /, *, timeout: float | None = None, **request: object) -> Frame:
+        """See `AsyncClient.ask`."""
+        return self.run(self._client.ask(service, timeout=timeout, **request))
+
+    # Topics
+
+    def publish(self, topic: str, msg: Mapping[str, object], type_name: str | None = None) -> None:
+        """See `AsyncClient.publish`."""
+        self.run(self._client.publish(topic, msg, type_name))
+
+    def confirm(self, *, timeout: float | None = None) -> None:
+        """See `AsyncClient.confirm`."""
+        self.run(self._client.confirm(timeout=timeout))
+
+    def subscribe(
+        self, topic: str, type_name: str | None = None, *, throttle_ms: int = 0, keep: int = DEFAULT_KEEP
+    ) -> Subscription:
+        """See `AsyncClient.subscribe`."""
+        inner = self.run(self._client.subscribe(topic, type_name, throttle_ms=throttle_ms, keep=keep))
+        return Subscription(self, inner)
+
+    def wait_for(
+        self,
+        topic: str,
+        predicate: Predicate | None = None,
+        *,
+        type_name: str | None = None,
+        timeout: float | None = None,
+    ) -> Frame:
+        """See `AsyncClient.wait_for`."""
+        return self.run(self._client.wait_for(topic, predicate, type_name=type_name, timeout=timeout))
+
+    # Synchronous mode
+
+    def start_sync(self, *, user_id: str = DEFAULT_USER_ID, step_ms: int = FRAME_MS) -> int:
+        """See `AsyncClient.start_sync`."""
+        return self.run(self._client.start_sync(user_id=user_id, step_ms=step_ms))
+
+    def stop_sync(self) -> None:
+        """See `AsyncClient.stop_sync`."""
+        self.run(self._client.stop_sync())
+
+    def tick(self, n: int = 1, *, timeout: float | None = None) -> Tick:
+        """See `AsyncClient.tick`."""
+        return self.run(self._client.tick(n, timeout=timeout))
+
+    @property
+    def next_frame(self) -> int:
+        """See `AsyncClient.next_frame`."""
+        return self._client.next_frame
+
+
+class Subscription:
+    """The messages of a topic, from `Client.subscribe`.
+
+        with client.subscribe("/Ego_topic") as egos:
+            for ego in egos:
+                ...
+
+    The loop ends when the subscription is closed, and raises `ConnectionLostError` when the connection ends.
+    """
+
+    def __init__(self, client: Client, inner: AsyncSubscription) -> None:
+        self._client = client
+        self._inner = inner
+
+    @property
+    def topic(self) -> str:
+        """Its absolute name."""
+        return self._inner.topic
+
+    @property
+    def num_dropped(self) -> int:
+        """Messages that were dropped, since more came than the subscription keeps."""
+        return self._inner.num_dropped
+
+    def next(self, *, timeout: float | None = None) -> Frame:
+        """See `AsyncSubscription.next`."""
+        return self._client.run(self._inner.next(timeout=timeout))
+
+    def wait_for(self, predicate: Predicate | None = None, *, timeout: float | None = None) -> Frame:
+        """See `AsyncSubscription.wait_for`."""
+        return self._client.run(self._inner.wait_for(predicate, timeout=timeout))
+
+    def take(self) -> list[Frame]:
+        """See `AsyncSubscription.take`."""
+        return self._client.run(self._inner.take())
+
+    def close(self) -> None:
+        """See `AsyncSubscription.close`."""
+        with suppress(ConnectionLostError):  # that has ended it as well
+            self._client.run(self._inner.close())
+
+    def __iter__(self) -> Self:
+        """Iterate over the messages, without a limit of time."""
+        return self
+
+    def __next__(self) -> Frame:
+        """Return the next message."""
+        try:
+            return self._client.run(anext(self._inner))
+        except StopAsyncIteration:
+            raise StopIteration from None
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End the subscription."""
+        self.close()

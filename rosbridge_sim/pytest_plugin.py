@@ -1,0 +1,173 @@
+"""The pytest plugin: simulators and clients as fixtures, and a report on them when a test fails.
+
+pytest loads it by the entry point `rosbridge_sim`. Nothing else of the package is imported before a fixture is used, so
+a test run that needs no simulator is not slowed down. `docs/testing.md` explains fixtures, markers and the report.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Generator, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol, Unpack
+
+import pytest
+
+if TYPE_CHECKING:
+    from rosbridge_sim import Simulator, SimulatorOptions
+    from rosbridge_sim.client import Client
+    from rosbridge_sim.shell.failure_report import FailureReport
+
+__all__ = ["SimulatorFactory"]
+
+SECTION = "rosbridge_sim"
+"""Title of the section in the report of a failed test."""
+
+_REPORTS: pytest.StashKey[list[FailureReport]] = pytest.StashKey()
+_FOLDER: pytest.StashKey[Path] = pytest.StashKey()
+
+_MARKERS = (
+    "rosbridge_scenario(name): scenario of the simulators that the test's fixtures start: a name or a file",
+    "rosbridge_seed(n): random seed of these simulators",
+    "rosbridge_options(**options): further keyword arguments of rosbridge_sim.Simulator for these simulators",
+)
+
+
+class SimulatorFactory(Protocol):
+    """The value of the fixture `rosbridge_simulator_factory`."""
+
+    def __call__(self, **options: Unpack[SimulatorOptions]) -> Simulator:
+        """Start a simulator that runs until the end of the test.
+
+        Args:
+            options: as for `rosbridge_sim.Simulator`; they win over markers. The port is a free one, and the data
+                folder is in the test's `tmp_path`, unless they say otherwise.
+        """
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option that says where pictures go."""
+    parser.getgroup("rosbridge_sim").addoption(
+        "--rosbridge-pictures",
+        metavar="DIR",
+        help="folder for pictures of failed tests' scenes, such as one that CI keeps [tmp_path of the test]",
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Register the markers."""
+    for line in _MARKERS:
+        config.addinivalue_line("markers", line)
+
+
+@pytest.fixture
+def rosbridge_simulator_factory(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[SimulatorFactory]:
+    """Return a function that starts simulators, each in a thread of its own; they are closed at the end of the test."""
+    from rosbridge_sim import Simulator  # noqa: PLC0415 - a run without simulators does without the package
+    from rosbridge_sim.shell.failure_report import FailureReport  # noqa: PLC0415 - the same
+
+    item = request.node
+    item.stash[_FOLDER] = tmp_path
+    simulators: list[Simulator] = []
+    ending = ExitStack()  # each is closed, whatever goes wrong with another one
+    reports = item.stash.setdefault(_REPORTS, [])
+
+    def start(**options: Unpack[SimulatorOptions]) -> Simulator:
+        given: SimulatorOptions = {"port": 0, "data_dir": tmp_path / "SaveFile"}
+        given.update(_options_of(item))
+        given.update(options)
+        simulator = Simulator(**given).open()
+        ending.callback(simulator.close)
+        simulators.append(simulator)
+        reports.append(FailureReport(simulator))
+        return simulator
+
+    with ending:
+        yield start
+    reports.clear()
+    failures = ", ".join(repr(simulator) for simulator in simulators if simulator.num_bugs)
+    assert not failures, f"faults of the simulator itself, with tracebacks in the log: {failures}"
+
+
+@pytest.fixture
+def rosbridge_simulator(rosbridge_simulator_factory: SimulatorFactory) -> Simulator:
+    """A simulator of the test's own, with the scenario, seed and options of the test's markers."""
+    return rosbridge_simulator_factory()
+
+
+@pytest.fixture
+def rosbridge_url(rosbridge_simulator: Simulator) -> str:
+    """The URL of the fixture `rosbridge_simulator`."""
+    return rosbridge_simulator.url
+
+
+@pytest.fixture
+def rosbridge_client(rosbridge_simulator: Simulator) -> Iterator[Client]:
+    """A blocking client that is connected to the fixture `rosbridge_simulator`."""
+    from rosbridge_sim.client import Client  # noqa: PLC0415 - as above
+
+    with Client(rosbridge_simulator.url, token=rosbridge_simulator.settings.token) as client:
+        yield client
+
+
+def _options_of(item: pytest.Item) -> SimulatorOptions:
+    """Return what a test's markers say; the nearest marker wins.
+
+    Raises:
+        pytest.UsageError: a marker with wrong arguments.
+    """
+    options: SimulatorOptions = {}
+    for marker in reversed(list(item.iter_markers("rosbridge_options"))):
+        if marker.args:
+            raise pytest.UsageError(
+                f'{item.nodeid}: rosbridge_options: expected keyword arguments, such as start="sync"'
+            )
+        # The check of the values is that of `Simulator`, whose error names the option.
+        options.update(marker.kwargs)  # type: ignore[typeddict-item]
+    scenario, seed = _argument_of(item, "rosbridge_scenario"), _argument_of(item, "rosbridge_seed")
+    if scenario is not None:
+        options["scenario"] = scenario  # type: ignore[typeddict-item]
+    if seed is not None:
+        options["seed"] = seed  # type: ignore[typeddict-item]
+    return options
+
+
+def _argument_of(item: pytest.Item, name: str) -> object:
+    """Return the one argument of a test's nearest marker of that name; None without such a marker."""
+    marker = item.get_closest_marker(name)
+    if marker is None:
+        return None
+    values = [*marker.args, *marker.kwargs.values()]
+    if len(values) != 1:
+        raise pytest.UsageError(f"{item.nodeid}: {name}: expected one argument; got {len(values)}")
+    return values[0]
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Add a section for each simulator of a failed test, while it still runs."""
+    del call
+    report = yield
+    if report.failed and _REPORTS in item.stash:
+        reports = item.stash[_REPORTS]
+        for i, one in enumerate(reports):
+            try:
+                text = one.text(_picture_of(item, i), item.nodeid)
+            except Exception as error:  # noqa: BLE001 - a test's own failure must be told, whatever goes wrong here
+                text = f"no report: {error!r}"
+            report.sections.append((SECTION, text))
+    return report
+
+
+def _picture_of(item: pytest.Item, number: int) -> Path:
+    """Return where the picture of one of a test's simulators goes."""
+    folder = item.config.getoption("--rosbridge-pictures") or item.stash[_FOLDER]
+    name = re.sub(r"[^\w.-]+", "_", item.nodeid)[-MAX_NAME:].strip("_")
+    return Path(folder).absolute() / f"{name}-{number}.png"
+
+
+MAX_NAME = 150
+"""Characters of a picture's name: file systems take 255 bytes."""

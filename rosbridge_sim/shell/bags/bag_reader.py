@@ -1,0 +1,259 @@
+"""The reader of bags for a replay: bags of either generation, ours and those of real MORAI users.
+
+It takes topics by type, and by name where several have the same type: the states of all egos and the object list of the
+first one; of `ReplayInfo` only what these lack. Definitions are the bag's own; where it has none that can be read
+(rosbag2 did not store any for years), those of the release in use.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from rosbridge_sim.errors import DocumentError, PeerError
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.morai.replays.object_list_decoder import LAYOUT, decode_object_lists
+from rosbridge_sim.morai.replays.recording import Recording
+from rosbridge_sim.morai.replays.recording_builder import RecordingBuilder
+from rosbridge_sim.schema.store import Store
+from rosbridge_sim.shell.files.definitions import Texts
+
+if TYPE_CHECKING:  # a tenth of a second that only a replay takes
+    from rosbags.interfaces import Connection
+    from rosbags.rosbag1 import Reader as Reader1
+    from rosbags.rosbag2 import Reader as Reader2
+    from rosbags.typesys.store import Typestore
+
+__all__ = ["read_recording"]
+
+_EGO, _OBJECTS, _INFO = (f"morai_msgs/msg/{name}" for name in ("EgoVehicleStatus", "ObjectStatusList", "ReplayInfo"))
+_FURTHER_EGO: Final = re.compile(r"/Ego-(\d{1,9})/", re.ASCII)  # more digits are no number of an ego's, but a name
+_USUAL: Final = {_EGO: "/Ego_topic", _OBJECTS: "/Object_topic", _INFO: "/ReplayInfo_topic"}
+
+_BREATH: Final = 100
+"""Messages after which the reading thread lets others run."""
+
+
+def read_recording(path: Path, reading: RecordingBuilder, texts: Texts, breathe: Callable[[], None]) -> Recording:
+    """Return the recording in a bag; an empty one where there is nothing to replay.
+
+    Args:
+        path: `.bag`, `.mcap`, `.db3`, or a folder of rosbag2.
+        reading: new; takes its messages.
+        texts: definitions for a bag without its own.
+        breathe: called now and then; what it raises ends the reading.
+
+    Raises:
+        DocumentError: it is broken, or no bag, or holds more than can be taken.
+    """
+    with _open(path) as bag:
+        is_ros1 = path.suffix == ".bag"
+        egos = _find_egos(bag, path, texts, is_ros1=is_ros1)
+        chosen = _choose(bag.connections, egos, reading)
+        held = {one.msgtype for one in chosen}
+        for connection in chosen:
+            take = _taker(connection, held, egos[connection.topic], reading, texts, is_ros1=is_ros1)
+            for stamp_ns, raw in _messages(bag, connection, path, breathe):
+                try:
+                    take(raw, stamp_ns)
+                except DocumentError:
+                    raise
+                except Exception as error:  # noqa: BLE001 - bytes from outside, by a definition from outside
+                    what = f"{connection.topic}: {_first_line(error)}"
+                    raise DocumentError(f"{path.name}: a message does not fit its type: {what}") from None
+    return reading.finish()
+
+
+def _taker(
+    connection: Connection, held: set[str], index: int, reading: RecordingBuilder, texts: Texts, *, is_ros1: bool
+) -> Callable[[bytes, int], None]:
+    """Return a function that takes the bytes of a topic's messages and their stamps in the bag [ns].
+
+    Args:
+        connection: of the topic.
+        held: the types of all topics that are read.
+        index: number of the ego whose topic it is.
+        reading: gets what is in the messages.
+        texts: definitions for a bag without its own.
+        is_ros1: the bytes are those of ROS 1.
+
+    Raises:
+        DocumentError: the type is unknown.
+    """
+    types = _types_of(connection, texts, is_ros1=is_ros1)
+    decode = types.deserialize_ros1 if is_ros1 else types.deserialize_cdr
+    if connection.msgtype == _EGO:
+
+        def take_ego(raw: bytes, stamp_ns: int) -> None:
+            message: Any = decode(raw, _EGO)
+            reading.take_ego(index, message, (_stamp_of(message), stamp_ns))
+
+        return take_ego
+
+    has_pedals = connection.msgtype == _INFO
+    is_ego_here, are_objects_here = _EGO in held and has_pedals, _OBJECTS in held and has_pedals
+    is_known = _is_known(types, texts, is_ros1=is_ros1)
+
+    def take_lists(raw: bytes, stamp_ns: int) -> None:
+        pedals: Any  # fields are named as in the message, whichever way it was read
+        if is_known:
+            skimmed = decode_object_lists(raw, is_cdr=not is_ros1, has_pedals=has_pedals)
+            stamps, pedals = (skimmed.stamp_ns, stamp_ns), skimmed.pedals
+            if not are_objects_here:
+                reading.take_sample(skimmed.who, skimmed.figures, stamps)
+        else:
+            pedals = decode(raw, connection.msgtype)
+            stamps = _stamp_of(pedals), stamp_ns
+            if not are_objects_here:
+                reading.take_objects(pedals, stamps)
+        if has_pedals and not is_ego_here:
+            reading.take_pedals(pedals, stamps)
+
+    return take_lists
+
+
+def _stamp_of(message: Struct) -> int:
+    stamp = message.header.stamp
+    return int(stamp.sec * 1_000_000_000 + stamp.nanosec)
+
+
+def _choose(connections: list[Connection], egos: Mapping[str, int], reading: RecordingBuilder) -> list[Connection]:
+    """The topics that are replayed: all egos' states; of the others one each."""
+    held = [one for one in connections if one.msgcount]
+    chosen: dict[tuple[str, int], Connection] = {}
+    for connection in sorted(held, key=lambda one: (one.topic != _USUAL.get(one.msgtype), one.topic)):
+        index = egos[connection.topic]
+        if connection.msgtype not in _USUAL or (index and connection.msgtype != _EGO):
+            continue
+        first = chosen.setdefault((connection.msgtype, index), connection)
+        if first.topic != connection.topic:
+            reading.note(f"{connection.topic} is left out: {first.topic} is replayed")
+    types = {msgtype for msgtype, _ in chosen}
+    if {_EGO, _OBJECTS} <= types:
+        chosen = {key: one for key, one in chosen.items() if key[0] != _INFO}
+    topics = {one.topic for one in chosen.values()}
+    # A topic has several connections where several have published there.
+    return [one for one in held if one.topic in topics and one.msgtype in types]
+
+
+def _find_egos(bag: Reader1 | Reader2, path: Path, texts: Texts, *, is_ros1: bool) -> dict[str, int]:
+    """Return topic -> number of its ego: by the prefix, or by messages where several topics have names of their own."""
+    egos: dict[str, int] = {}
+    unclear: list[Connection] = []
+    for connection in bag.connections:
+        match = _FURTHER_EGO.match(connection.topic)
+        egos[connection.topic] = int(match[1]) if match else 0
+        if not match and connection.msgtype == _EGO and connection.msgcount:
+            unclear.append(connection)
+    if len({one.topic for one in unclear}) < 2 or any(one.topic == _USUAL[_EGO] for one in unclear):  # noqa: PLR2004
+        return egos
+    for connection in unclear:
+        with suppress(Exception):  # bytes from outside: what is wrong with them is told when all are read
+            types = _types_of(connection, texts, is_ros1=is_ros1)
+            decode = types.deserialize_ros1 if is_ros1 else types.deserialize_cdr
+            _, raw = next(_messages(bag, connection, path, _ignore))
+            message: Any = decode(raw, _EGO)
+            egos[connection.topic] = max(message.unique_id, 0)
+    return egos
+
+
+@contextmanager
+def _open(path: Path) -> Iterator[Reader1 | Reader2]:
+    """A bag's reader.
+
+    Raises:
+        DocumentError: it is none, or its index is not there or broken.
+    """
+    from rosbags.rosbag1 import Reader as Reader1  # noqa: PLC0415 - see above
+    from rosbags.rosbag2 import Reader as Reader2  # noqa: PLC0415
+
+    try:
+        reader = Reader1(path) if path.suffix == ".bag" else Reader2(path)
+        reader.open()
+    except OSError as error:
+        raise DocumentError(f"{path.name}: cannot be read: {error.strerror or error}") from None
+    except Exception as error:  # noqa: BLE001 - a library on bytes from outside: whatever it raises says they are bad
+        raise DocumentError(
+            f"{path.name}: is no bag, or has no end: {_first_line(error)}"
+            " (one that is being written has none yet; `rosbridge-sim bag repair` mends one whose recorder was killed)"
+        ) from None
+    try:
+        if not all(isinstance(text, str) for one in reader.connections for text in (one.topic, one.msgtype)):
+            # A column of SQLite holds values of any type.
+            raise DocumentError(f"{path.name}: is broken: the name or type of a topic is no text")
+        yield reader
+    finally:
+        reader.close()
+
+
+def _messages(
+    bag: Reader1 | Reader2, connection: Connection, path: Path, breathe: Callable[[], None]
+) -> Iterator[tuple[int, bytes]]:
+    """Stamps [ns] and bytes of the messages of a topic.
+
+    Raises:
+        DocumentError: they are not where the index says, or not whole.
+    """
+    found = bag.messages(connections=[connection])
+    for i in range(connection.msgcount):
+        if i % _BREATH == 0:
+            breathe()
+        try:
+            message = next(found, None)
+        except Exception as error:  # noqa: BLE001 - as above
+            raise DocumentError(f"{path.name}: is broken: {_first_line(error)}") from None
+        if message is None:
+            return
+        yield message[1], message[2]
+
+
+def _types_of(connection: Connection, texts: Texts, *, is_ros1: bool) -> Typestore:
+    """A topic's type with those in it, by the bag's own definition if it can be read.
+
+    Raises:
+        DocumentError: the type is unknown.
+    """
+    from rosbags.interfaces import MessageDefinitionFormat  # noqa: PLC0415 - see above
+
+    definition = connection.msgdef
+    text = definition.data if definition.format == MessageDefinitionFormat.MSG else ""
+    try:
+        return _register(text or _own_text(connection.msgtype, texts, is_ros1=is_ros1), connection.msgtype)
+    except PeerError as error:
+        raise DocumentError(f"{connection.topic}: {error}") from None
+    except Exception as error:  # noqa: BLE001 - as above
+        raise DocumentError(f"{connection.topic}: its definition cannot be read: {_first_line(error)}") from None
+
+
+def _register(text: str, msgtype: str) -> Typestore:
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: PLC0415 - see above
+
+    types = get_typestore(Stores.EMPTY)
+    types.register(get_types_from_msg(text, msgtype))
+    return types
+
+
+def _own_text(msgtype: str, texts: Texts, *, is_ros1: bool) -> str:
+    """Our definition of a type of a bag."""
+    return Store(texts, ros=1 if is_ros1 else 2).full_text(msgtype.replace("/msg/", "/"))
+
+
+def _is_known(types: Typestore, texts: Texts, *, is_ros1: bool) -> bool:
+    """Tell whether the bytes of object lists are laid out as `decode_object_lists` has it."""
+    own = {
+        name: fields
+        for msgtype in (_OBJECTS, _INFO)
+        for name, (_, fields) in _register(_own_text(msgtype, texts, is_ros1=is_ros1), msgtype).fielddefs.items()
+    }
+    return all(types.fielddefs[name][1] == own[name] for name in LAYOUT if name in types.fielddefs)
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip() or type(error).__name__).splitlines()[0][:200]
+
+
+def _ignore() -> None:
+    """Do nothing between two messages."""

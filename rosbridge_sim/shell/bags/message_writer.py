@@ -1,0 +1,172 @@
+"""Messages of the bus written into a bag, in the bytes of the bag's ROS generation.
+
+They are the message's own bytes where the server speaks the same generation, else these in the other's spelling, which
+rosbags knows. The few types that differ in more than that are read once more from their JSON text, as the other
+generation's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from rosbridge_sim.errors import DocumentError, EncodingError, GraphError, PeerError
+from rosbridge_sim.schema.message import Message
+from rosbridge_sim.schema.message_spec import MessageSpec
+from rosbridge_sim.schema.message_type import MessageType
+from rosbridge_sim.schema.store import Store
+from rosbridge_sim.shell.bags.bag import Bag, Channel
+
+__all__ = ["BagMessageWriter"]
+
+
+@dataclass(frozen=True, slots=True)
+class _Track:
+    """A topic in a bag.
+
+    Attributes:
+        type: of the bag's generation.
+        channel: the bag's own name for it.
+        recode: a message's bytes at the source -> those in the bag; None where they must be made from its value.
+    """
+
+    type: MessageType
+    channel: Channel
+    recode: Callable[[bytes], bytes] | None
+
+
+def _layout(spec: MessageSpec) -> list[object]:
+    """Return what decides the order of a type's bytes; it is equal in both generations for nearly all types."""
+    layout: list[object] = []
+    for field_spec in spec.fields.values():
+        one = field_spec.definition
+        if spec.name == "std_msgs/Header" and one.name == "seq":
+            continue  # ROS 2 has none, and rosbags allows for it
+        layout += [one.array, one.is_bounded, one.type if field_spec.nested is None else _layout(field_spec.nested)]
+    return layout
+
+
+class BagMessageWriter:
+    """Writes messages of any topics into a bag.
+
+    Attributes:
+        num_messages: written so far.
+        num_bytes: of these messages.
+    """
+
+    def __init__(self, bag: Bag, store: Store, source: Store | None = None) -> None:
+        """Begin with a bag whose topics are not known yet.
+
+        Args:
+            bag: open; the writer closes it.
+            store: of the bag's generation.
+            source: store of the messages that `write` gets; None where that is `store`.
+        """
+        assert bag.ros == store.ros
+        self.num_messages = 0
+        self.num_bytes = 0
+        self._bag = bag
+        self._store = store
+        self._source = source or store
+        self._channels: dict[str, _Track] = {}
+
+    def add(self, topic: str, type_name: str, *, is_latching: bool = False) -> None:
+        """Get ready for a topic.
+
+        Raises:
+            PeerError: its type is unknown, or cannot be written.
+            DocumentError: the disk does not take it.
+        """
+        if topic in self._channels:
+            return
+        message_type = self._store.message(type_name)
+        message_type.encode_raw(message_type.default())  # a type that cannot be written complains now
+        text = self._store.full_text(message_type.name)
+        channel = self._bag.add(topic, message_type.name, text, latching=is_latching)
+        self._channels[topic] = _Track(message_type, channel, self._recoder(message_type))
+
+    def _recoder(self, message_type: MessageType) -> Callable[[bytes], bytes] | None:
+        """Return a function from the source's bytes to the bag's; None where they differ in more than their order."""
+        if self._source.ros == self._store.ros:
+            return bytes
+        try:
+            other = self._source.message(message_type.name)
+        except PeerError:
+            return None
+        if _layout(other.spec) != _layout(message_type.spec):
+            return None
+        full_name = message_type.name.replace("/", "/msg/")
+        ros2 = self._store if self._store.ros != 1 else self._source  # rosbags goes by the definition of ROS 2
+        types = get_typestore(Stores.EMPTY)
+        types.register(get_types_from_msg(ros2.full_text(message_type.name), full_name))
+        recode = types.cdr_to_ros1 if self._store.ros == 1 else types.ros1_to_cdr
+        return lambda raw: bytes(recode(raw, full_name))
+
+    def write(self, topic: str, message: Message, stamp_ns: int) -> None:
+        """Add a message of the source.
+
+        Raises:
+            PeerError: it cannot be written, or the topic has another type by now: a bag has one for each topic.
+            EncodingError: the same, by a bug of ours or of a library.
+            DocumentError: the disk does not take it.
+        """
+        track = self._channels[topic]
+        if message.type.name != track.type.name:
+            raise GraphError(f"expected {track.type.name}, as the topic began; got {message.type.name}")
+        if track.recode is None:
+            self.write_json(topic, message.json, stamp_ns)
+            return
+        raw = message.raw
+        try:
+            recoded = track.recode(raw)
+        except Exception as error:
+            raise _failure(track.type, error) from error
+        self._write(topic, recoded, stamp_ns)
+
+    def write_json(self, topic: str, body: bytes, stamp_ns: int) -> None:
+        """Add a message that is given as JSON text.
+
+        Raises:
+            PeerError: it does not fit its type.
+            EncodingError: it cannot be written, by a bug of ours or of a library.
+            DocumentError: the disk does not take it.
+        """
+        message_type = self._channels[topic].type
+        try:
+            raw = message_type.encode_raw(message_type.decode_json(body, stamp_ns))
+        except PeerError:
+            raise
+        except Exception as error:
+            raise _failure(message_type, error) from error
+        self._write(topic, raw, stamp_ns)
+
+    def _write(self, topic: str, raw: bytes, stamp_ns: int) -> None:
+        self._bag.write(self._channels[topic].channel, stamp_ns, raw)
+        self.num_messages += 1
+        self.num_bytes += len(raw)
+
+    def flush(self) -> None:
+        """Write to the disk what is buffered, so that it survives a crash."""
+        self._bag.flush()
+
+    def close(self) -> None:
+        """Finish the bag.
+
+        Raises:
+            DocumentError: the disk does not take its end; the file is left as it is.
+        """
+        try:
+            self._bag.close()
+        except DocumentError:
+            self._bag.abort()
+            raise
+
+    def abort(self) -> None:
+        """Leave the file as it is."""
+        self._bag.abort()
+
+
+def _failure(message_type: MessageType, error: Exception) -> EncodingError:
+    return EncodingError(f"{message_type.name} cannot be written into the bag: {error!r:.200}")

@@ -1,0 +1,88 @@
+"""Keys of settings, in each place that gives some, and the check of one value."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.loose_types import JsonValue
+from rosbridge_sim.shell.config.settings import FIELDS, SHORT_FORMS, flag_of
+from rosbridge_sim.shell.config.value_types import SECRET, SWITCH, SettingError
+from rosbridge_sim.shell.websocket.urls import hide_in_words
+
+if TYPE_CHECKING:  # no circle, but a tenth of a second of imports that `--help` does without
+    from rosbridge_sim.morai.interfaces.network_settings import InterfaceChoice
+
+__all__ = [
+    "PREFIX",
+    "add_value",
+    "flags_and_variables",
+    "keys",
+    "read_switchable",
+    "read_value",
+    "show_value",
+    "tables",
+    "variable",
+]
+
+PREFIX = "ROSBRIDGE_SIM_"
+"""Beginning of the name of every environment variable of ours."""
+
+
+def tables() -> list[str]:
+    """Return the keys that are tables, which only a file has."""
+    return [key for key in FIELDS if flag_of(key).kind.is_table]
+
+
+def flags_and_variables() -> list[str]:
+    """Return the keys that can be a flag or a variable, with the no- form of switches."""
+    return [*(key for key in keys() if key not in tables()), *SHORT_FORMS]
+
+
+def keys() -> list[str]:
+    """Return all keys of a file, with the no- form of switches."""
+    return [*FIELDS, *(f"no-{key}" for key in FIELDS if flag_of(key).kind is SWITCH)]
+
+
+def variable(key: str) -> str:
+    """Return the name of a key's environment variable."""
+    return PREFIX + key.upper().replace("-", "_")
+
+
+def read_value(key: str, value: object, where: str) -> object:
+    """Return the checked value of a setting; errors name the place that gave it, `where`."""
+    kind = flag_of(key).kind
+    try:
+        return _as_choices(kind.read(value), where) if key in SHORT_FORMS else kind.read(value)
+    except DocumentError as error:
+        raise SettingError(str(error)) from None
+    except (ValueError, TypeError, KeyError, OverflowError, AttributeError):
+        shown = "something else" if kind is SECRET else show_value(value)
+        raise SettingError(f"{where}: expected {kind.expects}; got {shown}") from None
+
+
+def _as_choices(rates: JsonValue, where: str) -> dict[str, InterfaceChoice]:
+    """Return the choices about publishers that a flag makes."""
+    from rosbridge_sim.morai.interfaces.network_settings import InterfaceChoice  # noqa: PLC0415 - see above
+
+    return {name: InterfaceChoice(rate=rate, where=f"{where} {name}={rate:g}") for name, rate in rates.items()}
+
+
+def read_switchable(key: str, value: object, where: str) -> tuple[str, object]:
+    """Return a key without its no-, and the checked value."""
+    if key in FIELDS or key in SHORT_FORMS:
+        return key, read_value(key, value, where)
+    key = key.removeprefix("no-")
+    return key, not read_value(key, value, where)
+
+
+def show_value(value: object) -> str:
+    """Return a value as an error shows it: shortened, and without the secrets of a URL."""
+    text = hide_in_words(repr(value))
+    return text if len(text) <= 80 else text[:77] + "..."  # noqa: PLR2004 - a line of a terminal
+
+
+def add_value(values: dict[str, object], key: str, value: object, where: str) -> None:
+    """Add a value of one place; `world` and `no-world` in one place may agree but not differ."""
+    if values.setdefault(key, value) != value:
+        raise SettingError(f"{where}: {key} and no-{key} contradict each other")

@@ -1,0 +1,136 @@
+"""Settings from a TOML file. Each mistake names the file and the line."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.loose_types import JsonValue
+from rosbridge_sim.shell.config.keys import add_value, keys, read_switchable, tables
+from rosbridge_sim.shell.config.settings import SHORT_FORMS, flag_of
+from rosbridge_sim.shell.config.toml_text import Lines, lines_of, place_of, read_toml
+from rosbridge_sim.shell.config.value_types import FILE, FOLDER_TYPE, FOLDERS, SettingError
+from rosbridge_sim.suggestions import hint
+
+if TYPE_CHECKING:  # no circle, but a tenth of a second of imports that `--help` does without
+    from rosbridge_sim.morai.interfaces.network_settings import NetworkSettings
+
+__all__ = ["looks_like_path", "read_file", "read_network"]
+
+_log = logging.getLogger("rosbridge_sim.storage")
+
+
+def read_file(path: Path) -> tuple[dict[str, object], list[tuple[str, DocumentError]]]:
+    """Return what is right in a file, and its mistakes, each with the key of its setting."""
+    from rosbridge_sim.morai.interfaces.network_settings import path_text  # noqa: PLC0415 - see above
+
+    text, document = read_toml(path)
+    lines = lines_of(text)
+    values: dict[str, object] = {}
+    mistakes: list[tuple[str, DocumentError]] = []
+    for name, value in document.items():
+        key = name.replace("_", "-")
+
+        def note(error: DocumentError, key: str = key.removeprefix("no-")) -> None:
+            mistakes.append((key, error))
+
+        where = f"{path}{place_of(lines, (name,))}: {path_text((name,))}"
+        try:
+            _check_key(key, where)
+            if key in tables():
+                add_value(values, key, _read_table(key, name, value, path, lines, on_mistake=note), where)
+            else:
+                base, checked = read_switchable(key, value, where)
+                add_value(values, base, _beside(base, checked, path.parent), where)
+        except SettingError as error:
+            note(error)
+    return values, mistakes
+
+
+def _check_key(key: str, where: str) -> None:
+    """Check that a key of a file is a setting.
+
+    Raises:
+        SettingError: it is none.
+    """
+    if key == "config":
+        raise SettingError(f"{where}: a settings file cannot name another one")
+    if key in SHORT_FORMS:
+        raise SettingError(f'{where}: expected [publishers] with lines such as "/Ego_topic" = {{ rate = 10 }}')
+    if key not in keys():
+        raise SettingError(f"{where}: no such setting{hint(key, keys())}")
+
+
+def read_network(path: Path) -> NetworkSettings:
+    """Return the network settings in a file. In a whole settings file, other keys are ignored, and logged.
+
+    Raises:
+        SettingError: the first mistake.
+    """
+    from rosbridge_sim.morai.interfaces.network_settings import NetworkSettings, path_text  # noqa: PLC0415 - see above
+
+    text, document = read_toml(path)
+    lines = lines_of(text)
+    choices: dict[str, JsonValue] = {}
+    others = []
+    for name, value in document.items():
+        if name in tables():
+            choices[name] = _read_table(name, name, value, path, lines)
+        elif name.replace("_", "-") in keys():
+            others.append(name)
+        else:
+            raise SettingError(
+                f"{path}{place_of(lines, (name,))}: {path_text((name,))}: expected {', '.join(tables())}"
+                f"{hint(name, tables())}"
+            )
+    if others:
+        _log.info("%s: ignored keys that are no network settings: %s", path, ", ".join(others))
+    return NetworkSettings(**choices)
+
+
+def _read_table(
+    key: str,
+    name: str,
+    value: object,
+    path: Path,
+    lines: Lines,
+    *,
+    on_mistake: Callable[[DocumentError], None] | None = None,
+) -> object:
+    """Return the choices of one table of a file; errors name the line.
+
+    Raises:
+        SettingError: the first mistake, unless `on_mistake` hears of them.
+    """
+    from rosbridge_sim.morai.interfaces.network_settings import InterfaceKind, path_text, read_choices  # noqa: PLC0415 - see above
+
+    def place(keys: tuple[str, ...]) -> str:
+        at = (name, *keys[1:])
+        return f"{path}{place_of(lines, at)}: {path_text(at)}"
+
+    if on_mistake is not None:
+        return read_choices(InterfaceKind(key), value, place, on_mistake)
+    try:
+        return read_choices(InterfaceKind(key), value, place)
+    except DocumentError as error:
+        raise SettingError(str(error)) from None
+
+
+def _beside(key: str, value: object, folder: Path) -> object:
+    """Return a value with its paths relative to `folder`, so that a file means the same wherever the server starts."""
+    if flag_of(key).kind is FOLDERS and isinstance(value, tuple):
+        return tuple(str(folder / one) for one in value)
+    if flag_of(key).kind in (FILE, FOLDER_TYPE) and isinstance(value, str):
+        return str(folder / value)
+    if key in {"scenario", "map"} and isinstance(value, str) and looks_like_path(value):
+        return str(folder / value)
+    return value
+
+
+def looks_like_path(name: str) -> bool:
+    """Tell whether a scenario or map is given as a path and not as a name."""
+    return "/" in name or os.sep in name or name.endswith(".json") or name in {".", ".."}

@@ -1,0 +1,184 @@
+"""What a failed test is told of its simulator: the last message of every topic, a picture, how to repeat the run.
+
+Messages are overheard without a subscription, so no topic is published, kept or listed for the sake of a report.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from rosbridge_sim.errors import DocumentError, RosbridgeSimError
+from rosbridge_sim.graph.topics_services import Topic
+from rosbridge_sim.morai.catalogue import Model
+from rosbridge_sim.morai.maps.mgeo import RoadMap
+from rosbridge_sim.morai.scenarios.reader import Spawn
+from rosbridge_sim.schema.message import Message
+from rosbridge_sim.shell.app import Simulator
+from rosbridge_sim.shell.config.settings import FIELDS, Settings, flag_of
+from rosbridge_sim.shell.config.value_types import SECRET, SWITCH, URLS
+from rosbridge_sim.shell.terminal_text import safe
+from rosbridge_sim.world.state import Kind, World
+
+__all__ = ["FailureReport", "command_of"]
+
+MAX_TOPICS: Final = 1_000
+"""Topics whose last message is kept: more than the simulator and a test's programs have."""
+
+MAX_MESSAGE: Final = 600
+"""Bytes of a message that are shown: an ego's status whole, and the beginning of a list of objects."""
+
+MAX_REPORT: Final = 20_000
+"""Bytes of all messages that are shown: some 30 topics. A report is read by a person, in the log of a CI job."""
+
+_LEFT_OUT: Final = frozenset({"host", "port", "data-dir"})
+"""Settings that belong to the test and not to the run: a free port, and a folder that will be gone."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Scene:
+    """What a picture is drawn from."""
+
+    frame: int
+    road_map: RoadMap
+    agents: list[Spawn]
+
+
+class FailureReport:
+    """Follows a simulator that runs in a thread of its own, and reports on it when a test has failed."""
+
+    def __init__(self, simulator: Simulator) -> None:
+        """Follow a simulator from now on.
+
+        Args:
+            simulator: started by `open`.
+        """
+        self._simulator = simulator
+        self._url = simulator.url
+        self._last: dict[str, Message] = {}
+        simulator.run_inside(self._follow)
+
+    def _follow(self) -> None:
+        assert self._simulator.bus is not None, "it was opened"
+        self._simulator.bus.on_message = self._keep
+
+    def _keep(self, topic: Topic, message: Message) -> None:
+        if topic.name in self._last or len(self._last) < MAX_TOPICS:
+            self._last[topic.name] = message
+
+    def text(self, picture: Path, test: str) -> str:
+        """Write the report; the picture goes into a file.
+
+        Args:
+            picture: where it goes, a `.png`. The folder is made if it is not there.
+            test: the test's id, as pytest takes it.
+
+        Returns:
+            Lines of text, without one at the end.
+        """
+        lines = [f"{self._simulator!r}", *self._picture_lines(picture), *self._message_lines()]
+        command = command_of(self._simulator.settings)
+        return "\n".join([*lines, "to repeat the run:", f"  {command}", f"  python -m pytest {shlex.quote(test)}"])
+
+    def _picture_lines(self, path: Path) -> Iterator[str]:
+        try:
+            scene = self._simulator.run_inside(self._scene)
+        except RuntimeError:
+            yield "picture: none, since the simulator was closed"
+            return
+        if scene is None:
+            return
+        from rosbridge_sim.shell.map_picture import draw_map  # noqa: PLC0415 - with Pillow, for a failure alone
+
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            draw_map(scene.road_map, path, scene.agents)
+        except (OSError, DocumentError) as error:
+            yield f"picture: none: {error}"
+        else:
+            yield f"picture of frame {scene.frame}: {path}"
+
+    def _scene(self) -> _Scene | None:
+        node = self._simulator.node
+        if node is None:
+            return None
+        return _Scene(node.world.frame, node.scene.road_map, list(_agents_of(node.world)))
+
+    def _message_lines(self) -> Iterator[str]:
+        """Yield the last message of each topic, then what the topics would say that nobody has listened to."""
+        last = dict(self._last)
+        try:
+            current = self._simulator.run_inside(self._current)
+        except RuntimeError:
+            current = {}
+        unheard = {name: message for name, message in current.items() if name not in last}
+        room = MAX_REPORT
+        for title, messages in (
+            ("last message of each topic:", last),
+            ("topics without a listener, as they would be now:", unheard),
+        ):
+            if not messages:
+                continue
+            yield title
+            for i, name in enumerate(sorted(messages)):
+                line = f"  {safe(name)} {_show(messages[name])}"
+                room -= len(line.encode(errors="replace"))
+                if room < 0:
+                    yield f"  ... and {len(messages) - i:,} more topics"
+                    break
+                yield line
+
+    def _current(self) -> dict[str, Message]:
+        node = self._simulator.node
+        if node is None or node.failure is not None:
+            return {}
+        return {topic.name: message for topic, message in node.current_messages()}
+
+
+def _show(message: Message) -> str:
+    """Return a message as JSON on one line, or its beginning."""
+    try:
+        text = message.json
+    except RosbridgeSimError as error:
+        return f"(cannot be written: {safe(str(error))})"
+    shown = safe(text[:MAX_MESSAGE].decode(errors="replace"))
+    return shown if len(text) <= MAX_MESSAGE else f"{shown}... ({len(text):,} bytes)"
+
+
+def _agents_of(world: World) -> Iterator[Spawn]:
+    """Yield everything that stands in a world, as a picture of a scenario shows it."""
+    for row in world.placed():
+        kind = Kind(int(world.kind[row]))
+        yield Spawn(
+            kind=kind,
+            model=Model(world.names[row], kind, world.bodies[row]),
+            name=world.names[row],
+            uid=int(world.uid[row]),
+            x=float(world.x[row]),
+            y=float(world.y[row]),
+            z=float(world.z[row]),
+            yaw=float(world.yaw[row]),
+        )
+
+
+def command_of(settings: Settings) -> str:
+    """Return the command that starts a server with the same world: scenario, seed, and what differs from the defaults.
+
+    Tokens and URLs are left out, since a report is read by many; so are tables, which no flag says.
+    """
+    words = ["rosbridge-sim", "serve"]
+    for key, field in FIELDS.items():
+        kind, value = flag_of(key).kind, getattr(settings, field.name)
+        is_default = value == getattr(Settings(), field.name) and key not in {"scenario", "seed"}
+        if is_default or key in _LEFT_OUT or kind in (SECRET, URLS) or kind.is_table:
+            continue
+        if kind is SWITCH:
+            words.append(f"--{key}" if value else f"--no-{key}")
+            continue
+        none = kind.sign.rpartition("|")[2] if "|" in kind.sign else "none"
+        for one in value if isinstance(value, tuple) else [none if value is None else value]:
+            words += [f"--{key}", shlex.quote(str(one))]
+    return " ".join(words)

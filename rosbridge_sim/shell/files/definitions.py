@@ -1,0 +1,151 @@
+"""Message definitions, found in our own folder and in those of the user, and read."""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.schema.parse import parse_action, parse_message, parse_service
+from rosbridge_sim.shell.files.bounded_read import read_bounded
+
+__all__ = ["Texts", "read_definitions"]
+
+_log = logging.getLogger("rosbridge_sim.storage")
+
+Texts = dict[tuple[str, str, str], str]
+"""(package, `msg` or `srv`, Name) -> definition."""
+
+_PACKAGE = Path(__file__).resolve().parents[2]
+
+SCHEMAS = next(folder for folder in (_PACKAGE / "schemas", _PACKAGE.parent / "schemas") if folder.is_dir())
+"""Our definitions: within the wheel, or beside the package in a checkout."""
+
+MAX_DEFINITION_SIZE = 2**20
+"""The longest real definition has 20 kB [bytes]."""
+
+MAX_FOLDERS = 20_000
+"""Folders searched for packages: ten times a large workspace. The bound is for a user that names `/`."""
+
+_KINDS = {"msg": ".msg", "srv": ".srv", "action": ".action"}
+_PARSERS = {"msg": parse_message, "srv": parse_service, "action": parse_action}
+_PACKAGE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_MANIFEST_NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
+_IGNORE_MARKS = ("CATKIN_IGNORE", "COLCON_IGNORE", "AMENT_IGNORE")
+
+
+def read_definitions(release: str, folders: Sequence[str | Path] = ()) -> Texts:
+    """Return every message, service and action definition of the package, then those of the user's folders.
+
+    A folder may be a package (with `msg/` or `srv/` in it), hold packages, or be a whole catkin or colcon tree.
+    Where a package holds releases (`morai_msgs/22.R2/msg`), the chosen one is read. What comes later replaces what
+    came before. The user's own are parsed once here, so that a mistake shows at the start and not to a client.
+
+    Args:
+        release: which release of a package that has several.
+        folders: the user's, in order.
+
+    Raises:
+        DocumentError: a folder without definitions, or a file that cannot be used.
+    """
+    texts: Texts = {}
+    for package, folder in _find_packages(SCHEMAS, release):
+        texts.update((key, text) for key, text, _ in _read_package(package, folder))
+    for one in folders:
+        texts.update(_read_own(Path(one), release))
+    return texts
+
+
+def _read_own(root: Path, release: str) -> Texts:
+    if not root.is_dir():
+        raise DocumentError(f"{root}: expected a folder with ROS packages; there is none")
+    texts: Texts = {}
+    sources: dict[tuple[str, str, str], Path] = {}
+    for package, folder in _find_packages(root, release):
+        if not _PACKAGE_NAME.fullmatch(package):
+            raise DocumentError(
+                f"{folder}: {package!r} is no name of a ROS package; rename the folder or give it a package.xml"
+            )
+        for key, text, path in _read_package(package, folder):
+            if texts.get(key, text) != text:
+                _log.warning("ignored %s, because %s defines the same type; remove one of them", path, sources[key])
+                continue
+            _, kind, name = key
+            _PARSERS[kind](f"{package}/{name}", text, str(path))
+            texts[key] = text
+            sources[key] = path
+    if not texts:
+        raise DocumentError(f"{root}: expected ROS packages (PACKAGE/msg/Type.msg); found no definition")
+    return texts
+
+
+def _find_packages(root: Path, release: str) -> Iterator[tuple[str, Path]]:
+    """Yield name, and the folder that holds `msg/` or `srv/`, of each package at or below `root`, in order of path."""
+    waiting = [root]
+    seen: set[str] = set()  # real paths: workspaces are full of links, some of them in circles
+    while waiting:
+        folder = waiting.pop()
+        real = os.path.realpath(folder)
+        if real in seen:
+            continue
+        seen.add(real)
+        if len(seen) > MAX_FOLDERS:
+            raise DocumentError(f"{root}: more than {MAX_FOLDERS:,} folders; name one nearer to the packages")
+        names = _list_folder(folder)
+        if any(mark in names for mark in _IGNORE_MARKS):
+            continue
+        holder = next((at for at in (folder, folder / release) if _holds_definitions(at)), None)
+        if holder is not None:
+            yield _package_name(folder), holder
+        else:
+            waiting += [folder / name for name in reversed(names) if names[name] and not name.startswith(".")]
+
+
+def _list_folder(folder: Path) -> dict[str, bool]:
+    """Return name -> is it a folder, of all entries of a folder, in order of name."""
+    try:
+        with os.scandir(folder) as entries:
+            return dict(sorted((entry.name, entry.is_dir()) for entry in entries))
+    except OSError as error:
+        raise DocumentError(f"{folder}: cannot be read: {error.strerror}") from None
+
+
+def _holds_definitions(folder: Path) -> bool:
+    for kind, suffix in _KINDS.items():
+        at = folder / kind
+        if at.is_dir() and any(name.endswith(suffix) for name in _list_folder(at)):
+            return True
+    return False
+
+
+def _package_name(folder: Path) -> str:
+    """Return the name in the manifest, as ROS takes it; else that of the folder."""
+    manifest = folder / "package.xml"
+    if manifest.is_file():
+        match = _MANIFEST_NAME.search(_decode(read_bounded(manifest, MAX_DEFINITION_SIZE)))
+        if match:
+            return match[1]
+    return folder.resolve().name
+
+
+def _read_package(package: str, folder: Path) -> Iterator[tuple[tuple[str, str, str], str, Path]]:
+    """Yield key, text and file of each definition of a package."""
+    for kind, suffix in _KINDS.items():
+        at = folder / kind
+        if not at.is_dir():
+            continue
+        for name, is_folder in _list_folder(at).items():
+            if name.endswith(suffix) and not is_folder:
+                path = at / name
+                yield (package, kind, name.removesuffix(suffix)), _decode(read_bounded(path, MAX_DEFINITION_SIZE)), path
+
+
+def _decode(content: bytes) -> str:
+    """Decode UTF-8. Where it is not, comments of an old file are in Latin 1, and nothing else matters."""
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")

@@ -1,0 +1,160 @@
+"""TLS handshakes whose number is bounded, which the listeners of asyncio and uvloop cannot do.
+
+A connection begins as a `TlsHandshake`: from its first packet on it has a place among those without a request. Only
+when the handshake is done does it become a connection of the `websockets` library. A listener with `ssl=` of its own
+hides a connection until then, so any number could wait there and use up the file descriptors.
+
+Each kind of event loop needs a way of its own. uvloop reads the client's first packet before `start_tls` can be called,
+so there the socket is duplicated and accepted once more. The loop of Windows cannot accept a socket again that it has
+seen once, so asyncio's own loops use `start_tls`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import ssl
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import cast
+
+from rosbridge_sim.shell.websocket.connection_places import ConnectionPlaces
+
+__all__ = ["TlsHandshake", "TlsRules"]
+
+
+@dataclass(frozen=True, slots=True)
+class TlsRules:
+    """Rules of encryption for connections.
+
+    Attributes:
+        context: the certificate and its key.
+        handshake_timeout: longest handshake [s].
+        shutdown_timeout: how long the other side may take to confirm the end [s].
+    """
+
+    context: ssl.SSLContext
+    handshake_timeout: float
+    shutdown_timeout: float
+
+
+class TlsHandshake(asyncio.Protocol):
+    """A connection that is in its TLS handshake."""
+
+    def __init__(
+        self,
+        inner: asyncio.Protocol,
+        rules: TlsRules,
+        places: ConnectionPlaces,
+        handshakes: dict[TlsHandshake, None],
+    ) -> None:
+        """Begin without a connection.
+
+        Args:
+            inner: gets the connection when the handshake is done.
+            rules: for the handshake.
+            places: where it takes one, until it is done.
+            handshakes: table that it is in until then, so that the server can close it.
+        """
+        self._inner = inner
+        self._rules = rules
+        self._places = places
+        self._handshakes = handshakes
+        self._socket: socket.socket | None = None  # the duplicate
+        self._transport: asyncio.Transport | None = None  # without a duplicate
+        self._task: asyncio.Task[None] | None = None  # the loop itself keeps no tasks
+        self._early = bytearray()  # came decrypted before `inner` had the connection
+        self._is_handed_over = False
+
+    def evict(self) -> None:
+        """Close it without waiting for the other side."""
+        if self._socket is not None:
+            with suppress(OSError):  # it is closed already
+                self._socket.shutdown(socket.SHUT_RDWR)
+        if self._transport is not None:
+            self._transport.abort()
+            self._leave()
+            if self._task is not None:
+                self._task.cancel()
+
+    # What the first transport calls
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Begin the handshake."""
+        if isinstance(transport, asyncio.Transport):
+            transport.pause_reading()  # `start_tls` reads the first packet
+            self._transport = transport
+            work = self._encrypt(transport)
+        else:
+            try:
+                self._socket = transport.get_extra_info("socket").dup()
+            except OSError:  # no file descriptor is left
+                return
+            finally:
+                cast("asyncio.Transport", transport).abort()  # a cast, since uvloop's are no subclass
+            self._socket.setblocking(False)  # noqa: FBT003 - the library's own
+            work = self._accept_again(self._socket)
+        self._handshakes[self] = None
+        self._places.take(self)
+        self._task = asyncio.get_running_loop().create_task(work)
+
+    async def _accept_again(self, connected: socket.socket) -> None:
+        """Have the loop accept the duplicate of the socket, with TLS. For uvloop."""
+        rules = self._rules
+        with suppress(OSError):  # TLS errors, time-outs and lost connections are such; none of them is worth a line
+            try:
+                await asyncio.get_running_loop().connect_accepted_socket(
+                    self._take_over,
+                    connected,
+                    ssl=rules.context,
+                    ssl_handshake_timeout=rules.handshake_timeout,
+                    ssl_shutdown_timeout=rules.shutdown_timeout,
+                )
+            finally:
+                self._leave()
+
+    async def _encrypt(self, transport: asyncio.Transport) -> None:
+        """Encrypt the connection as it is. For asyncio's own loops."""
+        rules = self._rules
+        encrypted: asyncio.Transport | None = None
+        try:
+            with suppress(OSError):  # as above
+                encrypted = await asyncio.get_running_loop().start_tls(
+                    transport,
+                    self,
+                    rules.context,
+                    server_side=True,
+                    ssl_handshake_timeout=rules.handshake_timeout,
+                    ssl_shutdown_timeout=rules.shutdown_timeout,
+                )
+        finally:
+            self._leave()
+        if encrypted is not None and not encrypted.is_closing():
+            self._hand_over(encrypted)
+
+    def _leave(self) -> None:
+        self._places.leave(self)
+        self._handshakes.pop(self, None)
+
+    def _take_over(self) -> asyncio.Protocol:
+        return self._inner
+
+    def _hand_over(self, encrypted: asyncio.Transport) -> None:
+        """Give the connection to `inner`, with what came behind the handshake in the same packet."""
+        self._is_handed_over = True
+        encrypted.set_protocol(self._inner)
+        self._inner.connection_made(encrypted)
+        if self._early:
+            self._inner.data_received(bytes(self._early))
+            self._early.clear()
+
+    # What the encrypted transport calls until `inner` has it
+
+    def data_received(self, data: bytes) -> None:
+        """Keep what came; it is one read of the transport at most."""
+        self._early += data
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Tell `inner`, if this was on its way when `inner` got the connection."""
+        if self._is_handed_over:
+            self._inner.connection_lost(exc)

@@ -1,0 +1,68 @@
+"""Keyword arguments of `Simulator`: the same names as the settings, with types that take at least theirs."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+import types
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Literal, Union, get_args, get_origin, get_type_hints
+
+import pytest
+
+from rosbridge_sim.morai.interfaces.network_settings import InterfaceChoice
+from rosbridge_sim.shell.config.options import SimulatorOptions
+from rosbridge_sim.shell.config.settings import SHORT_FORMS, Settings
+from tests.support import PATIENCE, ROOT, miss
+
+OPTIONS = get_type_hints(SimulatorOptions)
+
+SETTINGS = get_type_hints(Settings, localns={"InterfaceChoice": InterfaceChoice})
+
+
+def parts_of(hint: object) -> set[object]:
+    """The types that a hint allows, words of a Literal each by itself; of tables and lists, the kind alone."""
+    origin = get_origin(hint)
+    if origin in {Union, types.UnionType}:
+        return {part for one in get_args(hint) for part in parts_of(one)}
+    if origin is Literal:
+        return {("word", word) for word in get_args(hint)}
+    return {{tuple: Sequence, Sequence: Sequence, Mapping: Mapping}.get(origin, hint)} if origin else {hint}
+
+
+def test_options_are_the_settings_and_their_short_forms() -> None:
+    expected = {field.name for field in fields(Settings)} | set(SHORT_FORMS)
+    why = "rosbridge_sim/shell/config/options.py lists each setting with its type, for type checkers"
+    assert set(OPTIONS) == expected, why
+
+
+@pytest.mark.parametrize("name", [field.name for field in fields(Settings)])
+def test_option_takes_each_value_of_its_setting(name: str) -> None:
+    assert parts_of(OPTIONS[name]) >= parts_of(SETTINGS[name])
+
+
+@pytest.mark.slow
+def test_type_checker_refuses_what_the_run_refuses(tmp_path: Path) -> None:
+    if importlib.util.find_spec("mypy") is None:
+        miss("needs mypy: pip install -e '.[lint]'")
+    program = tmp_path / "program.py"
+    program.write_text(
+        "from rosbridge_sim import Simulator\n"
+        "Simulator(port=0, scenario='town', publishers={'/Ego_topic': {'rate': 10}}, max_frame_size='1MiB')\n"
+        "Simulator(prot=0)\n"
+        "Simulator(port='zero')\n"
+        "Simulator(start='later')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", "--cache-dir", str(tmp_path), program],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=10 * PATIENCE,
+        check=False,
+    )
+    wrong = [line.split(":")[1] for line in done.stdout.splitlines() if ": error: " in line]
+    assert wrong == ["3", "4", "5"], done.stdout
