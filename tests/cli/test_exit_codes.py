@@ -8,7 +8,8 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -16,16 +17,22 @@ import pytest
 from tests.support import PATIENCE, ROOT
 
 BROKEN_WORLD = (
-    "import sys; from rosbridge_sim.morai import simulator_node; simulator_node.step = None; "
+    "import sys; from rosbridge_sim.morai import frame_stepper; frame_stepper.step = None; "
     "from rosbridge_sim.__main__ import main; sys.exit(main())"
 )
 
 
-def start(*words: str, code: str | None = None) -> subprocess.Popen[str]:
+@contextmanager
+def start(*words: str, code: str | None = None) -> Iterator[subprocess.Popen[str]]:
+    """Start a program; it is killed where it has not ended by itself."""
     command = [sys.executable, *(("-c", code) if code else ("-m", "rosbridge_sim")), *words]
-    return subprocess.Popen(
+    with subprocess.Popen(
         command, cwd=ROOT, env=dict(os.environ), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 def end_of(*words: str, code: str | None = None) -> int:
