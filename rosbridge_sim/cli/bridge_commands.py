@@ -16,7 +16,7 @@ from rosbridge_sim.cli.command_line import (
     make_number,
     run_command,
 )
-from rosbridge_sim.cli.file_commands import run_bag, run_map, run_scenario, run_schema
+from rosbridge_sim.cli.file_commands import run_bag, run_docs, run_map, run_scenario, run_schema
 from rosbridge_sim.cli.tools.text import read_body
 from rosbridge_sim.shell.config.loading import PREFIX, Parser, SettingError, layout
 from rosbridge_sim.shell.websocket.urls import shown_url
@@ -382,6 +382,7 @@ TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "bag": run_bag,
     "scenario": run_scenario,
     "map": run_map,
+    "docs": run_docs,
     "record": _record,
     "tick": _tick,
     "wait": _wait,

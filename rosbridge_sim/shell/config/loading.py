@@ -364,7 +364,7 @@ _SERVE_TEXT = (
     "A rosbridge v2 server that needs no ROS, with a driving world inside that answers like MORAI SIM: Drive."
     " rosbridge-sim attach URL has the world stand behind somebody else's rosbridge, as MORAI SIM does. Other commands"
     " talk to any rosbridge: rosbridge-sim topic, service, tick, wait, schema, record; or look at files: bag, scenario,"
-    " map (--help)."
+    " map; rosbridge-sim docs lists the documentation (--help)."
 )
 
 _ATTACH_TEXT = (
