@@ -40,7 +40,8 @@ def write_flags() -> str:
 def _row(key: str) -> str:
     flag = flag_of(key)
     name = f"key `{key}` of the file" if flag.kind.is_table else f"`--{key}`"
-    values = "on, off" if flag.kind is SWITCH else f"`{flag.kind.sign}`" if flag.kind.sign else "table"
+    signs = ["on", "off"] if flag.kind is SWITCH else flag.kind.sign.split("|") if flag.kind.sign else ["a table"]
+    values = " or ".join(f"`{sign}`" for sign in signs)  # a bar in a code span of a table is no bar everywhere
     cells = [name, values, _default(key), flag.text]
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
