@@ -6,6 +6,7 @@ ARG BASE_IMAGE=python:3.12-slim
 FROM ${BASE_IMAGE} AS build
 COPY pyproject.toml README.md LICENSE /src/
 COPY schemas /src/schemas
+COPY docs /src/docs
 COPY rosbridge_sim /src/rosbridge_sim
 RUN python3 -m venv /opt/rosbridge-sim \
     && /opt/rosbridge-sim/bin/pip install --no-cache-dir --disable-pip-version-check /src \

@@ -185,7 +185,8 @@ _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
     "serve": _serve,
     "attach": _attach,
     **{
-        name: _tool(name) for name in ("topic", "service", "tick", "wait", "schema", "bag", "scenario", "map", "record")
+        name: _tool(name)
+        for name in ("topic", "service", "tick", "wait", "schema", "bag", "scenario", "map", "record", "docs")
     },
 }
 

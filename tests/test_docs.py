@@ -1,4 +1,4 @@
-"""Pages in `docs/`: the tests, flags and pages that they name are there, and each promise names a test."""
+"""Pages in `docs/`, README and CONTRIBUTING: what they name exists, each promise names a test, the site is whole."""
 
 from __future__ import annotations
 
@@ -10,21 +10,43 @@ from pathlib import Path
 
 import pytest
 
+from rosbridge_sim.morai.sync_table import SYNC_TABLE
 from rosbridge_sim.shell.config.settings import Settings
+from rosbridge_sim.shell.server_topics import TOPICS
+from scripts.check_site import find_loads, find_loads_in_css, find_loads_in_html
+from scripts.docs_pages.fields import SERVER_TOPICS, FieldRow, read_fields
+from scripts.docs_pages.rooms import read_arrows
+from scripts.docs_pages.sync_mode import list_edges
+from scripts.write_docs import GENERATED
 from tests.support import ROOT
+from tests.test_layers import ARROWS
 
-PAGES = sorted((ROOT / "docs").rglob("*.md"))
+DOCS = ROOT / "docs"
+
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
 
 NAMED_TEST = re.compile(r"`(tests/[\w/]+\.py)::(test_\w+)`")
 
 LINK = re.compile(r"\]\((?!https?:)([^)#\s]*)(#[^)\s]*)?\)")
+
+NAMED_FILE = re.compile(r"`((?:rosbridge_sim|scripts|tests|schemas|docs)/[\w./-]+\.(?:py|md|json|txt|sh))`")
 
 FLAG = re.compile(r"(?<![\w-])--[a-z][a-z-]*[a-z](?!-)")
 
 HELD_BY_TESTS = {"differences.md": "The table", "security.md": "What is promised"}
 """Pages of which a section holds nothing without a test, and that section."""
 
-of_each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+OTHER_FLAGS = frozenset(
+    [
+        *("--field", "--full", "--help", "--id", "--json", "--latch", "--once", "--open", "--output", "--picture"),
+        *("--print-config", "--rate", "--start", "--step", "--strict", "--timeout", "--topics", "--types", "--url"),
+        *("--version", "--check", "--decoders", "--from-car", "--path", "--quick", "--replay", "--rounds", "--sizes"),
+        *("--directory", "--name", "--rm"),  # of http.server and docker
+    ]
+)
+"""Flags of other commands than `serve`; `test_readme.py` asks the programs for their own."""
+
+of_each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 
 
 @cache
@@ -49,6 +71,12 @@ def rows_of(page: Path, section: str) -> list[str]:
 
 def test_there_are_pages_and_those_with_promises_are_among_them() -> None:
     assert {page.name for page in PAGES} >= set(HELD_BY_TESTS)
+
+
+@of_each_page
+def test_each_file_that_a_page_names_exists(page: Path) -> None:
+    for name in NAMED_FILE.findall(page.read_text("utf-8")):
+        assert (ROOT / name).is_file(), name
 
 
 @of_each_page
@@ -78,6 +106,102 @@ def test_each_link_of_a_page_leads_somewhere(page: Path) -> None:
 @of_each_page
 def test_flags_that_a_page_names_exist(page: Path) -> None:
     settings = {f"--{field.name.replace('_', '-')}" for field in fields(Settings)}
-    readme = set(FLAG.findall((ROOT / "README.md").read_text("utf-8")))  # other commands' too
-    plugin = set(FLAG.findall((ROOT / "rosbridge_sim" / "pytest_plugin.py").read_text("utf-8")))  # pytest's own
-    assert set(FLAG.findall(page.read_text("utf-8"))) - settings - readme - plugin == set()
+    named = set(FLAG.findall(page.read_text("utf-8")))
+    assert {flag for flag in named if f"--{flag.removeprefix('--no-')}" not in settings} - settings <= OTHER_FLAGS
+
+
+# The site
+
+
+def test_each_page_is_in_the_navigation_once() -> None:
+    nav = (ROOT / "mkdocs.yml").read_text("utf-8").partition("\nnav:\n")[2]
+    named = re.findall(r"(\S+\.md)$", nav, re.MULTILINE)
+    assert sorted(named) == sorted(page.relative_to(DOCS).as_posix() for page in PAGES if DOCS in page.parents)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", GENERATED)
+def test_generated_file_is_what_the_script_writes(name: str) -> None:
+    assert (DOCS / name).read_text("utf-8") == GENERATED[name](), "run python scripts/write_docs.py"
+
+
+def test_topics_of_the_server_are_all_described() -> None:
+    assert set(SERVER_TOPICS) == set(TOPICS)
+
+
+def test_field_is_read_from_its_line_with_unit_frame_and_remark() -> None:
+    text = "# Head.\n\nfloat64 x  # forward, in the vehicle's frame [m]\nint32 count\nint32 ONE=1  # a constant\n"
+    assert read_fields(text) == [
+        FieldRow("x", "float64", "m", "vehicle", "forward, in the vehicle's frame"),
+        FieldRow("count", "int32", "", "", ""),
+    ]
+
+
+def test_every_arrow_between_rooms_is_permitted() -> None:
+    permitted: set[tuple[str, str]] = set()
+    for room, targets in ARROWS.items():
+        permitted |= {(room.partition(".")[0], target.partition(".")[0]) for target in targets}
+    drawn = read_arrows(ROOT / "rosbridge_sim")
+    assert drawn
+    assert drawn <= permitted
+
+
+def test_diagram_has_an_arrow_for_each_change_of_state() -> None:
+    changes = {
+        (state, outcome.state)
+        for state, outcomes in SYNC_TABLE.items()
+        for outcome in outcomes.values()
+        if outcome.state is not state
+    }
+    assert set(list_edges()) == changes
+    numbers = re.findall(r">(\d+)</text>", (DOCS / "images" / "sync_mode.svg").read_text("utf-8"))
+    assert sorted(map(int, numbers)) == list(range(1, len(changes) + 1))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '<script src="https://cdn.example/a.js"></script>',
+        '<link rel="stylesheet" href="//fonts.example/a.css">',
+        '<link rel="preconnect" href="https://fonts.example">',
+        '<img src="http://example/a.png">',
+        '<img srcset="a.png 1x, https://example/b.png 2x">',
+        '<p style="background: url(https://example/a.png)">',
+        "<style>@import 'https://example/a.css';</style>",
+        '<svg><image xlink:href="https://example/a.png"/></svg>',
+        '<iframe src="HTTPS://example"></iframe>',
+    ],
+)
+def test_load_from_another_host_is_found(text: str) -> None:
+    assert len(find_loads_in_html(text)) == 1
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '<a href="https://example">a link that a person clicks</a>',
+        '<link rel="canonical" href="https://example/page">',
+        '<script src="assets/a.js"></script>',
+        '<img src="data:image/png;base64,AAAA">',
+        "<p>https://example in a text, and url(https://example) too</p>",
+    ],
+)
+def test_what_a_browser_does_not_load_is_no_load(text: str) -> None:
+    assert find_loads_in_html(text) == []
+
+
+def test_loads_of_a_style_sheet_are_found() -> None:
+    assert find_loads_in_css("@font-face { src: url(//fonts.example/a.woff2) } a { background: url(b.png) }") == [
+        "//fonts.example/a.woff2"
+    ]
+
+
+def test_all_files_of_a_site_are_read(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "index.html").write_text("<p>whole</p>")
+    (tmp_path / "a" / "b.html").write_text('<img src="https://example/c.png">')
+    (tmp_path / "a" / "d.css").write_text("@import url('https://example/e.css');")
+    assert list(find_loads(tmp_path)) == [
+        "a/b.html: loads https://example/c.png",
+        "a/d.css: loads https://example/e.css",
+    ]

@@ -184,11 +184,16 @@ def test_wheel_holds_what_the_server_reads(place: Place) -> None:
     (wheel,) = place.folder.glob("*.whl")
     assert f"-{__version__}-py3-none-any" in wheel.name
     (package,) = place.folder.glob("env/lib/python3*/site-packages/rosbridge_sim")
-    for folder, at in ((ROOT / "schemas", package / "schemas"), (ROOT / "rosbridge_sim" / "data", package / "data")):
+    for folder, at in (
+        (ROOT / "schemas", package / "schemas"),
+        (ROOT / "docs", package / "docs"),
+        (ROOT / "rosbridge_sim" / "data", package / "data"),
+    ):
         wanted = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
         assert wanted
         assert sorted(str(path.relative_to(at)) for path in at.rglob("*") if path.is_file()) == wanted
     assert (package / "py.typed").is_file()
+    assert place.run([str(place.bin / "rosbridge-sim"), "docs", "tutorial"]).stdout.startswith("# Tutorial\n")
 
 
 def test_wheel_names_its_licence_and_holds_the_text(place: Place) -> None:

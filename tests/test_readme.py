@@ -1,4 +1,4 @@
-"""What the README shows is what there is: its scripts run, its tables and its diagram are the truth."""
+"""README and documentation against the program: the examples run, and the tables name what there is."""
 
 from __future__ import annotations
 
@@ -13,23 +13,51 @@ import pytest
 
 from rosbridge_sim.morai.catalogue import CATALOGUE
 from rosbridge_sim.morai.releases import FIELD, MANUAL
-from rosbridge_sim.morai.sync_table import SYNC_TABLE
 from rosbridge_sim.shell.files.catalogue_file import read_catalogue
 from rosbridge_sim.world.state import Kind
 from tests.cli.tool_fixture import run as run_tool
 from tests.conftest import Connect, Serve
 from tests.support import PATIENCE, ROOT, ServerProcess, require_node_modules, require_tool
 
-README = (ROOT / "README.md").read_text()
+README = (ROOT / "README.md").read_text("utf-8")
 
-PLACE = re.compile(r"at \((-?[\d.]+), (-?[\d.]+)\), (-?[\d.]+) km/h\n")
+PAGES = {"README.md": README} | {
+    str(path.relative_to(ROOT)): path.read_text("utf-8") for path in sorted((ROOT / "docs").rglob("*.md"))
+}
+"""README and the pages of the documentation, by path."""
+
+MAX_README_LINES = 250
+"""A reader decides in some minutes; everything longer has a page of its own."""
+
+MARKED = re.compile(r"<!-- run: ([\w-]+) -->\n```(\w+)\n(.*?)```\n(?:\n[^\n#`]+:\n\n```text\n(.*?)```\n)?", re.DOTALL)
+"""Mark, language and text of an example, and of the block that says what it prints, where there is one."""
+
+NUMBER = re.compile(r"-?\d+\.\d+")
 
 
 def example(mark: str) -> str:
-    """The one script under `<!-- run: mark -->`."""
-    (script,) = re.findall(rf"<!-- run: {mark} -->\n```\w+\n(.*?)```\n", README, re.DOTALL)
+    """The one script under `<!-- run: mark -->` in README or in the documentation."""
+    (script,) = [text for page in PAGES.values() for name, _, text, _ in MARKED.findall(page) if name == mark]
     assert isinstance(script, str)
     return script
+
+
+def shown(mark: str) -> str:
+    """What the page says that this example prints."""
+    (text,) = [text for page in PAGES.values() for name, _, _, text in MARKED.findall(page) if name == mark]
+    assert isinstance(text, str)
+    assert text, mark
+    return text
+
+
+def figures_masked(text: str) -> str:
+    """The text with each figure replaced by its number of decimals, for runs in real time."""
+    return NUMBER.sub(lambda match: "#" * len(match[0].partition(".")[2]), text)
+
+
+def page(name: str) -> str:
+    """A page of the documentation."""
+    return PAGES[f"docs/{name}"]
 
 
 def at_port(script: str, port: int) -> str:
@@ -45,25 +73,60 @@ def run(command: list[str], cwd: Path) -> str:
     return done.stdout
 
 
-@pytest.mark.client
-@pytest.mark.slow
-def test_the_python_script_drives(server: ServerProcess, tmp_path: Path) -> None:
-    script = tmp_path / "drive.py"
-    script.write_text(at_port(example("python"), server.port))
-    match = PLACE.fullmatch(run([sys.executable, str(script)], tmp_path))
-    assert match is not None
-    assert float(match[3]) > 10.0
+def run_python(mark: str, port: int, folder: Path) -> str:
+    """What a marked Python program prints when it talks to this port."""
+    script = folder / f"{mark}.py"
+    script.write_text(at_port(example(mark), port))
+    return run([sys.executable, str(script)], folder)
 
 
 @pytest.mark.client
 @pytest.mark.slow
-def test_the_javascript_drives(server: ServerProcess, tmp_path: Path) -> None:
+@pytest.mark.parametrize("mark", ["python", "tutorial"])
+def test_synchronous_programs_print_what_the_page_says_to_the_last_digit(
+    serve: Serve, tmp_path: Path, mark: str
+) -> None:
+    assert run_python(mark, serve().port, tmp_path) == shown(mark)
+
+
+@pytest.mark.client
+@pytest.mark.slow
+def test_the_python_program_in_real_time_prints_lines_as_the_page_says(serve: Serve, tmp_path: Path) -> None:
+    printed = run_python("roslibpy-drive", serve().port, tmp_path)
+    assert figures_masked(printed) == figures_masked(shown("roslibpy-drive"))
+    assert printed.splitlines()[-1].startswith("0.0 m/s")
+
+
+@pytest.mark.client
+@pytest.mark.slow
+def test_the_javascript_drives_and_brakes(serve: Serve, tmp_path: Path) -> None:
     script = tmp_path / "drive.mjs"
-    script.write_text(at_port(example("node"), server.port))
+    script.write_text(at_port(example("node"), serve().port))
     (tmp_path / "node_modules").symlink_to(require_node_modules())
-    match = PLACE.fullmatch(run([require_tool("node"), "--preserve-symlinks", str(script)], tmp_path))
-    assert match is not None
-    assert float(match[3]) > 10.0
+    printed = run([require_tool("node"), "--preserve-symlinks", str(script)], tmp_path)
+    assert figures_masked(printed) == figures_masked(shown("node"))
+    driving, standing = (float(NUMBER.findall(line)[-1]) for line in printed.splitlines())
+    assert (driving > 10.0, standing) == (True, 0.0)
+
+
+@pytest.mark.slow
+def test_the_pytest_example_passes(tmp_path: Path) -> None:
+    (tmp_path / "test_brakes.py").write_text(example("pytest"))
+    plugins = ["-p", "no:cacheprovider", "-p", "no:asyncio"]  # the example needs neither
+    printed = run([sys.executable, "-m", "pytest", "-q", *plugins, "test_brakes.py"], tmp_path)
+    assert "1 passed" in printed
+
+
+def test_each_program_in_the_documentation_has_a_mark_and_each_mark_a_test() -> None:
+    marks = [name for text in PAGES.values() for name, *_ in MARKED.findall(text)]
+    programs = sum(len(re.findall(r"^```(?:python|js|toml|csv)$", text, re.MULTILINE)) for text in PAGES.values())
+    tested = {"python", "node", "tutorial", "roslibpy-drive", "pytest", "simulator", "network", "tools", "catalogue"}
+    assert sorted(marks) == sorted({*tested, "status-python", "status-node"})
+    assert programs == len(marks) - 1, "all but the commands of `tools`, which are sh"
+
+
+def test_readme_is_short_enough_to_be_read() -> None:
+    assert len(README.splitlines()) <= MAX_README_LINES
 
 
 SHOWN = "error: Message type morai_msgs/CtrlCmd does not have a field acel (did you mean accel?); it has longlCmdType, "
@@ -124,7 +187,8 @@ def test_the_tools_do_what_is_said(serve: Serve, monkeypatch: pytest.MonkeyPatch
 
 def rows(header: str) -> list[list[str]]:
     """The cells of the table with that header, without its first two lines."""
-    lines = README[README.index(header) :].splitlines()[2:]
+    (text,) = [text for text in PAGES.values() if header in text]
+    lines = text[text.index(header) :].splitlines()[2:]
     table = lines[: next(i for i, line in enumerate([*lines, ""]) if not line.startswith("|"))]
     return [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in table]
 
@@ -164,7 +228,8 @@ def test_the_table_of_profiles_is_what_they_are() -> None:
 
 
 def test_the_catalogue_is_complete() -> None:
-    lists = README[README.index("The catalogue, for") : README.index("## Your own message packages")]
+    scenarios = page("reference/scenarios.md")
+    lists = scenarios[scenarios.index("## The catalogue") :]
     kinds = {"vehicles": Kind.VEHICLE, "pedestrians": Kind.PEDESTRIAN, "obstacles": Kind.OBSTACLE}
     for label, kind in kinds.items():
         text = lists[lists.index(f"- {label}:") :].partition("\n- ")[0].partition("\n\n")[0]
@@ -178,8 +243,8 @@ def test_the_table_of_models_is_read(tmp_path: Path) -> None:
     assert (car.name, car.body.wheelbase, fridge.name, fridge.kind) == ("Sonata", 2.84, "Fridge", Kind.OBSTACLE)
 
 
-def test_every_flag_that_it_names_exists() -> None:
-    flags = set(re.findall(r"`(--[a-z-]+)", README))
+def test_every_flag_that_a_page_names_exists() -> None:
+    flags = {flag for text in PAGES.values() for flag in re.findall(r"`(--[a-z-]+)", text)}
     assert len(flags) > 15
     commands = [
         ["serve"],
@@ -189,17 +254,8 @@ def test_every_flag_that_it_names_exists() -> None:
         ["record"],
         ["tick"],
         ["map", "info"],
+        ["docs"],
     ]
     helped = "".join(run([sys.executable, "-m", "rosbridge_sim", *words, "--help"], ROOT) for words in commands)
     helped += "".join(run([sys.executable, f"scripts/soak/{name}.py", "--help"], ROOT) for name in ("fuzz", "mixed"))
     assert sorted(flag for flag in flags if not re.search(rf"(?<!\w){flag}\b", helped)) == []
-
-
-def test_the_diagram_of_synchronous_mode_is_its_table() -> None:
-    drawn = set(re.findall(r"^ +(\w+) --> (\w+):", README, re.MULTILINE))
-    assert drawn == {
-        (state.name, outcome.state.name)
-        for state, outcomes in SYNC_TABLE.items()
-        for outcome in outcomes.values()
-        if outcome.state is not state
-    }

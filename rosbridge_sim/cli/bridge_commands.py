@@ -16,7 +16,7 @@ from rosbridge_sim.cli.command_line import (
     make_number,
     run_command,
 )
-from rosbridge_sim.cli.file_commands import run_bag, run_map, run_scenario, run_schema
+from rosbridge_sim.cli.file_commands import run_bag, run_docs, run_map, run_scenario, run_schema
 from rosbridge_sim.cli.tools.text import read_body
 from rosbridge_sim.shell.config.command_flags import Parser, layout
 from rosbridge_sim.shell.config.keys import PREFIX
@@ -384,6 +384,7 @@ TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "bag": run_bag,
     "scenario": run_scenario,
     "map": run_map,
+    "docs": run_docs,
     "record": _record,
     "tick": _tick,
     "wait": _wait,

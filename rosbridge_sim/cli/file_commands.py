@@ -1,4 +1,4 @@
-"""The commands that look at files and ask no server: `rosbridge-sim schema|bag|scenario|map ...`."""
+"""The commands that look at files and ask no server: `rosbridge-sim schema|bag|scenario|map|docs ...`."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from rosbridge_sim.cli.command_line import (
     group_of,
     run_command,
 )
-from rosbridge_sim.shell.config.command_flags import Parser
+from rosbridge_sim.shell.config.command_flags import Parser, layout
+from rosbridge_sim.shell.config.value_types import SettingError
 
-__all__ = ["run_bag", "run_map", "run_scenario", "run_schema"]
+__all__ = ["run_bag", "run_docs", "run_map", "run_scenario", "run_schema"]
 
 
 # schema
@@ -147,3 +148,33 @@ def _show_map(options: Options) -> int:
     from rosbridge_sim.cli.tools import map as map_tool  # noqa: PLC0415
 
     return map_tool.show_maps(options.maps, options.picture, is_json=options.json, is_strict=options.strict)
+
+
+# docs
+
+
+def run_docs(argv: Sequence[str]) -> int:
+    """`rosbridge-sim docs ...`."""
+    parser = Parser(
+        prog="rosbridge-sim docs",
+        description="List the pages of the documentation that are in the package, or print one of them.",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    parser.add_argument("page", metavar="PAGE", nargs="?", help="a page to print, such as tutorial or guides/ci")
+    parser.add_argument("--open", action="store_true", help="open the site in a browser, where mkdocs has built it")
+    add_json(parser)
+    parser.set_defaults(run=_show_docs)
+    return run_command(parser, argv)
+
+
+def _show_docs(options: Options) -> int:
+    from rosbridge_sim.cli.tools import docs  # noqa: PLC0415
+
+    if options.open:
+        if options.page is not None or options.json:
+            raise SettingError("docs: --open opens the whole site; expected neither PAGE nor --json with it")
+        return docs.open_site()
+    if options.page is None:
+        return docs.list_pages(is_json=options.json)
+    return docs.show_page(options.page, is_json=options.json)

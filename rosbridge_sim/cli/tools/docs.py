@@ -1,0 +1,122 @@
+"""Pages of the documentation that are in the package: listed, printed, or opened as a site.
+
+The Markdown pages are part of the wheel, since users work in closed networks. The built site is not, because it is ten
+times as large as the pages; in a checkout it is opened where `mkdocs build` has made it.
+"""
+
+from __future__ import annotations
+
+import webbrowser
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from rosbridge_sim.cli.tools.text import note, put, put_json, put_table
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.suggestions import hint
+
+__all__ = ["Page", "find_pages", "list_pages", "open_site", "show_page"]
+
+_PACKAGE: Final = Path(__file__).resolve().parents[2]
+
+FOLDERS: Final = (_PACKAGE / "docs", _PACKAGE.parent / "docs")
+"""Where the pages are: within the wheel, or beside the package in a checkout."""
+
+SITE: Final = _PACKAGE.parent / "build" / "site" / "index.html"
+"""First page of a site that `mkdocs build` has made in a checkout."""
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """One page.
+
+    Attributes:
+        name: path below the folder of the pages without its suffix, such as `guides/ci`.
+        title: its first heading.
+        path: of its file.
+    """
+
+    name: str
+    title: str
+    path: Path
+
+
+def find_pages() -> list[Page]:
+    """Return all pages in the order of their names.
+
+    Raises:
+        DocumentError: this installation has no pages.
+    """
+    folder = _folder()
+    pages = []
+    for path in sorted(folder.rglob("*.md")):
+        first = path.read_text("utf-8").partition("\n")[0]
+        pages.append(Page(path.relative_to(folder).with_suffix("").as_posix(), first.lstrip("# "), path))
+    return pages
+
+
+def _folder() -> Path:
+    folder = next((one for one in FOLDERS if (one / "index.md").is_file()), None)
+    if folder is None:
+        raise DocumentError(f"docs: expected pages in {FOLDERS[0]}; there are none: install the package again")
+    return folder
+
+
+def list_pages(*, is_json: bool) -> int:
+    """Print name and title of each page; the exit code.
+
+    Args:
+        is_json: for programs, one JSON value.
+
+    Raises:
+        DocumentError: this installation has no pages.
+    """
+    pages = find_pages()
+    if is_json:
+        put_json([{"name": page.name, "title": page.title, "path": str(page.path)} for page in pages])
+        return 0
+    put_table(["PAGE", "TITLE"], [[page.name, page.title] for page in pages])
+    put(f"\nrosbridge-sim docs PAGE prints one of them. The files are in {_folder()}")
+    return 0
+
+
+def show_page(name: str, *, is_json: bool) -> int:
+    """Print one page as it is written; the exit code.
+
+    Args:
+        name: of the page. The folder and the suffix may be left out where that leaves one page.
+        is_json: for programs, one JSON value.
+
+    Raises:
+        DocumentError: no page has that name, or several have.
+    """
+    pages = find_pages()
+    wanted = name.strip("/").removesuffix(".md").lower().replace("-", "_")
+    found = [page for page in pages if page.name == wanted] or [
+        page for page in pages if page.name.rpartition("/")[2] == wanted
+    ]
+    if len(found) > 1:
+        names = ", ".join(page.name for page in found)
+        raise DocumentError(f"docs: {name}: expected the name of one page; got that of {len(found)}: {names}")
+    if not found:
+        known = [word for page in pages for word in (page.name, page.name.rpartition("/")[2])]
+        raise DocumentError(f"docs: there is no page {name!r}{hint(wanted, known)}; rosbridge-sim docs lists all")
+    page = found[0]
+    text = page.path.read_text("utf-8")
+    if is_json:
+        put_json({"name": page.name, "title": page.title, "text": text})
+    else:
+        put(text.rstrip("\n"))
+    return 0
+
+
+def open_site() -> int:
+    """Open the built site in a browser; the exit code: 1 where there is none, or no browser."""
+    if not SITE.is_file():
+        note("no site is built here. In a checkout: pip install -e '.[docs]' && mkdocs build")
+        note("rosbridge-sim docs lists the pages that are in the package")
+        return 1
+    if not webbrowser.open(SITE.as_uri()):
+        note(f"no browser could be started; open {SITE.as_uri()}")
+        return 1
+    return 0

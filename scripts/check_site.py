@@ -1,0 +1,118 @@
+#!/usr/bin/env python3
+"""Check that no page of the built documentation loads anything from another host.
+
+    mkdocs build --strict && python scripts/check_site.py [build/site]
+
+Users work in closed networks, so a page must be whole without one. What counts is what a browser loads by itself:
+scripts, styles, pictures, fonts, frames and media of HTML, and `url(...)` and `@import` of CSS. A link that a person
+clicks may lead anywhere. Code 1 names each load.
+
+Addresses within scripts are not read. The theme's script holds some for features that `mkdocs.yml` leaves off (mermaid,
+figures of a repository); a look with a browser's network log showed that none of them is called.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Final
+
+__all__ = ["find_loads", "find_loads_in_css", "find_loads_in_html"]
+
+LOADING: Final[dict[str, tuple[str, ...]]] = {
+    "audio": ("src",),
+    "embed": ("src",),
+    "iframe": ("src",),
+    "image": ("href", "xlink:href"),
+    "img": ("src", "srcset"),
+    "input": ("src",),
+    "link": ("href",),
+    "object": ("data",),
+    "script": ("src",),
+    "source": ("src", "srcset"),
+    "track": ("src",),
+    "use": ("href", "xlink:href"),
+    "video": ("src", "poster"),
+}
+"""Element -> attributes whose address a browser loads by itself."""
+
+LAZY_LINKS: Final = frozenset({"alternate", "author", "canonical", "help", "license", "next", "prev", "search"})
+"""Values of `rel` of a `<link>` that is no load: a browser only remembers them."""
+
+ELSEWHERE: Final = re.compile(r"(?:https?:|wss?:)?//", re.IGNORECASE)
+"""The beginning of an address on another host."""
+
+CSS_ADDRESS: Final = re.compile(r"(?:url\(\s*|@import\s+)['\"]?((?:https?:)?//[^'\")\s;]+)", re.IGNORECASE)
+
+
+class _Loads(HTMLParser):
+    """Collect the addresses of other hosts that a page loads."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.found: list[str] = []
+        self._is_style = False
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Look at one element; `HTMLParser` calls this."""
+        values = {name: value or "" for name, value in attrs}
+        self._is_style = tag == "style"
+        self.found += find_loads_in_css(values.get("style", ""))
+        if tag == "link" and LAZY_LINKS.issuperset(values.get("rel", "").lower().split() or ["stylesheet"]):
+            return
+        for name in LOADING.get(tag, ()):
+            parts = values.get(name, "").split(",") if name == "srcset" else [values.get(name, "")]
+            self.found += [part.strip() for part in parts if ELSEWHERE.match(part.strip())]
+
+    def handle_endtag(self, tag: str) -> None:
+        """Leave a style; `HTMLParser` calls this."""
+        self._is_style = self._is_style and tag != "style"
+
+    def handle_data(self, data: str) -> None:
+        """Look at the text of a style; `HTMLParser` calls this."""
+        if self._is_style:
+            self.found += find_loads_in_css(data)
+
+
+def find_loads_in_html(text: str) -> list[str]:
+    """Return the addresses of other hosts that a page makes a browser load."""
+    parser = _Loads()
+    parser.feed(text)
+    parser.close()
+    return parser.found
+
+
+def find_loads_in_css(text: str) -> list[str]:
+    """Return the addresses of other hosts that a style sheet makes a browser load."""
+    return CSS_ADDRESS.findall(text)
+
+
+def find_loads(site: Path) -> Iterator[str]:
+    """Yield a line for each load from another host, in all pages, styles and pictures of a folder."""
+    readers = {".html": find_loads_in_html, ".svg": find_loads_in_html, ".css": find_loads_in_css}
+    for path in sorted(site.rglob("*")):
+        if path.suffix in readers:
+            for address in readers[path.suffix](path.read_text("utf-8")):
+                yield f"{path.relative_to(site)}: loads {address}"
+
+
+def main() -> int:
+    """Run the command; the exit code."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("site", nargs="?", type=Path, default=Path("build/site"), help="folder of the built site")
+    site = parser.parse_args().site
+    if not (site / "index.html").is_file():
+        print(f"check_site: {site}: expected a built site; run mkdocs build first", file=sys.stderr)
+        return 2
+    loads = list(find_loads(site))
+    for line in loads:
+        print(line, file=sys.stderr)
+    return 1 if loads else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

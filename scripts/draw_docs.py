@@ -1,0 +1,170 @@
+#!/usr/bin/env python3
+"""Draw the pictures of README and of the documentation's first pages.
+
+    python scripts/draw_docs.py    writes docs/images/town.png and docs/images/drive.svg
+
+`town.png` is the built-in scene `town` as `rosbridge-sim scenario check town --picture` draws it, with fewer colours.
+`drive.svg` shows the drive of the Python program in README: 30 km/h in a left bend for five seconds, then the brake.
+Other pictures are drawn by `write_docs.py` from the sources and are compared by a test. These two are not compared,
+because a font or a numpy build may change a pixel.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+import tempfile
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from PIL import Image
+from websockets.asyncio.client import ClientConnection, connect
+
+ROOT = Path(__file__).resolve().parent.parent
+if __name__ == "__main__":
+    sys.path.insert(0, str(ROOT))  # works from a fresh clone, too
+
+from rosbridge_sim import Simulator  # noqa: E402
+from rosbridge_sim.cli.file_commands import run_scenario  # noqa: E402
+from scripts.docs_pages.svg import INK, Point, document, text  # noqa: E402
+
+IMAGES: Final = ROOT / "docs" / "images"
+
+COLOURS: Final = 256
+"""As many as a PNG with a table has: the small lights and cars keep their colours, at a fifth of the size."""
+
+SIDE: Final = 1_000
+"""Width of the scene's picture [px]: enough for a page, a third of what the tool draws."""
+
+DRIVING_TICKS: Final = 250
+"""Five seconds, as in README."""
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """State of the ego after a tick.
+
+    Attributes:
+        time: since the first tick [s].
+        x, y: of the rear axle in the map [m].
+        speed: [km/h].
+        brake: pedal, 0 to 1.
+    """
+
+    time: float
+    x: float
+    y: float
+    speed: float
+    brake: float
+
+
+def draw_scene(path: Path) -> None:
+    """Write the picture of the scene `town`."""
+    with tempfile.TemporaryDirectory() as folder:
+        large = Path(folder) / "town.png"
+        run_scenario(["check", "town", "--picture", str(large)])
+        picture = Image.open(large).convert("RGB")
+        picture.thumbnail((SIDE, SIDE), Image.Resampling.LANCZOS)
+        picture.quantize(COLOURS, Image.Quantize.FASTOCTREE).save(path, optimize=True)
+
+
+async def _drive() -> list[Moment]:
+    async with Simulator(port=0, start="sync") as sim, connect(sim.url) as client:
+        await _ask(client, "/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)
+        moments: list[Moment] = []
+        while len(moments) < DRIVING_TICKS or moments[-1].speed > 0:
+            is_driving = len(moments) < DRIVING_TICKS
+            command = (
+                {"longlCmdType": 2, "velocity": 30.0, "steering": 0.05}
+                if is_driving
+                else {"longlCmdType": 1, "brake": 1.0}
+            )
+            await _ask(client, "/SyncModeCtrlCmd", command=command)
+            car = (await _ask(client, "/SyncModeWaitForTick", user_id="me"))["vehicle_status"]
+            place, speed = car["position"], car["velocity"]["x"] * 3.6
+            moments.append(Moment(0.02 * (1 + len(moments)), place["x"], place["y"], speed, car["brake"]))
+        return moments
+
+
+async def _ask(client: ClientConnection, service: str, **request: object) -> dict[str, Any]:
+    await client.send(json.dumps({"op": "call_service", "service": service, "args": {"request": request}}))
+    answer: dict[str, Any] = json.loads(await client.recv())["values"]["response"]
+    return answer
+
+
+@dataclass(frozen=True, slots=True)
+class _Chart:
+    """A field of the picture with its axes.
+
+    Attributes:
+        at: lower left corner [px].
+        size: width and height [px].
+        xs, ys: first and last value of each axis.
+    """
+
+    at: Point
+    size: Point
+    xs: Point
+    ys: Point
+
+    def place(self, x: float, y: float) -> Point:
+        """Return where a value lies in the picture."""
+        across = (x - self.xs[0]) / (self.xs[1] - self.xs[0])
+        up = (y - self.ys[0]) / (self.ys[1] - self.ys[0])
+        return self.at[0] + across * self.size[0], self.at[1] - up * self.size[1]
+
+    def line(self, points: Iterable[Point], colour: str) -> str:
+        """Return a line through values."""
+        placed = " ".join(f"{x:.1f},{y:.1f}" for x, y in (self.place(*point) for point in points))
+        return f'<polyline points="{placed}" fill="none" stroke="{colour}" stroke-width="2.5"/>'
+
+    def axes(self, across: Sequence[float], up: Sequence[float], names: tuple[str, str]) -> list[str]:
+        """Return the frame, its ticks and the names of both axes."""
+        (x0, y0), (width, height) = self.at, self.size
+        parts = [
+            f'<rect x="{x0:g}" y="{y0 - height:g}" width="{width:g}" height="{height:g}" fill="none" stroke="{INK}"/>'
+        ]
+        for value in across:
+            x, _ = self.place(value, self.ys[0])
+            parts.append(text((x, y0 + 18), f"{value:g}", size=12))
+        for value in up:
+            _, y = self.place(self.xs[0], value)
+            parts.append(text((x0 - 8, y + 4), f"{value:g}", size=12, anchor="end"))
+            parts.append(f'<path d="M{x0:g},{y:.1f} h{width:g}" stroke="{INK}" stroke-opacity="0.15"/>')
+        parts.append(text((x0 + width / 2, y0 + 38), names[0], size=12))
+        parts.append(text((x0, y0 - height - 10), names[1], size=12, anchor="start"))
+        return parts
+
+
+def draw_drive(path: Path) -> None:
+    """Write the plot of the drive: the way on the map, the speed and the brake over time."""
+    moments = asyncio.run(_drive())
+    end = moments[-1]
+    way = _Chart((60, 260), (330, 200), (38, 78), (-6, 18.24))
+    speed = _Chart((470, 260), (370, 200), (0, 7), (0, 35))
+    parts = [
+        *way.axes((40, 50, 60, 70), (0, 5, 10, 15), ("x, east [m]", "y, north [m]: the way of the rear axle")),
+        way.line(((one.x, one.y) for one in moments), "#1f6fb2"),
+        *speed.axes(range(8), (0, 10, 20, 30), ("simulated time [s]", "speed [km/h]")),
+        speed.line(((one.time, one.speed) for one in moments), "#1f6fb2"),
+        speed.line(((one.time, 10 * one.brake) for one in moments), "#c0502a"),
+        text(speed.place(4.9, 11), "brake pedal (10 is 1)", size=12, anchor="end"),
+        text(way.place(end.x - 1.5, end.y + 1), "stops here", size=12, anchor="end"),
+    ]
+    title = "A drive of five seconds at 30 km/h in a left bend, and the braking after it"
+    path.write_text(document(880, 320, title, parts), encoding="utf-8")
+
+
+def main() -> int:
+    """Write both pictures; the exit code."""
+    IMAGES.mkdir(parents=True, exist_ok=True)
+    draw_scene(IMAGES / "town.png")
+    draw_drive(IMAGES / "drive.svg")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

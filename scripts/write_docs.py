@@ -1,0 +1,69 @@
+#!/usr/bin/env python3
+"""Write the generated pages and pictures of the documentation.
+
+    python scripts/write_docs.py           writes docs/reference/*.md and docs/images/*.svg
+    python scripts/write_docs.py --check   writes nothing; names what is out of date and ends with code 1
+
+Run it after a change of a setting, a definition, a topic, a service, the table of synchronous mode, or an import
+between rooms. A test compares the files with what this script writes: change the sources, not the files.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+ROOT = Path(__file__).resolve().parent.parent
+if __name__ == "__main__":
+    sys.path.insert(0, str(ROOT))  # works from a fresh clone, too
+
+from scripts.docs_pages.fields import write_fields  # noqa: E402
+from scripts.docs_pages.flags import write_flags  # noqa: E402
+from scripts.docs_pages.rooms import draw_rooms  # noqa: E402
+from scripts.docs_pages.sync_mode import draw_states, write_table  # noqa: E402
+
+__all__ = ["DOCS", "GENERATED", "find_outdated"]
+
+DOCS: Final = ROOT / "docs"
+
+GENERATED: Final[dict[str, Callable[[], str]]] = {
+    "reference/flags.md": write_flags,
+    "reference/fields_22.md": lambda: write_fields("22.R2"),
+    "reference/fields_26.md": lambda: write_fields("26.R1"),
+    "reference/sync_table.md": write_table,
+    "images/sync_mode.svg": draw_states,
+    "images/rooms.svg": lambda: draw_rooms(ROOT / "rosbridge_sim"),
+}
+"""File in `docs/` -> what writes its text."""
+
+
+def find_outdated() -> list[str]:
+    """Return the generated files that are missing or differ from what would be written now."""
+    return [name for name, write in GENERATED.items() if _text_of(DOCS / name) != write()]
+
+
+def _text_of(path: Path) -> str | None:
+    return path.read_text("utf-8") if path.is_file() else None
+
+
+def main() -> int:
+    """Run the command; the exit code."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--check", action="store_true", help="write nothing; code 1 if a file is out of date")
+    if parser.parse_args().check:
+        outdated = find_outdated()
+        for name in outdated:
+            print(f"docs/{name} is out of date: run python scripts/write_docs.py", file=sys.stderr)
+        return 1 if outdated else 0
+    for name, write in GENERATED.items():
+        path = DOCS / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(write(), encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
