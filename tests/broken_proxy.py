@@ -1,4 +1,4 @@
-"""A bad line between a client and a server: a TCP proxy that splits, delays, stalls, finishes and resets, by a plan.
+"""TCP proxy that splits, delays, stalls, half-closes and resets connections as planned.
 
 Each connection has a fate, taken from the plan in the order of the connections; those after its end have a good line. A
 fate is told in bytes and drawn from a seed, so that a plan breaks the same bytes each time, however fast the machine.

@@ -1,4 +1,4 @@
-"""Where clients find the simulator: in the server itself, or behind a bridge that it has dialled.
+"""Deployments of the simulator: in the server itself, or behind a bridge that it dials.
 
 - `serve`: one process, `rosbridge-sim serve`.
 - `attach`: `rosbridge-sim attach`, and as its bridge our own server without a world.

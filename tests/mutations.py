@@ -1,4 +1,4 @@
-"""Valid documents with something wrong in them: what tests of decoders start from.
+"""Mutations of valid documents, for tests of decoders.
 
 An edit is a few plain numbers that hypothesis draws and shrinks; `spoil` and `damage` apply edits to a document that is
 known to be good. `examples` says how many of them a test tries: few by default, more for `scripts/soak/fuzz.py`.

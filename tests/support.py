@@ -1,4 +1,4 @@
-"""What tests of a live server share: the server as a process, a client that is nothing but a socket, and tools.
+"""Helpers for tests of a live server: the server as a process, a bare socket client, and tools.
 
 Nothing here sleeps: each wait is for an event and has a deadline, so that a server that says nothing fails a
 test and does not hang it.

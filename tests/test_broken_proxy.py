@@ -1,4 +1,4 @@
-"""The broken proxy breaks what its plan says, where it says so, and nothing else."""
+"""The broken proxy causes exactly the planned faults."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ async def talk(proxy: BrokenProxy, data: bytes) -> bytes:
     return got
 
 
-async def test_split_and_delayed_all_arrives(echo: int) -> None:
+async def test_split_and_delayed_bytes_all_arrive(echo: int) -> None:
     data = bytes(range(256)) * 2
     async with BrokenProxy(echo, [Fate(piece=7), Fate(piece=1), Fate(piece=100, pause=0.001)]) as proxy:
         for _ in range(4):
@@ -59,7 +59,7 @@ async def test_split_and_delayed_all_arrives(echo: int) -> None:
 
 
 @pytest.mark.parametrize("at", [0, 1, 100, 150])
-async def test_a_reset_comes_after_so_many_bytes(echo: int, at: int) -> None:
+async def test_reset_happens_after_the_planned_bytes(echo: int, at: int) -> None:
     async with BrokenProxy(echo, [Fate(reset_at=at)]) as proxy:
         assert len(await talk(proxy, bytes(100))) <= max(0, at - 100)
         await proxy.until(lambda: proxy.num_ended == 1)
@@ -67,7 +67,7 @@ async def test_a_reset_comes_after_so_many_bytes(echo: int, at: int) -> None:
 
 
 @pytest.mark.parametrize("at", [0, 1, 100])
-async def test_a_finish_ends_one_way_and_all_that_came_before_is_answered(echo: int, at: int) -> None:
+async def test_half_close_ends_one_direction_after_earlier_answers(echo: int, at: int) -> None:
     async with BrokenProxy(echo, [Fate(finish_at=at)]) as proxy:
         assert await talk(proxy, bytes(200)) == bytes(at)
         assert proxy.num_ended == 1
@@ -75,7 +75,7 @@ async def test_a_finish_ends_one_way_and_all_that_came_before_is_answered(echo: 
 
 
 @pytest.mark.parametrize("way", ["up", "down"])
-async def test_a_stall_stops_one_way_and_stays_connected(echo: int, way: Way) -> None:
+async def test_stall_stops_one_direction_and_stays_connected(echo: int, way: Way) -> None:
     async with BrokenProxy(echo, [Fate(stall_at=0, stalled=way)]) as proxy:
         reader, writer = await asyncio.open_connection("127.0.0.1", proxy.port)
         writer.write(b"anybody?")
@@ -87,14 +87,14 @@ async def test_a_stall_stops_one_way_and_stays_connected(echo: int, way: Way) ->
         assert await asyncio.wait_for(answer, PATIENCE) == b""
 
 
-async def test_nobody_behind_it_is_a_reset() -> None:
+async def test_missing_server_behind_the_proxy_is_a_reset() -> None:
     async with await asyncio.start_server(lambda *_: None, "127.0.0.1", 0) as server:
         port = server.sockets[0].getsockname()[1]
     async with BrokenProxy(port) as proxy:
         assert await talk(proxy, b"anybody?") == b""
 
 
-def test_a_seed_draws_the_same_fates() -> None:
+def test_same_seed_gives_the_same_faults() -> None:
     assert draw_fates(1, 9, 1000) == draw_fates(1, 9, 1000)
     assert draw_fates(1, 9, 1000) != draw_fates(2, 9, 1000)
     assert sum(fate.stall_at is not None for fate in draw_fates(1, 9, 1000)) == 3

@@ -69,7 +69,7 @@ def rows_of(page: Path, section: str) -> list[str]:
     return [row for table in tables for row in table.splitlines()[2:]]
 
 
-def test_there_are_pages_and_those_with_promises_are_among_them() -> None:
+def test_docs_have_pages_and_all_pages_with_promises() -> None:
     assert {page.name for page in PAGES} >= set(HELD_BY_TESTS)
 
 
@@ -86,7 +86,7 @@ def test_each_test_that_a_page_names_exists(page: Path) -> None:
 
 
 @pytest.mark.parametrize("name", HELD_BY_TESTS)
-def test_each_row_of_what_is_held_by_tests_is_whole_and_ends_in_one(name: str) -> None:
+def test_each_row_of_a_table_of_promises_names_a_test(name: str) -> None:
     rows = rows_of(ROOT / "docs" / name, HELD_BY_TESTS[name])
     assert rows
     for row in rows:
@@ -96,7 +96,7 @@ def test_each_row_of_what_is_held_by_tests_is_whole_and_ends_in_one(name: str) -
 
 
 @of_each_page
-def test_each_link_of_a_page_leads_somewhere(page: Path) -> None:
+def test_each_link_of_a_page_has_a_target(page: Path) -> None:
     for target, anchor in LINK.findall(page.read_text("utf-8")):
         linked = page.parent / target if target else page
         assert linked.exists(), target
@@ -104,7 +104,7 @@ def test_each_link_of_a_page_leads_somewhere(page: Path) -> None:
 
 
 @of_each_page
-def test_flags_that_a_page_names_exist(page: Path) -> None:
+def test_flags_named_by_a_page_exist(page: Path) -> None:
     settings = {f"--{field.name.replace('_', '-')}" for field in fields(Settings)}
     named = set(FLAG.findall(page.read_text("utf-8")))
     assert {flag for flag in named if f"--{flag.removeprefix('--no-')}" not in settings} - settings <= OTHER_FLAGS

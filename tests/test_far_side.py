@@ -1,4 +1,4 @@
-"""The far side behaves as rosbridge_suite for ROS 1 does, where that differs from what one would expect.
+"""The far bridge behaves like rosbridge_suite for ROS 1, where that is unexpected.
 
 A bare client plays both the simulator and the ROS program behind it. What never comes is told by what comes instead:
 the answer to a later call.
@@ -76,7 +76,7 @@ async def hears_nothing(client: Client) -> None:
         ({"op": "service_response", "service": "/s", "id": "1", "result": True}, "has not been advertised"),
     ],
 )
-async def test_a_mistake_is_a_line_in_its_log_and_no_word_to_the_client(
+async def test_error_is_logged_and_not_sent_to_the_client(
     far_side: FarSide, connect: Connect, frame: object, logged: str
 ) -> None:
     client = await connect(far_side.url)
@@ -85,7 +85,7 @@ async def test_a_mistake_is_a_line_in_its_log_and_no_word_to_the_client(
     assert logged in far_side.log[-1]
 
 
-async def test_what_is_no_json_waits_for_the_next_frame(far_side: FarSide, connect: Connect) -> None:
+async def test_text_that_is_not_json_waits_for_the_next_frame(far_side: FarSide, connect: Connect) -> None:
     client = await connect(far_side.url)
     call = {"op": "call_service", "service": "/rosapi/get_time"}
     text = json.dumps({**call, "id": "halved"}) + json.dumps({**call, "id": "glued"})
@@ -114,7 +114,7 @@ async def test_what_is_no_json_waits_for_the_next_frame(far_side: FarSide, conne
         ("std_msgs/Header", {"stamp": {"secs": 1}, "frame": ""}, "does not have a field frame"),
     ],
 )
-async def test_a_message_that_does_not_fit_is_dropped(
+async def test_message_that_does_not_fit_its_type_is_dropped(
     far_side: FarSide, connect: Connect, kind: str, msg: Frame, logged: str
 ) -> None:
     client = await connect(far_side.url)
@@ -125,9 +125,7 @@ async def test_a_message_that_does_not_fit_is_dropped(
     assert logged in far_side.log[-1]
 
 
-async def test_what_comes_out_has_every_field_as_the_wire_of_ros_1_leaves_it(
-    far_side: FarSide, connect: Connect
-) -> None:
+async def test_relayed_messages_have_all_fields_as_ros_1_serializes_them(far_side: FarSide, connect: Connect) -> None:
     client = await connect(far_side.url)
     await client.send("advertise", topic="/scan", type="sensor_msgs/LaserScan")
     await client.subscribe("scan")
@@ -154,7 +152,7 @@ async def test_a_topic_keeps_its_type(far_side: FarSide, connect: Connect) -> No
     assert "/t" in topics["topics"], "a publisher outlives its client"
 
 
-async def test_latched_messages_come_with_each_subscribe(far_side: FarSide, connect: Connect) -> None:
+async def test_latched_messages_are_sent_at_each_subscribe(far_side: FarSide, connect: Connect) -> None:
     client = await connect(far_side.url)
     await client.send("advertise", topic="/t", type=STRING, latch=True)
     await client.send("publish", topic="/t", msg={"data": "kept"})
@@ -163,7 +161,7 @@ async def test_latched_messages_come_with_each_subscribe(far_side: FarSide, conn
         assert await client.message("/t") == {"data": "kept"}
 
 
-async def test_throttled_without_a_queue_the_last_of_a_burst_is_lost(far_side: FarSide, connect: Connect) -> None:
+async def test_throttle_without_a_queue_loses_the_last_of_a_burst(far_side: FarSide, connect: Connect) -> None:
     client = await connect(far_side.url)
     await client.send("subscribe", topic="/t", type=STRING, throttle_rate=100_000)
     await client.send("subscribe", topic="/other", type=STRING, throttle_rate=100_000)
@@ -175,7 +173,7 @@ async def test_throttled_without_a_queue_the_last_of_a_burst_is_lost(far_side: F
     assert [frame["msg"]["data"] for frame in await client.settle()] == ["0"]
 
 
-async def test_queued_messages_push_out_the_oldest(far_side: FarSide, connect: Connect) -> None:
+async def test_queue_drops_the_oldest(far_side: FarSide, connect: Connect) -> None:
     client = await connect(far_side.url)
     await client.subscribe("/t", type=STRING, throttle_rate=1, queue_length=1)
     for i in range(100):
@@ -189,7 +187,9 @@ async def test_queued_messages_push_out_the_oldest(far_side: FarSide, connect: C
 # Services
 
 
-async def test_result_false_is_a_success_with_its_values(far_side: FarSide, connect: Connect, provider: Client) -> None:
+async def test_result_false_counts_as_success_with_its_values(
+    far_side: FarSide, connect: Connect, provider: Client
+) -> None:
     client = await connect(far_side.url)
     await ask(client, "mine")
     await answer(provider, result=False, values={"message": "no"})
@@ -206,7 +206,7 @@ async def test_result_false_is_a_success_with_its_values(far_side: FarSide, conn
         ({"values": {}}, "service_response: Expected a result field but none was found."),
     ],
 )
-async def test_without_values_that_fit_the_caller_waits_for_ever(
+async def test_caller_waits_forever_if_the_values_do_not_fit(
     far_side: FarSide, connect: Connect, provider: Client, fields: Frame, logged: str
 ) -> None:
     client = await connect(far_side.url)
@@ -217,7 +217,7 @@ async def test_without_values_that_fit_the_caller_waits_for_ever(
     assert logged in far_side.log[-1]
 
 
-async def test_a_provider_that_is_gone_stays_listed_and_its_callers_wait(
+async def test_lost_provider_stays_listed_and_its_callers_wait(
     far_side: FarSide, connect: Connect, provider: Client
 ) -> None:
     client, heir = await connect(far_side.url), await connect(far_side.url)
@@ -238,9 +238,7 @@ async def test_a_provider_that_is_gone_stays_listed_and_its_callers_wait(
     assert (await client.take("service_response", id="new"))["values"]["success"] is True
 
 
-async def test_the_last_to_advertise_serves_and_nobody_is_told(
-    far_side: FarSide, connect: Connect, provider: Client
-) -> None:
+async def test_last_advertiser_serves_without_a_notice(far_side: FarSide, connect: Connect, provider: Client) -> None:
     heir = await connect(far_side.url)
     await heir.send("advertise_service", service="/switch", type=SET_BOOL)
     await hears_nothing(heir)
@@ -269,7 +267,7 @@ async def test_calls_in_flight_are_answered_in_any_order(far_side: FarSide, conn
         ("/rosapi/message_details", {"type": "no_msgs/X"}, "Unable to import no_msgs.msg from package no_msgs."),
     ],
 )
-async def test_a_call_that_fails_has_a_text_for_values(
+async def test_failed_call_has_a_text_as_its_values(
     far_side: FarSide, provider: Client, service: str, args: Frame, told: str
 ) -> None:
     assert far_side.num_clients == 1
@@ -281,7 +279,7 @@ async def test_a_call_that_fails_has_a_text_for_values(
 # Fragments
 
 
-async def test_long_messages_come_in_fragments_unasked(connect: Connect) -> None:
+async def test_long_messages_come_in_unrequested_fragments(connect: Connect) -> None:
     async with FarSide(max_message_size=100) as far_side:
         client = await connect(far_side.url)
         await client.send("subscribe", topic="/t", type=STRING)
@@ -297,7 +295,7 @@ async def test_long_messages_come_in_fragments_unasked(connect: Connect) -> None
 # Machines
 
 
-async def test_a_machine_without_a_package_and_without_rosapi(connect: Connect) -> None:
+async def test_bridge_can_lack_a_package_and_rosapi(connect: Connect) -> None:
     async with FarSide(without=["morai_msgs"], has_rosapi=False) as far_side:
         client = await connect(far_side.url)
         await client.send("subscribe", topic="/Ego_topic", type="morai_msgs/EgoVehicleStatus")
@@ -306,7 +304,7 @@ async def test_a_machine_without_a_package_and_without_rosapi(connect: Connect) 
         assert "Unable to import morai_msgs.msg from package morai_msgs." in far_side.log[-1]
 
 
-async def test_what_a_slow_machine_has_not_handled_waits_without_a_bound(far_side: FarSide, connect: Connect) -> None:
+async def test_unhandled_frames_of_a_slow_bridge_are_unbounded(far_side: FarSide, connect: Connect) -> None:
     client = await connect(far_side.url)
     far_side.may_work.clear()
     for i in range(1000):
@@ -319,9 +317,7 @@ async def test_what_a_slow_machine_has_not_handled_waits_without_a_bound(far_sid
     assert far_side.num_handled == 1001
 
 
-async def test_killed_and_started_again_it_remembers_nothing(
-    far_side: FarSide, connect: Connect, provider: Client
-) -> None:
+async def test_restarted_bridge_remembers_nothing(far_side: FarSide, connect: Connect, provider: Client) -> None:
     url = far_side.url
     await far_side.kill()
     await provider.socket.wait_closed()
@@ -333,7 +329,7 @@ async def test_killed_and_started_again_it_remembers_nothing(
 
 
 @pytest.mark.slow
-async def test_it_runs_as_a_process(connect: Connect, tmp_path: Path) -> None:
+async def test_far_bridge_runs_as_a_process(connect: Connect, tmp_path: Path) -> None:
     process = FarSideProcess(tmp_path / "log.txt", ["--provide", f"/switch={SET_BOOL}"])
     try:
         client = await connect(process.url)

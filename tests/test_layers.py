@@ -1,4 +1,4 @@
-"""The arrows of the design hold, and nothing below the shell knows clocks, sockets, disk, tasks or chance.
+"""Imports follow the layers, and nothing below the shell uses clocks, sockets, disk, tasks or random numbers.
 
 The sources are read, not run: each import, wherever in a file it stands (at its top, within a function, for type checks
 alone), and each use of a name that reaches outside. A small bad tree shows that the reading finds what it is for.
@@ -293,11 +293,11 @@ def _dotted(node: ast.AST, aliases: dict[str, str]) -> str:
 # The house
 
 
-def test_sources_hold_to_the_design() -> None:
+def test_sources_follow_the_layers() -> None:
     assert list(find_faults(ROOT)) == []
 
 
-def test_arrows_make_no_circle() -> None:
+def test_layers_have_no_cycle() -> None:
     outer: dict[str, set[str]] = {}  # a room with all that is within it
     for room, targets in ARROWS.items():
         whole = room.partition(".")[0]
@@ -388,7 +388,7 @@ def faults_of(tmp_path: Path, file: str, source: str) -> list[str]:
         ("morai/a.py", "x = node._parts  # noqa: SLF001 - a friend", "a.py:1: morai must not use an object's private"),
     ],
 )
-def test_fault_is_found(tmp_path: Path, file: str, source: str, fault: str) -> None:
+def test_forbidden_import_is_found(tmp_path: Path, file: str, source: str, fault: str) -> None:
     assert any(fault in line for line in faults_of(tmp_path, file, source))
 
 
@@ -411,7 +411,7 @@ def test_fault_is_found(tmp_path: Path, file: str, source: str, fault: str) -> N
         ),
     ],
 )
-def test_what_the_design_allows_is_no_fault(tmp_path: Path, file: str, source: str) -> None:
+def test_allowed_import_is_not_reported(tmp_path: Path, file: str, source: str) -> None:
     assert faults_of(tmp_path, file, source) == []
 
 

@@ -1,4 +1,4 @@
-"""The mutation test's own part: which mutants a file has, and that each of them is another program."""
+"""Mutants of a file: which there are, and that each is another program."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def keep(x: int = 0) -> int:
 """
 
 
-def test_mutants_are_changes_of_what_functions_do_and_of_nothing_else() -> None:
+def test_mutants_change_function_bodies_only() -> None:
     changes = [mutant.change for mutant in mutants_of(SOURCE)]
     assert changes == [
         "x >= 1 and (not x > 5)  ->  not (x >= 1 and (not x > 5))",
@@ -49,7 +49,7 @@ def test_each_mutant_is_the_file_with_one_change() -> None:
 
 
 @pytest.mark.parametrize("file", TESTS)
-def test_deciding_files_and_their_tests_are_where_the_table_says(file: str) -> None:
+def test_files_and_tests_of_the_mutation_table_exist(file: str) -> None:
     source = (ROOT / PACKAGE / file).read_text()
     found = mutants_of(source)
     assert len(found) > 10

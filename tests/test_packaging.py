@@ -1,4 +1,4 @@
-"""What is shipped runs: the wheel, in an environment of its own, by an ordinary user, as the Dockerfile starts it."""
+"""The wheel runs in its own environment, as an ordinary user, as the Dockerfile starts it."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def image_command(*words: str) -> list[str]:
     return [*command_of(instruction("ENTRYPOINT")), *(words or command_of(instruction("CMD")))]
 
 
-def test_image_listens_for_everybody_on_the_port_it_names_and_has_an_ordinary_user() -> None:
+def test_image_listens_on_all_addresses_at_its_exposed_port_as_an_ordinary_user() -> None:
     settings = environment()
     assert settings["ROSBRIDGE_SIM_HOST"] == "0.0.0.0"  # noqa: S104 - an image is of no use otherwise
     assert settings["ROSBRIDGE_SIM_PORT"] == instruction("EXPOSE") == str(Settings().port)
@@ -180,7 +180,7 @@ def python_for_all(place: Place) -> str:
     return miss("needs a Python 3.11 or newer with its venv module that an ordinary user may run")
 
 
-def test_wheel_holds_what_the_server_reads(place: Place) -> None:
+def test_wheel_contains_all_data_files(place: Place) -> None:
     (wheel,) = place.folder.glob("*.whl")
     assert f"-{__version__}-py3-none-any" in wheel.name
     (package,) = place.folder.glob("env/lib/python3*/site-packages/rosbridge_sim")
@@ -279,14 +279,14 @@ async def test_image_command_serves_is_healthy_and_stops(place: Place, connect: 
         process.communicate()
 
 
-def test_words_after_the_name_of_the_image_are_flags(place: Place) -> None:
+def test_arguments_of_docker_run_are_flags(place: Place) -> None:
     done = place.run(image_command("--seed", "77", "--print-config"))
     assert done.returncode == 0, done.stderr
     assert "\nseed = 77\n" in done.stdout
     assert 'host = "0.0.0.0"\n' in done.stdout
 
 
-def test_installed_package_is_what_python_imports(place: Place) -> None:
+def test_installed_package_is_the_imported_one(place: Place) -> None:
     code = "import rosbridge_sim; print(rosbridge_sim.__version__, rosbridge_sim.Simulator().settings.port)"
     done = place.run(["python3", "-c", code])
     assert done.stdout == f"{__version__} 9090\n", done.stderr
@@ -295,7 +295,7 @@ def test_installed_package_is_what_python_imports(place: Place) -> None:
 # The checkout
 
 
-def test_serve_of_the_checkout_passes_its_arguments_on() -> None:
+def test_scripts_serve_passes_its_arguments_on() -> None:
     done = subprocess.run(
         [ROOT / "scripts" / "serve", "--seed", "77", "--print-config"],
         capture_output=True,

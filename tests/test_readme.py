@@ -134,7 +134,7 @@ SHOWN = "error: Message type morai_msgs/CtrlCmd does not have a field acel (did 
 
 @pytest.mark.client
 @pytest.mark.slow
-def test_the_lines_for_roslibpy_show_a_status(server: ServerProcess, tmp_path: Path) -> None:
+def test_roslibpy_lines_of_the_readme_show_a_status(server: ServerProcess, tmp_path: Path) -> None:
     script = tmp_path / "status.py"
     script.write_text(at_port(example("status-python"), server.port))
     assert run([sys.executable, str(script)], tmp_path).startswith(SHOWN)
@@ -142,7 +142,7 @@ def test_the_lines_for_roslibpy_show_a_status(server: ServerProcess, tmp_path: P
 
 @pytest.mark.client
 @pytest.mark.slow
-def test_the_lines_for_roslib_show_a_status(server: ServerProcess, tmp_path: Path) -> None:
+def test_roslib_lines_of_the_readme_show_a_status(server: ServerProcess, tmp_path: Path) -> None:
     script = tmp_path / "status.mjs"
     script.write_text(at_port(example("status-node"), server.port))
     (tmp_path / "node_modules").symlink_to(require_node_modules())
@@ -150,7 +150,7 @@ def test_the_lines_for_roslib_show_a_status(server: ServerProcess, tmp_path: Pat
 
 
 @pytest.mark.slow
-def test_the_simulator_in_process_runs(tmp_path: Path) -> None:
+def test_in_process_simulator_of_the_readme_runs(tmp_path: Path) -> None:
     script = tmp_path / "simulator.py"
     script.write_text(example("simulator"))
     out = run([sys.executable, str(script)], tmp_path)
@@ -158,7 +158,7 @@ def test_the_simulator_in_process_runs(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-async def test_the_network_settings_do_what_is_said(serve: Serve, connect: Connect, tmp_path: Path) -> None:
+async def test_network_settings_of_the_readme_work(serve: Serve, connect: Connect, tmp_path: Path) -> None:
     file = tmp_path / "car.toml"
     file.write_text(example("network"))
     client = await connect(serve("--config", str(file)).url)
@@ -175,7 +175,7 @@ async def test_the_network_settings_do_what_is_said(serve: Serve, connect: Conne
 
 
 @pytest.mark.slow
-def test_the_tools_do_what_is_said(serve: Serve, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_tool_commands_of_the_readme_work(serve: Serve, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("ROSBRIDGE_SIM_URL", serve().url)
     monkeypatch.chdir(tmp_path)  # what they write lies there
     for line in example("tools").splitlines():
@@ -197,7 +197,7 @@ def names_in(cell: str) -> list[str]:
     return re.findall(r"`(/[\w/]+)`", cell)
 
 
-async def test_the_tables_of_topics_and_services_are_complete(server: ServerProcess, connect: Connect) -> None:
+async def test_tables_of_topics_and_services_are_complete(server: ServerProcess, connect: Connect) -> None:
     client = await connect(server.url)
     node = await client.values("/rosapi/node_details", {"node": "/morai_sim"})
     out: set[str] = set()
@@ -218,7 +218,7 @@ async def test_the_tables_of_topics_and_services_are_complete(server: ServerProc
         assert await client.values("/rosapi/service_type", {"service": name}) == {"type": type_name}
 
 
-def test_the_table_of_profiles_is_what_they_are() -> None:
+def test_table_of_profiles_is_correct() -> None:
     says = {row[1].split()[0].strip("`")[2:].replace("-", "_"): row[2:] for row in rows("| what | flag | `manual`")}
     words = {0: "all", 20: "the 20 nearest"}
     for i, profile in enumerate((MANUAL, FIELD)):
@@ -227,7 +227,7 @@ def test_the_table_of_profiles_is_what_they_are() -> None:
         assert {name: cells[i] for name, cells in says.items()} == told
 
 
-def test_the_catalogue_is_complete() -> None:
+def test_table_of_the_catalogue_is_complete() -> None:
     scenarios = page("reference/scenarios.md")
     lists = scenarios[scenarios.index("## The catalogue") :]
     kinds = {"vehicles": Kind.VEHICLE, "pedestrians": Kind.PEDESTRIAN, "obstacles": Kind.OBSTACLE}
@@ -236,7 +236,7 @@ def test_the_catalogue_is_complete() -> None:
         assert re.findall(r"`([^`]+)`", text) == [model.name for model in CATALOGUE if model.kind is kind]
 
 
-def test_the_table_of_models_is_read(tmp_path: Path) -> None:
+def test_model_table_example_is_read(tmp_path: Path) -> None:
     file = tmp_path / "models.csv"
     file.write_text(example("catalogue"))
     car, fridge = read_catalogue(file).own

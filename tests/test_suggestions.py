@@ -1,4 +1,4 @@
-"""Suggestions help where a name comes near, and cost little where it does not."""
+"""Suggestions of near names, at a bounded cost."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ def test_nearest_name_is_suggested(name: str, known: list[str], near: str) -> No
 
 
 @pytest.mark.parametrize("name", ["", "zzz", "x" * (MAX_COMPARED_NAME + 1), "\ud800", "a" * 10**7])
-def test_name_that_is_like_none_or_too_long_gets_no_suggestion(name: str) -> None:
+def test_unlike_or_overlong_name_gets_no_suggestion(name: str) -> None:
     assert hint(name, ["port", "host"]) == ""
     assert hint("port", [name]) == ""
 
 
-def test_only_the_first_names_are_looked_at() -> None:
+def test_number_of_compared_names_is_bounded() -> None:
     looked_at = 0
 
     def names() -> Iterator[str]:
@@ -43,7 +43,7 @@ def test_only_the_first_names_are_looked_at() -> None:
     assert looked_at <= MAX_CACHED + 1
 
 
-def test_listing_names_a_dozen_and_cuts_long_names() -> None:
+def test_listing_has_at_most_twelve_names_and_cuts_long_ones() -> None:
     assert listing([]) == ""
     assert listing(["a", "b"]) == "a, b"
     assert listing(map(str, range(12))) == "0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11"
@@ -51,6 +51,6 @@ def test_listing_names_a_dozen_and_cuts_long_names() -> None:
     assert listing(["x" * 1000]) == "x" * 60 + "..."
 
 
-def test_half_surrogate_pairs_of_a_peer_are_escaped() -> None:
+def test_half_surrogate_pairs_are_escaped() -> None:
     assert listing(["a\ud800", "é"]) == "a\\ud800, é"
     assert hint("camera\ud800", ["camera\ud801"]).isprintable()

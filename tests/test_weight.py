@@ -1,4 +1,4 @@
-"""The weight of JSON texts: never less than a decoder finds, and exact where texts hold brackets."""
+"""The weight of JSON texts: never too low, and exact for texts with brackets."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def exactly(text: bytes) -> Weight:
 
 
 @given(json_values, st.integers(1, 30), st.booleans())
-def test_the_exact_weight_is_what_is_there_in_slices_of_any_length(value: Any, size: int, is_ascii: bool) -> None:  # noqa: ANN401, FBT001
+def test_exact_weight_is_the_same_for_any_slice_length(value: Any, size: int, is_ascii: bool) -> None:  # noqa: ANN401, FBT001
     text = json.dumps(value, ensure_ascii=is_ascii).encode()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(weight_module, "_SLICE", size)
@@ -54,7 +54,7 @@ def test_the_exact_weight_is_what_is_there_in_slices_of_any_length(value: Any, s
 
 
 @given(json_values)
-def test_the_quick_weight_is_never_less(value: JsonValue) -> None:
+def test_quick_weight_is_never_below_the_exact_one(value: JsonValue) -> None:
     quick, exact = weigh(json.dumps(value).encode()), count(value)
     assert quick.containers >= exact.containers
     assert quick.texts >= exact.texts
@@ -62,11 +62,11 @@ def test_the_quick_weight_is_never_less(value: JsonValue) -> None:
 
 
 @given(st.binary(max_size=100))
-def test_any_bytes_have_some_weight(data: bytes) -> None:
+def test_any_bytes_have_a_weight(data: bytes) -> None:
     assert exactly(data).containers <= weigh(data).containers
 
 
-def test_an_excess_names_the_limit() -> None:
+def test_error_beyond_the_limit_names_the_limit() -> None:
     assert FULL.excess(Weight(0, 0, 0)) is None
     assert LIGHT.excess(Weight(15_001, 0, 0)) == "at most 15,000 objects and lists are taken, and it has 15,001"
     assert LIGHT.excess(Weight(0, 60_001, 0)) == "at most 60,000 texts are taken, and it has 60,001"

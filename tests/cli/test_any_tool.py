@@ -1,4 +1,4 @@
-"""Tools that explain files, on files with something wrong in them: an account, or one line; never a traceback."""
+"""Tools that describe files, given damaged files: a report or one error line, never a traceback."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def explain(*words: str) -> None:
 @pytest.mark.slow
 @examples(20)
 @given(name=st.sampled_from(sorted(SCENARIOS)), changes=edits(), form=FORMS)
-def test_an_odd_scenario_is_explained(name: str, changes: list[Edit], form: tuple[str, ...]) -> None:
+def test_odd_scenario_gives_a_report_or_one_error_line(name: str, changes: list[Edit], form: tuple[str, ...]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.json"
         path.write_text(json.dumps(spoil(SCENARIOS[name], changes)))
@@ -51,7 +51,7 @@ def test_an_odd_scenario_is_explained(name: str, changes: list[Edit], form: tupl
 @pytest.mark.slow
 @examples(20)
 @given(name=st.sampled_from(sorted(MAPS)), data=st.data(), form=FORMS)
-def test_an_odd_map_is_explained(name: str, data: st.DataObject, form: tuple[str, ...]) -> None:
+def test_odd_map_gives_a_report_or_one_error_line(name: str, data: st.DataObject, form: tuple[str, ...]) -> None:
     files = dict(MAPS[name])
     file = data.draw(st.sampled_from(sorted(files)))
     files[file] = spoil(files[file], data.draw(edits()))

@@ -1,4 +1,4 @@
-"""The command line of the tools: mistakes, help, where the URL comes from, and that `serve` pays nothing for them."""
+"""Command line of the tools: usage errors, help, sources of the URL, and no import cost for `serve`."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from tests.support import PATIENCE, ROOT, ServerProcess
         (("service", "call", "/x", "--timeout", "-1"), "--timeout: expected"),
     ],
 )
-def test_mistake_is_one_line_and_code_2(words: tuple[str, ...], line: str) -> None:
+def test_usage_error_is_one_line_and_exit_code_2(words: tuple[str, ...], line: str) -> None:
     done = run(*words)
     assert (done.code, done.out) == (2, "")
     assert done.complaint.startswith(line)
@@ -51,14 +51,16 @@ def test_help_shows_the_url_of_the_environment_without_its_token(
 @pytest.mark.parametrize(
     "words", [("topic", "list", "--tokn", "s3same"), ("topic", "list", "x?token=s3same", "-z=s3same")]
 )
-def test_mistake_beside_a_token_is_told_without_it(words: tuple[str, ...]) -> None:
+def test_usage_error_next_to_a_token_does_not_show_the_token(words: tuple[str, ...]) -> None:
     done = run(*words)
     assert done.code == 2
     assert done.complaint.startswith("unrecognized arguments: -")
     assert "s3same" not in done.complaint
 
 
-def test_main_knows_the_tools(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_main_dispatches_every_tool_command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setattr(sys, "argv", ["rosbridge-sim", "schema", "show", "std_msgs/String"])
     assert __main__.main() == 0
     assert capsys.readouterr() == ("# A text.\n\nstring data  # a text\n", "")
@@ -68,7 +70,7 @@ def test_main_knows_the_tools(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
 
 
 @pytest.mark.parametrize("words", [["--help"], ["echo", "--help"]])
-def test_help_names_what_there_is(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
+def test_help_lists_every_command(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         TOOLS["topic"](words)
     assert ended.value.code == 0
@@ -77,7 +79,7 @@ def test_help_names_what_there_is(capsys: pytest.CaptureFixture[str], words: lis
         assert word in out
 
 
-def test_url_and_token_come_from_the_environment_too(server: ServerProcess, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_url_and_token_can_come_from_the_environment(server: ServerProcess, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROSBRIDGE_SIM_URL", server.url)
     monkeypatch.setenv("ROSBRIDGE_SIM_TOKEN", "two words")
     assert run("topic", "list").complaint.startswith("--token: ")
@@ -85,7 +87,7 @@ def test_url_and_token_come_from_the_environment_too(server: ServerProcess, monk
 
 
 @pytest.mark.slow
-def test_serve_imports_none_of_it() -> None:
+def test_serve_imports_no_tool_module() -> None:
     code = "import sys, rosbridge_sim.__main__, rosbridge_sim.shell.app; print(*sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE, check=True
@@ -100,7 +102,7 @@ def test_serve_imports_none_of_it() -> None:
 
 
 @pytest.mark.slow
-def test_terminal_without_korean_gets_an_answer(server: ServerProcess) -> None:
+def test_terminal_without_korean_letters_gets_an_escaped_answer(server: ServerProcess) -> None:
     command = [sys.executable, "-m", "rosbridge_sim", "topic", "echo", "/tools/차량", "--url", server.url]
     env = {"PATH": "", "PYTHONIOENCODING": "ascii", "PYTHONPATH": str(ROOT)}
     done = subprocess.run(command, cwd=ROOT, env=env, capture_output=True, text=True, timeout=PATIENCE, check=False)

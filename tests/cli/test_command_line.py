@@ -1,4 +1,4 @@
-"""The program as a person sees it: what it says, where, and with which code it ends."""
+"""The program as a user sees it: output, streams and exit codes."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ def say(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *wo
 # Commands that start nothing
 
 
-def test_version(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_version_flag_prints_the_version(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     assert say(monkeypatch, capsys, "--version") == (0, f"rosbridge-sim {__version__}\n", "")
 
 
-def test_printed_config_shows_what_would_be_used(
+def test_printed_config_shows_the_settings_in_use(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("ROSBRIDGE_SIM_SEED", "77")
@@ -56,7 +56,7 @@ def test_printed_config_shows_what_would_be_used(
 
 
 @pytest.mark.slow
-def test_help_is_that_of_serve_with_and_without_its_name() -> None:
+def test_help_without_a_command_is_the_help_of_serve() -> None:
     bare, named = run("--help"), run("serve", "--help")
     assert bare.returncode == named.returncode == 0
     assert bare.stdout == named.stdout
@@ -81,7 +81,7 @@ def test_help_is_that_of_serve_with_and_without_its_name() -> None:
         (("--config", "/nowhere.toml"), "/nowhere.toml: cannot be read: No such file or directory"),
     ],
 )
-def test_mistake_is_one_line_on_stderr_and_code_2(
+def test_usage_error_is_one_line_on_stderr_and_exit_code_2(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], line: str
 ) -> None:
     assert say(monkeypatch, capsys, *words) == (2, "", f"rosbridge-sim: {line}\n")
@@ -91,7 +91,7 @@ def test_mistake_is_one_line_on_stderr_and_code_2(
 
 
 @pytest.mark.slow
-def test_start_that_fails_is_one_line_and_code_2(tmp_path: Path) -> None:
+def test_failed_start_is_one_line_and_exit_code_2(tmp_path: Path) -> None:
     (tmp_path / "bad.json").write_text("{")
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
@@ -110,7 +110,7 @@ def test_start_that_fails_is_one_line_and_code_2(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_world_that_fails_ends_the_program_with_its_traceback_and_code_1() -> None:
+def test_failed_world_ends_the_program_with_a_traceback_and_exit_code_1() -> None:
     broken = "import sys; from rosbridge_sim.morai import frame_stepper; frame_stepper.step = None; "
     done = run("--port", "0", code=broken + "from rosbridge_sim.__main__ import main; sys.exit(main())")
     assert done.returncode == 1
@@ -122,7 +122,7 @@ def test_world_that_fails_ends_the_program_with_its_traceback_and_code_1() -> No
 
 
 @pytest.mark.slow
-def test_first_line_and_health(serve: Serve) -> None:
+def test_first_stdout_line_has_the_url_and_healthz_answers(serve: Serve) -> None:
     server = serve()
     assert server.url == f"ws://127.0.0.1:{server.port}"
     with urlopen(f"http://127.0.0.1:{server.port}/healthz", timeout=PATIENCE) as answer:
@@ -130,7 +130,7 @@ def test_first_line_and_health(serve: Serve) -> None:
 
 
 @pytest.mark.slow
-def test_server_without_its_world_is_unhealthy_and_ends_with_code_0(tmp_path: Path) -> None:
+def test_server_with_a_failed_world_is_unhealthy_and_stops_with_exit_code_0(tmp_path: Path) -> None:
     code = "import sys; from rosbridge_sim.morai import frame_stepper; frame_stepper.step = None; "
     code += "from rosbridge_sim.__main__ import main; sys.exit(main())"
     words = ["serve", "--port", "0", "--on-world-failure", "serve"]
@@ -158,7 +158,7 @@ def first_unhealthy(port: int) -> tuple[int, bytes]:
 
 
 @pytest.mark.slow
-def test_environment_and_file_reach_the_server(serve: Serve, tmp_path: Path) -> None:
+def test_settings_from_environment_and_file_reach_the_server(serve: Serve, tmp_path: Path) -> None:
     (tmp_path / "s.toml").write_text('host = "localhost"\nport = 1\n')
     server = serve(env={"ROSBRIDGE_SIM_CONFIG": str(tmp_path / "s.toml"), "ROSBRIDGE_SIM_SYNC_LAESE": "1"})
     assert server.url == f"ws://localhost:{server.port}"
@@ -167,7 +167,7 @@ def test_environment_and_file_reach_the_server(serve: Serve, tmp_path: Path) -> 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-async def test_signal_ends_it_with_code_0_and_tells_the_clients(
+async def test_signal_stops_the_server_with_exit_code_0_and_a_close_code_for_clients(
     serve: Serve, connect: Connect, number: signal.Signals
 ) -> None:
     server = serve()
@@ -180,7 +180,7 @@ async def test_signal_ends_it_with_code_0_and_tells_the_clients(
 
 
 @pytest.mark.slow
-def test_first_line_is_the_only_one_on_stdout() -> None:
+def test_server_writes_one_line_to_stdout() -> None:
     process = subprocess.Popen(
         [sys.executable, "-m", "rosbridge_sim", "--port", "0"], cwd=ROOT, stdout=subprocess.PIPE, text=True
     )
@@ -193,7 +193,7 @@ def test_first_line_is_the_only_one_on_stdout() -> None:
 
 
 @pytest.mark.slow
-def test_first_line_of_attach_says_to_which_bridge_and_a_signal_ends_it_with_code_0(serve: Serve) -> None:
+def test_attach_prints_its_bridge_first_and_stops_on_a_signal_with_exit_code_0(serve: Serve) -> None:
     bridge = serve("--no-world", "--token", "sesame")
     url = f"{bridge.url}/?token=sesame"
     process = subprocess.Popen(
@@ -219,7 +219,7 @@ def test_first_line_of_attach_says_to_which_bridge_and_a_signal_ends_it_with_cod
 
 
 @pytest.mark.slow
-def test_attach_waits_for_a_bridge_until_a_signal_ends_it() -> None:
+def test_attach_waits_for_a_missing_bridge_until_a_signal() -> None:
     with socket.create_server(("127.0.0.1", 0)) as mute:  # it takes the connection, and says nothing
         url = f"ws://127.0.0.1:{mute.getsockname()[1]}"
         process = subprocess.Popen(
@@ -240,7 +240,7 @@ def test_attach_waits_for_a_bridge_until_a_signal_ends_it() -> None:
 
 
 @pytest.mark.slow
-def test_second_signal_ends_it_at_once() -> None:
+def test_second_signal_ends_the_server_at_once() -> None:
     process = subprocess.Popen(
         [sys.executable, "-m", "rosbridge_sim", "--port", "0"],
         cwd=ROOT,
@@ -266,7 +266,7 @@ def test_second_signal_ends_it_at_once() -> None:
 
 
 @pytest.mark.slow
-def test_signal_during_the_start_ends_it_quietly() -> None:
+def test_signal_during_the_start_ends_the_server_quietly() -> None:
     early = "import os, signal, sys; from rosbridge_sim.shell import app; "
     early += "app.read_definitions = lambda *_: os.kill(os.getpid(), signal.SIGINT); "
     done = run("--port", "0", code=early + "from rosbridge_sim.__main__ import main; sys.exit(main())")
@@ -274,7 +274,7 @@ def test_signal_during_the_start_ends_it_quietly() -> None:
 
 
 @pytest.mark.slow
-def test_log_is_one_line_for_each_event_whatever_a_client_writes(serve: Serve) -> None:
+def test_log_has_one_line_per_event_for_any_client_text(serve: Serve) -> None:
     server = serve("--log-level", "debug")
     with socket.create_connection(("127.0.0.1", server.port)) as client:
         client.sendall(b"GET /\x1b[31m HTTP/1.1\r\nHost: x\r\n\r\n")
@@ -289,7 +289,7 @@ def test_log_is_one_line_for_each_event_whatever_a_client_writes(serve: Serve) -
 @pytest.mark.parametrize(
     "words", [["schema", "show", "std_msgs/String"], ["--print-config"], ["--port", "0", "--log-level", "error"]]
 )
-def test_output_that_takes_nothing_is_one_line_and_code_2(env: dict[str, str], words: list[str]) -> None:
+def test_full_output_device_is_one_line_and_exit_code_2(env: dict[str, str], words: list[str]) -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
             [sys.executable, "-m", "rosbridge_sim", *words],

@@ -1,4 +1,4 @@
-"""What tests of the tools share: commands run in this process, and servers that are other rosbridges, or none."""
+"""Fixtures for tests of the tools: commands run in this process, and foreign or silent servers."""
 
 from __future__ import annotations
 

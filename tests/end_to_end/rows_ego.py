@@ -1,4 +1,4 @@
-"""Rows: driving the egos, and what is told of them."""
+"""Rows: control of the egos, and their state topics."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from tests.end_to_end.table_rows import Message, Play, Table
+from tests.end_to_end.table_rows import Message, SceneClient, Table
 
 __all__ = ["TABLE"]
 
@@ -19,7 +19,7 @@ TABLE = Table()
     done="in real time: pedal down with the wheels to the left, then a speed of 10 km/h, then -3 m/s2",
     seen="/Ego_topic: it speeds up to the left with the pedal as sent, holds 10 km/h, comes to a stand",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await play.listen("/Ego_topic")
     await play.let_go()
     await play.send("/ctrl_cmd", longlCmdType=1, accel=1.0, **{play.steering: 0.2})
@@ -39,7 +39,7 @@ def _speed(status: Message) -> float:
     return speed
 
 
-def _wheel_rad(play: Play, status: Message) -> float:
+def _wheel_rad(play: SceneClient, status: Message) -> float:
     """The front wheels' angle of an EgoVehicleStatus, by the manual's profile."""
     angle: float = status["wheel_angle"] if play.release == "22.R2" else math.radians(status["front_steer_angle"])
     return angle
@@ -50,7 +50,7 @@ def _wheel_rad(play: Play, status: Message) -> float:
     done="a drive of three seconds, pedal down, the wheels turning to the left; then the brake",
     seen="place, velocity (m/s, forward), acceleration, heading, pedals and wheel agree frame by frame",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await play.listen("/Ego_topic")
     await play.control(longlCmdType=1, accel=0.75, steering=0.1)
     await play.tick(3.0)
@@ -80,7 +80,7 @@ async def _(play: Play) -> None:
     done="ego 0 is put to another place at 36 km/h, and a second ego comes: number 2, in R, under keyboard control",
     seen="/Ego_topic and /Ego-2/Ego_topic are there, /Ego-2/Service_MoraiEventCmd tells gear and mode; 0 rolls on",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await play.send(
         "/ego_setting",
         number_of_ego_vehicle=2,
@@ -113,7 +113,7 @@ async def _(play: Play) -> None:
     done="the ego is driven into a barrier at 36 km/h, and put back",
     seen="the list is empty before, holds the barrier and its place while they touch, and is empty again",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await play.listen("/CollisionData")
     await play.put(285.0, 300.0, velocity_kmh=36.0)
     await play.tick(0.5)
@@ -134,7 +134,7 @@ async def _(play: Play) -> None:
     done="right turn signal, then the hazard lights alone",
     seen="/Service_MoraiEventCmd tells the lamps that are lit",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     for turn, emergency in ((2, 0), (0, 1)):
         await play.send("/lamps", turnSignal=turn, emergencySignal=emergency)
         lamps = (await play.ask("/Service_MoraiEventCmd", option=0))["lamps"]
@@ -148,7 +148,7 @@ async def _(play: Play) -> None:
     done="mode 1, gear R, the left signal and a pause, each by its bit; then all of it back",
     seen="in mode 1 /ctrl_cmd moves nothing, in R it goes backwards, while paused no tick is carried out",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await play.listen("/Ego_topic")
     event = await play.ask("/Service_MoraiEventCmd", option=2, gear=2, ctrl_mode=1, lamps={"turnSignal": 2})
     assert (event["gear"], event["ctrl_mode"], event["lamps"]["turnSignal"]) == (2, 3, 0), "of one bit, one thing"
@@ -184,7 +184,7 @@ async def _(play: Play) -> None:
     done="a full circle is driven with the wheels as far round as they go",
     seen="its radius is what the wheelbase and the greatest steering angle of the answer make; no such car: zeros",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     spec = await play.ask("/Service_MoraiVehicleSpec", unique_id=0)
     assert (spec["size"], spec["wheel_base"]) == ({"x": 4.47, "y": 1.82, "z": 1.45}, pytest.approx(2.7))
     assert spec["overhang"] + spec["wheel_base"] + spec["rear_overhang"] == pytest.approx(spec["size"]["x"], abs=1e-6)

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from tests.end_to_end.table_rows import Play, Table
+from tests.end_to_end.table_rows import SceneClient, Table
 
 __all__ = ["TABLE"]
 
@@ -20,7 +20,7 @@ RED, YELLOW, GREEN, LEFT = 1, 4, 16, 32
     done="the ego waits on the avenue through a whole cycle of its light, and is then put behind the stop line",
     seen="the light's name and type, and its green, yellow and red as /Morai_TLSrv has them; behind the line silence",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await play.listen("/GetTrafficLightStatus")
     shown = []
     await play.lead(1000)
@@ -44,7 +44,7 @@ async def _(play: Play) -> None:
     done="the light before a car is held at red for half a minute, then set to green, then handed back (-1)",
     seen="the car waits before the line and goes when it is green; all of a group show it, others do not",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await play.listen("/Object_topic")
     await play.lead(1000)
     for _ in range(30):
@@ -73,7 +73,7 @@ async def _(play: Play) -> None:
     done="the ego is put into the middle crossing, and stands there while a phase goes by",
     seen="silence outside; inside the crossing's number, its phase, and for how long it has lasted",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await play.listen("/InsnStatus", "/IntscnTL_topic")
     await play.tick(2.0)
     assert play.heard("/InsnStatus") == []
@@ -96,7 +96,7 @@ async def _(play: Play) -> None:
     done="the crossing that the ego stands in is put into phase 1, 4.5 s after its beginning, by number and by name",
     seen="/InsnStatus says so from the next frame on, and its lights show what belongs to that phase",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await play.put(0.0, -5.25)
     await play.listen("/InsnStatus")
     await play.tick()
@@ -117,7 +117,7 @@ async def _(play: Play) -> None:
     done="a crossing goes through its phases",
     seen="each light's status is told by its name, wherever the ego is; an unknown one has no name and -2",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     shown = set()
     await play.lead(1000)
     for _ in range(60):

@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from tests.end_to_end.table_rows import ME, Message, Play, Table
+from tests.end_to_end.table_rows import ME, Message, SceneClient, Table
 from tests.support import Client, ServerProcess
 
 __all__ = ["TABLE"]
@@ -19,7 +19,7 @@ FILE, TARGETS, START, SPEED = 1, 2, 4, 8
 STATUS = "/sim/process/state/msg/MoraiSimProcStatus"
 
 
-async def _record(play: Play) -> list[Message]:
+async def _record(play: SceneClient) -> list[Message]:
     """The ego's statuses of a drive of three seconds, which lies as `drive` where replays are looked for."""
     bag, notes = play.data / "drive.mcap", play.data / "drive.json"
     if not notes.exists():
@@ -27,7 +27,7 @@ async def _record(play: Play) -> list[Message]:
         flags = ("--release", play.release, "--start", "sync", "--scenario", str(play.data.parent / "page.json"))
         server = ServerProcess(play.data / "record.txt", (*flags, "--record", str(bag)))
         async with await Client.open(server.url) as client:
-            recorder = Play(client, play.release, play.data)
+            recorder = SceneClient(client, play.release, play.data)
             await recorder.begin()
             await recorder.listen("/Ego_topic")
             await recorder.control(longlCmdType=1, accel=0.8, steering=0.05)
@@ -38,7 +38,7 @@ async def _record(play: Play) -> list[Message]:
     return drive
 
 
-async def _command(play: Play, status: int, *, is_fine: bool = True, **options: object) -> None:
+async def _command(play: SceneClient, status: int, *, is_fine: bool = True, **options: object) -> None:
     answer = await play.ask("/Morai_SimProc", sim_process_status=status, **options)
     assert answer["result"] is is_fine
 
@@ -53,7 +53,7 @@ def _motion(statuses: list[Message]) -> list[Message]:
     done="a recorded drive is loaded and played, paused, played on, then from its first second twice as fast, stopped",
     seen="/Ego_topic says what was recorded, frame by frame; nothing moves while paused; stop: the scene as it was",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     drive = _motion(await _record(play))
     await play.put(200.0, 300.0)
     before = await play.tick()
@@ -83,7 +83,7 @@ async def _(play: Play) -> None:
     done="a recorded drive is played; then a client publishes the topic itself, with a car that nobody had",
     seen="pedals, wheels (deg), turn and objects of the drive; and from the client's on, /Object_topic has its car",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     drive = await _record(play)
     await play.listen("/ReplayInfo_topic", "/Object_topic")
     await _command(play, PLAY, replay_option=FILE, rosbag_file_name="drive")
@@ -115,7 +115,7 @@ async def _(play: Play) -> None:
     done="commands that can be, that cannot, for a bag that is there and for some that are none; a replay to its end",
     seen="mode, state and result by the manual's codes, and when the last command came",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await _record(play)
     (play.data / "torn.mcap").write_bytes(b"no bag")
     await play.listen(STATUS)

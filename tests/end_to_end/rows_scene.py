@@ -1,4 +1,4 @@
-"""Rows: who else is there, what they run into, and scenarios."""
+"""Rows: other objects, collisions and scenarios."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 import pyproj
 import pytest
 
-from tests.end_to_end.table_rows import Play, Table
+from tests.end_to_end.table_rows import SceneClient, Table
 
 __all__ = ["TABLE"]
 
@@ -32,7 +32,7 @@ def write_networks(data: Path) -> None:
     (folder / "page.toml").write_text("")
 
 
-async def _topics(play: Play) -> set[str]:
+async def _topics(play: SceneClient) -> set[str]:
     return set((await play.client.values("/rosapi/topics"))["topics"])
 
 
@@ -41,7 +41,7 @@ async def _topics(play: Play) -> set[str]:
     done="a second goes by: a car drives straight on at 36 km/h, somebody walks, a barrier stands",
     seen="all of them by kind, as many as the counts say, each moving as its velocity says, with sizes of their models",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await play.listen("/Object_topic")
     before = await play.objects()
     await play.tick(1.0)
@@ -66,7 +66,7 @@ async def _(play: Play) -> None:
     done="a car drives into a bus that stands in its way",
     seen="nothing before; from then on the pair of them",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await play.listen("/VehicleCollisionData")
     await play.tick(2.0)
     assert all(data["collisions"] == [] for data in play.heard("/VehicleCollisionData"))
@@ -82,7 +82,7 @@ async def _(play: Play) -> None:
     done="a scenario is loaded: its obstacles alone, all of it with a pause, its network settings; then none",
     seen="objects and ego are the new ones, nobody moves, /imu is renamed; a wrong name is false and does nothing",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await play.listen("/Object_topic")
     before = await play.objects()
     only = dict.fromkeys(WHOLE, False) | {"load_object_data": True}  # the manual's name of it
@@ -118,7 +118,7 @@ async def _(play: Play) -> None:
     done="scenarios on two maps are loaded, one after the other",
     seen="zone and origin of either map: with them the fix of /gps is the place that /Ego_topic tells",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await play.listen("/gps", "/Ego_topic")
     origins = []
     for name in ("page", "motorway"):
@@ -140,7 +140,7 @@ async def _(play: Play) -> None:
     done="the same scenario is loaded by a topic: without its walkers, onto what is there; then all of it with a pause",
     seen="/Object_topic and the ego are the new ones, nobody moves; a wrong name is told and changes nothing",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await play.listen("/Object_topic")
     before = await play.objects()
     some = WHOLE | {"delete_all": False, "load_pedestrian_data": False, "load_ego_vehicle_data": False}

@@ -9,7 +9,7 @@ from pathlib import Path
 import pyproj
 import pytest
 
-from tests.end_to_end.table_rows import Play, Table
+from tests.end_to_end.table_rows import SceneClient, Table
 
 __all__ = ["TABLE"]
 
@@ -21,7 +21,7 @@ TABLE = Table()
     done="the antenna (0) is put 2 m ahead and 1 m to the left of the axle, the inertial unit (1) turned by 90 degrees",
     seen="/gps moves by just that on the ground, /imu turns; with plain numbers as the manual has them, and with lists",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await play.put(100.0, 300.0, 90.0)
     await play.listen("/gps", "/imu")
     project = pyproj.Transformer.from_crs("EPSG:4326", "EPSG:32652", always_xy=True)
@@ -47,7 +47,7 @@ async def _(play: Play) -> None:
     done="the sensors of a frame are saved under a name of one's own, then by the frame; then outside the folder",
     seen="files with that frame's fix, readings and boxes; a path outside is told by a status and writes nothing",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await play.put(285.0, 300.0)
     await play.listen("/gps")
     await play.tick()

@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 
 from tests.end_to_end.rows_scene import WHOLE, write_networks
-from tests.end_to_end.table_rows import ME, Play, Table
+from tests.end_to_end.table_rows import ME, SceneClient, Table
 
 __all__ = ["TABLE"]
 
@@ -22,7 +22,7 @@ OLDER, NEWER = ("22.R2",), ("26.R1",)
     done="the mode is turned off and on again, by its master, by another, with an empty id and with a step of 30 ms",
     seen="off: time passes by itself; on: it stands; another's wish and the odd step are false and change nothing",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await play.listen("/Ego_topic")
     assert await _is_time_standing(play)
     await play.let_go()
@@ -39,7 +39,7 @@ async def _(play: Play) -> None:
     assert (await play.ask("/SyncModeCmd", user_id=mine, start_sync_mode=False))["result"] is True
 
 
-async def _is_time_standing(play: Play) -> bool:
+async def _is_time_standing(play: SceneClient) -> bool:
     """Whether no frame goes by while the simulator answers a few calls: a stranger's ticks, which it refuses."""
     answers = [await play.ask("/SyncModeWaitForTick", user_id="stranger") for _ in range(10)]
     return bool(answers[0]["frame"] == answers[-1]["frame"])
@@ -50,7 +50,7 @@ async def _is_time_standing(play: Play) -> bool:
     done="ticks with steps of 20 and 100 ms, for right and wrong frames, by the master and by another",
     seen="each moves the world by just its step, with the ego after it; another's moves nothing",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await play.control(longlCmdType=1, accel=1.0)
     for step_ms, named in ((20, 1), (100, 6), (100, 3), (100, 2.0), (100, 99)):
         await play.lead(step_ms)
@@ -71,7 +71,7 @@ async def _(play: Play) -> None:
     done="full throttle for the frame ten frames on, and full brake for fifty frames after it",
     seen="the ego stands until then, speeds up from that very frame on, and brakes from that very frame on",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await play.listen("/Ego_topic")
     for frame, command in ((11, {"longlCmdType": 1, "accel": 1.0}), (61, {"longlCmdType": 1, "brake": 1.0})):
         answer = await play.ask("/SyncModeCtrlCmd", frame=frame, command=command, sensor_capture=False)
@@ -92,7 +92,7 @@ async def _(play: Play) -> None:
     done="R while it stands, throttle; D while it rolls; D when it stands again",
     seen="it goes backwards; the gear stays R at speed; then it goes forwards",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     async def shift(gear: int) -> int:
         assert (await play.ask("/SyncModeSetGear", gear=gear, frame=play.frame + 1))["result"] is True
         await play.tick()
@@ -115,7 +115,7 @@ async def _(play: Play) -> None:
     done="a scenario for the frame six frames on, by the manual's names; one that there is not; one's network settings",
     seen="till then all is as it was, at that very frame it has the stage, or a topic its name; the other: false",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await play.listen("/Ego_topic", "/Object_topic")
     options = dict(WHOLE)
     options["load_network_connection"] = options.pop("load_network_connection_data")
@@ -143,7 +143,7 @@ async def _(play: Play) -> None:
     done="the mode is on, ticked, paused, and off",
     seen="master, mode, frame and whether a tick may be sent, at once for who comes late, and at each change",
 )
-async def _(play: Play) -> None:
+async def _(play: SceneClient) -> None:
     await play.tick(0.1)
     await play.client.send("subscribe", topic="/SyncModeInfo")
     expected = {"master_id": ME, "status": True, "frame": 5, "can_send_tick": True}
@@ -161,7 +161,7 @@ async def _(play: Play) -> None:
     await play.lead()
 
 
-async def _bring_and_take(play: Play, *, by_service: bool) -> None:
+async def _bring_and_take(play: SceneClient, *, by_service: bool) -> None:
     """A van comes at frame 6 and goes at frame 16, by either release's way."""
     add, remove = (
         ("/SyncModeAddObject", "/SyncModeRemoveObject") if by_service else ("/SyncModeAddObj", "/SyncModeRemoveObj")
@@ -185,7 +185,7 @@ async def _bring_and_take(play: Play, *, by_service: bool) -> None:
     assert [said["num_of_npcs"] for said in play.heard("/Object_topic")] == [4] * 5 + [3] * 5
 
 
-async def _run_into(play: Play, add: str, *, by_service: bool) -> None:
+async def _run_into(play: SceneClient, add: str, *, by_service: bool) -> None:
     """What was added stands there: the ego touches it."""
     request = {"name": "Cargo_Box", "position": {"x": -70.0, "y": -5.25, "z": 0.0}, "heading": 0.0, "frame": 0}
     if by_service:
@@ -211,7 +211,7 @@ for _add, _remove, _by_service, _releases in (
         seen="/CollisionData names the box",
         releases=_releases,
     )
-    async def _(play: Play, add: str = _add, by_service: bool = _by_service) -> None:  # noqa: FBT001 - of the row
+    async def _(play: SceneClient, add: str = _add, by_service: bool = _by_service) -> None:  # noqa: FBT001 - of the row
         await _run_into(play, add, by_service=by_service)
 
     @TABLE.row(
@@ -220,5 +220,5 @@ for _add, _remove, _by_service, _releases in (
         seen="/Object_topic has it from the one frame to the other",
         releases=_releases,
     )
-    async def _(play: Play, by_service: bool = _by_service) -> None:  # noqa: FBT001 - of the row
+    async def _(play: SceneClient, by_service: bool = _by_service) -> None:  # noqa: FBT001 - of the row
         await _bring_and_take(play, by_service=by_service)

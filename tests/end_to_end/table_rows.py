@@ -1,4 +1,4 @@
-"""What a row of the table of topics and services is made of: a scene on a live server, and a client that acts in it.
+"""Parts of a row of the table of topics and services: a scene on a live server, and a client that acts in it.
 
 Each row begins at frame 0 of the same scene, in synchronous mode with the row's own client as its master, so what it
 sees depends on what it does alone.
@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from tests.support import Client
 
-__all__ = ["Message", "Play", "Row", "Table", "write_scenes"]
+__all__ = ["Message", "Row", "SceneClient", "Table", "write_scenes"]
 
 Message = dict[str, Any]
 """A message as the client reads it."""
@@ -75,13 +75,13 @@ class Row:
     name: str
     done: str
     seen: str
-    act: Callable[[Play], Awaitable[None]]
+    act: Callable[[SceneClient], Awaitable[None]]
     releases: tuple[str, ...]
 
 
 BOTH: Final = ("22.R2", "26.R1")
 
-Act = Callable[["Play"], Awaitable[None]]
+Act = Callable[["SceneClient"], Awaitable[None]]
 
 
 class Table(list[Row]):
@@ -97,7 +97,7 @@ class Table(list[Row]):
         return add
 
 
-class Play:
+class SceneClient:
     """A client on the stage.
 
     Attributes:

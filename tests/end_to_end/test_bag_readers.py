@@ -1,4 +1,4 @@
-"""Bags of ours in the hands of others: Debian's `rosbag`, and the readers that Foxglove and Lichtblick use."""
+"""Our bags in other readers: Debian's `rosbag`, and those of Foxglove and Lichtblick."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def has_rosbag() -> bool:
         return False
 
 
-async def test_rosbag_of_debian_reads_a_ros1_bag(tmp_path: Path, connect: Connect) -> None:
+async def test_rosbag_of_debian_reads_our_ros1_bag(tmp_path: Path, connect: Connect) -> None:
     if not has_rosbag():
         miss("needs Debian's package python3-rosbag")
     heard = await record_drive(tmp_path / "drive.bag", connect)
@@ -73,7 +73,7 @@ async def test_rosbag_of_debian_reads_a_ros1_bag(tmp_path: Path, connect: Connec
 
 
 @pytest.mark.parametrize("name", ["drive.bag", "drive.mcap"])
-async def test_readers_of_foxglove_read_either(tmp_path: Path, connect: Connect, name: str) -> None:
+async def test_readers_of_foxglove_and_lichtblick_read_our_bags(tmp_path: Path, connect: Connect, name: str) -> None:
     require_node_modules()
     heard = await record_drive(tmp_path / name, connect)
     seen = answer_of(require_tool("node"), str(CLIENTS / "bag.mjs"), str(tmp_path / name))

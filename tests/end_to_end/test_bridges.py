@@ -1,4 +1,4 @@
-"""A simulator behind a bridge that dies, limps or lacks something: it comes back, and a line says what is wrong.
+"""A simulator behind a bridge that dies, stalls or lacks something: it recovers, and one log line names the fault.
 
 The bridge is our own server without a world, or the far side with the manners of rosbridge_suite. Clients know the
 bridge alone. What takes time is waited for by what comes meanwhile.
@@ -123,7 +123,7 @@ async def lines_of(simulator: AttachProcess, client: Client, text: str) -> list[
 
 
 @pytest.mark.parametrize("kind", BRIDGES)
-async def test_a_bridge_is_killed_in_the_middle_of_a_drive(
+async def test_drive_goes_on_after_the_bridge_was_killed(
     build: Build, start: Start, connect: Connect, kind: Kind
 ) -> None:
     bridge = build(kind)
@@ -146,7 +146,9 @@ async def test_a_bridge_is_killed_in_the_middle_of_a_drive(
 
 
 @pytest.mark.parametrize("kind", BRIDGES)
-async def test_a_real_time_drive_goes_on_after_it(build: Build, start: Start, connect: Connect, kind: Kind) -> None:
+async def test_real_time_drive_goes_on_after_the_bridge_was_killed(
+    build: Build, start: Start, connect: Connect, kind: Kind
+) -> None:
     bridge = build(kind)
     start(bridge.url)
     client = await connect(bridge.url)
@@ -165,7 +167,9 @@ async def test_a_real_time_drive_goes_on_after_it(build: Build, start: Start, co
     await client.message_where("/Ego_topic", lambda status: status["velocity"]["x"] == 0.0)
 
 
-async def test_a_simulator_that_is_killed_is_followed_by_another(build: Build, start: Start, connect: Connect) -> None:
+async def test_second_simulator_takes_over_after_the_first_was_killed(
+    build: Build, start: Start, connect: Connect
+) -> None:
     """rosbridge_suite keeps the services of the one that is gone, and calls of them wait for ever."""
     bridge = build("quirks")
     first = AttachProcess(Path("/dev/null"), [bridge.url])
@@ -181,7 +185,7 @@ async def test_a_simulator_that_is_killed_is_followed_by_another(build: Build, s
 
 
 @pytest.mark.parametrize("kind", BRIDGES)
-async def test_with_a_socket_for_each_topic_and_service_a_drive_is_the_same(
+async def test_drive_over_one_socket_per_topic_and_service_is_the_same(
     build: Build, start: Start, connect: Connect, kind: Kind
 ) -> None:
     bridge = build(kind)
@@ -197,7 +201,7 @@ async def test_with_a_socket_for_each_topic_and_service_a_drive_is_the_same(
 # What the far side lacks, or has already
 
 
-async def test_a_package_that_is_not_built_there_is_one_line(build: Build, start: Start, connect: Connect) -> None:
+async def test_package_missing_at_the_bridge_is_one_log_line(build: Build, start: Start, connect: Connect) -> None:
     bridge = build("quirks", "--without", "morai_msgs")
     simulator = start(bridge.url)
     client = await connect(bridge.url)
@@ -209,7 +213,7 @@ async def test_a_package_that_is_not_built_there_is_one_line(build: Build, start
     assert "/SyncModeCmd" not in services
 
 
-async def test_without_rosapi_it_drives_all_the_same(build: Build, start: Start) -> None:
+async def test_bridge_without_rosapi_can_drive_the_car(build: Build, start: Start) -> None:
     bridge = build("quirks", "--no-rosapi")
     simulator = start(bridge.url, "--start", "sync")
     async with await Client.open(bridge.url) as client:
@@ -218,7 +222,7 @@ async def test_without_rosapi_it_drives_all_the_same(build: Build, start: Start)
     assert len(simulator.log.splitlines()) < 10
 
 
-async def test_a_service_that_is_served_there_already_is_one_line(build: Build, start: Start, connect: Connect) -> None:
+async def test_service_that_exists_at_the_bridge_is_one_log_line(build: Build, start: Start, connect: Connect) -> None:
     bridge = build("quirks", "--provide", "/Service_MoraiEventCmd=morai_msgs/MoraiEventCmdSrv")
     simulator = start(bridge.url)
     client = await connect(bridge.url)
@@ -227,7 +231,7 @@ async def test_a_service_that_is_served_there_already_is_one_line(build: Build, 
     assert "WARNING" in line
 
 
-async def test_a_call_that_is_refused_is_answered_where_result_is_passed_over(
+async def test_refused_call_is_answered_at_a_bridge_that_ignores_result(
     build: Build, start: Start, connect: Connect
 ) -> None:
     bridge = build("quirks")
@@ -239,9 +243,7 @@ async def test_a_call_that_is_refused_is_answered_where_result_is_passed_over(
     assert answer["result"] is False
 
 
-async def test_calls_in_fragments_that_nobody_asked_for_are_put_together(
-    build: Build, start: Start, connect: Connect
-) -> None:
+async def test_unrequested_fragments_of_a_call_are_joined(build: Build, start: Start, connect: Connect) -> None:
     bridge = build("quirks", "--max-message-size", "100")
     simulator = start(bridge.url, "--start", "sync")
     client = await connect(bridge.url)
@@ -266,7 +268,7 @@ async def watched(simulator: AttachProcess, num_lines: int, growth: int = 24 * M
     assert len(simulator.log.splitlines()) - lines <= num_lines, simulator.log
 
 
-async def test_a_far_side_that_is_slow_is_not_flooded(build: Build, start: Start, connect: Connect) -> None:
+async def test_slow_bridge_is_not_flooded(build: Build, start: Start, connect: Connect) -> None:
     """It handles fewer frames than a world makes, reads them all and says nothing: answers still come."""
     bridge = build("quirks", "--work", "0.004")
     assert isinstance(bridge, FarSideProcess)
@@ -279,7 +281,7 @@ async def test_a_far_side_that_is_slow_is_not_flooded(build: Build, start: Start
     assert bridge.report["most_waiting"] < 500
 
 
-async def test_with_a_socket_each_no_topic_delays_an_answer(build: Build, start: Start, connect: Connect) -> None:
+async def test_topics_on_other_sockets_do_not_delay_an_answer(build: Build, start: Start, connect: Connect) -> None:
     """A slow far side handles few frames between a call and its answer; with one socket for all, it is hundreds."""
     bridge = build("quirks", "--work", "0.004")
     assert isinstance(bridge, FarSideProcess)
@@ -295,9 +297,7 @@ async def test_with_a_socket_each_no_topic_delays_an_answer(build: Build, start:
     assert min(counts) < 150, counts
 
 
-async def test_a_far_side_that_stands_still_keeps_nobody_else_waiting(
-    build: Build, start: Start, connect: Connect
-) -> None:
+async def test_stalled_bridge_does_not_delay_clients_of_another(build: Build, start: Start, connect: Connect) -> None:
     """Two bridges: the one's threads hang while it reads on, the other's clients notice nothing."""
     bridge = build("attach")
     async with FarSide() as far_side:
@@ -315,7 +315,9 @@ async def test_a_far_side_that_stands_still_keeps_nobody_else_waiting(
         assert (await there.ask("/Service_MoraiEventCmd", option=0))["gear"] == 4
 
 
-async def test_a_machine_that_freezes_is_waited_for(build: Build, start: Start, connect: Connect) -> None:
+async def test_bridge_on_a_frozen_machine_is_kept_and_delays_no_other(
+    build: Build, start: Start, connect: Connect
+) -> None:
     """It reads nothing at all: what waits for it has a bound, and another bridge notices nothing."""
     bridge, frozen = build("attach"), build("quirks")
     simulator = start([bridge.url, frozen.url])
@@ -332,7 +334,7 @@ async def test_a_machine_that_freezes_is_waited_for(build: Build, start: Start, 
 
 
 @pytest.mark.parametrize(("kind", "seed"), [("attach", 1), ("quirks", 2)])
-async def test_a_line_that_splits_stalls_and_resets_is_dialled_until_it_holds(
+async def test_unreliable_connection_is_dialled_again_until_it_holds(
     build: Build, start: Start, connect: Connect, kind: Kind, seed: int
 ) -> None:
     num_fates = 5

@@ -1,4 +1,4 @@
-"""roslib 1.4 in Chromium: a page that shows what it hears, from many places.
+"""roslib 1.4 in Chromium: a page from several origins that drives the car.
 
 Pages of websites are not served by anybody: the browser is given their text for any URL of a host that is not
 127.0.0.1, so that they have an origin such as http://localhost:3000 without a port of this machine.
@@ -121,7 +121,7 @@ async def until(page: Page | Frame, test: str) -> None:
     await page.wait_for_function(f"((at) => {test})({at})")
 
 
-async def test_a_page_drives_the_car_and_shows_it(simulate: Simulate, site: str, tmp_path: Path) -> None:
+async def test_web_page_drives_the_car_and_shows_its_state(simulate: Simulate, site: str, tmp_path: Path) -> None:
     async with page_at(site + "?" + urlencode({"url": simulate().url}), tmp_path) as page:
         await until(page, "at('connection') === 'open'")
         await until(page, "at('others') > 0 && at('clock') > 0")
@@ -154,7 +154,7 @@ def warning_of(server: ServerProcess) -> str:
 
 
 @pytest.mark.parametrize("listening", ["127.0.0.1", "0.0.0.0"])  # noqa: S104 - as in a container
-async def test_a_page_of_localhost_drives_the_car(serve: Serve, tmp_path: Path, listening: str) -> None:
+async def test_page_of_localhost_drives_the_car(serve: Serve, tmp_path: Path, listening: str) -> None:
     port = serve("--host", listening).port
     async with page_at(at("http://localhost:3000", f"ws://localhost:{port}"), tmp_path) as page:
         await drive(page)
@@ -172,7 +172,7 @@ async def test_a_page_of_another_site_is_refused_until_the_flag_names_it(serve: 
         await drive(page)
 
 
-async def test_a_website_that_points_its_name_here_is_refused(serve: Serve, tmp_path: Path) -> None:
+async def test_website_with_dns_rebinding_is_refused(serve: Serve, tmp_path: Path) -> None:
     server = serve()
     place = f"rebound.example:{server.port}"
     async with page_at(at(f"http://{place}", f"ws://{place}"), tmp_path) as page:
@@ -183,7 +183,7 @@ async def test_a_website_that_points_its_name_here_is_refused(serve: Serve, tmp_
         await drive(page)
 
 
-async def test_a_page_opened_from_disk_needs_the_flag(serve: Serve, tmp_path: Path) -> None:
+async def test_page_opened_from_disk_needs_the_origin_flag(serve: Serve, tmp_path: Path) -> None:
     for _, file in files().values():
         shutil.copy(file, tmp_path)
     page_of = partial(at, (tmp_path / "page.html").as_uri(), path="")

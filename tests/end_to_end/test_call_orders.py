@@ -66,7 +66,7 @@ async def tick(client: Client, user_id: str, frame: float) -> dict[str, Any]:
 
 @everywhere
 @pytest.mark.parametrize("step_ms", [20, 40])
-async def test_the_planner_that_counts_on(simulate: Simulate, connect: Connect, step_ms: int) -> None:
+async def test_planner_that_counts_frames_itself_drives(simulate: Simulate, connect: Connect, step_ms: int) -> None:
     """Start, tick, then control and tick for a frame that it counts by itself; no gear, no control type."""
     client = await connect(simulate("--start", "sync").url)
     started = await start(client, step_ms=step_ms)
@@ -86,7 +86,7 @@ async def test_the_planner_that_counts_on(simulate: Simulate, connect: Connect, 
     await stop(client, user_id, step_ms)
 
 
-async def test_the_planner_with_scenario_and_gear(simulate: Simulate, connect: Connect) -> None:
+async def test_planner_that_loads_a_scenario_and_sets_the_gear_drives(simulate: Simulate, connect: Connect) -> None:
     """Scenario and gear for the frame to come, then its tick; frames may come as floats."""
     client = await connect(simulate().url)
     started = await start(client)
@@ -104,7 +104,7 @@ async def test_the_planner_with_scenario_and_gear(simulate: Simulate, connect: C
 
 
 @everywhere
-async def test_the_course_with_its_stale_frames(simulate: Simulate, connect: Connect) -> None:
+async def test_program_with_stale_frame_numbers_drives(simulate: Simulate, connect: Connect) -> None:
     """Gear and every tick for the frame of the start, control for the current one, a scenario load in between.
 
     A reset is: off, scenario, on, gear, tick. Each command is followed by two ticks.
@@ -133,7 +133,7 @@ async def test_the_course_with_its_stale_frames(simulate: Simulate, connect: Con
 
 @everywhere
 @pytest.mark.parametrize("frame", [0, 1])
-async def test_a_constant_frame(simulate: Simulate, connect: Connect, frame: int) -> None:
+async def test_program_with_a_constant_frame_number_drives(simulate: Simulate, connect: Connect, frame: int) -> None:
     """A learner's program: control and tick always name the same frame."""
     client = await connect(simulate("--start", "sync").url)
     started = await start(client, "learner")
@@ -147,7 +147,7 @@ async def test_a_constant_frame(simulate: Simulate, connect: Connect, frame: int
 
 
 @everywhere
-async def test_the_learning_loop(simulate: Simulate, connect: Connect) -> None:
+async def test_learning_loop_with_resets_drives(simulate: Simulate, connect: Connect) -> None:
     """Reinforcement learning: attaches to its own master, goes by the answer's frame, reads SyncModeInfo, cleans up."""
     step_ms = 60
     client = await connect(simulate().url)
@@ -178,7 +178,7 @@ async def test_the_learning_loop(simulate: Simulate, connect: Connect) -> None:
 
 
 @everywhere
-async def test_a_gear_by_the_frame_of_the_info(simulate: Simulate, connect: Connect) -> None:
+async def test_gear_change_at_the_frame_of_sync_mode_info_takes_effect(simulate: Simulate, connect: Connect) -> None:
     """Synchronous mode for a change of gear alone, with a time step of 0 on start and stop."""
     client = await connect(simulate().url)
     await client.subscribe("/SyncModeInfo", type="morai_msgs/SyncModeInfo")
@@ -194,7 +194,7 @@ async def test_a_gear_by_the_frame_of_the_info(simulate: Simulate, connect: Conn
     await stop(client, "gear", 0)
 
 
-async def test_the_topics_of_a_tick_come_before_its_answer(simulate: Simulate, connect: Connect) -> None:
+async def test_topics_of_a_tick_arrive_before_its_answer(simulate: Simulate, connect: Connect) -> None:
     client = await connect(simulate("--start", "sync").url)
     await client.subscribe("/Ego_topic", type="morai_msgs/EgoVehicleStatus")
     await start(client, "master", 60)

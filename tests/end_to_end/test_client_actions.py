@@ -45,7 +45,7 @@ def name_of(*libraries: str) -> str:
 
 
 @pytest.mark.parametrize(("performer", "asker"), OVER_TOPICS)
-def test_an_action_over_topics(server: ServerProcess, performer: str, asker: str) -> None:
+def test_action_works_over_the_topics_of_actionlib(server: ServerProcess, performer: str, asker: str) -> None:
     name = name_of(performer, asker)
     with performing(performer, "perform_over_topics", server.port, name):
         seen = finish(start(asker, "actions", server.port, "ask_over_topics", name, TYPE))
@@ -54,7 +54,7 @@ def test_an_action_over_topics(server: ServerProcess, performer: str, asker: str
     assert seen == {"whole": whole, "cancelled": cancelled, "cancelled_by_all": cancelled, "is_listed": True}
 
 
-def test_an_action_by_ops_from_roslib_to_itself(server: ServerProcess) -> None:
+def test_action_ops_work_between_two_roslib_clients(server: ServerProcess) -> None:
     name = name_of("roslib2", "roslib2")
     with performing("roslib2", "perform", server.port, name):
         seen = finish(start("roslib2", "actions", server.port, "send", name, TYPE))
@@ -69,7 +69,7 @@ def test_an_action_by_ops_from_roslib_to_itself(server: ServerProcess) -> None:
 
 
 @pytest.mark.parametrize("asker", ["roslibpy-twisted", "roslibpy-asyncio"])
-def test_an_action_by_ops_from_roslib_to_roslibpy(server: ServerProcess, asker: str) -> None:
+def test_action_ops_work_between_roslib_and_roslibpy(server: ServerProcess, asker: str) -> None:
     name = name_of("roslib2", asker)
     with performing("roslib2", "perform", server.port, name):
         seen = finish(start(asker, "actions", server.port, "send", name, TYPE.replace("/", "/action/")))

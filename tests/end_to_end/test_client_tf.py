@@ -1,4 +1,4 @@
-"""Transforms through the client libraries' own TFClients, by each way that they know, in both generations of ROS."""
+"""Transforms through the client libraries' TFClients, by every route, in both ROS versions."""
 
 from __future__ import annotations
 
@@ -30,7 +30,9 @@ MIDDLE = [40.0 + 4.47 / 2 - 0.89, -1.75, 1.45 / 2]
 
 @pytest.mark.parametrize("ros", ["1", "2"])
 @pytest.mark.parametrize(("library", "way"), WAYS)
-async def test_a_tf_client_sees_the_car_move(serve: Serve, connect: Connect, library: str, way: str, ros: str) -> None:
+async def test_tf_client_of_each_library_sees_the_car_move(
+    serve: Serve, connect: Connect, library: str, way: str, ros: str
+) -> None:
     server = serve("--ros", ros)
     seen = finish(start(library, "tf", server.port, "follow", way))
     places = seen["places"]

@@ -109,7 +109,7 @@ async def hear(client: Client, messages: list[Frame]) -> list[Any]:
 
 
 @pytest.mark.parametrize("library", LIBRARIES)
-async def test_a_clients_messages_reach_listeners_in_any_mix_of_encodings(
+async def test_messages_reach_subscribers_in_every_mix_of_encodings(
     server: ServerProcess, connect: Connect, library: str
 ) -> None:
     messages = messages_under(f"/mix/{library}".replace("-", "_"))
@@ -128,7 +128,7 @@ async def test_a_clients_messages_reach_listeners_in_any_mix_of_encodings(
 
 
 @pytest.mark.parametrize("library", LIBRARIES)
-def test_a_throttled_client_hears_the_last_of_a_burst(server: ServerProcess, library: str) -> None:
+def test_throttled_client_receives_the_last_message_of_a_burst(server: ServerProcess, library: str) -> None:
     """The first at once, the newest three one by one; between them whatever there was time for."""
     topic = f"/burst/{library}".replace("-", "_")
     heard = finish(start(library, "topics", server.port, "burst", topic, "40"))["heard"]

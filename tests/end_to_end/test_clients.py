@@ -1,4 +1,4 @@
-"""The released client libraries, each in a process of its own: they find their way about, drive, serve and call."""
+"""The released client libraries, each in its own process: list topics, drive, serve and call."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ def ros2_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProc
 
 
 @pytest.mark.parametrize("library", LIBRARIES)
-def test_a_client_finds_its_way_and_drives_the_car(simulator: Place, library: str) -> None:
+def test_client_library_lists_topics_and_drives_the_car(simulator: Place, library: str) -> None:
     seen = finish(start(library, "basics", simulator.port, "drive"))
     check_drive(seen, "morai_msgs/EgoVehicleStatus")
     assert ("/morai_sim" in seen["nodes"]) == (not simulator.is_attached)
 
 
 @pytest.mark.parametrize("library", ["roslibpy-asyncio", "roslib2", "roslib1"])
-def test_a_client_drives_the_car_in_the_other_generation(ros2_server: ServerProcess, library: str) -> None:
+def test_client_library_drives_the_car_under_the_other_ros_version(ros2_server: ServerProcess, library: str) -> None:
     """With the types as its program knows them; what it is told of them is ROS 2's."""
     check_drive(finish(start(library, "basics", ros2_server.port, "drive")), "morai_msgs/msg/EgoVehicleStatus")
 
@@ -51,7 +51,7 @@ def check_drive(seen: Frame, ego_type: str) -> None:
 
 
 @pytest.mark.parametrize("library", LIBRARIES)
-def test_a_client_keeps_a_parameter(server: ServerProcess, library: str) -> None:
+def test_client_library_sets_and_reads_a_parameter(server: ServerProcess, library: str) -> None:
     name = f"/{library}/kept".replace("-", "_")
     seen = finish(start(library, "basics", server.port, "remember", name))
     gone = f"refused: Parameter {name} is not set" if library == "roslib2" else None  # the others know no failure here

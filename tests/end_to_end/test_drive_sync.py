@@ -1,4 +1,4 @@
-"""`scripts/examples/drive_sync.py`, as a person runs it: it follows a path, and ends well however it ends."""
+"""`scripts/examples/drive_sync.py` as a user runs it: follows a path, and cleans up at any end."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def figure_of(pattern: str, text: str) -> float:
     return float(match[1])
 
 
-async def test_it_follows_a_path_in_map_coordinates(simulate: Simulate, connect: Connect, tmp_path: Path) -> None:
+async def test_script_follows_a_path_in_map_coordinates(simulate: Simulate, connect: Connect, tmp_path: Path) -> None:
     place = simulate("--start", "sync")
     client = await connect(place.url)
     await client.ask("/SyncModeCmd", user_id="look", start_sync_mode=True, time_step=20)
@@ -92,7 +92,7 @@ async def test_it_follows_a_path_in_map_coordinates(simulate: Simulate, connect:
     assert figure_of(r"largest lateral error: ([\d.]+) m", out) < 0.3
 
 
-async def test_interrupted_it_gives_the_world_back(simulate: Simulate, connect: Connect, tmp_path: Path) -> None:
+async def test_interrupted_script_ends_synchronous_mode(simulate: Simulate, connect: Connect, tmp_path: Path) -> None:
     place = simulate()
     client = await connect(place.url)
     await client.subscribe("/SyncModeInfo", type="morai_msgs/SyncModeInfo")
@@ -107,7 +107,7 @@ async def test_interrupted_it_gives_the_world_back(simulate: Simulate, connect: 
     assert info["status"] is False
 
 
-async def test_it_says_who_is_the_master_already(simulate: Simulate, connect: Connect, tmp_path: Path) -> None:
+async def test_script_names_the_present_master(simulate: Simulate, connect: Connect, tmp_path: Path) -> None:
     place = simulate()
     client = await connect(place.url)
     await client.ask("/SyncModeCmd", user_id="the_other", start_sync_mode=True, time_step=20)
@@ -115,13 +115,13 @@ async def test_it_says_who_is_the_master_already(simulate: Simulate, connect: Co
     assert (code, err) == (1, "drive_sync: synchronous mode was refused: 'the_other' is its master\n")
 
 
-def test_it_says_that_a_time_step_cannot_be_had(simulate: Simulate, tmp_path: Path) -> None:
+def test_script_reports_a_refused_time_step(simulate: Simulate, tmp_path: Path) -> None:
     path = write([(0.0, 0.0), (9.0, 0.0)], tmp_path / "path.txt")
     code, _, err = run(simulate(), "--path", str(path), "--step-ms", "30")
     assert (code, err) == (1, "drive_sync: synchronous mode was refused: a tick of 30 ms cannot be had\n")
 
 
-def test_it_says_that_the_server_is_gone(serve: Serve, tmp_path: Path) -> None:
+def test_script_reports_a_lost_server(serve: Serve, tmp_path: Path) -> None:
     process = serve()
     path = write([(0.0, 0.0), (100_000.0, 0.0)], tmp_path / "path.txt")
     with start(process, "--path", str(path), "--from-car") as example:
@@ -140,7 +140,7 @@ def test_it_says_that_the_server_is_gone(serve: Serve, tmp_path: Path) -> None:
         ("# nothing\n", "path.txt: expected a path of two points at least, got 0"),
     ],
 )
-def test_a_path_that_is_none_is_one_readable_line(server: ServerProcess, tmp_path: Path, text: str, told: str) -> None:
+def test_unreadable_path_file_gives_one_error_line(server: ServerProcess, tmp_path: Path, text: str, told: str) -> None:
     path = tmp_path / "path.txt"
     path.write_text(text)
     code, out, err = run(server, "--path", str(path))
@@ -154,7 +154,7 @@ def test_a_path_far_away_is_refused(simulator: Place, tmp_path: Path) -> None:
     assert re.fullmatch(r"drive_sync: the path starts \d+ m away from the car; --from-car would lay it there\n", err)
 
 
-def test_without_its_library_it_says_what_to_install(tmp_path: Path) -> None:
+def test_script_without_its_library_says_what_to_install(tmp_path: Path) -> None:
     (tmp_path / "roslibpy.py").write_text("raise ModuleNotFoundError\n")
     done = subprocess.run(
         [sys.executable, str(EXAMPLE), "--path", "none"],

@@ -14,7 +14,7 @@ from scripts.soak.fuzz_tape import Tape
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["town", "attached"])
-async def test_an_honest_client_notices_nothing_of_those_that_send_anything(tmp_path: Path, name: str) -> None:
+async def test_honest_client_is_not_affected_by_fuzzing_clients(tmp_path: Path, name: str) -> None:
     (configuration,) = (one for one in CONFIGURATIONS if one.name == name)
     make_data(tmp_path, seed=0, has_recordings=False)
     report = Report()
@@ -24,7 +24,7 @@ async def test_an_honest_client_notices_nothing_of_those_that_send_anything(tmp_
     assert report.innocent[0]["calls"] > 0
 
 
-def test_a_tape_is_read_as_it_was_written(tmp_path: Path) -> None:
+def test_recorded_fuzz_round_reads_back_as_written(tmp_path: Path) -> None:
     tape = Tape(CONFIGURATIONS[1])
     tape.add(7, Act("binary", b"\xa1\x61a\x01"))
     tape.add(8, Act("text", b"{}"))

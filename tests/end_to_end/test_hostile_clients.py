@@ -1,4 +1,4 @@
-"""Rubbish, and clients that want what is not theirs: told so, and nobody else notices."""
+"""Malformed frames and forbidden requests: refused, without effect on other clients."""
 
 from __future__ import annotations
 
@@ -216,7 +216,7 @@ async def test_ten_thousand_hostile_frames_change_nothing(serve: Serve, connect:
     assert "Traceback" not in process.log
 
 
-async def test_what_belongs_to_the_simulator_is_not_given_away(server: ServerProcess, connect: Connect) -> None:
+async def test_clients_cannot_take_names_of_the_simulator(server: ServerProcess, connect: Connect) -> None:
     thief, watcher = await connect(server.url), await connect(server.url)
     await watcher.subscribe("/Ego_topic", type="morai_msgs/EgoVehicleStatus")
     attempts: dict[str, dict[str, Any]] = {

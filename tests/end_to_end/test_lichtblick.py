@@ -1,4 +1,4 @@
-"""The packages with which Lichtblick reads a rosbridge, along its steps: everything in `cbor-raw`, no type given."""
+"""Lichtblick's packages for rosbridge, step by step: everything in `cbor-raw`, without a given type."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Loads over real sockets: what a client sends behind one in the same burst meets the new scene; others do not wait."""
+"""Scenario loads over real sockets: later messages of the client act on the new scene; other clients do not wait."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ async def step_by_step(client: Client, way: str) -> list[Any]:
 
 
 @pytest.mark.parametrize("way", WAYS)
-async def test_tick_behind_a_load_in_one_burst_sees_the_new_scene(
+async def test_tick_after_a_load_in_one_burst_sees_the_new_scene(
     simulate: Simulate, connect: Connect, way: str
 ) -> None:
     waiting = await connect(simulate("--start", "sync").url)
@@ -117,7 +117,7 @@ async def test_tick_behind_a_load_in_one_burst_sees_the_new_scene(
 
 
 @pytest.mark.parametrize("simulate", ["serve"], indirect=True)
-async def test_ops_of_one_frame_behind_a_load_wait_too(simulate: Simulate, connect: Connect) -> None:
+async def test_ops_glued_behind_a_load_wait_for_it(simulate: Simulate, connect: Connect) -> None:
     client = await connect(simulate("--start", "sync").url)
     ops = drive("topic")
     await client.send_raw("".join(map(json.dumps, ops)))
@@ -127,9 +127,7 @@ async def test_ops_of_one_frame_behind_a_load_wait_too(simulate: Simulate, conne
     assert [found[f"tick {i}"] for i in range(4)] == await step_by_step(client, "topic")
 
 
-async def test_others_are_served_while_a_client_loads_one_scene_after_the_other(
-    simulate: Simulate, connect: Connect
-) -> None:
+async def test_other_clients_are_served_during_repeated_loads(simulate: Simulate, connect: Connect) -> None:
     url = simulate().url
     loader, other = await connect(url), await connect(url)
     ops = [{**by_service(SCENES[i % 3]), "id": f"load {i}"} for i in range(12)]
@@ -148,7 +146,7 @@ async def test_others_are_served_while_a_client_loads_one_scene_after_the_other(
 
 
 @pytest.mark.parametrize("way", ["topic", "service"])
-async def test_load_of_a_client_that_leaves_at_once_takes_effect(
+async def test_load_of_a_client_that_disconnects_at_once_takes_effect(
     simulate: Simulate, connect: Connect, way: str
 ) -> None:
     url = simulate("--start", "sync").url
@@ -167,7 +165,7 @@ async def test_load_of_a_client_that_leaves_at_once_takes_effect(
 
 
 @pytest.mark.parametrize("simulate", ["serve"], indirect=True)
-async def test_ticks_of_another_client_go_on_while_scenes_are_loaded_for_its_frames(
+async def test_ticks_go_on_while_another_client_loads_scenes_for_later_frames(
     simulate: Simulate, connect: Connect
 ) -> None:
     url = simulate("--start", "sync").url

@@ -1,4 +1,4 @@
-"""The table of all topics and services of MORAI's manual: what was done to the world, and what was seen of it.
+"""The table of all topics and services of MORAI's manual: one live check for each.
 
 `python -m tests.end_to_end.test_manual_pages` prints it. A row is green when its effect was seen by a rosbridge client
 on a live server, in each release that has it.
@@ -15,7 +15,7 @@ import pytest
 from tests.conftest import Connect
 from tests.deployment import Bridges, Place
 from tests.end_to_end import rows_ego, rows_lights, rows_replay, rows_scene, rows_sensors, rows_synchronous
-from tests.end_to_end.table_rows import Play, Row, write_scenes
+from tests.end_to_end.table_rows import Row, SceneClient, write_scenes
 from tests.morai.pages import INTERFACES, RELEASES, REPLACED, Interface
 from tests.support import Client
 
@@ -70,18 +70,20 @@ def scene(
 
 
 @pytest.mark.parametrize(("scene", "row"), CASES, indirect=["scene"])
-async def test_what_the_manual_promises_happens(scene: tuple[Place, str, Path], connect: Connect, row: Row) -> None:
+async def test_simulator_does_what_each_row_of_the_manual_says(
+    scene: tuple[Place, str, Path], connect: Connect, row: Row
+) -> None:
     place, release, data = scene
     if release not in row.releases:
         assert not await _is_there(await connect(place.url), row.name)
         return
-    play = Play(await connect(place.url), release, data, is_attached=place.is_attached)
+    play = SceneClient(await connect(place.url), release, data, is_attached=place.is_attached)
     await play.begin()
     await _check_type_and_way(play, KNOWN[row.name])
     await row.act(play)
 
 
-async def _check_type_and_way(play: Play, interface: Interface) -> None:
+async def _check_type_and_way(play: SceneClient, interface: Interface) -> None:
     """The bus itself says of what type it is, and that the simulator is at the right end of it."""
     short = interface.type.rpartition("/")[2]
     expected = {"SyncModeSLSrv": "MoraiSyncModeSLSrv"}.get(short, short)
@@ -105,7 +107,7 @@ async def _is_there(client: Client, name: str) -> bool:
     return name in topics["topics"] + services["services"]
 
 
-def test_every_topic_and_service_of_the_pages_has_its_row() -> None:
+def test_every_topic_and_service_of_the_manual_has_a_row() -> None:
     rows = [(row.name, release) for row in ROWS for release in row.releases]
     wanted = {
         (REPLACED.get(one.name, one).name if release == "26.R1" else one.name, release)

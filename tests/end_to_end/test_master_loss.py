@@ -1,4 +1,4 @@
-"""The master is gone from one moment to the next: the world goes on as `--sync-on-loss` says."""
+"""Sudden loss of the master: the world goes on as `--sync-on-loss` says."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ async def become_master(client: Client) -> int:
     return frame
 
 
-async def test_run_lets_the_world_run_in_real_time(serve: Serve, connect: Connect) -> None:
+async def test_lost_master_with_run_lets_the_world_run_in_real_time(serve: Serve, connect: Connect) -> None:
     watcher, url, frame = await lose_master(serve, connect, "run")
     info = await watcher.message_where("/SyncModeInfo", lambda info: not info["master_id"])
     assert info["status"] is False
@@ -48,7 +48,7 @@ async def test_run_lets_the_world_run_in_real_time(serve: Serve, connect: Connec
     assert (answer["tick_status"], answer["frame"]) == (True, taken_at + 1)
 
 
-async def test_pause_leaves_it_paused(serve: Serve, connect: Connect) -> None:
+async def test_lost_master_with_pause_leaves_the_world_paused(serve: Serve, connect: Connect) -> None:
     watcher, url, frame = await lose_master(serve, connect, "pause")
     info = await watcher.message_where("/SyncModeInfo", lambda info: not info["master_id"])
     assert (info["status"], info["frame"], info["can_send_tick"]) == (False, frame, False)
@@ -62,7 +62,7 @@ async def test_pause_leaves_it_paused(serve: Serve, connect: Connect) -> None:
     assert (answer["tick_status"], answer["pause_status"], answer["frame"]) == (True, False, frame + 1)
 
 
-async def test_wait_stands_still_for_the_next_master(serve: Serve, connect: Connect) -> None:
+async def test_lost_master_with_wait_stops_the_world_until_the_next_master(serve: Serve, connect: Connect) -> None:
     watcher, url, frame = await lose_master(serve, connect, "wait")
     info = await watcher.message_where("/SyncModeInfo", lambda info: not info["master_id"])
     assert (info["status"], info["frame"], info["can_send_tick"]) == (True, frame, False)
@@ -72,7 +72,7 @@ async def test_wait_stands_still_for_the_next_master(serve: Serve, connect: Conn
     assert (answer["tick_status"], answer["frame"]) == (True, frame + 1)
 
 
-async def test_a_silent_master_is_lost_by_the_lease(simulate: Simulate, connect: Connect) -> None:
+async def test_silent_master_is_lost_when_its_lease_ends(simulate: Simulate, connect: Connect) -> None:
     url = simulate("--sync-lease", "0.2", "--sync-on-loss", "wait").url
     client = await connect(url)
     await client.subscribe("/SyncModeInfo", type="morai_msgs/SyncModeInfo")

@@ -1,4 +1,4 @@
-"""Network settings as a user has them: a file at the start, another one with a scenario, a recording that follows."""
+"""Network settings in use: a file at the start, another with a scenario, and a recording."""
 
 from __future__ import annotations
 
@@ -37,7 +37,9 @@ LOAD = {
 
 
 @pytest.mark.slow
-async def test_a_scenario_brings_other_names_while_all_goes_on(serve: Serve, connect: Connect, tmp_path: Path) -> None:
+async def test_scenario_changes_topic_names_while_clients_stay_connected(
+    serve: Serve, connect: Connect, tmp_path: Path
+) -> None:
     config, bag = tmp_path / "s.toml", tmp_path / "drive.mcap"
     config.write_text(AT_START)
     network = tmp_path / "data" / "Network" / "demo.toml"
@@ -77,7 +79,7 @@ async def test_a_scenario_brings_other_names_while_all_goes_on(serve: Serve, con
 
 @pytest.mark.slow
 @pytest.mark.parametrize("simulate", ["serve", "attach", "quirks"], indirect=True)
-async def test_who_changes_the_names_is_answered_wherever_the_simulator_is(
+async def test_client_that_changes_the_names_gets_its_answer_with_serve_and_attach(
     simulate: Simulate, connect: Connect, tmp_path: Path
 ) -> None:
     network = tmp_path / "data" / "Network" / "demo.toml"

@@ -42,7 +42,7 @@ def refusal(url: str, port: int) -> str:
 
 
 @pytest.mark.parametrize("listening", ["127.0.0.1", "0.0.0.0"])  # noqa: S104 - as in a container
-def test_websocket_client_connects_by_address_and_by_localhost(serve: Serve, listening: str) -> None:
+def test_websocket_client_connects_by_address_and_localhost(serve: Serve, listening: str) -> None:
     port = serve("--no-world", "--host", listening).port
     for host in ("127.0.0.1", "localhost", "192.168.1.5", "[::1]", "sim.localhost"):
         assert ask_time(f"ws://{host}:{port}", port)
@@ -62,7 +62,7 @@ def test_websocket_client_calls_a_service_of_docker_compose_with_the_flag(serve:
     assert ask_time("ws://sim:9090/?token=sesame", port)
 
 
-def test_old_behaviour_comes_back_with_a_star(serve: Serve) -> None:
+def test_origin_star_lets_every_page_connect(serve: Serve) -> None:
     port = serve("--no-world", "--allow-origin", "*").port
     for origin in ("https://website.example", "null", "http://sim:9090"):
         assert ask_time("ws://sim:9090", port, origin=origin)

@@ -1,4 +1,4 @@
-"""With `--start sync`, a run depends on the calls alone: two servers say the same, byte for byte."""
+"""With `--start sync`, a run depends only on its calls: two servers send the same bytes."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ async def record_drive(url: str, connect: Connect) -> list[str]:
     return watcher.raw
 
 
-async def test_two_runs_are_the_same_to_the_byte(simulate: Simulate, connect: Connect) -> None:
+async def test_two_runs_give_the_same_bytes(simulate: Simulate, connect: Connect) -> None:
     first = await record_drive(simulate("--start", "sync").url, connect)
     second = await record_drive(simulate("--start", "sync").url, connect)
     assert len(first) >= 2 * NUM_TICKS

@@ -1,4 +1,4 @@
-"""All features in one run, in two servers: each topic says the same, byte for byte, and so do the saved files."""
+"""All features in one run, in two servers: every topic and saved file has the same bytes."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ _STAMP = re.compile(r'("(?:stamp|clock|latest_command_time)":) ?\{"secs": ?(\d+)
 
 
 @pytest.mark.parametrize("stamps", ["sim", "wall"])
-async def test_two_runs_of_everything_are_the_same_to_the_byte(
+async def test_two_runs_of_all_features_give_the_same_bytes(
     serve: Serve, connect: Connect, tmp_path: Path, stamps: str
 ) -> None:
     """With the time of day, all but the stamps."""

@@ -1,4 +1,4 @@
-"""The sensors through a released client library: what it hears, and what is on the disk afterwards."""
+"""The sensors through a released client library: topics and saved files."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def row(path: Path) -> dict[str, float]:
 
 
 @pytest.mark.client
-def test_a_client_moves_an_antenna_drives_and_saves(simulate: Simulate, tmp_path: Path) -> None:
+def test_client_moves_an_antenna_drives_and_saves_sensor_data(simulate: Simulate, tmp_path: Path) -> None:
     data = tmp_path / "data"
     place = simulate("--start", "sync", "--data-dir", str(data), "--rate", "/gps=5")
     seen = finish(start("roslibpy-twisted", "sensors", place.port, "save", str(data / "mine")))
@@ -55,7 +55,7 @@ def test_a_client_moves_an_antenna_drives_and_saves(simulate: Simulate, tmp_path
     assert {len(line) for line in boxes} == {11}
 
 
-async def test_a_folder_outside_is_refused_by_a_status_and_nothing_is_written(
+async def test_folder_outside_the_data_folder_is_refused_and_nothing_is_written(
     serve: Serve, connect: Connect, tmp_path: Path
 ) -> None:
     data, elsewhere = tmp_path / "data", tmp_path / "elsewhere"

@@ -14,7 +14,7 @@ from scripts.soak.mixed import soak
 pytestmark = pytest.mark.slow
 
 
-async def test_eight_kinds_of_clients_come_and_go_and_leave_nothing_behind(tmp_path: Path) -> None:
+async def test_eight_kinds_of_clients_leave_no_memory_behind(tmp_path: Path) -> None:
     report = await soak(4.0, 1, tmp_path, num_lines=1, longest_life=1.5, max_stall=None)
     assert report.faults == []
     kinds = {name.removeprefix("lives of ") for name in report.num if name.startswith("lives of ")}
@@ -25,13 +25,13 @@ async def test_eight_kinds_of_clients_come_and_go_and_leave_nothing_behind(tmp_p
 
 @pytest.mark.skipif(sys.platform != "linux", reason="limits of another process and /dev/full are Linux's")
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.__name__)
-async def test_a_fault_of_line_disk_or_machine_is_told_and_passes(tmp_path: Path, case: Case) -> None:
+async def test_fault_of_network_disk_or_machine_is_logged_and_passes(tmp_path: Path, case: Case) -> None:
     assert (await run_case(case, tmp_path, SHORT)).faults == []
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the peak of another process's memory is Linux's")
 @pytest.mark.parametrize("row", hostile.ROWS, ids=lambda row: row.name)
-async def test_a_hostile_frame_costs_bounded_memory_and_no_client_its_connection(
+async def test_hostile_frame_costs_bounded_memory_and_disconnects_no_other_client(
     tmp_path: Path, row: hostile.Row
 ) -> None:
     seen = await hostile.play(row, tmp_path, repeats=1, settling=0.0, idle=0.1)

@@ -1,4 +1,4 @@
-"""A stack for MORAI drives with either release: one flag of the server and one name in the script differ."""
+"""A driving stack for MORAI works with either release: one server flag and one name differ."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def place(status: dict[str, Any]) -> tuple[float, float]:
     return status["position"]["x"], status["position"]["y"]
 
 
-class Referee:
+class EgoObserver:
     """Watches the ego on a client of its own."""
 
     def __init__(self, client: Client) -> None:
@@ -116,12 +116,12 @@ def lateral_error(line: np.ndarray[Any, np.dtype[np.float64]], places: list[tupl
 
 
 @pytest.mark.parametrize("release", RELEASES)
-async def test_it_drives_brakes_and_goes_on_in_synchronous_mode(
+async def test_driving_stack_drives_brakes_and_resumes_in_synchronous_mode(
     simulate: Simulate, connect: Connect, tmp_path: Path, planner: Plan, release: str
 ) -> None:
     harness = simulate("--release", release, "--start", "sync", "--scenario", str(scene(tmp_path)))
     path, line = course(tmp_path, 380.0)
-    referee = Referee(await connect(harness.url))
+    referee = EgoObserver(await connect(harness.url))
     client = referee.client
     box = {"name": "Cargo_Box", "position": {"x": 140.0, "y": -1.75, "z": 0.0}, "heading": 0.0, "frame": 0}
     await change(client, release, "Add", box)
@@ -164,12 +164,12 @@ async def objects_of(client: Client) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("release", RELEASES)
-async def test_it_drives_brakes_and_goes_on_in_real_time(
+async def test_driving_stack_drives_brakes_and_resumes_in_real_time(
     simulate: Simulate, connect: Connect, tmp_path: Path, planner: Plan, release: str
 ) -> None:
     harness = simulate("--release", release, "--scenario", str(scene(tmp_path)))
     path, line = course(tmp_path, 32.0)
-    referee = Referee(await connect(harness.url))
+    referee = EgoObserver(await connect(harness.url))
     client = referee.client
     await put_van(client, x=62.0)
     await referee.listen()

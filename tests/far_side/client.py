@@ -1,4 +1,4 @@
-"""One client of the far side: what rosbridge_suite's protocol object does with its frames, with all of its quirks.
+"""One client of the far bridge: handles frames like the protocol object of rosbridge_suite, with its quirks.
 
 Each quirk is the docstring of the method that has it. The rule above all: what a client does wrong is a line in the far
 side's log, and the client hears nothing; there are no status frames.

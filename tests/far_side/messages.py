@@ -1,4 +1,4 @@
-"""What the far side knows of types: which there are, and what JSON becomes on its way through a ROS 1 message.
+"""Types of the far bridge: which exist, and how JSON changes on its way through a ROS 1 message.
 
 A message is here a plain dict with every field of its type. `Types.fill` is the way in and `Types.show` the way out, as
 in rosbridge_library's message conversion: the way in is strict (unknown fields, wrong types, null), the way out is not

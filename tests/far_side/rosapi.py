@@ -1,4 +1,4 @@
-"""The services of rosapi that say what there is on the far side: a node of its own, which not every machine starts."""
+"""The rosapi services of the far bridge: a node of its own, which not every machine starts."""
 
 from __future__ import annotations
 

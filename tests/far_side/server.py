@@ -1,4 +1,4 @@
-"""A rosbridge that is not ours: how rosbridge_suite for ROS 1 (0.11) behaves, written by us, to be dialled by tests.
+"""Imitation of rosbridge_suite for ROS 1 (0.11), dialled by tests.
 
     async with FarSide() as far_side:
         await connect(far_side.url)

@@ -9,7 +9,7 @@ from rosbridge_sim.graph.participant import OfferKind, Participant
 from rosbridge_sim.graph.topics_services import Answer, Call, Topic
 from rosbridge_sim.schema.message import Message
 
-__all__ = ["ADD", "STRING", "Somebody", "Visitor", "text"]
+__all__ = ["ADD", "STRING", "Somebody", "YieldingParticipant", "text"]
 
 STRING = "std_msgs/String"
 ADD = "rospy_tutorials/AddTwoInts"
@@ -35,7 +35,7 @@ class Somebody:
         self.calls.append(call)
 
 
-class Visitor(Somebody):
+class YieldingParticipant(Somebody):
     """An owner that gives way to the server's own parts, as clients do."""
 
     def lose(self, kind: OfferKind, name: str, why: str) -> None:

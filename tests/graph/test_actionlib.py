@@ -1,4 +1,4 @@
-"""The topics of ROS 1's actions, over an action whose provider is in the test's hand."""
+"""The action topics of ROS 1, with a provider that the test controls."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ NAME = "/count"
 TYPE = "actionlib_tutorials/Fibonacci"
 
 
-class Somebody:
+class GoalClient:
     """Who sends goals and hears of them; or provides."""
 
-    def __init__(self, scene: Stage | None = None, name: str = "/somebody") -> None:
+    def __init__(self, scene: ActionFixture | None = None, name: str = "/somebody") -> None:
         self.name = name
         self.told: list[tuple[str, str]] = []
         self.heard: list[tuple[str, dict[str, Any]]] = []
@@ -61,14 +61,14 @@ class Somebody:
         return {s["goal_id"]["id"]: s["status"] for s in self.messages("status")[-1]["status_list"]}
 
 
-class Stage:
+class ActionFixture:
     """An action with its topics."""
 
     def __init__(self) -> None:
         self.bus = make_bus()
         self.bus.stamp_ns = 40_000_000
         self.now = 100.0
-        self.provider = Somebody(name="/provider")
+        self.provider = GoalClient(name="/provider")
         self.goals: list[Goal] = []
         self.cancelled: list[Goal] = []
         action = self.bus.actions.provide(self.provider, NAME, TYPE, self.take, self.cancelled.append)
@@ -79,8 +79,8 @@ class Stage:
             raise GraphError("there is nothing before the first number")
         self.goals.append(goal)
 
-    def somebody(self) -> Somebody:
-        who = Somebody(self)
+    def somebody(self) -> GoalClient:
+        who = GoalClient(self)
         who.listen("status", "feedback", "result")
         return who
 
@@ -98,8 +98,8 @@ class Stage:
         return num
 
 
-def test_a_goal_comes_to_its_end_with_feedback_on_the_way() -> None:
-    scene = Stage()
+def test_goal_ends_after_its_feedback() -> None:
+    scene = ActionFixture()
     who = scene.somebody()
     who.send("mine", order=2)
     assert who.statuses() == {"mine": ActionlibStatus.ACTIVE}
@@ -131,16 +131,16 @@ def test_a_goal_comes_to_its_end_with_feedback_on_the_way() -> None:
         (GoalStatus.UNKNOWN, ActionlibStatus.ABORTED),
     ],
 )
-def test_ends_have_other_numbers_in_ros_1(end: GoalStatus, status: ActionlibStatus) -> None:
-    scene = Stage()
+def test_goal_states_have_the_numbers_of_ros_1(end: GoalStatus, status: ActionlibStatus) -> None:
+    scene = ActionFixture()
     who = scene.somebody()
     who.send()
     scene.goals[0].end(end, scene.sequence())
     assert who.messages("result")[0]["status"]["status"] == status
 
 
-def test_a_goal_of_a_lost_provider_is_aborted_and_says_why() -> None:
-    scene = Stage()
+def test_goal_of_a_lost_provider_is_aborted_with_a_reason() -> None:
+    scene = ActionFixture()
     who = scene.somebody()
     who.send()
     scene.bus.leave(scene.provider, scene.now)
@@ -150,8 +150,8 @@ def test_a_goal_of_a_lost_provider_is_aborted_and_says_why() -> None:
     assert result["result"] == {"sequence": []}
 
 
-def test_a_refused_goal_is_rejected_and_its_sender_is_told() -> None:
-    scene = Stage()
+def test_refused_goal_is_rejected_with_a_status_for_its_sender() -> None:
+    scene = ActionFixture()
     who = scene.somebody()
     with pytest.raises(GraphError, match="Goal bad of /count was rejected: there is nothing before"):
         who.send("bad", order=-1)
@@ -161,11 +161,11 @@ def test_a_refused_goal_is_rejected_and_its_sender_is_told() -> None:
     assert who.statuses() == {"bad": ActionlibStatus.REJECTED}
 
 
-def test_the_status_comes_five_times_a_second_and_only_if_somebody_listens() -> None:
-    scene = Stage()
+def test_status_is_published_at_5_hz_while_subscribed() -> None:
+    scene = ActionFixture()
     assert scene.actionlib.next_due() is None
     assert scene.advance(10.0) == 0
-    who = Somebody(scene)
+    who = GoalClient(scene)
     who.listen("status")
     assert scene.advance(1.1) == 5 + 1
     assert [m["status_list"] for m in who.messages("status")] == [[]] * 6
@@ -173,16 +173,16 @@ def test_the_status_comes_five_times_a_second_and_only_if_somebody_listens() -> 
     assert scene.actionlib.next_due() is None
 
 
-def test_turns_that_come_too_early_do_nothing() -> None:
-    scene = Stage()
+def test_early_timer_does_nothing() -> None:
+    scene = ActionFixture()
     who = scene.somebody()
     for _ in range(10):
         scene.actionlib.advance(scene.now)
     assert len(who.messages("status")) == 1
 
 
-def test_an_ended_goal_is_listed_for_a_while() -> None:
-    scene = Stage()
+def test_ended_goal_stays_in_the_status_for_a_while() -> None:
+    scene = ActionFixture()
     who = scene.somebody()
     who.send()
     scene.goals[0].end(GoalStatus.SUCCEEDED, scene.sequence())
@@ -192,8 +192,8 @@ def test_an_ended_goal_is_listed_for_a_while() -> None:
     assert who.statuses() == {}
 
 
-def test_so_many_ended_goals_are_listed_and_no_more() -> None:
-    scene = Stage()
+def test_ended_goals_in_the_status_are_bounded() -> None:
+    scene = ActionFixture()
     who = scene.somebody()
     for i in range(MAX_ENDED + 5):
         who.send(f"g{i}")
@@ -201,8 +201,8 @@ def test_so_many_ended_goals_are_listed_and_no_more() -> None:
     assert list(who.statuses()) == [f"g{i}" for i in range(5, MAX_ENDED + 5)]
 
 
-def test_an_id_and_a_time_are_given_where_the_client_left_them() -> None:
-    scene = Stage()
+def test_missing_goal_id_and_stamp_are_generated() -> None:
+    scene = ActionFixture()
     who = scene.somebody()
     who.send("")
     who.send("")
@@ -215,8 +215,8 @@ def test_an_id_and_a_time_are_given_where_the_client_left_them() -> None:
     ]
 
 
-def test_a_goal_that_is_known_is_not_started_again() -> None:
-    scene = Stage()
+def test_known_goal_is_not_started_again() -> None:
+    scene = ActionFixture()
     who = scene.somebody()
     who.send()
     who.send()
@@ -229,15 +229,15 @@ def test_a_goal_that_is_known_is_not_started_again() -> None:
     assert len(scene.goals) == 2
 
 
-def test_an_endless_id_is_refused() -> None:
-    scene = Stage()
+def test_overlong_goal_id_is_refused() -> None:
+    scene = ActionFixture()
     with pytest.raises(GraphError, match="at most 1024"):
         scene.somebody().send("x" * 1025)
     assert scene.goals == []
 
 
-def test_a_cancel_by_id_means_that_goal_whoever_sent_it() -> None:
-    scene = Stage()
+def test_cancel_by_id_cancels_the_goal_of_any_client() -> None:
+    scene = ActionFixture()
     one, two = scene.somebody(), scene.somebody()
     one.send("a")
     one.send("b")
@@ -250,8 +250,8 @@ def test_a_cancel_by_id_means_that_goal_whoever_sent_it() -> None:
     assert len(scene.cancelled) == 1
 
 
-def test_a_cancel_without_an_id_means_ones_own_goals() -> None:
-    scene = Stage()
+def test_cancel_without_an_id_cancels_the_senders_goals() -> None:
+    scene = ActionFixture()
     one, two = scene.somebody(), scene.somebody()
     for who, name in ((one, "a"), (two, "b"), (one, "c")):
         who.send(name)
@@ -259,8 +259,8 @@ def test_a_cancel_without_an_id_means_ones_own_goals() -> None:
     assert scene.cancelled == [scene.goals[0], scene.goals[2]]
 
 
-def test_a_cancel_by_time_means_ones_own_goals_up_to_it() -> None:
-    scene = Stage()
+def test_cancel_by_time_cancels_the_senders_goals_up_to_it() -> None:
+    scene = ActionFixture()
     one, two = scene.somebody(), scene.somebody()
     for i, who in enumerate((one, two, one, one)):
         who.send(f"g{i}", secs=i + 1)
@@ -268,8 +268,8 @@ def test_a_cancel_by_time_means_ones_own_goals_up_to_it() -> None:
     assert scene.cancelled == [scene.goals[0], scene.goals[2]]
 
 
-def test_who_leaves_has_its_goals_cancelled() -> None:
-    scene = Stage()
+def test_goals_of_a_client_that_leaves_are_cancelled() -> None:
+    scene = ActionFixture()
     one, two = scene.somebody(), scene.somebody()
     one.send("a")
     two.send("b")
@@ -280,9 +280,9 @@ def test_who_leaves_has_its_goals_cancelled() -> None:
     assert len(two.messages("result")) == 1
 
 
-def test_the_topics_belong_to_the_provider() -> None:
-    scene = Stage()
-    who = Somebody(scene)
+def test_action_topics_belong_to_the_provider() -> None:
+    scene = ActionFixture()
+    who = GoalClient(scene)
     for name, type_name in (
         ("status", "actionlib_msgs/GoalStatusArray"),
         ("feedback", f"{TYPE}ActionFeedback"),

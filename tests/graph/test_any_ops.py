@@ -1,4 +1,4 @@
-"""Any sequence of ops of three clients: every call and goal ends once, every frame is whole, and nothing is left."""
+"""Any ops of three clients: every call and goal ends once, every frame is complete, and nothing is left over."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ acts = st.one_of(
 )
 
 
-class Room:
+class FuzzedBus:
     """Three clients on a bus, and what each has been asked and told."""
 
     def __init__(self) -> None:
@@ -114,8 +114,8 @@ class Room:
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 2), acts), max_size=40))
-def test_any_ops_of_three_clients(acts: list[tuple[int, dict[str, Any]]]) -> None:
-    room = Room()
+def test_any_ops_of_three_clients_leave_the_bus_consistent(acts: list[tuple[int, dict[str, Any]]]) -> None:
+    room = FuzzedBus()
     for who, act in acts:
         room.act(who, act)
         for sent, got in zip(room.sent, room.got, strict=True):

@@ -21,10 +21,10 @@ from rosbridge_sim.graph.unpublished import UNPUBLISHED_AFTER
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.schema.message import Message
 from tests.graph.bus_fixture import make_bus, make_store
-from tests.graph.participants import ADD, STRING, Somebody, Visitor
+from tests.graph.participants import ADD, STRING, Somebody, YieldingParticipant
 
 
-def test_names_are_resolved_against_the_root() -> None:
+def test_relative_names_are_resolved_against_the_root() -> None:
     assert resolve("a/b") == resolve("/a/b") == "/a/b"
     for bad in ("", " ", "/a b", "a\n", "x" * 257):
         with pytest.raises(GraphError):
@@ -34,7 +34,7 @@ def test_names_are_resolved_against_the_root() -> None:
 @pytest.mark.parametrize("timeout", [1.0, TYPE_MEMORY - 1.0, TYPE_MEMORY + 1.0])
 def test_next_deadline_is_the_earliest_of_a_call_and_a_topic_without_holders(timeout: float) -> None:
     """A later one would leave the caller without an answer, or the topic with its old type, for too long."""
-    bus, provider, caller, visitor = make_bus(), Somebody(), Somebody(), Visitor()
+    bus, provider, caller, visitor = make_bus(), Somebody(), Somebody(), YieldingParticipant()
     bus.provide(provider, "/add", ADD, provider.hold)
     bus.call(caller, "/add", {}, caller.answers.append, now=0.0, timeout=timeout)
     bus.advertise(visitor, "/t", STRING)
@@ -58,7 +58,7 @@ def test_bus_has_no_more_attributes_than_an_object_that_is_read_fast() -> None:
     assert len(vars(make_bus())) <= 30
 
 
-def test_account_of_an_owner_that_has_left_is_forgotten() -> None:
+def test_account_of_a_participant_that_left_is_removed() -> None:
     bus, client = make_bus(), Somebody()
     account = bus.accounts[client] = Account(10)
     assert bus.account_of(client) is account
@@ -89,7 +89,7 @@ def test_holdings_hook_is_called_for_all_that_an_owner_begins_and_ceases_to_hold
 
 
 def test_holdings_hook_is_called_for_a_client_whose_advertisement_a_part_of_the_server_has_ended() -> None:
-    bus, node, client = make_bus(), Somebody("/morai_sim"), Visitor()
+    bus, node, client = make_bus(), Somebody("/morai_sim"), YieldingParticipant()
     bus.advertise(client, "/t", STRING)
     heard: list[Participant] = []
     bus.on_holdings.append(heard.append)
@@ -97,7 +97,7 @@ def test_holdings_hook_is_called_for_a_client_whose_advertisement_a_part_of_the_
     assert set(heard) == {client, node}
 
 
-def test_who_leaves_costs_nothing_for_the_actions_of_others() -> None:
+def test_leaving_client_does_not_search_actions_of_others() -> None:
     bus, provider, other = make_bus(), Somebody(), Somebody()
     for number in range(3):
         bus.actions.provide(provider, f"/a{number}", "action_tutorials_interfaces/Fibonacci", print, print)
@@ -113,14 +113,14 @@ def test_who_leaves_costs_nothing_for_the_actions_of_others() -> None:
     assert len(bus.actions.by_name) == 0
 
 
-def test_strict_types_refuse_what_nobody_knows() -> None:
+def test_strict_types_refuse_unknown_topic_types() -> None:
     bus = Bus(make_store(), is_strict=True)
     with pytest.raises(UnknownPackageError):
         bus.advertise(Somebody(), "/t", "my_msgs/Thing")
     assert bus.topics == {}
 
 
-def test_strict_types_refuse_services_and_actions_that_nobody_knows() -> None:
+def test_strict_types_refuse_unknown_service_and_action_types() -> None:
     bus = Bus(make_store(), is_strict=True)
     with pytest.raises(UnknownPackageError):
         bus.provide(Somebody(), "/s", "my_msgs/Thing", lambda _call, _now: None)
@@ -130,7 +130,7 @@ def test_strict_types_refuse_services_and_actions_that_nobody_knows() -> None:
     assert bus.actions.by_name == {}
 
 
-def test_package_that_is_perhaps_misspelt_is_named_with_the_nearest_one(caplog: pytest.LogCaptureFixture) -> None:
+def test_misspelt_package_is_reported_with_the_nearest_name(caplog: pytest.LogCaptureFixture) -> None:
     bus, owner = make_bus(), Somebody()
     bus.advertise(owner, "/t", "std_msg/String")
     bus.provide(owner, "/s", "std_srv/Empty", lambda _call, _now: None)
@@ -140,7 +140,7 @@ def test_package_that_is_perhaps_misspelt_is_named_with_the_nearest_one(caplog: 
     ]
 
 
-def test_services_of_rosbag2_count_as_unknown_for_we_have_its_messages_alone() -> None:
+def test_services_of_rosbag2_count_as_unknown_because_only_its_messages_are_known() -> None:
     bus = make_bus()
     service = bus.provide(Somebody(), "/s", "rosbag2_interfaces/Seek", lambda _call, _now: None)
     assert service.type.name == "rosbag2_interfaces/Seek"
@@ -177,7 +177,7 @@ class BusMachine(RuleBasedStateMachine):
     def __init__(self) -> None:
         super().__init__()
         self.bus = make_bus()
-        self.owners = [Somebody("/n0"), Visitor("/n1"), Visitor("/n2")]
+        self.owners = [Somebody("/n0"), YieldingParticipant("/n1"), YieldingParticipant("/n2")]
         self.asked = self.answered = self.abandoned = 0
         self.now = 0.0
 

@@ -15,7 +15,7 @@ from tests.graph.bus_fixture import make_bus
 from tests.graph.participants import STRING, Somebody, text
 
 
-def test_a_listeners_complaint_reaches_the_sender_after_everybody_has_heard() -> None:
+def test_error_of_a_subscriber_is_reported_to_the_sender_after_all_have_received() -> None:
     bus, sender, good = make_bus(), Somebody(), Somebody()
     topic = bus.advertise(sender, "/t", STRING)
 
@@ -29,7 +29,7 @@ def test_a_listeners_complaint_reaches_the_sender_after_everybody_has_heard() ->
     assert len(good.heard) == 1
 
 
-def test_first_complaint_of_several_listeners_is_the_senders_answer() -> None:
+def test_first_of_several_subscriber_errors_is_reported_to_the_sender() -> None:
     """The rest often follows from the first; and which one it is must not depend on how many listen."""
     bus, sender = make_bus(), Somebody()
     topic = bus.advertise(sender, "/t", STRING)
@@ -46,7 +46,7 @@ def test_first_complaint_of_several_listeners_is_the_senders_answer() -> None:
         bus.publish(sender, topic, text(bus, "x"), 0.0)
 
 
-def test_complaint_about_something_of_the_simulators_own_is_a_line_in_the_log(caplog: pytest.LogCaptureFixture) -> None:
+def test_subscriber_error_about_a_message_of_the_simulator_is_logged(caplog: pytest.LogCaptureFixture) -> None:
     bus, node, other = make_bus(), Somebody("/morai_sim"), Somebody()
     topic = bus.advertise(node, "/t", STRING)
 
@@ -60,7 +60,7 @@ def test_complaint_about_something_of_the_simulators_own_is_a_line_in_the_log(ca
     assert bus.guard.num_faults == 0
 
 
-def test_a_listener_may_leave_while_it_is_spoken_to() -> None:
+def test_subscriber_may_leave_during_delivery() -> None:
     bus, sender, other = make_bus(), Somebody(), Somebody()
     topic = bus.advertise(sender, "/t", STRING)
     subscription = bus.subscribe(other, "/t", lambda *_: bus.unsubscribe(subscription, 0.0))
@@ -71,7 +71,7 @@ def test_a_listener_may_leave_while_it_is_spoken_to() -> None:
     assert len(topic.subscriptions) == 1
 
 
-def test_failure_of_one_listener_that_is_shown_something_is_counted_and_the_others_have_it() -> None:
+def test_failing_subscriber_is_counted_and_others_still_receive() -> None:
     bus, node, good = make_bus(), Somebody("/morai_sim"), Somebody()
     topic = bus.advertise(node, "/t", STRING)
 
@@ -83,7 +83,7 @@ def test_failure_of_one_listener_that_is_shown_something_is_counted_and_the_othe
     assert (bus.guard.num_faults, len(good.heard)) == (1, 1)
 
 
-def test_who_only_overhears_is_no_listener_but_hears() -> None:
+def test_passive_subscriber_receives_without_counting_as_a_subscriber() -> None:
     bus, sender, listener = make_bus(), Somebody(), Somebody()
     topic = bus.advertise(sender, "/t", STRING, is_on_demand=True)
     subscription = bus.subscribe(listener, "/t", listener.deliver, is_idle=True)

@@ -1,4 +1,4 @@
-"""The blast radius in memory: a failure is planted at each seam of the bus, and hurts its own owner alone."""
+"""Isolation of failures: a failure at each boundary of the bus affects only its own participant."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Fault(Exception):  # noqa: N818 - a bug of ours, planted
     """What no part of the server raises on purpose."""
 
 
-class Part:
+class ServerComponent:
     """An owner that serves everybody and cannot end alone."""
 
     name = "/part"
@@ -50,7 +50,7 @@ class Part:
         self.heard.append(message.value.data)
 
 
-class Guest(Part):
+class FailingClient(ServerComponent):
     """An owner that stands for one client: it leaves the bus when something that is done for it fails."""
 
     name = "/guest"
@@ -64,7 +64,7 @@ class Guest(Part):
         self.bus.leave(self, 0.0)
 
 
-class Undying(Guest):
+class FailingAtEnd(FailingClient):
     """One whose end fails too."""
 
     def fail(self, error: Exception) -> None:
@@ -115,9 +115,14 @@ def tracebacks(caplog: pytest.LogCaptureFixture) -> list[str]:
 # Messages
 
 
-def test_message_without_an_encoding_is_dropped_for_it_alone(caplog: pytest.LogCaptureFixture) -> None:
+def test_message_that_cannot_be_encoded_is_dropped_for_its_subscriber_only(caplog: pytest.LogCaptureFixture) -> None:
     bus = make_bus()
-    sender, (plain, plain_box), (raw, raw_box), last = Part(bus), make_client(bus), make_client(bus), Guest(bus)
+    sender, (plain, plain_box), (raw, raw_box), last = (
+        ServerComponent(bus),
+        make_client(bus),
+        make_client(bus),
+        FailingClient(bus),
+    )
     topic = bus.advertise(sender, "/t", STRING)
     broken = cast("MessageType", BrokenType(bus, encode_raw=break_down))
     say(raw, "subscribe", topic="/t", compression="cbor-raw")
@@ -133,7 +138,7 @@ def test_message_without_an_encoding_is_dropped_for_it_alone(caplog: pytest.LogC
     assert [line[:25] for line in tracebacks(caplog)] == ["/t: a message is dropped:"]
 
 
-def test_client_that_publishes_what_cannot_be_written_is_told(caplog: pytest.LogCaptureFixture) -> None:
+def test_client_that_publishes_an_unencodable_message_is_notified(caplog: pytest.LogCaptureFixture) -> None:
     bus = make_bus()
     (listener, box), (sender, sender_box) = make_client(bus), make_client(bus)
     say(listener, "subscribe", topic="/t", type=STRING)
@@ -147,9 +152,9 @@ def test_client_that_publishes_what_cannot_be_written_is_told(caplog: pytest.Log
     assert len(tracebacks(caplog)) == 1
 
 
-def test_message_is_tried_once_in_an_encoding_however_many_listeners_it_has() -> None:
+def test_failing_encoding_is_tried_once_for_all_subscribers() -> None:
     bus, tried = make_bus(), list[object]()
-    sender = Part(bus)
+    sender = ServerComponent(bus)
 
     def fail(value: object) -> NoReturn:
         tried.append(value)
@@ -165,9 +170,9 @@ def test_message_is_tried_once_in_an_encoding_however_many_listeners_it_has() ->
     assert bus.guard.num_unencoded == 1_000
 
 
-def test_latched_message_that_cannot_be_written_keeps_nobody_from_the_others(caplog: pytest.LogCaptureFixture) -> None:
+def test_unencodable_latched_message_does_not_block_other_latched_messages(caplog: pytest.LogCaptureFixture) -> None:
     bus = make_bus()
-    sender = Part(bus)
+    sender = ServerComponent(bus)
     topic = bus.advertise(sender, "/t", STRING, depth=3)
     for data in ("a", object(), "b"):
         bus.publish(sender, topic, text(bus, data), 0.0)
@@ -177,9 +182,9 @@ def test_latched_message_that_cannot_be_written_keeps_nobody_from_the_others(cap
     assert bus.guard.num_unencoded == len(tracebacks(caplog)) == 1
 
 
-def test_message_that_waited_and_cannot_be_written_is_passed_over(caplog: pytest.LogCaptureFixture) -> None:
+def test_queued_message_that_cannot_be_encoded_is_skipped(caplog: pytest.LogCaptureFixture) -> None:
     bus = make_bus()
-    sender, (client, box) = Part(bus), make_client(bus)
+    sender, (client, box) = ServerComponent(bus), make_client(bus)
     topic = bus.advertise(sender, "/t", STRING)
     say(client, "subscribe", topic="/t", throttle_rate=100, queue_length=5)
     for data in ("a", object(), "b"):
@@ -193,9 +198,9 @@ def test_message_that_waited_and_cannot_be_written_is_passed_over(caplog: pytest
 # Listeners
 
 
-def test_listener_that_fails_ends_alone_and_the_sender_hears_nothing() -> None:
+def test_failing_subscriber_is_disconnected_and_the_sender_is_not_notified() -> None:
     bus = make_bus()
-    sender, first, bad, last = Part(bus), Guest(bus), Guest(bus), Guest(bus)
+    sender, first, bad, last = ServerComponent(bus), FailingClient(bus), FailingClient(bus), FailingClient(bus)
     topic = bus.advertise(sender, "/t", STRING)
     bus.subscribe(first, "/t", first.hear)
     bus.subscribe(bad, "/t", break_down)
@@ -208,9 +213,9 @@ def test_listener_that_fails_ends_alone_and_the_sender_hears_nothing() -> None:
     assert (bus.guard.num_faults, bus.guard.num_unencoded) == (1, 0)
 
 
-def test_listener_that_is_the_sender_itself_fails_in_the_middle_of_its_own_message() -> None:
+def test_subscriber_that_fails_on_its_own_message_is_disconnected() -> None:
     bus = make_bus()
-    (client, box), other = make_client(bus), Guest(bus)
+    (client, box), other = make_client(bus), FailingClient(bus)
     say(client, "subscribe", topic="/t", type=STRING)
     bus.subscribe(other, "/t", other.hear)
     client.topics._subscriptions["/t"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
@@ -221,11 +226,11 @@ def test_listener_that_is_the_sender_itself_fails_in_the_middle_of_its_own_messa
     assert bus.guard.num_faults == 1
 
 
-def test_thousand_listeners_that_fail_at_once_end_and_the_others_hear() -> None:
+def test_thousand_failing_subscribers_end_and_the_others_still_receive() -> None:
     bus = make_bus()
-    sender, last = Part(bus), Guest(bus)
+    sender, last = ServerComponent(bus), FailingClient(bus)
     topic = bus.advertise(sender, "/t", STRING)
-    guests = [Guest(bus) for _ in range(1_000)]
+    guests = [FailingClient(bus) for _ in range(1_000)]
     for guest in guests:
         bus.subscribe(guest, "/t", break_down)
     bus.subscribe(last, "/t", last.hear)
@@ -236,9 +241,9 @@ def test_thousand_listeners_that_fail_at_once_end_and_the_others_hear() -> None:
     assert bus.guard.num_faults == 1_000
 
 
-def test_failure_of_a_part_is_the_senders_to_report_once_all_have_heard(caplog: pytest.LogCaptureFixture) -> None:
+def test_failure_of_a_component_is_raised_after_all_have_received(caplog: pytest.LogCaptureFixture) -> None:
     bus = make_bus()
-    sender, part, last = Guest(bus), Part(bus), Guest(bus)
+    sender, part, last = FailingClient(bus), ServerComponent(bus), FailingClient(bus)
     topic = bus.advertise(sender, "/t", STRING)
 
     def complain(*_: object) -> NoReturn:
@@ -254,11 +259,11 @@ def test_failure_of_a_part_is_the_senders_to_report_once_all_have_heard(caplog: 
     assert [line[:39] for line in tracebacks(caplog)] == ["another listener of the same message ha"]  # of the two
 
 
-def test_nothing_that_is_wrong_with_a_listener_reaches_what_the_server_announces(
+def test_failing_subscriber_does_not_disturb_announcements_of_the_server(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     bus = make_bus()
-    sender, part, (client, _) = Part(bus), Part(bus), make_client(bus)
+    sender, part, (client, _) = ServerComponent(bus), ServerComponent(bus), make_client(bus)
     topic = bus.advertise(sender, "/t", STRING)
     say(client, "subscribe", topic="/t")
     for _ in range(50):
@@ -270,9 +275,9 @@ def test_nothing_that_is_wrong_with_a_listener_reaches_what_the_server_announces
     assert bus.guard.num_faults == 51
 
 
-def test_end_that_fails_is_logged_with_what_led_to_it(caplog: pytest.LogCaptureFixture) -> None:
+def test_failing_disconnect_is_logged_with_its_cause(caplog: pytest.LogCaptureFixture) -> None:
     bus = make_bus()
-    sender, bad, last = Guest(bus), Undying(bus), Guest(bus)
+    sender, bad, last = FailingClient(bus), FailingAtEnd(bus), FailingClient(bus)
     topic = bus.advertise(sender, "/t", STRING)
     bus.subscribe(bad, "/t", break_down)
     bus.subscribe(last, "/t", last.hear)
@@ -287,11 +292,11 @@ def test_end_that_fails_is_logged_with_what_led_to_it(caplog: pytest.LogCaptureF
 
 
 @pytest.mark.parametrize("hook", ["on_topic", "on_holdings", "on_leave"])
-def test_hook_that_fails_keeps_nothing_from_being_done(hook: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_failing_hook_does_not_stop_later_work(hook: str, caplog: pytest.LogCaptureFixture) -> None:
     bus, seen = make_bus(), list[object]()
     hooks = getattr(bus, hook)
     hooks += [break_down, lambda *about: seen.append(about[0])]
-    guest = Guest(bus)
+    guest = FailingClient(bus)
     topic = bus.advertise(guest, "/t", STRING)
     bus.leave(guest, 0.0)
     assert not topic.publishers
@@ -302,13 +307,13 @@ def test_hook_that_fails_keeps_nothing_from_being_done(hook: str, caplog: pytest
 # Calls
 
 
-def call(bus: Bus, caller: Part, name: str = "/s", timeout: float | None = None) -> None:
+def call(bus: Bus, caller: ServerComponent, name: str = "/s", timeout: float | None = None) -> None:
     bus.call(caller, name, {"data": True}, caller.answers.append, now=0.0, timeout=timeout)
 
 
-def test_provider_that_fails_ends_and_its_caller_has_an_answer() -> None:
+def test_failing_provider_is_disconnected_and_its_caller_answered() -> None:
     bus = make_bus()
-    provider, caller = Guest(bus), Guest(bus)
+    provider, caller = FailingClient(bus), FailingClient(bus)
     bus.provide(provider, "/s", SERVICE, break_down)
     call(bus, caller)
     assert caller.answers == [Answer(is_ok=False, values="The provider failed; the server's log says why")]
@@ -316,18 +321,18 @@ def test_provider_that_fails_ends_and_its_caller_has_an_answer() -> None:
     assert "/s" not in bus.services
 
 
-def test_provider_that_calls_itself_and_fails_ends_once() -> None:
+def test_provider_that_fails_on_its_own_call_is_disconnected_once() -> None:
     bus = make_bus()
-    guest = Guest(bus)
+    guest = FailingClient(bus)
     bus.provide(guest, "/s", SERVICE, break_down)
     call(bus, guest)
     assert len(guest.failures) == len(guest.answers) == 1
     assert guest not in bus.owners()
 
 
-def test_part_that_fails_on_a_call_answers_it_and_stays() -> None:
+def test_component_that_fails_on_a_call_answers_it_and_stays() -> None:
     bus = make_bus()
-    bus.provide(Part(bus), "/s", SERVICE, break_down)
+    bus.provide(ServerComponent(bus), "/s", SERVICE, break_down)
     client, box = make_client(bus)
     with pytest.raises(Fault):  # the server logs and counts it, as any frame that it cannot handle
         say(client, "call_service", service="/s", id="c", args={"data": True})
@@ -336,9 +341,9 @@ def test_part_that_fails_on_a_call_answers_it_and_stays() -> None:
     assert "/s" in bus.services
 
 
-def test_answer_that_cannot_be_written_is_a_refusal(caplog: pytest.LogCaptureFixture) -> None:
+def test_unencodable_answer_becomes_a_refusal(caplog: pytest.LogCaptureFixture) -> None:
     bus = make_bus()
-    provider, (client, box) = Guest(bus), make_client(bus)
+    provider, (client, box) = FailingClient(bus), make_client(bus)
 
     def answer(call: Call, _now: float) -> None:
         call.answer(call.service.type.response.struct_type(True, object()))  # noqa: FBT003 - the message's fields
@@ -353,9 +358,9 @@ def test_answer_that_cannot_be_written_is_a_refusal(caplog: pytest.LogCaptureFix
     assert len(tracebacks(caplog)) == 1
 
 
-def test_request_that_cannot_be_written_for_its_provider_is_refused(caplog: pytest.LogCaptureFixture) -> None:
+def test_unencodable_request_is_refused(caplog: pytest.LogCaptureFixture) -> None:
     bus = make_bus()
-    (provider, _), caller = make_client(bus), Guest(bus)
+    (provider, _), caller = make_client(bus), FailingClient(bus)
     say(provider, "advertise_service", service="/s", type=SERVICE)
     handle = bus.services["/s"].handle
 
@@ -370,9 +375,9 @@ def test_request_that_cannot_be_written_for_its_provider_is_refused(caplog: pyte
     assert bus.guard.num_unencoded == len(tracebacks(caplog)) == 1
 
 
-def test_caller_that_can_write_no_answer_at_all_ends() -> None:
+def test_caller_whose_answers_cannot_be_encoded_is_disconnected() -> None:
     bus = make_bus()
-    provider, caller = Guest(bus), Guest(bus)
+    provider, caller = FailingClient(bus), FailingClient(bus)
 
     def write_nothing(_answer: Answer) -> NoReturn:
         raise EncodingError("never")
@@ -382,9 +387,9 @@ def test_caller_that_can_write_no_answer_at_all_ends() -> None:
     assert (len(caller.failures), provider.failures) == (1, [])
 
 
-def test_caller_that_fails_on_its_answer_ends_and_the_provider_hears_nothing() -> None:
+def test_caller_that_fails_on_its_answer_is_disconnected_and_the_provider_not_notified() -> None:
     bus = make_bus()
-    (provider, box), caller, other = make_client(bus), Guest(bus), Guest(bus)
+    (provider, box), caller, other = make_client(bus), FailingClient(bus), FailingClient(bus)
     say(provider, "advertise_service", service="/s", type=SERVICE)
     bus.call(caller, "/s", {"data": True}, break_down, now=0.0)
     call(bus, other)
@@ -395,12 +400,12 @@ def test_caller_that_fails_on_its_answer_ends_and_the_provider_hears_nothing() -
     assert bus.guard.num_faults == 1
 
 
-@pytest.mark.parametrize("kind", [Guest, Part])
-def test_caller_that_fails_on_a_timeout_keeps_none_from_its_own(
-    kind: Callable[[Bus], Part], caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize("kind", [FailingClient, ServerComponent])
+def test_caller_that_fails_on_a_time_out_does_not_block_other_time_outs(
+    kind: Callable[[Bus], ServerComponent], caplog: pytest.LogCaptureFixture
 ) -> None:
     bus = make_bus()
-    provider, bad, good = Guest(bus), kind(bus), Guest(bus)
+    provider, bad, good = FailingClient(bus), kind(bus), FailingClient(bus)
     bus.provide(provider, "/s", SERVICE, lambda _call, _now: None)
     bus.call(bad, "/s", {"data": True}, break_down, now=0.0, timeout=1.0)
     call(bus, good, timeout=1.0)
@@ -408,12 +413,12 @@ def test_caller_that_fails_on_a_timeout_keeps_none_from_its_own(
     assert len(good.answers) == 1
     assert bus.next_deadline() is None
     assert bus.guard.num_faults == 1
-    assert len(tracebacks(caplog)) == (kind is Part)
+    assert len(tracebacks(caplog)) == (kind is ServerComponent)
 
 
-def test_everything_of_a_provider_ends_whatever_its_callers_fail_at() -> None:
+def test_all_calls_of_a_leaving_provider_end_although_callers_fail() -> None:
     bus = make_bus()
-    provider, bad, good = Guest(bus), Part(bus), Guest(bus)
+    provider, bad, good = FailingClient(bus), ServerComponent(bus), FailingClient(bus)
     for name in ("/s", "/s2"):
         bus.provide(provider, name, SERVICE, lambda _call, _now: None)
         bus.call(bad, name, {"data": True}, break_down, now=0.0)
@@ -427,9 +432,9 @@ def test_everything_of_a_provider_ends_whatever_its_callers_fail_at() -> None:
 # Goals
 
 
-def test_goal_whose_provider_fails_has_an_end() -> None:
+def test_goal_of_a_failing_provider_ends() -> None:
     bus = make_bus()
-    provider, caller = Guest(bus), Guest(bus)
+    provider, caller = FailingClient(bus), FailingClient(bus)
     bus.actions.provide(provider, "/a", ACTION, break_down, break_down)
     assert bus.actions.send(caller, "/a", {"order": 3}, caller.outcomes.append, None) is None
     assert [outcome.values for outcome in caller.outcomes] == ["The provider failed; the server's log says why"]
@@ -437,9 +442,9 @@ def test_goal_whose_provider_fails_has_an_end() -> None:
     assert "/a" not in bus.actions.by_name
 
 
-def test_feedback_and_results_that_cannot_be_written_hurt_nobody(caplog: pytest.LogCaptureFixture) -> None:
+def test_unencodable_feedback_and_results_disconnect_no_client(caplog: pytest.LogCaptureFixture) -> None:
     bus, goals = make_bus(), list[Goal]()
-    provider, (client, box) = Guest(bus), make_client(bus)
+    provider, (client, box) = FailingClient(bus), make_client(bus)
     bus.actions.provide(provider, "/a", ACTION, goals.append, break_down)
     say(client, "send_action_goal", action="/a", action_type=ACTION, id="g", args={"order": 3}, feedback=True)
     kind = goals[0].action.type
@@ -454,9 +459,9 @@ def test_feedback_and_results_that_cannot_be_written_hurt_nobody(caplog: pytest.
     assert bus.guard.num_unencoded == len(tracebacks(caplog)) == 2
 
 
-def test_caller_that_fails_on_feedback_ends_and_its_goal_is_cancelled() -> None:
+def test_caller_that_fails_on_feedback_is_disconnected_and_its_goal_cancelled() -> None:
     bus, goals, cancelled = make_bus(), list[Goal](), list[Goal]()
-    provider, caller = Guest(bus), Guest(bus)
+    provider, caller = FailingClient(bus), FailingClient(bus)
     bus.actions.provide(provider, "/a", ACTION, goals.append, cancelled.append)
     bus.actions.send(caller, "/a", {"order": 3}, caller.outcomes.append, break_down)
     goals[0].report(goals[0].action.type.feedback.default())
@@ -464,10 +469,10 @@ def test_caller_that_fails_on_feedback_ends_and_its_goal_is_cancelled() -> None:
     assert cancelled == goals
 
 
-@pytest.mark.parametrize("kind", [Guest, Part])
-def test_provider_that_fails_to_cancel_keeps_no_other_goal_from_its_end(kind: Callable[[Bus], Part]) -> None:
+@pytest.mark.parametrize("kind", [FailingClient, ServerComponent])
+def test_provider_that_fails_to_cancel_does_not_block_other_goals(kind: Callable[[Bus], ServerComponent]) -> None:
     bus, cancelled = make_bus(), list[Goal]()
-    bad, good, caller = kind(bus), Guest(bus), Guest(bus)
+    bad, good, caller = kind(bus), FailingClient(bus), FailingClient(bus)
     bus.actions.provide(bad, "/bad", ACTION, lambda _goal: None, break_down)
     bus.actions.provide(good, "/good", ACTION, lambda _goal: None, cancelled.append)
     bus.actions.provide(caller, "/own", ACTION, lambda _goal: None, break_down)
@@ -479,9 +484,9 @@ def test_provider_that_fails_to_cancel_keeps_no_other_goal_from_its_end(kind: Ca
     assert bus.guard.num_faults == 1
 
 
-def test_goal_and_call_that_are_broken_keep_no_others_from_their_end() -> None:
+def test_failing_goals_and_calls_do_not_block_others_from_ending() -> None:
     bus, cancelled, goals = make_bus(), list[Goal](), list[Goal]()
-    provider, caller = Guest(bus), Guest(bus)
+    provider, caller = FailingClient(bus), FailingClient(bus)
     bus.actions.provide(provider, "/a", ACTION, goals.append, cancelled.append)
     bus.provide(provider, "/s", SERVICE, lambda _call, _now: None)
     for _ in range(2):
@@ -496,9 +501,9 @@ def test_goal_and_call_that_are_broken_keep_no_others_from_their_end() -> None:
     assert caller not in bus.owners()
 
 
-def test_part_that_fails_to_cancel_a_goal_is_no_fault_of_its_caller(caplog: pytest.LogCaptureFixture) -> None:
+def test_component_that_fails_to_cancel_a_goal_does_not_disconnect_the_caller(caplog: pytest.LogCaptureFixture) -> None:
     bus = make_bus()
-    bus.actions.provide(Part(bus), "/a", ACTION, lambda _goal: None, break_down)
+    bus.actions.provide(ServerComponent(bus), "/a", ACTION, lambda _goal: None, break_down)
     client, box = make_client(bus)
     say(client, "send_action_goal", action="/a", action_type=ACTION, id="g", args={"order": 3})
     say(client, "cancel_action_goal", action="/a", id="g")
@@ -506,9 +511,9 @@ def test_part_that_fails_to_cancel_a_goal_is_no_fault_of_its_caller(caplog: pyte
     assert bus.guard.num_faults == len(tracebacks(caplog)) == 1
 
 
-def test_caller_that_fails_on_the_end_of_its_goal_keeps_no_other_from_its_own() -> None:
+def test_caller_that_fails_on_a_goals_end_does_not_block_other_goals() -> None:
     bus = make_bus()
-    provider, bad, good = Guest(bus), Part(bus), Guest(bus)
+    provider, bad, good = FailingClient(bus), ServerComponent(bus), FailingClient(bus)
     for name in ("/a", "/a2"):
         bus.actions.provide(provider, name, ACTION, lambda _goal: None, break_down)
         bus.actions.send(bad, name, {"order": 3}, break_down, None)
@@ -521,9 +526,9 @@ def test_caller_that_fails_on_the_end_of_its_goal_keeps_no_other_from_its_own() 
 # Clients
 
 
-def test_client_that_fails_as_it_leaves_is_off_the_bus_all_the_same() -> None:
+def test_client_that_fails_while_leaving_is_removed_from_the_bus() -> None:
     bus = make_bus()
-    (client, _), caller = make_client(bus), Guest(bus)
+    (client, _), caller = make_client(bus), FailingClient(bus)
     say(client, "subscribe", topic="/t", type=STRING)
     say(client, "advertise", topic="/u", type=STRING)
     say(client, "advertise_service", service="/s", type=SERVICE)
@@ -538,7 +543,7 @@ def test_client_that_fails_as_it_leaves_is_off_the_bus_all_the_same() -> None:
 
 
 @pytest.mark.parametrize("seam", ["tell", "notifier", "release"])
-def test_client_that_fails_on_a_remark_or_a_release_ends_alone(seam: str) -> None:
+def test_client_that_fails_on_a_status_or_a_release_is_disconnected_alone(seam: str) -> None:
     bus = make_bus()
     client, _ = make_client(bus)
     say(client, "subscribe", topic="/t", type=STRING)
@@ -556,7 +561,7 @@ def test_client_that_fails_on_a_remark_or_a_release_ends_alone(seam: str) -> Non
 # Parts that listen
 
 
-def test_message_that_the_republisher_fails_on_is_its_senders_alone() -> None:
+def test_republisher_failure_on_a_message_affects_only_its_sender() -> None:
     bus = make_bus()
     republisher = WebRepublisher(bus)
     client, _ = make_client(bus)
@@ -569,9 +574,9 @@ def test_message_that_the_republisher_fails_on_is_its_senders_alone() -> None:
     assert any(subscription.owner is republisher for subscription in bus.topics["/tf"].subscriptions)
 
 
-def test_bridge_is_told_all_but_the_latched_message_that_cannot_be_written(caplog: pytest.LogCaptureFixture) -> None:
+def test_bridge_gets_all_latched_messages_except_the_unencodable_one(caplog: pytest.LogCaptureFixture) -> None:
     bus = make_bus()
-    source = Part(bus)
+    source = ServerComponent(bus)
     topic = bus.advertise(source, "/plate", STRING, depth=2)
     bus.advertise(source, "/state", STRING)
     for data in (object(), "12 GA 3456"):
@@ -585,9 +590,9 @@ def test_bridge_is_told_all_but_the_latched_message_that_cannot_be_written(caplo
     assert bus.guard.num_unencoded == len(tracebacks(caplog)) == 1
 
 
-def test_failure_of_a_bridge_is_told_to_the_one_that_dials_it() -> None:
+def test_failure_of_a_bridge_is_reported_to_its_connection_keeper() -> None:
     bus, failures = make_bus(), list[Exception]()
-    source, last = Part(bus), Guest(bus)
+    source, last = ServerComponent(bus), FailingClient(bus)
     topic = bus.advertise(source, "/state", STRING)
     mirror = Mirror(bus, source, "ws://far")
     mirror.on_failure = failures.append
@@ -604,7 +609,7 @@ def test_failure_of_a_bridge_is_told_to_the_one_that_dials_it() -> None:
     assert len(failures) == bus.guard.num_faults == 2
 
 
-def test_traceback_of_one_failure_of_encoding_is_in_the_log_once_for_each_topic(
+def test_encoding_failure_is_logged_with_a_traceback_once_per_topic(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     caplog.set_level(logging.ERROR, "rosbridge_sim.graph")

@@ -1,4 +1,4 @@
-"""Services and actions that another owner takes over: built-in ones never, and a client that loses its own is told."""
+"""Services and actions taken over by another participant: built-in ones never; a client that loses one is told."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def bus() -> Bus:
     return make_bus()
 
 
-class Part:
+class ServerComponent:
     """A part of the server: it gives way to no client."""
 
     name = "/morai_sim"
@@ -34,7 +34,7 @@ def lost(kind: str, name: str, taker: str = "/rosbridge_websocket") -> dict[str,
     return {"op": "status", "level": "error", "msg": text}
 
 
-def test_client_cannot_take_a_built_in_action(bus: Bus) -> None:
+def test_client_cannot_advertise_a_built_in_action(bus: Bus) -> None:
     republisher = WebRepublisher(bus)
     client, user = Wire(bus), Wire(bus)
     name = "/tf2_web_republisher"
@@ -48,13 +48,13 @@ def test_client_cannot_take_a_built_in_action(bus: Bus) -> None:
     assert done["status"] == 5
 
 
-def test_client_cannot_take_the_cancelling_of_a_built_in_action(bus: Bus) -> None:
+def test_client_cannot_advertise_the_cancel_service_of_a_built_in_action(bus: Bus) -> None:
     WebRepublisher(bus)
     (status,) = Wire(bus).says(op="advertise_service", service="/tf2_web_republisher" + CANCEL, type=TRIGGER)
     assert status["msg"].endswith("is provided by /tf2_web_republisher alone")
 
 
-def test_client_that_loses_its_service_to_another_is_told(bus: Bus) -> None:
+def test_client_that_loses_its_service_to_another_is_notified(bus: Bus) -> None:
     first, second = Wire(bus), Wire(bus)
     first.says(op="advertise_service", service="/s", type=TRIGGER)
     assert second.says(op="advertise_service", service="s", type=TRIGGER) == []
@@ -62,14 +62,14 @@ def test_client_that_loses_its_service_to_another_is_told(bus: Bus) -> None:
     assert first.peer.services._provided == {}
 
 
-def test_client_that_offers_its_own_again_is_told_nothing(bus: Bus) -> None:
+def test_client_that_readvertises_its_own_service_is_not_notified(bus: Bus) -> None:
     client = Wire(bus)
     for _ in range(2):
         assert client.says(op="advertise_service", service="/s", type=TRIGGER) == []
         assert client.says(op="advertise_action", action="/a", type=FIBONACCI) == []
 
 
-def test_client_that_loses_its_action_to_another_is_told_and_its_goals_fail(bus: Bus) -> None:
+def test_client_that_loses_its_action_is_notified_and_its_goals_fail(bus: Bus) -> None:
     first, second, caller = Wire(bus), Wire(bus), Wire(bus)
     first.says(op="advertise_action", action="/a", type=FIBONACCI)
     caller.says(op="send_action_goal", action="/a", args={"order": 1}, id="g")
@@ -84,7 +84,7 @@ def test_client_that_loses_its_action_to_another_is_told_and_its_goals_fail(bus:
     assert caller.calls("/a" + CANCEL)["result"] is True
 
 
-def test_client_cannot_block_anothers_action_by_offering_its_cancelling_first(bus: Bus) -> None:
+def test_client_cannot_block_an_action_by_advertising_its_cancel_service_first(bus: Bus) -> None:
     blocker, provider, caller = Wire(bus), Wire(bus), Wire(bus)
     blocker.says(op="advertise_service", service="/a" + CANCEL, type=TRIGGER)
     assert provider.says(op="advertise_action", action="/a", type=FIBONACCI) == []
@@ -92,8 +92,8 @@ def test_client_cannot_block_anothers_action_by_offering_its_cancelling_first(bu
     assert caller.calls("/a" + CANCEL)["result"] is True
 
 
-def test_client_that_had_the_name_before_cannot_keep_it_from_a_part_of_the_server(bus: Bus) -> None:
-    part, client = Part(), Wire(bus)
+def test_component_takes_a_name_that_a_client_had_before(bus: Bus) -> None:
+    part, client = ServerComponent(), Wire(bus)
     client.says(op="advertise_service", service="/s", type=TRIGGER)
     client.says(op="advertise_action", action="/a", type=FIBONACCI)
     client.says(op="advertise_action", action="/b", type=FIBONACCI)
@@ -110,8 +110,8 @@ def test_client_that_had_the_name_before_cannot_keep_it_from_a_part_of_the_serve
         assert status["msg"] == f"{kind.capitalize()} {name} is provided by /morai_sim alone"
 
 
-def test_action_whose_cancelling_cannot_be_had_leaves_all_as_it_was(bus: Bus) -> None:
-    part, first, second = Part(), Wire(bus), Wire(bus)
+def test_action_without_a_free_cancel_service_changes_nothing(bus: Bus) -> None:
+    part, first, second = ServerComponent(), Wire(bus), Wire(bus)
     first.says(op="advertise_action", action="/a", type=FIBONACCI)
     bus.provide(part, "/a" + CANCEL, TRIGGER, lambda *_: None, is_exclusive=True)
     first.hears()
@@ -121,7 +121,7 @@ def test_action_whose_cancelling_cannot_be_had_leaves_all_as_it_was(bus: Bus) ->
     assert bus.actions.by_name["/a"].owner is first.peer
 
 
-def test_loser_that_answers_late_is_told_and_nothing_else_happens(bus: Bus) -> None:
+def test_late_answer_of_a_replaced_provider_is_reported_and_ignored(bus: Bus) -> None:
     first, second, caller = Wire(bus), Wire(bus), Wire(bus)
     first.says(op="advertise_service", service="/s", type=TRIGGER)
     caller.says(op="call_service", service="/s", id="c")

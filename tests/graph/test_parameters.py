@@ -1,4 +1,4 @@
-"""The parameter server: values by name, namespaces, and what one client may keep."""
+"""The parameter server: values, namespaces, and the share of one client."""
 
 from __future__ import annotations
 
@@ -46,7 +46,9 @@ _VALUES = st.recursive(
 
 
 @given(st.lists(st.tuples(_NAMES, st.none() | _VALUES), max_size=20), st.sampled_from(["/", "/a", "/a/", "/b/a", "//"]))
-def test_any_order_of_changes_gives_the_tree_of_what_is_left(changes: list[tuple[str, object]], namespace: str) -> None:
+def test_any_order_of_changes_gives_the_tree_of_the_remaining_values(
+    changes: list[tuple[str, object]], namespace: str
+) -> None:
     parameters, client, kept = Parameters(), _Client(), dict[str, object]()
     for name, value in changes:
         if value is not None:
@@ -69,13 +71,13 @@ def test_any_order_of_changes_gives_the_tree_of_what_is_left(changes: list[tuple
 
 
 @given(st.dictionaries(_NAMES.map(lambda name: name[1:]), _VALUES, max_size=6))
-def test_merging_leaves_the_values_as_they_are(values: dict[str, Any]) -> None:
+def test_merging_keeps_the_values(values: dict[str, Any]) -> None:
     before = json.dumps(values)
     assert merge(values) == _tree(values)
     assert json.dumps(values) == before
 
 
-def test_asking_whether_a_namespace_exists_looks_at_one_name() -> None:
+def test_existence_check_of_a_namespace_looks_at_one_name() -> None:
     parameters, client = Parameters(), _Client()
     for i in range(1_000):
         parameters.put(f"/a/{i}", "1", client)
@@ -89,7 +91,7 @@ def test_asking_whether_a_namespace_exists_looks_at_one_name() -> None:
     assert len(looked_at) == 1
 
 
-def test_a_namespace_that_is_read_twice_is_written_once() -> None:
+def test_namespace_read_twice_is_encoded_once() -> None:
     parameters, client = Parameters(), _Client()
     parameters.put("/a/b", "1", client)
     assert parameters.tree("/", ["/a/b"]) is parameters.tree("/", ["/a/b"])
@@ -97,7 +99,7 @@ def test_a_namespace_that_is_read_twice_is_written_once() -> None:
     assert json.loads(parameters.tree("/", ["/a/b"])) == {"a": {"b": 2}}
 
 
-def test_a_large_removal_leaves_the_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_removal_of_many_names_keeps_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parameters_module, "MAX_REMOVED_SINGLY", 2)
     parameters, client = Parameters(), _Client()
     for name in ("/a/1", "/a/2", "/a/3", "/b"):
@@ -106,7 +108,7 @@ def test_a_large_removal_leaves_the_rest(monkeypatch: pytest.MonkeyPatch) -> Non
     assert list(parameters) == ["/b"]
 
 
-def test_a_value_of_too_many_elements_is_refused_before_it_is_parsed() -> None:
+def test_value_with_too_many_elements_is_refused_before_parsing() -> None:
     parameters, client = Parameters(), _Client()
     with pytest.raises(GraphError, match=f"expected {MAX_VALUE_PARTS} at most"):
         parameters.put("/a", "[" * (MAX_VALUE_PARTS + 1), client)  # no JSON, which parsing it would tell
@@ -123,7 +125,7 @@ def test_a_value_of_too_many_elements_is_refused_before_it_is_parsed() -> None:
         ("MAX_PARAMETER_BYTES", 14, (["/name1"], ["/name2"]), "of one client can have at most 7 bytes, names included"),
     ],
 )
-def test_one_client_may_keep_half_of_what_there_is_room_for(
+def test_one_client_may_hold_half_of_the_room(
     monkeypatch: pytest.MonkeyPatch, bound: str, value: int, names: tuple[list[str], list[str]], text: str
 ) -> None:
     monkeypatch.setattr(parameters_module, bound, value)
@@ -151,7 +153,7 @@ def test_a_parameter_counts_for_the_client_that_set_it_last() -> None:
     assert parameters.num_held(client) == 0 < parameters.num_held(other)
 
 
-def test_parameters_outlive_their_client_and_count_for_it_no_longer() -> None:
+def test_parameters_outlive_their_client_and_no_longer_count_for_it() -> None:
     bus = make_bus()
     rosapi = Rosapi(bus)
     peer, _ = make_peer(bus)
@@ -165,7 +167,7 @@ def test_parameters_outlive_their_client_and_count_for_it_no_longer() -> None:
     assert list(bus.parameters) == ["/a"]
 
 
-def test_names_that_are_values_and_namespaces_are_merged_up_to_a_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_names_that_are_both_value_and_namespace_are_merged_up_to_a_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parameters_module, "MAX_MERGED", 2)
     parameters, client = Parameters(), _Client()
     parameters.put("/a", '{"x": 1}', client)

@@ -1,4 +1,4 @@
-"""What one client's ops mean, where a vector cannot say it."""
+"""Ops of one client, beyond the vectors."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def got(outbox: Outbox) -> list[dict[str, Any]]:
     return [json.loads(frame) for frame in outbox.take(2**40)]
 
 
-def test_a_call_with_a_timeout_is_given_up_and_its_late_answer_is_no_mistake() -> None:
+def test_call_with_a_time_out_ends_and_its_late_answer_is_not_an_error() -> None:
     bus = make_bus()
     (provider, calls), (caller, answers) = make_peer(bus), make_peer(bus)
     do(provider, op="set_level", level="info")
@@ -40,7 +40,7 @@ def test_a_call_with_a_timeout_is_given_up_and_its_late_answer_is_no_mistake() -
     assert got(answers) == []
 
 
-def test_calls_without_a_timeout_wait_for_ever() -> None:
+def test_call_without_a_time_out_never_expires() -> None:
     bus = make_bus()
     (provider, _), (caller, answers) = make_peer(bus), make_peer(bus)
     do(provider, op="advertise_service", service="/add", type="rospy_tutorials/AddTwoInts")
@@ -110,7 +110,7 @@ def test_an_unadvertised_topic_is_found_under_both_of_its_spellings() -> None:
 
 
 @pytest.mark.parametrize("values", ['{"sum": 3}', '{ "sum" :3}'])
-def test_glued_and_plain_answers_with_result_false_are_judged_alike(values: str) -> None:
+def test_glued_and_plain_answers_with_result_false_are_treated_alike(values: str) -> None:
     bus = make_bus()
     (provider, calls), (caller, answers) = make_peer(bus), make_peer(bus)
     do(provider, op="advertise_service", service="/add", type="rospy_tutorials/AddTwoInts")
@@ -172,7 +172,7 @@ def test_a_goal_whose_result_cannot_be_read_fails(answer: str) -> None:
     assert "The provider's answer cannot be read" in ended["values"]
 
 
-def test_an_answer_without_an_id_fails_the_only_call_that_waits_and_no_other() -> None:
+def test_answer_without_an_id_fails_the_only_pending_call() -> None:
     bus = make_bus()
     (provider, _), (caller, answers) = make_peer(bus), make_peer(bus)
     for name in ("/add", "/subtract"):
@@ -200,7 +200,7 @@ def test_an_unreadable_frame_fails_no_call_of_another_provider() -> None:
     assert got(answers) == []
 
 
-def test_one_client_cannot_hold_the_whole_graph() -> None:
+def test_names_held_by_one_client_are_bounded() -> None:
     bus = make_bus()
     peer, outbox = make_peer(bus)
     for i in range(Policy().max_held):
@@ -214,14 +214,14 @@ def test_one_client_cannot_hold_the_whole_graph() -> None:
     assert bus.topics == {}
 
 
-def test_mistakes_are_counted() -> None:
+def test_errors_of_a_client_are_counted() -> None:
     bus = make_bus()
     peer, _ = make_peer(bus)
     do(peer, op="publish", topic="/t")
     assert peer.num_errors == 1
 
 
-def test_leaving_twice_is_no_error() -> None:
+def test_leaving_twice_is_harmless() -> None:
     bus = make_bus()
     peer, _ = make_peer(bus)
     do(peer, op="advertise", topic="/t", type="std_msgs/String")
@@ -230,7 +230,7 @@ def test_leaving_twice_is_no_error() -> None:
     assert bus.owners() == []
 
 
-def test_a_publisher_that_was_dropped_by_unadvertise_publishes_anew() -> None:
+def test_publisher_can_publish_again_after_unadvertise() -> None:
     bus = make_bus()
     (peer, _), (listener, outbox) = make_peer(bus), make_peer(bus)
     do(peer, op="advertise", topic="/t", type="std_msgs/String")
@@ -242,7 +242,7 @@ def test_a_publisher_that_was_dropped_by_unadvertise_publishes_anew() -> None:
     assert len(got(outbox)) == 1
 
 
-def test_held_client_is_released_once_all_holds_have_ended() -> None:
+def test_held_client_is_released_after_all_holds_end() -> None:
     peer, _ = make_peer(make_bus())
     released: list[bool] = []
     peer.on_released = lambda: released.append(peer.is_held)
@@ -258,7 +258,7 @@ def test_held_client_is_released_once_all_holds_have_ended() -> None:
     assert released == [False]
 
 
-def test_release_of_a_client_that_has_left_tells_nobody() -> None:
+def test_release_of_a_client_that_left_does_nothing() -> None:
     peer, _ = make_peer(make_bus())
     released: list[bool] = []
     peer.on_released = lambda: released.append(True)
@@ -268,7 +268,7 @@ def test_release_of_a_client_that_has_left_tells_nobody() -> None:
     assert (peer.is_held, released) == (False, [])
 
 
-def test_owner_that_cannot_be_held_goes_on() -> None:
+def test_participant_that_cannot_be_held_goes_on() -> None:
     class Plain:
         name = "/plain"
 
@@ -286,7 +286,7 @@ def test_owner_that_cannot_be_held_goes_on() -> None:
     assert plain.told == [("error", "late")]
 
 
-def test_what_is_told_late_has_the_id_of_the_op_that_it_is_about() -> None:
+def test_late_status_has_the_id_of_its_op() -> None:
     bus = make_bus()
     (peer, told), late = make_peer(bus), []
     other = make_peer(bus)[0]

@@ -1,4 +1,4 @@
-"""What clients may do: patterns, each denial with an answer, and what rosapi then shows."""
+"""The policy: patterns, answered denials, and the filtered lists of rosapi."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def denied(text: str, op_id: object) -> list[dict[str, Any]]:
         (("/a",), (), "/a\n", False),
     ],
 )
-def test_patterns(allow: tuple[str, ...], deny: tuple[str, ...], name: str, *, is_admitted: bool) -> None:
+def test_patterns_match_names(allow: tuple[str, ...], deny: tuple[str, ...], name: str, *, is_admitted: bool) -> None:
     if "\n" in name:
         with pytest.raises(GraphError):
             Rule(allow, deny).admits(name)
@@ -84,12 +84,12 @@ def test_patterns(allow: tuple[str, ...], deny: tuple[str, ...], name: str, *, i
 
 
 @given(st.lists(st.text("/ab*?[]!-", min_size=1, max_size=6), max_size=3), st.text("/ab", min_size=1, max_size=8))
-def test_a_deny_pattern_beats_whatever_is_allowed(patterns: list[str], name: str) -> None:
+def test_deny_pattern_takes_precedence_over_allow_patterns(patterns: list[str], name: str) -> None:
     rule = Rule(allow=(*patterns, "*"), deny=tuple(patterns))
     assert rule.admits(name) is not rule.denies(name)
 
 
-def test_an_open_policy_checks_nothing() -> None:
+def test_policy_without_patterns_allows_everything() -> None:
     for check in (OPEN.check_publish, OPEN.check_subscribe, OPEN.check_call, OPEN.check_offer, OPEN.check_parameter):
         check("any thing, even what is no name")
 
@@ -97,7 +97,7 @@ def test_an_open_policy_checks_nothing() -> None:
 # Topics
 
 
-def test_denied_publishing_is_told_at_advertise_and_at_a_bare_publish(bus: Bus, join: Join) -> None:
+def test_denied_publishing_is_reported_at_advertise_and_at_publish(bus: Bus, join: Join) -> None:
     client = join(Policy(publish=Rule(deny=("/brake",))))
     text = "Not allowed to publish to brake"
     assert client.says(op="advertise", topic="brake", type="std_msgs/Bool", id="a") == denied(text, "a")
@@ -108,7 +108,7 @@ def test_denied_publishing_is_told_at_advertise_and_at_a_bare_publish(bus: Bus, 
     assert client.peer.num_errors == 3
 
 
-def test_denied_listening_is_told_and_nothing_arrives(bus: Bus, join: Join) -> None:
+def test_denied_subscription_is_reported_and_delivers_nothing(bus: Bus, join: Join) -> None:
     policy = Policy(subscribe=Rule(allow=("/open/*",)))
     client, other = join(policy), join(policy)
     assert client.says(op="subscribe", topic="/secret", type="std_msgs/String", id="s") == denied(
@@ -121,14 +121,14 @@ def test_denied_listening_is_told_and_nothing_arrives(bus: Bus, join: Join) -> N
     assert not bus.topics["/secret"].has_listener
 
 
-def test_a_name_that_is_none_is_told_as_ever(join: Join) -> None:
+def test_malformed_name_is_reported_as_without_a_policy(join: Join) -> None:
     client = join(Policy(publish=Rule(allow=("/a",)), service=Rule(allow=("/a",))))
     (status,) = client.says(op="advertise", topic="a b", type="std_msgs/String", id=1)
     assert status["msg"] == "'a b' is not a valid graph name"
     assert client.calls("x" * 300)["result"] is False
 
 
-def test_the_simulators_own_are_not_subject(bus: Bus, join: Join) -> None:
+def test_policy_does_not_apply_to_the_simulator(bus: Bus, join: Join) -> None:
     class Owner:
         name = "/sim"
 
@@ -154,7 +154,7 @@ def test_a_denied_call_is_answered(join: Join) -> None:
     assert provider.hears() == []
 
 
-def test_offering_under_a_denied_name_is_told(bus: Bus, join: Join) -> None:
+def test_advertising_a_denied_service_is_reported(bus: Bus, join: Join) -> None:
     client = join(Policy(service=Rule(allow=("/mine/*",))))
     text = "Not allowed to offer /other"
     kinds = {"service": "std_srvs/Trigger", "action": "example_interfaces/Fibonacci"}
@@ -180,7 +180,7 @@ def test_a_denied_goal_is_answered(join: Join) -> None:
     assert provider.hears() == []
 
 
-def test_a_goal_that_cannot_even_be_named_is_answered(join: Join) -> None:
+def test_goal_with_a_malformed_name_is_answered(join: Join) -> None:
     client, provider = join(OPEN), join(OPEN)
     provider.says(op="advertise_action", action="/count", type="example_interfaces/Fibonacci")
     for wrong in ({"action": "a b"}, {"action": "/count", "action_type": "no type"}):
@@ -204,7 +204,7 @@ def test_rosapi_is_callable_unless_a_deny_pattern_names_it(join: Join) -> None:
 # What rosapi shows
 
 
-def test_lists_hold_what_the_client_could_use(join: Join) -> None:
+def test_lists_show_only_allowed_names(join: Join) -> None:
     policy = Policy(
         publish=Rule(allow=("/in",)), subscribe=Rule(allow=("/out", "/rosout")), service=Rule(deny=("/drop",))
     )
@@ -252,7 +252,7 @@ def test_a_denied_parameter_is_refused(guarded: Wire, method: str) -> None:
         assert (answer["result"], answer["values"]) == (False, f"Not allowed to use the parameter {name}")
 
 
-def test_parameters_are_listed_without_the_denied(bus: Bus, guarded: Wire) -> None:
+def test_parameter_list_omits_denied_names(bus: Bus, guarded: Wire) -> None:
     assert guarded.learns("get_param_names") == {"names": ["/robot/name", "/robot/size/x"]}
     for name, tree in (("/robot", {"name": 1, "size": {"x": 1}}), ("/", {"robot": {"name": 1, "size": {"x": 1}}})):
         assert json.loads(guarded.learns("get_param", name=name)["value"]) == tree
@@ -275,7 +275,7 @@ def test_reading_a_namespace_leaves_the_parameters_as_they_are(bus: Bus, join: J
 # Limits
 
 
-def test_a_value_that_could_not_be_written_again_is_refused(bus: Bus, join: Join) -> None:
+def test_parameter_value_that_cannot_be_encoded_is_refused(bus: Bus, join: Join) -> None:
     client = join(OPEN)
     for depth in (255, 1_000, 2_000):
         answer = client.calls("/rosapi/set_param", name="/deep", value="[" * depth + "]" * depth)
@@ -302,7 +302,7 @@ def test_parameters_together_are_bounded(join: Join, monkeypatch: pytest.MonkeyP
     third.learns("set_param", name="/c", value=half)
 
 
-def test_a_reason_that_could_not_be_written_again_is_no_reason_to_wait_for_ever(join: Join) -> None:
+def test_unencodable_failure_values_still_end_the_call(join: Join) -> None:
     provider, caller = join(OPEN), join(OPEN)
     provider.says(op="advertise_service", service="/s", type="std_srvs/Trigger")
     caller.says(op="call_service", service="/s")
@@ -315,7 +315,7 @@ def test_a_reason_that_could_not_be_written_again_is_no_reason_to_wait_for_ever(
     assert (answer["result"], "too deeply" in answer["values"]) == (False, True)
 
 
-def test_one_more_than_may_be_held_is_told(join: Join) -> None:
+def test_name_beyond_the_limit_is_refused_with_a_status(join: Join) -> None:
     client = join(Policy(max_held=4))
     for op in (
         {"op": "advertise", "topic": "/t", "type": "std_msgs/String", "id": 1},
@@ -348,7 +348,7 @@ def test_one_more_than_may_be_held_is_told(join: Join) -> None:
         {"op": "unadvertise_action", "action": "/s"},
     ],
 )
-def test_what_is_given_back_makes_room_once(join: Join, back: dict[str, object]) -> None:
+def test_released_name_makes_room_once(join: Join, back: dict[str, object]) -> None:
     client = join(Policy(max_held=6))
     for op_id in (1, 2):
         client.says(op="advertise", topic="/t", type="std_msgs/String", id=op_id)
@@ -363,7 +363,7 @@ def test_what_is_given_back_makes_room_once(join: Join, back: dict[str, object])
     assert client.says(op="subscribe", topic="/more", type="std_msgs/String") != []
 
 
-def test_an_endless_id_is_not_kept(join: Join) -> None:
+def test_overlong_id_is_refused(join: Join) -> None:
     client = join(OPEN)
     op_id = "x" * (MAX_OP_ID + 1)
     for op in ("advertise", "subscribe"):
@@ -386,7 +386,7 @@ def test_calls_and_goals_in_flight_are_bounded() -> None:
     assert (end["result"], end["values"]) == (False, "Too many goals under way: at most 2")
 
 
-def test_topics_and_types_that_nobody_uses_any_more_are_bounded(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unused_topics_and_types_are_bounded(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(topic_table, "MAX_REMEMBERED_TOPICS", 5)
     client = Wire(bus, OPEN)
     client.says(op="subscribe", topic="/kept", type="strange_msgs/Kept")
@@ -398,7 +398,7 @@ def test_topics_and_types_that_nobody_uses_any_more_are_bounded(bus: Bus, monkey
     assert list(bus.topics) == ["/kept"]
 
 
-def test_the_name_of_a_strange_type_is_as_long_as_a_name_may_be(bus: Bus) -> None:
+def test_name_of_an_unknown_type_is_bounded(bus: Bus) -> None:
     client = Wire(bus, OPEN)
     (status,) = client.says(op="advertise", topic="/t", type="strange_msgs/" + "T" * 300, id=1)
     assert status["id"] == 1

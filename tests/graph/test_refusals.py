@@ -1,4 +1,4 @@
-"""Each mistake that a client is told of is told to the bus as well, with a reason of ours."""
+"""Every error reported to a client is also recorded on the bus, with a reason."""
 
 from __future__ import annotations
 
@@ -77,13 +77,13 @@ def refused(*frames: Any) -> list[RefusedRequest]:  # noqa: ANN401 - ops, or the
         ),
     ],
 )  # fmt: skip
-def test_mistake_is_noted_once_with_its_reason(frames: list[Any], reason: Reason, op: str, subject: str) -> None:
+def test_refusal_is_recorded_once_with_its_reason(frames: list[Any], reason: Reason, op: str, subject: str) -> None:
     (noted,) = refused(*frames)
     assert (noted.reason, noted.op, noted.subject) == (reason, op, subject)
     assert noted.text
 
 
-def test_fields_that_mean_nothing_are_named_where_one_is_missing() -> None:
+def test_unknown_fields_are_named_when_a_field_is_missing() -> None:
     (noted,) = refused({"op": "subscribe", "topc": "/c", "id": "1"})
     assert noted.text == "subscribe: Expected a topic field but none was found.  What came in place of it: topc"
     (noted,) = refused({"op": "subscribe", "id": "1"})
@@ -92,19 +92,19 @@ def test_fields_that_mean_nothing_are_named_where_one_is_missing() -> None:
     assert len(noted.text) < 1_000
 
 
-def test_arguments_by_position_that_are_too_many_are_told_the_fields() -> None:
+def test_surplus_positional_arguments_are_refused_with_the_field_names() -> None:
     (noted,) = refused(OFFERED, CALL | {"args": [1, 2, 3]})
     assert noted.text.endswith("takes 2 arguments, but got 3; it has a, b")
 
 
-def test_a_client_that_makes_no_mistake_is_not_noted() -> None:
+def test_client_without_errors_has_no_refusals() -> None:
     call = {"op": "call_service", "service": "/add", "id": "1", "args": {"a": 1}}
     answer = {"op": "service_response", "service": "/add", "id": "service_request:/add:1", "result": False}
     assert refused(ADVERTISED, {"op": "publish", "topic": "/c", "msg": {}}, OFFERED, call, answer) == []
 
 
 @pytest.mark.parametrize("values", [{}, {"values": {}}, {"values": None}])
-def test_provider_that_forgets_its_result_is_told_and_noted(values: dict[str, Any]) -> None:
+def test_provider_without_a_result_field_is_warned_and_recorded(values: dict[str, Any]) -> None:
     call = {"op": "call_service", "service": "/add", "id": "1", "args": {"a": 1}}
     answer = {"op": "service_response", "service": "/add", "id": "service_request:/add:1", **values}
     (noted,) = refused(OFFERED, call, answer)
@@ -112,13 +112,13 @@ def test_provider_that_forgets_its_result_is_told_and_noted(values: dict[str, An
     assert noted.text.endswith('so its call has failed. Send "result": true (with roslib, return true)')
 
 
-def test_what_a_provider_refuses_is_no_mistake_of_its_caller() -> None:
+def test_refusal_by_a_provider_is_not_recorded_against_the_caller() -> None:
     call = {"op": "call_service", "service": "/add", "id": "1", "args": {"a": 1}}
     answer = {"op": "service_response", "service": "/add", "id": "service_request:/add:1", "result": False}
     assert refused(OFFERED, call, answer | {"values": "I will not"}) == []
 
 
-def test_not_allowed_is_a_reason_and_names_that_are_not_allowed_are_not_suggested() -> None:
+def test_denied_name_has_the_reason_not_allowed_and_no_suggestions() -> None:
     bus = make_bus()
     noted: list[RefusedRequest] = []
     bus.on_refusal = noted.append
@@ -143,7 +143,7 @@ def test_not_allowed_is_a_reason_and_names_that_are_not_allowed_are_not_suggeste
     assert [each.text.endswith(" (did you mean /open_one?)") for each in noted[3:]] == [True, True]
 
 
-def test_client_is_told_what_is_noted() -> None:
+def test_status_and_recorded_refusal_have_the_same_text() -> None:
     bus = make_bus()
     noted: list[RefusedRequest] = []
     bus.on_refusal = noted.append
@@ -154,7 +154,7 @@ def test_client_is_told_what_is_noted() -> None:
     assert answer["values"] == noted[0].text == "Service /ad does not exist (did you mean /add?)"
 
 
-def test_failure_of_the_account_changes_nothing_for_the_client() -> None:
+def test_failing_refusal_log_does_not_affect_the_client() -> None:
     bus = make_bus()
 
     def fail(_refusal: RefusedRequest) -> None:
@@ -167,7 +167,7 @@ def test_failure_of_the_account_changes_nothing_for_the_client() -> None:
     assert (status["op"], status["id"], bus.guard.num_faults) == ("status", "1", 1)
 
 
-def test_what_is_told_during_an_op_is_noted_with_that_op() -> None:
+def test_status_during_an_op_is_recorded_with_that_op() -> None:
     bus = make_bus()
     noted: list[RefusedRequest] = []
     bus.on_refusal = noted.append

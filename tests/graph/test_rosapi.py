@@ -49,7 +49,7 @@ def busy(bus: Bus) -> Bus:
     return bus
 
 
-def test_topics(busy: Bus) -> None:
+def test_rosapi_lists_topics_and_their_types(busy: Bus) -> None:
     assert ask(busy, "topics") == {"topics": ["/a", "/b"], "types": ["std_msgs/Int32", "std_msgs/String"]}
     assert ask(busy, "topics_for_type", type="std_msgs/String") == {"topics": ["/b"]}
     assert ask(busy, "topics_for_type", type="std_msgs/msg/String") == {"topics": ["/b"]}
@@ -60,7 +60,7 @@ def test_topics(busy: Bus) -> None:
     assert ask(busy, "subscribers", topic="/a") == {"subscribers": ["/rosbridge_websocket"]}
 
 
-def test_services(busy: Bus) -> None:
+def test_rosapi_lists_services_and_their_types(busy: Bus) -> None:
     services = ask(busy, "services")["services"]
     assert services == sorted(services)
     assert {"/add", "/rosapi/topics", "/rosapi/get_time"} <= set(services)
@@ -73,7 +73,7 @@ def test_services(busy: Bus) -> None:
     }
 
 
-def test_nodes(busy: Bus) -> None:
+def test_rosapi_lists_nodes_and_their_details(busy: Bus) -> None:
     assert ask(busy, "nodes") == {"nodes": ["/rosapi", "/rosbridge_websocket"]}
     assert ask(busy, "node_details", node="/rosbridge_websocket") == {
         "subscribing": ["/a"],
@@ -83,7 +83,7 @@ def test_nodes(busy: Bus) -> None:
     assert ask(busy, "node_details", node="/none") == {"subscribing": [], "publishing": [], "services": []}
 
 
-def test_time_is_the_buss(bus: Bus) -> None:
+def test_rosapi_time_is_the_time_of_the_bus(bus: Bus) -> None:
     bus.stamp_ns = 12_000_000_034
     assert ask(bus, "get_time") == {"time": {"secs": 12, "nsecs": 34}}
 
@@ -105,7 +105,7 @@ def test_an_unset_parameter_is_an_empty_text_in_ros_2() -> None:
     assert ask(bus, "get_param", name="/x") == unset
 
 
-def test_parameters(bus: Bus) -> None:
+def test_rosapi_sets_gets_and_lists_parameters(bus: Bus) -> None:
     assert ask(bus, "get_param", name="/a/x", default="7")["value"] == "7"
     assert ask(bus, "get_param", name="/a/x", default="seven")["value"] == '"seven"'
     unset = {"value": "null", "successful": False, "reason": "Parameter /a/x is not set"}
@@ -123,18 +123,18 @@ def test_parameters(bus: Bus) -> None:
     assert ask(bus, "get_param_names") == {"names": ["/a/y"]}
 
 
-def test_a_parameter_that_is_no_json_is_refused_in_rosapis_words(bus: Bus) -> None:
+def test_parameter_that_is_not_json_is_refused_in_the_words_of_rosapi(bus: Bus) -> None:
     answer = call(bus, "set_param", name="/a", value="text")
     assert answer["result"] is False
     assert "must be a JSON-formatted string" in answer["values"]
     assert len(bus.parameters) == 0
 
 
-def test_deleting_what_is_not_there_is_refused(bus: Bus) -> None:
+def test_deleting_a_missing_parameter_is_refused(bus: Bus) -> None:
     assert call(bus, "delete_param", name="/a")["values"] == "Parameter /a is not set"
 
 
-def test_types_with_their_whole_text(busy: Bus) -> None:
+def test_rosapi_gives_the_full_text_of_types(busy: Bus) -> None:
     values = ask(busy, "topics_and_raw_types")
     assert values["topics"] == ["/a", "/b"]
     assert values["types"] == ["std_msgs/Int32", "std_msgs/String"]
@@ -142,14 +142,14 @@ def test_types_with_their_whole_text(busy: Bus) -> None:
     assert fields == ["int32 data", "string data"]
 
 
-def test_a_type_that_nobody_knows_has_a_comment_for_a_text(bus: Bus) -> None:
+def test_unknown_type_has_a_comment_as_its_text(bus: Bus) -> None:
     peer, _ = make_peer(bus)
     peer.receive(b'{"op":"advertise","topic":"/x","type":"my_msgs/Thing"}', 0.0)
     (text,) = ask(bus, "topics_and_raw_types")["typedefs_full_text"]
     assert text.startswith("# failed to get full definition text for my_msgs/Thing: ")
 
 
-def test_details_of_messages_services_and_actions(bus: Bus) -> None:
+def test_rosapi_gives_details_of_messages_services_and_actions(bus: Bus) -> None:
     twist, vector = ask(bus, "message_details", type="geometry_msgs/msg/Twist")["typedefs"]
     assert (twist["type"], vector["type"]) == ("geometry_msgs/Twist", "geometry_msgs/Vector3")
     assert (twist["fieldnames"], twist["fieldarraylen"]) == (["linear", "angular"], [-1, -1])
@@ -162,7 +162,7 @@ def test_details_of_messages_services_and_actions(bus: Bus) -> None:
     assert call(bus, "message_details", type="my_msgs/Thing")["result"] is False
 
 
-def test_action_servers_of_both_kinds(bus: Bus) -> None:
+def test_rosapi_lists_action_servers_of_both_ros_versions(bus: Bus) -> None:
     peer, _ = make_peer(bus)
     for part in ("goal", "cancel", "feedback", "result", "status"):
         frame = {"op": "advertise", "topic": f"/old/{part}", "type": "std_msgs/String"}
@@ -174,7 +174,7 @@ def test_action_servers_of_both_kinds(bus: Bus) -> None:
     assert ask(bus, "action_type", action="/old") == {"type": ""}
 
 
-def test_the_rest(busy: Bus) -> None:
+def test_remaining_rosapi_services_answer(busy: Bus) -> None:
     assert ask(busy, "get_ros_version") == {"version": 1, "distro": "noetic"}
     assert ask(busy, "service_host", service="/add") == {"host": "localhost"}
     assert ask(busy, "service_host", service="/none") == {"host": ""}

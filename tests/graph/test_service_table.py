@@ -23,7 +23,7 @@ def test_an_exclusive_service_cannot_be_taken_over() -> None:
     assert bus.services["/s"] is service
 
 
-def test_a_service_may_be_withdrawn_with_or_without_an_answer_to_those_who_wait() -> None:
+def test_withdrawn_service_lets_pending_calls_finish_or_refuses_them() -> None:
     bus, provider, caller = make_bus(), Somebody(), Somebody()
     for answers_calls in (True, False):
         bus.provide(provider, "/add", ADD, provider.hold)
@@ -47,7 +47,7 @@ def test_ended_calls_do_not_wait_for_a_deadline_that_is_far_away() -> None:
     assert bus.next_deadline() is None
 
 
-def test_call_in_flight_is_on_the_account_of_its_caller_until_it_has_ended() -> None:
+def test_call_in_flight_counts_on_its_callers_account_until_it_ends() -> None:
     bus, provider, caller = make_bus(), Somebody(), Somebody()
     account = bus.accounts[caller] = Account(10_000)
     bus.provide(provider, "/add", ADD, provider.hold)
@@ -68,7 +68,7 @@ def test_call_in_flight_is_on_the_account_of_its_caller_until_it_has_ended() -> 
         assert account.num_bytes == 0
 
 
-def test_call_that_the_account_has_no_room_for_is_refused_and_not_handed_on() -> None:
+def test_call_beyond_the_account_is_refused() -> None:
     bus, provider, caller = make_bus(), Somebody(), Somebody()
     bus.accounts[caller] = Account(1)
     bus.provide(provider, "/add", ADD, provider.hold)
@@ -78,7 +78,7 @@ def test_call_that_the_account_has_no_room_for_is_refused_and_not_handed_on() ->
     assert str(answer.values).startswith("Too much in flight: ")
 
 
-def test_owner_may_offer_its_own_service_anew_without_a_word_and_others_with_one() -> None:
+def test_readvertised_service_is_silent_for_its_owner_and_a_warning_for_others() -> None:
     bus, node, other = make_bus(), Somebody("/morai_sim"), Somebody()
     for is_exclusive in (True, False):
         service = bus.provide(node, "s", ADD, node.hold, is_exclusive=is_exclusive)
@@ -88,7 +88,7 @@ def test_owner_may_offer_its_own_service_anew_without_a_word_and_others_with_one
     assert other.told == [("warning", "Duplicate service advertised. Overwriting /s.")]
 
 
-def test_a_call_is_given_up_at_its_deadline() -> None:
+def test_call_ends_at_its_deadline() -> None:
     bus, provider, caller = make_bus(), Somebody(), Somebody()
     bus.provide(provider, "/add", ADD, provider.hold)
     bus.call(caller, "/add", {"a": 1}, caller.answers.append, now=0.0, timeout=2.0)
@@ -104,7 +104,7 @@ def test_a_call_is_given_up_at_its_deadline() -> None:
     assert len(caller.answers) == 1
 
 
-def test_the_buss_own_timeout_holds_where_a_call_gives_none() -> None:
+def test_default_time_out_holds_for_a_call_without_one() -> None:
     bus = Bus(make_store(), service_timeout=5.0)
     provider, caller = Somebody(), Somebody()
     bus.provide(provider, "/add", ADD, provider.hold)
@@ -114,7 +114,7 @@ def test_the_buss_own_timeout_holds_where_a_call_gives_none() -> None:
     assert bus.next_deadline() is None
 
 
-def test_a_provider_that_fails_by_our_own_fault_still_gives_an_answer() -> None:
+def test_internal_failure_of_a_provider_still_answers_the_call() -> None:
     bus, provider, caller = make_bus(), Somebody(), Somebody()
 
     def fail(_call: Call, _now: float) -> None:

@@ -1,4 +1,4 @@
-"""The choice of stamps, without a far side."""
+"""Choice of the time source of stamps, without a far bridge."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rosbridge_sim.graph.stamps import Stamps, says_simulated
 
 
 @pytest.mark.parametrize(("choice", "began_at"), [("sim", []), ("wall", [0.0])])
-def test_choice_of_the_user_holds_from_the_start_whatever_a_bridge_says(
+def test_setting_of_the_user_takes_precedence_over_a_bridge(
     choice: Literal["sim", "wall"], began_at: list[float]
 ) -> None:
     seen: list[float] = []
@@ -23,7 +23,7 @@ def test_choice_of_the_user_holds_from_the_start_whatever_a_bridge_says(
 
 
 @pytest.mark.parametrize("first", [True, False])
-def test_first_word_of_a_bridge_holds(*, first: bool) -> None:
+def test_first_answer_of_a_bridge_decides(*, first: bool) -> None:
     seen: list[float] = []
     stamps = Stamps("auto", seen.append)
     assert (stamps.is_open, stamps.is_wall, seen) == (True, False, [])
@@ -34,7 +34,7 @@ def test_first_word_of_a_bridge_holds(*, first: bool) -> None:
 
 
 @pytest.mark.parametrize("value", ["true", " true ", "1", "1.0"])
-def test_value_that_programs_take_for_true(value: str) -> None:
+def test_truthy_use_sim_time_values_mean_simulated_time(value: str) -> None:
     assert says_simulated(value)
 
 
@@ -59,5 +59,5 @@ def test_value_that_programs_take_for_true(value: str) -> None:
         [],
     ],
 )
-def test_value_that_is_not_true(value: object) -> None:
+def test_other_use_sim_time_values_mean_wall_clock_time(value: object) -> None:
     assert not says_simulated(value)

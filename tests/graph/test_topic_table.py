@@ -12,10 +12,10 @@ from rosbridge_sim.graph.topic_table import TYPE_MEMORY
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.schema.message import Message
 from tests.graph.bus_fixture import make_bus
-from tests.graph.participants import STRING, Somebody, Visitor, text
+from tests.graph.participants import STRING, Somebody, YieldingParticipant, text
 
 
-def test_message_that_the_account_has_no_room_for_is_heard_and_not_latched_and_its_sender_is_told() -> None:
+def test_message_beyond_the_account_is_delivered_but_not_latched_and_its_sender_is_warned() -> None:
     bus, sender, listener = make_bus(), Somebody(), Somebody()
     bus.accounts[sender] = Account(0)
     topic = bus.advertise(sender, "/t", STRING, depth=1)
@@ -26,8 +26,8 @@ def test_message_that_the_account_has_no_room_for_is_heard_and_not_latched_and_i
     assert (len(listener.heard), list(topic.latched)) == (1, [])
 
 
-def test_listener_of_another_type_is_told_itself_or_by_the_way_it_has_given() -> None:
-    bus, node, first, second = make_bus(), Somebody("/morai_sim"), Visitor(), Visitor()
+def test_subscriber_of_another_type_is_notified_directly_or_by_its_callback() -> None:
+    bus, node, first, second = make_bus(), Somebody("/morai_sim"), YieldingParticipant(), YieldingParticipant()
     told: list[str] = []
     bus.subscribe(first, "/t", first.deliver, type_name="std_msgs/Int32")
     bus.subscribe(
@@ -37,9 +37,9 @@ def test_listener_of_another_type_is_told_itself_or_by_the_way_it_has_given() ->
     assert ([level for level, _ in first.told], second.told, told) == (["error"], [], ["error"])
 
 
-def test_part_of_the_server_that_takes_any_type_binds_a_topic_to_none() -> None:
+def test_component_that_accepts_any_type_does_not_settle_a_topics_type() -> None:
     """The recorder listens everywhere: no type of a client may be settled for good by that."""
-    bus, client, part = make_bus(), Visitor(), Somebody("/recorder")
+    bus, client, part = make_bus(), YieldingParticipant(), Somebody("/recorder")
     topic = bus.subscribe(client, "/t", client.deliver, type_name=STRING).topic
     bus.subscribe(part, "/t", part.deliver)
     assert (topic.is_settled, topic.is_bound) == (False, False)
@@ -47,7 +47,7 @@ def test_part_of_the_server_that_takes_any_type_binds_a_topic_to_none() -> None:
     assert (topic.is_settled, topic.is_bound) == (True, True)
 
 
-def test_an_exclusive_topic_has_one_publisher_and_any_listener() -> None:
+def test_exclusive_topic_has_one_publisher_and_any_subscriber() -> None:
     bus, node, other = make_bus(), Somebody("/morai_sim"), Somebody()
     topic = bus.advertise(node, "/Ego_topic", STRING, is_exclusive=True)
     with pytest.raises(GraphError, match="published by /morai_sim alone"):
@@ -57,8 +57,8 @@ def test_an_exclusive_topic_has_one_publisher_and_any_listener() -> None:
     assert len(other.heard) == 1
 
 
-def test_a_type_is_remembered_for_a_while_and_then_forgotten() -> None:
-    bus, first, second = make_bus(), Visitor(), Visitor()
+def test_topic_type_is_remembered_for_a_while() -> None:
+    bus, first, second = make_bus(), YieldingParticipant(), YieldingParticipant()
     bus.advertise(first, "/t", STRING)
     bus.leave(first, 100.0)
     assert bus.next_deadline() == 100.0 + TYPE_MEMORY
@@ -70,7 +70,7 @@ def test_a_type_is_remembered_for_a_while_and_then_forgotten() -> None:
     assert bus.next_deadline() is None
 
 
-def test_what_is_remembered_of_a_topic_can_be_forgotten_at_once() -> None:
+def test_remembered_topic_can_be_forgotten_at_once() -> None:
     bus, first, second = make_bus(), Somebody(), Somebody()
     topic = bus.advertise(first, "/t", STRING, depth=1)
     bus.publish(first, topic, text(bus, "x"), 0.0)
@@ -90,7 +90,7 @@ def test_what_is_remembered_of_a_topic_can_be_forgotten_at_once() -> None:
     )
 
 
-def test_a_latched_message_outlives_its_publisher_as_long_as_the_type_does() -> None:
+def test_latched_message_outlives_its_publisher_as_long_as_the_type() -> None:
     bus, first, second = make_bus(), Somebody(), Somebody()
     topic = bus.advertise(first, "/t", STRING, depth=1)
     message = text(bus, "x")
@@ -102,7 +102,7 @@ def test_a_latched_message_outlives_its_publisher_as_long_as_the_type_does() -> 
     assert bus.find_topic("t") is topic
 
 
-def test_what_one_publisher_latched_is_not_pushed_out_by_another() -> None:
+def test_publishers_do_not_push_out_each_others_latched_messages() -> None:
     bus, first, second, third = make_bus(), Somebody(), Somebody(), Somebody()
     topic = bus.advertise(first, "/t", STRING, depth=1)
     bus.advertise(second, "/t", STRING)
@@ -163,7 +163,7 @@ class PlainTopic:
         max_size=40,
     )
 )
-def test_a_topic_keeps_as_many_messages_of_each_publisher_as_the_one_that_asks_for_most(
+def test_topic_latches_for_each_publisher_the_largest_depth_asked_for(
     changes: list[tuple[int, str, int]],
 ) -> None:
     bus, owners, plain = make_bus(), [Somebody() for _ in range(3)], PlainTopic()
@@ -185,7 +185,7 @@ def test_a_topic_keeps_as_many_messages_of_each_publisher_as_the_one_that_asks_f
         assert [(one, held.messages()) for one, held in topic.kept.items()] == list(plain.kept.items())
 
 
-def test_name_of_an_exclusive_topic_is_free_after_its_owner_has_left() -> None:
+def test_name_of_an_exclusive_topic_is_free_after_its_publisher_left() -> None:
     bus, node, other = make_bus(), Somebody("/morai_sim"), Somebody()
     bus.advertise(node, "/Ego_topic", STRING, is_exclusive=True)
     bus.unadvertise(other, "/Ego_topic", 0.0)

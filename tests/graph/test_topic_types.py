@@ -1,4 +1,4 @@
-"""A topic's type is its publishers': clients that only listen do not settle it, and give way to the server's parts."""
+"""A topic's type is its publishers': subscribers do not settle it, and components take precedence over clients."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.graph.bus_fixture import Wire, make_bus
 INT, STRING, IMAGE = "std_msgs/Int32", "std_msgs/String", "sensor_msgs/Image"
 
 
-class Part:
+class ServerComponent:
     """A part of the server: it gives way to no client."""
 
     name = "/morai_sim"
@@ -56,7 +56,7 @@ def published(topic: str, data: object) -> dict[str, Any]:
     return {"op": "publish", "topic": topic, "msg": {"data": data}}
 
 
-def test_type_of_publisher_wins_and_subscriber_of_another_is_told_and_gets_nothing(bus: Bus) -> None:
+def test_type_of_the_publisher_holds_and_subscribers_of_another_type_are_warned(bus: Bus) -> None:
     listener, owner = Wire(bus), Wire(bus)
     assert listener.says(op="subscribe", topic="/camera", type=INT, id="s") == []
     assert owner.says(op="advertise", topic="/camera", type=STRING) == []
@@ -76,7 +76,7 @@ def test_latched_message_of_another_type_is_not_delivered(bus: Bus) -> None:
 
 
 @pytest.mark.parametrize("bare", [{"type": STRING, "msg": {"data": "x"}}, {"type": "std_msgs/msg/String", "msg": {}}])
-def test_bare_publish_settles_the_type_as_an_advertise_does(bus: Bus, bare: dict[str, object]) -> None:
+def test_publish_without_advertise_settles_the_type(bus: Bus, bare: dict[str, object]) -> None:
     listener, owner = Wire(bus), Wire(bus)
     listener.says(op="subscribe", topic="/t", type=INT)
     assert owner.says(op="publish", topic="/t", **bare) == []
@@ -84,7 +84,7 @@ def test_bare_publish_settles_the_type_as_an_advertise_does(bus: Bus, bare: dict
     assert bus.topics["/t"].type.name == STRING
 
 
-def test_bare_publish_without_a_type_takes_the_subscribers(bus: Bus) -> None:
+def test_publish_without_a_type_takes_the_type_of_the_subscribers(bus: Bus) -> None:
     listener, owner = Wire(bus), Wire(bus)
     listener.says(op="subscribe", topic="/t", type=INT)
     assert owner.says(op="publish", topic="/t", msg={"data": 3}) == []
@@ -93,7 +93,7 @@ def test_bare_publish_without_a_type_takes_the_subscribers(bus: Bus) -> None:
     assert "already established with type std_msgs/Int32" in status["msg"]
 
 
-def test_bare_publish_that_does_not_fit_its_type_settles_nothing(bus: Bus) -> None:
+def test_publish_that_does_not_fit_its_type_settles_nothing(bus: Bus) -> None:
     listener, owner = Wire(bus), Wire(bus)
     listener.says(op="subscribe", topic="/t", type=INT)
     (status,) = owner.says(op="publish", topic="/t", type=STRING, msg={"data": 1})
@@ -102,7 +102,7 @@ def test_bare_publish_that_does_not_fit_its_type_settles_nothing(bus: Bus) -> No
     assert listener.hears() == []
 
 
-def test_two_subscribers_of_different_types_are_both_lawful_where_nobody_publishes(bus: Bus) -> None:
+def test_subscribers_of_different_types_coexist_without_a_publisher(bus: Bus) -> None:
     texts, numbers, owner = Wire(bus), Wire(bus), Wire(bus)
     assert texts.says(op="subscribe", topic="/t", type=STRING) == []
     assert numbers.says(op="subscribe", topic="/t", type=INT) == []
@@ -111,7 +111,7 @@ def test_two_subscribers_of_different_types_are_both_lawful_where_nobody_publish
     assert numbers.hears() == [published("/t", 1)]
 
 
-def test_subscription_without_a_type_adopts_the_publishers(bus: Bus) -> None:
+def test_subscription_without_a_type_takes_the_publishers_type(bus: Bus) -> None:
     typed, plain, owner = Wire(bus), Wire(bus), Wire(bus)
     typed.says(op="subscribe", topic="/t", type=INT)
     assert plain.says(op="subscribe", topic="/t") == []
@@ -127,7 +127,7 @@ def test_subscriber_of_another_type_than_the_settled_one_is_refused(bus: Bus) ->
     assert bus.topics["/t"].all_subscriptions == ()
 
 
-def test_forgotten_type_is_provisional_again_and_the_next_publisher_settles_it(bus: Bus) -> None:
+def test_next_publisher_settles_a_forgotten_type(bus: Bus) -> None:
     listener, first, second = Wire(bus), Wire(bus), Wire(bus)
     listener.says(op="subscribe", topic="/t", type=INT)
     first.says(op="publish", topic="/t", type=STRING, msg={"data": "x"})
@@ -141,7 +141,7 @@ def test_forgotten_type_is_provisional_again_and_the_next_publisher_settles_it(b
     assert listener.hears() == [published("/t", 2)]
 
 
-def test_subscriber_that_asks_again_with_the_right_type_gets_all_from_then_on(bus: Bus) -> None:
+def test_subscriber_that_subscribes_again_with_the_right_type_receives_messages(bus: Bus) -> None:
     listener, owner = Wire(bus), Wire(bus)
     listener.says(op="subscribe", topic="/t", type=INT, id="a")
     owner.says(op="advertise", topic="/t", type=STRING, latch=True)
@@ -154,7 +154,7 @@ def test_subscriber_that_asks_again_with_the_right_type_gets_all_from_then_on(bu
     assert listener.hears() == [published("/t", "live")]
 
 
-def test_one_client_cannot_ask_for_two_types_in_one_spelling(bus: Bus) -> None:
+def test_one_client_cannot_subscribe_with_two_types(bus: Bus) -> None:
     client = Wire(bus)
     client.says(op="subscribe", topic="/t", type=INT, id=1)
     text = f"Tried to register topic /t with type {STRING} but it is already established with type {INT}"
@@ -171,7 +171,7 @@ def test_subscription_of_another_type_can_end(bus: Bus) -> None:
     assert bus.topics["/t"].all_subscriptions == ()
 
 
-def test_provisional_type_is_that_of_the_first_subscriber_that_is_left(bus: Bus) -> None:
+def test_provisional_type_is_that_of_the_first_remaining_subscriber(bus: Bus) -> None:
     first, second, third = Wire(bus), Wire(bus), Wire(bus)
     first.says(op="subscribe", topic="/t", type=INT)
     second.says(op="subscribe", topic="/t")
@@ -199,7 +199,7 @@ def test_rosapi_shows_the_provisional_type_and_every_subscriber(bus: Bus) -> Non
     assert Wire(bus).learns("topics")["topics"] == ["/t"]
 
 
-def test_type_of_a_strange_package_is_provisional_too(bus: Bus) -> None:
+def test_type_of_an_unknown_package_is_provisional_too(bus: Bus) -> None:
     listener, owner = Wire(bus), Wire(bus)
     listener.says(op="subscribe", topic="/t", type="strange_msgs/One")
     assert owner.says(op="advertise", topic="/t", type="strange_msgs/Two") == []
@@ -210,7 +210,7 @@ def test_type_of_a_strange_package_is_provisional_too(bus: Bus) -> None:
 
 
 def test_subscription_of_the_simulator_settles_the_type(bus: Bus) -> None:
-    part, client = Part(), Wire(bus)
+    part, client = ServerComponent(), Wire(bus)
     bus.subscribe(part, "/ctrl_cmd", part.hear, type_name=INT)
     (status,) = client.says(op="advertise", topic="/ctrl_cmd", type=STRING)
     assert "already established" in status["msg"]
@@ -219,8 +219,8 @@ def test_subscription_of_the_simulator_settles_the_type(bus: Bus) -> None:
 
 
 @pytest.mark.parametrize("type_name", [INT, STRING])
-def test_own_topic_that_comes_later_is_the_simulators_whatever_a_client_published(bus: Bus, type_name: str) -> None:
-    part, client, listener = Part(), Wire(bus), Wire(bus)
+def test_later_topic_of_the_simulator_overrides_a_clients_type(bus: Bus, type_name: str) -> None:
+    part, client, listener = ServerComponent(), Wire(bus), Wire(bus)
     client.says(op="advertise", topic="/ego", type=type_name, id=1, latch=True)
     client.says(op="advertise", topic="ego", type=type_name, id=2)
     client.says(op="publish", topic="/ego", msg={})
@@ -236,8 +236,8 @@ def test_own_topic_that_comes_later_is_the_simulators_whatever_a_client_publishe
     assert client.peer.topics.num_held == 0
 
 
-def test_client_that_published_another_type_where_the_simulator_listens_is_told(bus: Bus) -> None:
-    part, client, other = Part(), Wire(bus), Wire(bus)
+def test_client_that_published_another_type_on_an_input_of_the_simulator_is_notified(bus: Bus) -> None:
+    part, client, other = ServerComponent(), Wire(bus), Wire(bus)
     client.says(op="advertise", topic="/in", type=STRING)
     other.says(op="subscribe", topic="/in", type=STRING)
     bus.subscribe(part, "/in", part.hear, type_name=INT)
@@ -248,16 +248,16 @@ def test_client_that_published_another_type_where_the_simulator_listens_is_told(
     assert len(part.heard) == 1
 
 
-def test_client_that_publishes_what_the_simulator_takes_goes_on(bus: Bus) -> None:
-    part, client = Part(), Wire(bus)
+def test_client_that_published_the_right_type_on_a_later_input_goes_on(bus: Bus) -> None:
+    part, client = ServerComponent(), Wire(bus)
     client.says(op="advertise", topic="/in", type=INT)
     bus.subscribe(part, "/in", part.hear, type_name=INT)
     assert client.says(op="publish", topic="/in", msg={"data": 4}) == []
     assert len(part.heard) == 1
 
 
-def test_parts_of_the_server_do_not_take_types_from_each_other(bus: Bus) -> None:
-    one, other = Part(), Part()
+def test_components_do_not_change_each_others_types(bus: Bus) -> None:
+    one, other = ServerComponent(), ServerComponent()
     bus.subscribe(one, "/in", one.hear, type_name=INT)
     with pytest.raises(GraphError, match="already established"):
         bus.subscribe(other, "/in", other.hear, type_name=STRING)
@@ -266,15 +266,15 @@ def test_parts_of_the_server_do_not_take_types_from_each_other(bus: Bus) -> None
         bus.advertise(other, "/out", STRING, is_exclusive=True)
 
 
-def test_type_that_is_only_remembered_keeps_no_part_of_the_server_out(bus: Bus) -> None:
-    part, client = Part(), Wire(bus)
+def test_remembered_type_does_not_block_a_component(bus: Bus) -> None:
+    part, client = ServerComponent(), Wire(bus)
     client.says(op="publish", topic="/t", type=STRING, msg={})
     client.peer.leave(0.0)
     assert bus.advertise(part, "/t", INT, is_exclusive=True).type.name == INT
 
 
-def test_message_that_is_latched_under_a_remembered_type_does_not_outlive_it(bus: Bus) -> None:
-    part, publisher, client = Part(), Wire(bus), Wire(bus)
+def test_message_latched_under_a_remembered_type_ends_with_it(bus: Bus) -> None:
+    part, publisher, client = ServerComponent(), Wire(bus), Wire(bus)
     publisher.says(op="advertise", topic="/t", type=STRING, latch=True)
     publisher.says(**published("/t", "old"))
     publisher.peer.leave(0.0)
@@ -282,8 +282,8 @@ def test_message_that_is_latched_under_a_remembered_type_does_not_outlive_it(bus
     assert client.says(op="subscribe", topic="/t") == []
 
 
-def test_mirror_announces_the_simulators_types_whatever_clients_wanted_there(bus: Bus) -> None:
-    part, client = Part(), Wire(bus)
+def test_mirror_announces_the_simulators_types_regardless_of_local_clients(bus: Bus) -> None:
+    part, client = ServerComponent(), Wire(bus)
     mirror = Mirror(bus, part, "far")
     client.says(op="subscribe", topic="/out", type=STRING)
     client.says(op="advertise", topic="/in", type=STRING)

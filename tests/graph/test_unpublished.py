@@ -1,4 +1,4 @@
-"""A client that listens where nobody publishes is told once, later, and never by an error."""
+"""A subscriber of an unpublished topic gets one late hint, and no error."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ def subscribe(peer: Peer, topic: str, now: float = 0.0, type_name: str = "std_ms
     send(peer, now, op="subscribe", topic=topic, type=type_name)
 
 
-def test_listener_is_told_after_the_five_seconds_that_the_readme_names() -> None:
+def test_delay_of_the_hint_is_five_seconds_as_in_the_readme() -> None:
     assert UNPUBLISHED_AFTER == 5.0
 
 
-def test_listener_is_told_once_after_five_seconds(caplog: pytest.LogCaptureFixture) -> None:
+def test_subscriber_of_an_unpublished_topic_is_told_once_after_five_seconds(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
     bus = make_bus()
     peer, outbox = listener(bus)
@@ -57,7 +57,7 @@ def test_listener_is_told_once_after_five_seconds(caplog: pytest.LogCaptureFixtu
     assert peer.num_errors == 0
 
 
-def test_nearest_topic_and_those_of_the_same_type_are_named() -> None:
+def test_hint_names_the_nearest_topic_and_topics_of_the_same_type() -> None:
     bus = make_bus()
     peer, outbox = listener(bus)
     other, _ = make_peer(bus)
@@ -69,7 +69,7 @@ def test_nearest_topic_and_those_of_the_same_type_are_named() -> None:
     assert status["msg"].endswith("publishes it (did you mean /chatter?); of this type there is /chatter")
 
 
-def test_client_that_asked_for_no_infos_hears_nothing() -> None:
+def test_client_below_info_level_gets_no_hint() -> None:
     bus = make_bus()
     peer, outbox = make_peer(bus)
     subscribe(peer, "/chatter")
@@ -78,7 +78,7 @@ def test_client_that_asked_for_no_infos_hears_nothing() -> None:
 
 
 @pytest.mark.parametrize("when", ["before", "after"])
-def test_listener_whose_topic_is_published_is_not_told(when: str) -> None:
+def test_subscriber_of_a_published_topic_gets_no_hint(when: str) -> None:
     bus = make_bus()
     peer, outbox = listener(bus)
     other, _ = make_peer(bus)
@@ -91,7 +91,7 @@ def test_listener_whose_topic_is_published_is_not_told(when: str) -> None:
     assert told(outbox) == []
 
 
-def test_listener_that_has_stopped_or_left_is_not_told() -> None:
+def test_subscriber_that_unsubscribed_or_left_gets_no_hint() -> None:
     bus = make_bus()
     peer, outbox = listener(bus)
     subscribe(peer, "/a")
@@ -104,7 +104,7 @@ def test_listener_that_has_stopped_or_left_is_not_told() -> None:
     assert bus.unpublished.next_due() is None
 
 
-def test_many_subscriptions_are_told_of_in_turns_and_not_without_end() -> None:
+def test_hints_for_many_subscriptions_are_spread_and_bounded() -> None:
     bus = make_bus()
     clients = [listener(bus) for _ in range(MAX_WATCHED_SUBSCRIPTIONS // MAX_OF_CLIENT + 1)]
     for peer, _ in clients:
@@ -118,7 +118,7 @@ def test_many_subscriptions_are_told_of_in_turns_and_not_without_end() -> None:
     assert told(clients[-1][1]) == []
 
 
-def test_topics_that_a_client_may_not_see_are_not_named() -> None:
+def test_hint_does_not_name_denied_topics() -> None:
     bus = make_bus()
     other, _ = make_peer(bus)
     send(other, op="advertise", topic="/secret_topic", type="std_msgs/String")

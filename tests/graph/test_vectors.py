@@ -1,4 +1,4 @@
-"""The vectors of the wire against bare sessions on a bus in memory."""
+"""The wire vectors with sessions on a bus in memory."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.vector_player import FOLDER, load_vectors, play
 
 
 @pytest.mark.parametrize("vector", load_vectors(), ids=lambda vector: vector["id"])
-async def test_vector(vector: dict[str, Any]) -> None:
+async def test_session_answers_as_the_vector_says(vector: dict[str, Any]) -> None:
     bus = make_bus()
     Rosapi(bus)
     clients = MemoryClients(bus)
@@ -30,12 +30,12 @@ def assert_nothing_is_left(bus: Bus) -> None:
     assert all(name.startswith("/rosapi/") for name in bus.services)
 
 
-def test_every_vector_has_an_id_of_its_own() -> None:
+def test_vector_ids_are_unique() -> None:
     ids = [vector["id"] for vector in load_vectors()]
     assert len(ids) == len(set(ids)) > 100
 
 
-def test_every_row_of_the_protocol_has_its_vector() -> None:
+def test_every_row_of_the_protocol_table_has_a_vector() -> None:
     """`rows.json` names each row of the protocol's tables by an id of ours: section, table, row -> vectors."""
     rows: dict[str, list[str]] = json.loads((FOLDER / "rows.json").read_text())
     known = {vector["id"] for vector in load_vectors()}
@@ -45,7 +45,7 @@ def test_every_row_of_the_protocol_has_its_vector() -> None:
 
 
 @pytest.mark.parametrize("vector", load_vectors(), ids=lambda vector: vector["id"])
-def test_a_vector_says_where_its_claim_comes_from(vector: dict[str, Any]) -> None:
+def test_every_vector_names_its_source(vector: dict[str, Any]) -> None:
     assert vector.keys() == {"id", "source", "says", "steps"}
     assert vector["source"]
     assert vector["says"]

@@ -1,4 +1,4 @@
-"""Patterns hold for every way to a thing: its other names, an action's topics, and what the republisher shows."""
+"""Patterns hold for every route: aliases, the topics of an action, and the transform republisher."""
 
 from __future__ import annotations
 
@@ -99,13 +99,13 @@ TF_GOAL = send(WEB, source_frames=["a"], target_frame="b")
         {"op": "advertise_service", "service": "/count/_action/cancel_goal", "type": TRIGGER},
     ],
 )
-def test_denying_an_action_closes_every_way_to_it(join: Join, op: dict[str, Any]) -> None:
+def test_denied_action_is_denied_by_every_route(join: Join, op: dict[str, Any]) -> None:
     assert is_refused(join(deny(service="/count")), op)
     assert not is_refused(join(deny(service="/other")), op)
 
 
 @pytest.mark.parametrize("part", ["goal", "cancel", "status", "feedback", "result"])
-def test_plain_topic_that_is_named_as_those_of_actions_are_stays_open(join: Join, part: str) -> None:
+def test_plain_topic_with_an_action_like_name_stays_allowed(join: Join, part: str) -> None:
     client = join(deny(service="*"))
     assert client.says(**publish(f"/battery/{part}", STRING)) == []
     assert client.says(**subscribe(f"/battery/{part}", STRING)) == []
@@ -121,7 +121,7 @@ def test_plain_topic_that_is_named_as_those_of_actions_are_stays_open(join: Join
         *(("cancel", GOAL_ID), ("status", STATUS)),
     ],
 )
-def test_no_spelling_of_a_type_opens_a_denied_action(join: Join, part: str, type_name: str, slashes: str) -> None:
+def test_no_type_spelling_bypasses_a_denied_action(join: Join, part: str, type_name: str, slashes: str) -> None:
     client = join(deny(service="/count"))
     spelled = slashes.format(*type_name.split("/"))
     op = publish(f"/count/{part}", spelled)
@@ -130,7 +130,7 @@ def test_no_spelling_of_a_type_opens_a_denied_action(join: Join, part: str, type
     assert is_refused(client, op | {"op": "subscribe"})
 
 
-def test_denying_the_goals_topic_stops_goals_by_every_way(join: Join) -> None:
+def test_denied_goal_topic_stops_goals_by_every_route(join: Join) -> None:
     client = join(deny(publish="/count/goal"))
     (end,) = client.says(**send("/count"))
     assert end["values"] == "Not allowed to call /count, another way of publishing /count/goal"
@@ -141,13 +141,13 @@ def test_denying_the_goals_topic_stops_goals_by_every_way(join: Join) -> None:
 @pytest.mark.parametrize(
     "policy", [deny(publish="/count/cancel"), deny(service="/count/_action/cancel_goal"), deny(service="/count")]
 )
-def test_denying_to_cancel_holds_for_the_topic_and_the_service(join: Join, policy: Policy) -> None:
+def test_denied_cancel_holds_for_topic_and_service(join: Join, policy: Policy) -> None:
     client = join(policy)
     assert is_refused(client, call("/count/_action/cancel_goal"))
     assert is_refused(client, publish("/count/cancel", GOAL_ID))
 
 
-def test_allowing_an_action_opens_every_way_to_it(join: Join) -> None:
+def test_allowed_action_is_allowed_by_every_route(join: Join) -> None:
     client = join(allow(service="/count", publish="/x", subscribe="/x"))
     for op in (
         send("/count"),
@@ -171,7 +171,7 @@ def test_allowing_an_action_opens_every_way_to_it(join: Join) -> None:
         (allow(service="/count", publish="/mine/*", subscribe="/mine/*"), True),
     ],
 )
-def test_topics_of_an_action_need_the_action_to_be_allowed(join: Join, policy: Policy, *, is_open: bool) -> None:
+def test_action_topics_need_the_action_to_be_allowed(join: Join, policy: Policy, *, is_open: bool) -> None:
     client = join(policy)
     for op in (
         publish("/count/goal", "my_msgs/CountActionGoal"),
@@ -181,12 +181,12 @@ def test_topics_of_an_action_need_the_action_to_be_allowed(join: Join, policy: P
         assert is_refused(client, op) is not is_open
 
 
-def test_calling_a_service_is_not_sending_a_goal(join: Join) -> None:
+def test_denied_goal_topic_does_not_deny_a_service_of_that_name(join: Join) -> None:
     client = join(deny(publish="/count/goal"))
     assert not is_refused(client, call("/count"))
 
 
-def test_subscription_without_a_type_cannot_become_one_to_an_action(bus: Bus, join: Join) -> None:
+def test_subscription_without_a_type_cannot_become_a_denied_action_topic(bus: Bus, join: Join) -> None:
     """It was judged by the type that the topic had."""
     client, other, server = join(deny(service="/dig")), join(deny(service="/dig")), join(Policy())
     other.says(**subscribe("/dig/feedback", STRING))
@@ -304,12 +304,12 @@ def test_patterns_hold_in_every_kind_of_frame_and_for_relative_names(
 @pytest.mark.parametrize(
     "op", [REPUBLISH, TF_GOAL, publish(f"{WEB}/goal", GOAL), subscribe(f"{WEB}/feedback", FEEDBACK)]
 )
-def test_transforms_that_may_not_be_heard_are_not_republished(join: Join, policy: Policy, op: dict[str, Any]) -> None:
+def test_denied_transforms_are_not_republished(join: Join, policy: Policy, op: dict[str, Any]) -> None:
     assert is_refused(join(policy), op)
     assert not is_refused(join(Policy()), op)
 
 
-def test_topic_that_was_made_for_another_client_is_closed_too(bus: Bus, join: Join) -> None:
+def test_republisher_topic_of_another_client_is_denied_too(bus: Bus, join: Join) -> None:
     insider, client = join(Policy()), join(deny(subscribe="/tf"))
     insider.says(**REPUBLISH)
     assert f"{WEB}/tf_repub_1" in bus.topics
@@ -318,13 +318,13 @@ def test_topic_that_was_made_for_another_client_is_closed_too(bus: Bus, join: Jo
 
 
 @pytest.mark.parametrize("policy", [allow(subscribe="/tf*"), allow(subscribe=f"{WEB}/*")])
-def test_transforms_that_may_be_heard_are_republished(join: Join, policy: Policy) -> None:
+def test_allowed_transforms_are_republished(join: Join, policy: Policy) -> None:
     client = join(policy)
     for op in (REPUBLISH, TF_GOAL, subscribe(f"{WEB}/feedback", FEEDBACK)):
         assert not is_refused(client, op)
 
 
-def test_denying_the_republisher_closes_its_three_ways_and_leaves_the_topics(join: Join) -> None:
+def test_denied_republisher_is_denied_by_all_three_routes_and_leaves_tf_topics(join: Join) -> None:
     for policy in (deny(service="/republish_tfs"), deny(service=WEB)):
         client = join(policy)
         for op in (REPUBLISH, TF_GOAL, publish(f"{WEB}/goal", GOAL), subscribe(f"{WEB}/feedback", FEEDBACK)):
@@ -362,7 +362,7 @@ def with_rows(policy: Policy, tables: Tables) -> Policy:
     return policy
 
 
-def test_row_crosses_directions_for_deny_and_allow_alike(join: Join, tables: Tables) -> None:
+def test_table_row_holds_across_directions_for_deny_and_allow(join: Join, tables: Tables) -> None:
     client = join(with_rows(deny(service="/pedal"), tables))
     (status,) = client.says(**publish("/wheel", STRING))
     assert status["msg"] == "Not allowed to publish to /wheel, another way of calling /pedal"
@@ -374,7 +374,7 @@ def test_row_crosses_directions_for_deny_and_allow_alike(join: Join, tables: Tab
 
 
 @pytest.mark.parametrize("pattern", ["*", "/*", "**", "?*"])
-def test_pattern_that_names_nothing_holds_for_its_own_direction_alone(join: Join, tables: Tables, pattern: str) -> None:
+def test_unmatched_pattern_holds_for_its_own_direction_only(join: Join, tables: Tables, pattern: str) -> None:
     client = join(with_rows(deny(publish=pattern), tables))
     for op in (call("/pedal"), send("/count"), call("/count/_action/cancel_goal"), subscribe("/wheel", STRING)):
         assert not is_refused(client, op)
@@ -404,7 +404,7 @@ def test_denying_all_actions_closes_their_topics_too(join: Join) -> None:
         assert is_refused(client, op)
 
 
-def test_names_are_looked_up_once_and_not_per_message(join: Join, tables: Tables) -> None:
+def test_names_are_checked_once_and_not_per_message(join: Join, tables: Tables) -> None:
     policy = with_rows(deny(service="/pedal"), tables)
     client = join(policy)
     client.says(**publish("/free", STRING))
@@ -415,7 +415,7 @@ def test_names_are_looked_up_once_and_not_per_message(join: Join, tables: Tables
     assert tables.num_looks == num_looks
 
 
-def test_what_is_known_of_names_is_bounded(tables: Tables, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cache_of_name_checks_is_bounded(tables: Tables, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ways_module, "MAX_KNOWN_NAMES", 3)
     policy = with_rows(deny(service="/pedal"), tables)
     for i in range(20):
@@ -423,7 +423,7 @@ def test_what_is_known_of_names_is_bounded(tables: Tables, monkeypatch: pytest.M
     assert len(policy.ways._known) <= 3
 
 
-def test_client_loses_what_becomes_another_name_of_something_denied(bus: Bus, join: Join, tables: Tables) -> None:
+def test_client_loses_a_name_that_becomes_an_alias_of_a_denied_one(bus: Bus, join: Join, tables: Tables) -> None:
     """Else it could advertise first, and then have the name given to the thing."""
     policy = with_rows(deny(service="/pedal", subscribe="/secret"), tables)
     client, gone, listener = join(policy), join(policy), join(Policy())
@@ -450,7 +450,7 @@ def test_client_loses_what_becomes_another_name_of_something_denied(bus: Bus, jo
     bus.expire(TYPE_MEMORY)
 
 
-def test_name_of_a_type_is_not_kept_with_the_ways(join: Join, tables: Tables) -> None:
+def test_type_names_are_not_cached_with_the_routes(join: Join, tables: Tables) -> None:
     """A type that does not exist may be as long as a frame."""
     policy = with_rows(deny(publish="/wheel"), tables)
     client = join(policy)
@@ -464,7 +464,7 @@ def test_name_of_a_type_is_not_kept_with_the_ways(join: Join, tables: Tables) ->
 # What is left open
 
 
-def test_log_names_what_a_pattern_leaves_open(tables: Tables) -> None:
+def test_start_log_names_routes_that_a_pattern_leaves_open(tables: Tables) -> None:
     lines = with_rows(deny(publish="/wheel"), tables).left_open()
     assert lines == ["--deny-publish /wheel leaves these ways open to steer: calling /joystick"]
     lines = with_rows(deny(service="/joy*"), tables).left_open()
@@ -480,13 +480,13 @@ def test_log_names_what_a_pattern_leaves_open(tables: Tables) -> None:
     assert lines == ["--deny-publish * leaves these ways open to steer: calling /pedal, /joystick"]
 
 
-def test_log_blames_no_wildcard_for_what_another_direction_closes(tables: Tables) -> None:
+def test_start_log_does_not_blame_a_wildcard_for_another_direction(tables: Tables) -> None:
     policy = Policy(publish=Rule(deny=("*",)), service=Rule(deny=("/pedal",)))
     policy.ways.add(lambda: (PolicyEffect("ring", (PEDAL, Way(Use.SERVICE, "/bell"))),), tables.look_up)
     assert policy.left_open() == ["--deny-service /pedal leaves these ways open to ring: calling /bell"]
 
 
-def test_way_that_does_much_else_is_named_and_means_nothing_by_itself() -> None:
+def test_route_with_many_effects_is_named_but_does_not_count_alone() -> None:
     policy = deny(service="/reset")
     effect = PolicyEffect("steer", (WHEEL,), (Way(Use.SERVICE, "/reset"),))
     policy.ways.add(lambda: (effect,))
@@ -496,7 +496,7 @@ def test_way_that_does_much_else_is_named_and_means_nothing_by_itself() -> None:
     assert policy.left_open() == ["--deny-publish /wheel leaves these ways open to steer: calling /reset"]
 
 
-def test_line_on_what_is_left_open_is_bounded() -> None:
+def test_log_line_on_open_routes_is_bounded() -> None:
     policy = deny(publish="/w*" + "*" * 500)
     names = tuple(Way(Use.SERVICE, f"/{'long' * 50}{i}") for i in range(100))
     policy.ways.add(lambda: [PolicyEffect(f"do {i}", (WHEEL, *names)) for i in range(100)])
@@ -506,7 +506,7 @@ def test_line_on_what_is_left_open_is_bounded() -> None:
     assert len(line) < 2_500
 
 
-def test_other_names_that_a_table_gives_have_none_of_their_own() -> None:
+def test_aliases_of_a_table_have_no_aliases_themselves() -> None:
     ways = Ways()
     ways.add(tuple, lambda way: [Way(Use.ACTION, "/dig")] if way == WHEEL else [])
     assert ways.all_of(WHEEL) == (WHEEL, (Use.ACTION, "/dig"))

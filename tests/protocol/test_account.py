@@ -1,4 +1,4 @@
-"""What is held for one client: bounded in bytes, and given back to the last one."""
+"""The account of one client: bounded in bytes, and empty at the end."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def held(limit: int, total: Account | None = None) -> tuple[Account, HeldMessage
     return account, HeldMessages(account, len)
 
 
-def test_what_does_not_fit_is_not_taken() -> None:
+def test_message_beyond_the_account_is_not_accepted() -> None:
     total = Account()
     account = Account(100, total)
     assert account.take(60)
@@ -25,7 +25,7 @@ def test_what_does_not_fit_is_not_taken() -> None:
     assert (account.num_bytes, total.num_bytes) == (0, 0)
 
 
-def test_the_oldest_messages_go_for_the_newest() -> None:
+def test_oldest_messages_are_dropped_for_the_newest() -> None:
     account, messages = held(10)
     assert [messages.put(message, 5) for message in (b"aaa", b"bbb", b"ccc")] == [0, 0, 0]
     assert messages.put(b"dddd", 5) == 1
@@ -35,7 +35,7 @@ def test_the_oldest_messages_go_for_the_newest() -> None:
     assert messages.messages() == [b"dddd", b"e"]
 
 
-def test_a_message_that_never_fits_pushes_the_others_out_and_is_dropped() -> None:
+def test_message_larger_than_the_account_drops_all_others_and_itself() -> None:
     account, messages = held(10)
     messages.put(b"a", 5)
     assert messages.put(b"x" * 11, 5) == 2
@@ -51,7 +51,7 @@ def test_two_queues_of_one_client_share_its_account() -> None:
 
 
 @given(st.lists(st.tuples(st.binary(max_size=20), st.integers(0, 4), st.sampled_from(["put", "pop", "shorten"]))))
-def test_accounts_are_even_after_any_order_of_events(events: list[tuple[bytes, int, str]]) -> None:
+def test_account_is_empty_after_any_order_of_events(events: list[tuple[bytes, int, str]]) -> None:
     total = Account()
     queues = [held(30, total) for _ in range(2)]
     for i, (message, length, what) in enumerate(events):

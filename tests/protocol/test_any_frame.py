@@ -1,4 +1,4 @@
-"""Frames of every encoding with something wrong in them: ops or remarks, within bounds, and the next frame is read."""
+"""Damaged frames of every encoding: ops or statuses, within bounds, and the next frame is read."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def with_arrays(value: JsonValue) -> JsonValue:
 @pytest.mark.slow
 @examples(80)
 @given(op=st.sampled_from(OPS), changes=edits(), bends=st.just([]) | flips(2))
-def test_json_with_odd_values_is_ops_or_remarks(op: dict[str, Any], changes: list[Edit], bends: list[Flip]) -> None:
+def test_json_with_odd_values_gives_ops_or_status(op: dict[str, Any], changes: list[Edit], bends: list[Flip]) -> None:
     session = make_session()
     take(session, damage(json.dumps(spoil(op, changes)).encode(), bends))
     check_next(session)
@@ -88,7 +88,7 @@ def test_json_with_odd_values_is_ops_or_remarks(op: dict[str, Any], changes: lis
 @pytest.mark.slow
 @examples(80)
 @given(op=st.sampled_from(OPS), changes=st.just([]) | edits(), bends=st.just([]) | flips())
-def test_cbor_with_odd_values_is_ops_or_remarks(op: dict[str, Any], changes: list[Edit], bends: list[Flip]) -> None:
+def test_cbor_with_odd_values_gives_ops_or_status(op: dict[str, Any], changes: list[Edit], bends: list[Flip]) -> None:
     session = make_session()
     take(session, damage(cbor2.dumps(with_arrays(spoil(op, changes))), bends))
     check_next(session)
@@ -97,7 +97,7 @@ def test_cbor_with_odd_values_is_ops_or_remarks(op: dict[str, Any], changes: lis
 @pytest.mark.slow
 @examples(60)
 @given(op=st.sampled_from(OPS), changes=flips(), mode=st.sampled_from(["RGB", "RGB", "RGBA", "L", "P", "1", "I;16"]))
-def test_a_damaged_picture_is_ops_or_remarks(op: dict[str, Any], changes: list[Flip], mode: str) -> None:
+def test_damaged_png_gives_ops_or_status(op: dict[str, Any], changes: list[Flip], mode: str) -> None:
     session = make_session()
     text = json.dumps(op).encode() * 3
     data = damage(picture(text, "RGB" if mode == "I;16" else mode), changes)
@@ -113,7 +113,7 @@ def test_a_damaged_picture_is_ops_or_remarks(op: dict[str, Any], changes: list[F
     order=st.randoms(use_true_random=False),
     changes=st.lists(st.tuples(st.integers(0, 20), edits(1)), max_size=3),
 )
-def test_odd_pieces_in_any_order_are_ops_or_remarks(
+def test_odd_fragments_in_any_order_give_ops_or_status(
     op: dict[str, Any],
     size: int,
     order: Random,

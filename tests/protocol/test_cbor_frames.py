@@ -1,4 +1,4 @@
-"""CBOR frames, in and out, and what of them is refused."""
+"""CBOR frames in both directions, and refused ones."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ def tagged(tag: int, kind: str, values: list[float]) -> cbor2.CBORTag:
 
 
 @given(st.dictionaries(st.text(), json_values, max_size=4))
-def test_a_plain_map_says_the_same_in_json(value: dict[str, Any]) -> None:
+def test_plain_cbor_map_equals_its_json(value: dict[str, Any]) -> None:
     frame = cbor2.dumps(value)
     assert read(frame) == value
 
 
-def test_bytes_are_base64_and_typed_arrays_are_arrays() -> None:
+def test_cbor_bytes_become_base64_and_typed_arrays_become_arrays() -> None:
     frame = cbor2.dumps(
         {
             "bytes": b"hi",
@@ -89,25 +89,25 @@ def test_bytes_are_base64_and_typed_arrays_are_arrays() -> None:
         b"\xa1\x61a\xc1\x1a\x51\x4b\x67\xb0",  # a date
     ],
 )
-def test_what_json_has_no_word_for_is_refused(frame: bytes) -> None:
+def test_cbor_values_without_a_json_form_are_refused(frame: bytes) -> None:
     with pytest.raises(FrameError) as caught:
         read(frame)
     assert "\n" not in str(caught.value)
 
 
 @given(st.binary(max_size=50).map(lambda data: b"\xa2" + data))
-def test_any_bytes_are_a_value_or_an_error(frame: bytes) -> None:
+def test_any_bytes_give_a_value_or_an_error(frame: bytes) -> None:
     with contextlib.suppress(FrameError):
         read(frame)
 
 
-def test_json_text_is_never_taken_for_cbor() -> None:
+def test_json_text_is_never_read_as_cbor() -> None:
     assert not any(is_cbor(text.encode()) for text in ("", "{", " {", "\t{", "[", "Ä"))
     assert is_cbor(b"\xa3")
     assert is_cbor(b"\xbf")
 
 
-def test_cbor_frames_out() -> None:
+def test_frames_are_encoded_as_cbor() -> None:
     assert cbor2.loads(cbor_head("/é") + b"\xa1\x61x\x01") == {"op": "publish", "topic": "/é", "msg": {"x": 1}}
     raw = cbor2.loads(cbor_raw_frame(cbor_head("/t"), 12_000_000_034, b"wire"))
     assert raw == {"op": "publish", "topic": "/t", "msg": {"secs": 12, "nsecs": 34, "bytes": b"wire"}}
@@ -122,7 +122,7 @@ def test_a_frame_with_too_many_items_is_refused_and_names_the_limit(value: list[
         read(cbor2.dumps({"a": value}))
 
 
-def test_counting_stops_at_the_limit_and_lets_others_work_meanwhile() -> None:
+def test_item_count_stops_at_the_limit_and_yields_to_others() -> None:
     slices: list[None] = []
     with pytest.raises(FrameError, match="at most 15,000 maps"):
         slices.extend(decode_cbor(b"\xa1\x61a\x9a\x00\xf4\x24\x00" + b"\x80" * 16_000_000))
@@ -137,6 +137,6 @@ def test_bytes_and_typed_arrays_count_as_one_item() -> None:
 
 
 @given(st.dictionaries(st.text(), json_values, max_size=4), st.integers(0, 30), st.integers(0, 30))
-def test_the_count_of_any_frame_ends(value: dict[str, Any], cut: int, extra: int) -> None:
+def test_item_count_of_any_frame_ends(value: dict[str, Any], cut: int, extra: int) -> None:
     with contextlib.suppress(FrameError):
         read(cbor2.dumps(value)[: -cut or None] + b"\x5f" * extra)

@@ -53,7 +53,7 @@ def plain(op: Op | FrameError) -> object:
 
 
 @given(frames_of_ops)
-def test_the_fast_path_says_what_the_slow_one_says(frame: dict[str, Any]) -> None:
+def test_fast_path_equals_slow_path(frame: dict[str, Any]) -> None:
     text = json.dumps(frame).encode()
     assert plain(only_op(text)) == plain(slowly(text))
 
@@ -75,7 +75,7 @@ def test_any_mutation_of_a_frame_gives_ops_or_errors(frame: dict[str, Any], data
         assert isinstance(op, (FrameError, *OPS.values()))
 
 
-def test_a_clean_frame_takes_the_fast_path(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_valid_frame_takes_the_fast_path(monkeypatch: pytest.MonkeyPatch) -> None:
     def never(_frame: bytes) -> None:
         raise AssertionError
 
@@ -115,7 +115,7 @@ def test_rubbish_gets_one_readable_error(frame: bytes) -> None:
     assert msgspec.json.decode(status_frame("error", str(error), error.op_id))["op"] == "status"
 
 
-def test_a_number_beyond_all_floats_is_refused_where_a_float_belongs() -> None:
+def test_number_beyond_float64_is_refused_for_a_float() -> None:
     call = {"op": "call_service", "service": "/s", "id": "c", "timeout": 10**400}
     error = only_op(json.dumps(call).encode())
     assert isinstance(error, FrameError)
@@ -126,12 +126,12 @@ def test_a_number_beyond_all_floats_is_refused_where_a_float_belongs() -> None:
     assert as_id.id == 10**400
 
 
-def test_a_long_text_of_a_stranger_is_not_sent_back_whole() -> None:
+def test_long_text_is_quoted_in_part() -> None:
     error = only_op(b'{"op":"' + b"x" * 100_000 + b'"}')
     assert len(str(error)) < 800
 
 
-def test_frames_out() -> None:
+def test_ops_are_encoded_as_frames() -> None:
     assert publish_head('/a"b') == b'{"op":"publish","topic":"/a\\"b","msg":'
     assert json.loads(
         op_frame("call_service", {"args": b"{}"}, service="/s", id="service_request:/s:1", gone=None)
@@ -150,13 +150,13 @@ def test_frames_out() -> None:
 
 
 @given(st.text() | st.integers() | st.booleans() | st.floats(allow_nan=False, allow_infinity=False))
-def test_ids_are_echoed_unchanged(op_id: Id) -> None:
+def test_ids_are_returned_unchanged(op_id: Id) -> None:
     echoed = json.loads(response_frame("/s", b'""', is_ok=False, op_id=op_id))["id"]
     assert echoed == op_id
     assert type(echoed) is type(op_id)
 
 
-def test_a_long_piece_may_end_in_half_a_surrogate_pair() -> None:
+def test_long_fragment_may_end_in_half_a_surrogate_pair() -> None:
     data = "x" * 20_000
     op = only_op(b'{"op":"fragment","id":"f","num":0,"total":2,"data":"' + data.encode() + b'\\ud83d"}')
     assert isinstance(op, Fragment)
@@ -181,13 +181,13 @@ def test_a_long_object_without_an_op_is_not_quoted_in_full() -> None:
         b'{"op":"auth","token":"' + b"s3same" * 100 + b'",}',
     ],
 )
-def test_a_frame_that_cannot_be_used_is_quoted_without_its_token(frame: bytes) -> None:
+def test_unusable_frame_is_quoted_without_its_token(frame: bytes) -> None:
     errors = [str(one) for one in decode_frame(frame) if isinstance(one, FrameError)]
     assert errors
     assert "s3same" not in "".join(errors)
 
 
-def test_text_of_a_status_may_hold_what_no_frame_can() -> None:
+def test_status_text_may_hold_characters_that_no_frame_can() -> None:
     assert json.loads(status_frame("error", "no \ud800 here", "x:1"))["msg"] == "no \\ud800 here"
 
 
@@ -200,7 +200,7 @@ def test_text_of_a_status_may_hold_what_no_frame_can() -> None:
         (7, "]"),
     ],
 )
-def test_nearest_op_is_suggested_behind_the_list(op: object, end: str) -> None:
+def test_nearest_op_is_suggested_after_the_list(op: object, end: str) -> None:
     (error,) = decode_frame(json.dumps({"op": op}).encode())
     assert isinstance(error, FrameError)
     assert str(error).endswith(end)

@@ -14,14 +14,14 @@ AUTH = b'{"op":"auth","token":"sesame"}'
 OP = FirstOp("auth", token="sesame")  # noqa: S106 - opens nothing
 
 
-def test_an_auth_op_is_read_with_what_is_glued_behind_it() -> None:
+def test_auth_op_is_read_with_ops_glued_behind_it() -> None:
     assert read_first_op(AUTH) == (OP, b"")
     assert read_first_op(b" \n" + AUTH + b"\n") == (OP, b"")
     assert read_first_op(AUTH + b' {"op":"x"} rubbish') == (OP, b'{"op":"x"} rubbish')
     assert read_first_op(AUTH + b"\xff\xfe") == (OP, b"\xff\xfe")
 
 
-def test_bodies_are_skipped() -> None:
+def test_message_bodies_are_skipped() -> None:
     frame = b'{"op":"publish","topic":"/t","msg":{"a":[1,2,{"b":null}]},"id":7}'
     assert read_first_op(frame) == (FirstOp("publish", id=7), b"")
 
@@ -44,7 +44,7 @@ def test_bodies_are_skipped() -> None:
         AUTH + b" " * MAX_SMALL,
     ],
 )
-def test_what_is_no_small_plain_op_is_none(frame: bytes) -> None:
+def test_frame_that_is_not_a_small_plain_op_gives_none(frame: bytes) -> None:
     assert read_first_op(frame) is None
 
 
@@ -81,9 +81,7 @@ def test_any_bytes_never_raise_and_can_be_answered(frame: bytes) -> None:
         ),
     ],
 )
-def test_a_refusal_answers_in_the_form_that_the_op_waits_for(
-    frame: dict[str, object], answer: dict[str, object]
-) -> None:
+def test_refusal_has_the_form_of_an_answer_to_the_op(frame: dict[str, object], answer: dict[str, object]) -> None:
     found = read_first_op(json.dumps(frame).encode())
     assert found is not None
     assert json.loads(refusal_frame(found[0], "no")) == answer

@@ -41,7 +41,7 @@ def cut(frame: bytes, size: int, max_bytes: int = 2**30) -> list[bytes]:
     st.integers(1, 2_000),
     st.randoms(use_true_random=False),
 )
-def test_cut_and_joined_at_any_size_in_any_order(text: str, size: int, max_bytes: int, random: object) -> None:
+def test_fragments_of_any_size_join_in_any_order(text: str, size: int, max_bytes: int, random: object) -> None:
     frame = json.dumps({"op": "publish", "msg": text * 10}, ensure_ascii=False).encode()
     frames = cut(frame, size, max_bytes)
     if frames == [frame]:
@@ -56,7 +56,7 @@ def test_cut_and_joined_at_any_size_in_any_order(text: str, size: int, max_bytes
 
 
 @given(st.text(min_size=1, max_size=80), st.integers(1, 20))
-def test_pieces_cut_by_javascript_in_the_middle_of_a_character_are_joined(text: str, size: int) -> None:
+def test_fragments_cut_inside_a_surrogate_pair_are_joined(text: str, size: int) -> None:
     units = text.encode("utf-16-le")
     cuts = [units[i : i + 2 * size] for i in range(0, len(units), 2 * size)]
     defragmenter = Defragmenter(10_000)
@@ -68,14 +68,14 @@ def test_pieces_cut_by_javascript_in_the_middle_of_a_character_are_joined(text: 
     assert whole == text.encode()
 
 
-def test_a_short_frame_stays_whole() -> None:
+def test_short_frame_is_not_fragmented() -> None:
     assert cut(b'{"op":1}', 1) == [b'{"op":1}']
     accented = '{"é":"éééééé"}'.encode()
     assert cut(accented, 14) == [accented]  # 14 characters, 21 bytes
     assert len(cut(accented, 13)) == 2
 
 
-def test_pieces_are_made_when_they_are_taken() -> None:
+def test_fragments_are_made_when_they_are_sent() -> None:
     pieces = Pieces(Characters(b"x" * 1_000_000), 1, "frag:1")
     assert pieces.num_bytes == 1_000_000
     assert len(pieces.take(1)) == 1
@@ -83,11 +83,11 @@ def test_pieces_are_made_when_they_are_taken() -> None:
     assert not pieces.is_finished
 
 
-def test_a_message_has_a_bounded_number_of_pieces_however_small_they_are_wanted() -> None:
+def test_number_of_fragments_of_a_message_is_bounded() -> None:
     assert len(cut(b"x" * 1_000_000, 1)) == MAX_PIECES
 
 
-def test_two_messages_at_once() -> None:
+def test_two_fragmented_messages_can_interleave() -> None:
     defragmenter = Defragmenter(100)
     assert defragmenter.add(piece("a", 0, 2, "1"), 0.0) is None
     assert defragmenter.add(piece("b", 1, 2, "4"), 0.0) is None
@@ -100,12 +100,12 @@ def test_two_messages_at_once() -> None:
     ("num", "total"),
     [(-1, 2), (2, 2), (0, 0), (0, -1), (float("nan"), 2), (0, float("inf")), (0, MAX_PIECES + 1)],
 )
-def test_impossible_numbers(num: float, total: float) -> None:
+def test_impossible_fragment_numbers_are_refused(num: float, total: float) -> None:
     with pytest.raises(FrameError, match="is not possible"):
         Defragmenter(100).add(piece("a", num, total, "x"), 0.0)
 
 
-def test_a_contradiction_forgets_the_message_and_the_next_one_is_fine() -> None:
+def test_contradicting_fragment_drops_the_message_and_not_the_next_one() -> None:
     defragmenter = Defragmenter(100)
     for wrong in (piece("a", 0, 2, "x"), piece("a", 1, 3, "x")):
         defragmenter.add(piece("a", 0, 2, "x"), 0.0)
@@ -114,7 +114,7 @@ def test_a_contradiction_forgets_the_message_and_the_next_one_is_fine() -> None:
     assert defragmenter.add(piece("a", 0, 1, "ok"), 0.0) == b"ok"
 
 
-def test_bounds() -> None:
+def test_fragments_are_bounded() -> None:
     defragmenter = Defragmenter(10)
     defragmenter.add(piece("a", 0, 2, "x" * 6), 0.0)
     with pytest.raises(FrameError, match="more than 10 bytes"):
@@ -126,7 +126,7 @@ def test_bounds() -> None:
         defragmenter.add(piece("one more", 0, 2, ""), 0.0)
 
 
-def test_what_is_never_finished_is_forgotten() -> None:
+def test_unfinished_messages_are_dropped() -> None:
     defragmenter = Defragmenter(100)
     for i in range(MAX_OPEN):
         defragmenter.add(piece(i, 0, 2, "x"), 0.0)
@@ -134,7 +134,7 @@ def test_what_is_never_finished_is_forgotten() -> None:
     assert defragmenter.add(piece(0, 1, 2, "late"), MAX_AGE + 1.0) is None
 
 
-def test_pieces_of_one_frame_share_its_characters() -> None:
+def test_fragments_of_one_frame_share_its_text() -> None:
     frame = b'{"op":"publish","msg":{"data":"' + b"x" * 10_000 + b'"}}'
     text = Characters(frame)
     assert text.cut(0, len(frame)) == frame.decode()
@@ -144,7 +144,7 @@ def test_pieces_of_one_frame_share_its_characters() -> None:
     assert joined == [frame.decode()] * 2
 
 
-def test_pieces_are_counted_in_bytes() -> None:
+def test_fragments_are_counted_in_bytes() -> None:
     defragmenter = Defragmenter(100)
     with pytest.raises(FrameError, match="more than 100 bytes"):
         defragmenter.add(piece("f", 0, 2, "가" * 34), 0.0)

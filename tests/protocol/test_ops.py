@@ -13,7 +13,7 @@ def test_every_op_is_in_the_table_under_its_tag() -> None:
     assert {op.__struct_config__.tag: op for op in typing.get_args(ops.Op)} == ops.OPS
 
 
-def test_every_field_that_is_no_body_has_its_classes() -> None:
+def test_every_field_except_bodies_has_a_type() -> None:
     for op in ops.OPS.values():
         for field in msgspec.structs.fields(op):
             assert field.name in codec._CLASSES or field.name in op.bodies, (op, field.name)

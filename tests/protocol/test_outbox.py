@@ -1,4 +1,4 @@
-"""The outbox: order, bounds, and what is forgotten."""
+"""The outbox: order, bounds and dropped messages."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Socket:
                 self.taken += self.outbox.take(100)
 
 
-def test_frames_leave_in_the_order_in_which_they_came() -> None:
+def test_frames_leave_in_order_of_arrival() -> None:
     outbox = Socket(OutboxLimits(), is_open=False).outbox
     outbox.offer("/a", b"1")
     outbox.send(b"2")
@@ -39,7 +39,7 @@ def test_frames_leave_in_the_order_in_which_they_came() -> None:
     assert outbox.num_bytes == 0
 
 
-def test_wakes_once_for_what_waits() -> None:
+def test_outbox_wakes_the_writer_once() -> None:
     socket = Socket(OutboxLimits(), is_open=False)
     socket.outbox.offer("/a", b"1")
     socket.outbox.send(b"2")
@@ -49,7 +49,7 @@ def test_wakes_once_for_what_waits() -> None:
     assert socket.num_wakes == 2
 
 
-def test_take_gives_about_what_is_asked_for_and_at_least_one() -> None:
+def test_take_returns_about_the_requested_bytes_and_at_least_one_frame() -> None:
     outbox = Socket(OutboxLimits(), is_open=False).outbox
     for i in range(5):
         outbox.send(bytes([i]) * 10)
@@ -59,7 +59,7 @@ def test_take_gives_about_what_is_asked_for_and_at_least_one() -> None:
     assert len(outbox.take(ALL)) == 2
 
 
-def test_a_long_burst_is_whole_while_the_socket_takes_it() -> None:
+def test_long_burst_is_complete_while_the_socket_accepts_it() -> None:
     socket = Socket(OutboxLimits(burst=10), is_open=True)
     frames = [str(i).encode() for i in range(10_000)]
     for frame in frames:
@@ -69,7 +69,7 @@ def test_a_long_burst_is_whole_while_the_socket_takes_it() -> None:
     assert not socket.outbox.dropped
 
 
-def test_a_peer_that_does_not_read_keeps_the_newest_of_each_topic_and_every_answer() -> None:
+def test_stalled_client_keeps_the_newest_of_each_topic_and_all_answers() -> None:
     outbox = Socket(OutboxLimits(burst=10), is_open=False).outbox
     outbox.offer("/rare", b"once")
     for i in range(1_000):
@@ -100,7 +100,7 @@ def test_stalled_client_keeps_exactly_the_burst_of_a_topic() -> None:
     assert outbox.dropped == {"/few": 4, "/t": 1}
 
 
-def test_bytes_are_bounded_and_the_newest_of_each_topic_stays() -> None:
+def test_byte_limit_keeps_the_newest_of_each_topic() -> None:
     outbox = Socket(OutboxLimits(topic_bytes=1_000), is_open=False).outbox
     outbox.offer("/big", b"x" * 5_000)
     for i in range(200):
@@ -112,7 +112,7 @@ def test_bytes_are_bounded_and_the_newest_of_each_topic_stays() -> None:
     assert not outbox.is_overfull
 
 
-def test_answers_beyond_the_hard_limit_are_the_end() -> None:
+def test_answers_beyond_the_hard_limit_overfill_the_outbox() -> None:
     outbox = Socket(OutboxLimits(topic_bytes=1_000, hard_bytes=5_000), is_open=False).outbox
     for _ in range(49):
         outbox.send(b"x" * 100)
@@ -140,7 +140,7 @@ def test_stalled_client_keeps_half_of_the_byte_limit_when_it_is_passed() -> None
     assert outbox.num_bytes == 500
 
 
-def test_outbox_of_a_stalled_client_is_gone_through_seldom() -> None:
+def test_outbox_of_a_stalled_client_is_searched_rarely() -> None:
     """Else each frame to a client that does not read costs as much as all that wait for it."""
     num_carried = 0
 
@@ -155,7 +155,7 @@ def test_outbox_of_a_stalled_client_is_gone_through_seldom() -> None:
     assert num_carried < 30
 
 
-def test_answers_alone_are_carried_before_they_pass_the_limit_by_much() -> None:
+def test_answers_are_flushed_before_they_exceed_the_limit_by_much() -> None:
     socket = Socket(OutboxLimits(topic_bytes=1_000), is_open=True)
     socket.outbox.send(b"x" * 1_000)
     assert socket.taken == []
@@ -164,7 +164,7 @@ def test_answers_alone_are_carried_before_they_pass_the_limit_by_much() -> None:
 
 
 @given(st.lists(st.tuples(st.sampled_from(["/a", "/b", None]), st.integers(1, 300))), st.integers(1, 20))
-def test_order_is_kept_and_nothing_but_topics_is_lost(frames: list[tuple[str | None, int]], burst: int) -> None:
+def test_order_is_kept_and_only_topic_messages_are_dropped(frames: list[tuple[str | None, int]], burst: int) -> None:
     outbox = Socket(OutboxLimits(burst=burst, topic_bytes=2_000, hard_bytes=10**9), is_open=False).outbox
     for i, (topic, size) in enumerate(frames):
         frame = b"%d:" % i + b"." * size
@@ -186,7 +186,7 @@ def test_order_is_kept_and_nothing_but_topics_is_lost(frames: list[tuple[str | N
 # Frames that are made late
 
 
-class Late:
+class LateFrames:
     """Three frames that are made one at a time; making one of them may fail."""
 
     num_bytes = 3
@@ -209,13 +209,13 @@ class Late:
 
 
 @pytest.mark.parametrize("fails_at", [0, 1, 2])
-def test_message_whose_frames_cannot_be_made_is_dropped_and_told(fails_at: int) -> None:
+def test_message_whose_frames_fail_is_dropped_and_reported(fails_at: int) -> None:
     outbox = Socket(OutboxLimits(), is_open=False).outbox
     told: list[tuple[str, Exception]] = []
     outbox.on_unmade = lambda topic, error: told.append((topic, error))
     outbox.send(b"before")
-    outbox.offer("/bad", Late("b", fails_at))
-    outbox.offer("/good", Late("g"))
+    outbox.offer("/bad", LateFrames("b", fails_at))
+    outbox.offer("/good", LateFrames("g"))
     outbox.send(b"after")
     taken = []
     while len(outbox):
@@ -228,29 +228,29 @@ def test_message_whose_frames_cannot_be_made_is_dropped_and_told(fails_at: int) 
 
 
 @pytest.mark.parametrize("fails_at", [0, 2])
-def test_answer_whose_frames_cannot_be_made_is_not_dropped_in_silence(fails_at: int) -> None:
+def test_answer_whose_frames_fail_is_not_dropped_silently(fails_at: int) -> None:
     outbox = Socket(OutboxLimits(), is_open=False).outbox
-    outbox.offer("/good", Late("g"))
-    outbox.send(Late("a", fails_at))
+    outbox.offer("/good", LateFrames("g"))
+    outbox.send(LateFrames("a", fails_at))
     for _ in range(3 + fails_at):  # "g" three times, then what can be made of the answer
         outbox.take(2)
     with pytest.raises(ZeroDivisionError):
         outbox.take(10)
 
 
-def test_outbox_that_is_spoken_to_while_a_message_is_dropped_keeps_what_is_said() -> None:
+def test_frames_added_while_dropping_a_message_are_kept() -> None:
     outbox = Socket(OutboxLimits(), is_open=False).outbox
     outbox.on_unmade = lambda _topic, _error: outbox.send(b"said")
-    outbox.offer("/bad", Late("b", 0))
+    outbox.offer("/bad", LateFrames("b", 0))
     outbox.send(b"after")
     assert outbox.take(ALL) == [b"after", b"said"]
     assert (len(outbox), outbox.num_bytes) == (0, 0)
 
 
-def test_what_is_made_late_counts_for_what_is_asked_for() -> None:
+def test_frames_made_late_count_towards_the_requested_bytes() -> None:
     """Else a picture and all that waits behind it go to the socket at once, however little room it has."""
 
-    class Whole(Late):
+    class Whole(LateFrames):
         is_finished = True
 
     outbox = Socket(OutboxLimits(), is_open=False).outbox
@@ -259,10 +259,10 @@ def test_what_is_made_late_counts_for_what_is_asked_for() -> None:
     assert (outbox.take(2), outbox.take(2)) == ([b"a1"], [b"after"])
 
 
-def test_message_whose_first_frames_have_gone_out_is_not_forgotten_by_a_stalled_client() -> None:
+def test_partly_sent_message_of_a_stalled_client_is_not_dropped() -> None:
     """Pieces without their rest would be waited for by the client, and paid for, until it gives up."""
     outbox = Socket(OutboxLimits(burst=2), is_open=False).outbox
-    outbox.offer("/t", Late("a"))
+    outbox.offer("/t", LateFrames("a"))
     assert outbox.take(1) == [b"a1"]
     for i in range(9):
         outbox.offer("/t", b"%d" % i)
@@ -275,7 +275,7 @@ def test_message_whose_first_frames_have_gone_out_is_not_forgotten_by_a_stalled_
 
 def test_frames_that_outboxes_share_have_one_identity() -> None:
     """The server's memory budget counts a message once, however many clients wait for it."""
-    frame, late = b"shared", Late("l")
+    frame, late = b"shared", LateFrames("l")
     outboxes = [Socket(OutboxLimits(), is_open=False).outbox for _ in range(2)]
     for outbox in outboxes:
         outbox.offer("/t", frame)
@@ -283,12 +283,12 @@ def test_frames_that_outboxes_share_have_one_identity() -> None:
     assert list(outboxes[0].frames()) == list(outboxes[1].frames()) == [(id(frame), 6), (late.identity, 3)]
 
 
-def test_frames_are_not_made_by_the_one_that_adds_them() -> None:
+def test_frames_are_not_made_when_they_are_added() -> None:
     taken: list[bytes] = []
     outbox = Outbox(OutboxLimits(topic_bytes=3), lambda: None, lambda: taken.extend(outbox.take(ALL)))
     outbox.offer("/t", b"plain")
-    outbox.offer("/t", Late("a"))
-    outbox.offer("/s", Late("b"))
+    outbox.offer("/t", LateFrames("a"))
+    outbox.offer("/s", LateFrames("b"))
     assert taken == [b"plain"]
     while len(outbox):
         taken += outbox.take(ALL)

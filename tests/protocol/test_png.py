@@ -47,7 +47,7 @@ def long_text(size: int, seed: int = 0) -> bytes:
 
 
 @given(st.text(max_size=200))
-def test_a_picture_gives_its_text_back(text: str) -> None:
+def test_png_gives_its_text_back(text: str) -> None:
     frame = json.dumps({"op": "publish", "msg": text}, ensure_ascii=False).encode()
     op = json.loads(make(frame))
     assert op["op"] == "png"
@@ -55,7 +55,7 @@ def test_a_picture_gives_its_text_back(text: str) -> None:
 
 
 @pytest.mark.parametrize("size", [1, 140_000, 145_000, 150_000, 1_000_000])
-def test_pictures_of_any_size_are_read_as_pillow_reads_them(size: int) -> None:
+def test_png_of_any_size_is_read_as_by_pillow(size: int) -> None:
     frame = long_text(size)
     for data in (drawn(frame), drawn(frame, width=3), drawn(frame, width=100_000, compress_level=0)):
         assert read(data) == frame
@@ -65,7 +65,7 @@ def test_pictures_of_any_size_are_read_as_pillow_reads_them(size: int) -> None:
         assert image.tobytes().rstrip(b"\n") == frame
 
 
-def test_a_long_picture_is_read_and_made_in_slices() -> None:
+def test_long_png_is_read_and_made_in_slices() -> None:
     frame = long_text(3_000_000)
     assert sum(1 for _ in decode_png(drawn(frame), MAX_BYTES)) > 20
     picture = Picture(frame)
@@ -75,7 +75,7 @@ def test_a_long_picture_is_read_and_made_in_slices() -> None:
     assert num_slices > 20
 
 
-def test_two_listeners_share_the_work_on_a_picture() -> None:
+def test_two_subscribers_share_the_encoding_of_a_png() -> None:
     frame = long_text(600_000)
     picture = Picture(frame)
     first, second = PictureFrames(picture), PictureFrames(picture)
@@ -94,7 +94,7 @@ def test_two_listeners_share_the_work_on_a_picture() -> None:
     assert all(a is b for a, b in pairwise(taken))
 
 
-def test_picture_that_failed_for_one_listener_is_not_sent_without_its_lost_part_to_another() -> None:
+def test_png_that_failed_for_one_subscriber_is_not_sent_incomplete_to_another() -> None:
     picture = Picture(long_text(300_000))
     first, second = PictureFrames(picture), PictureFrames(picture)
     assert first.take(1) == []
@@ -107,7 +107,7 @@ def test_picture_that_failed_for_one_listener_is_not_sent_without_its_lost_part_
             second.take(1)
 
 
-def test_pictures_that_hold_nothing() -> None:
+def test_png_without_valid_data_is_refused() -> None:
     bomb = base64.b64encode(
         b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\1\0\0\0\1\0\0\x08\2\0\0\0" + b"\0" * 4 + b"\0\0\0\0IEND\xaeB`\x82"
     ).decode()
@@ -125,12 +125,12 @@ def file_of(width: int, height: int, *chunks: tuple[bytes, bytes]) -> str:
 
 
 @pytest.mark.parametrize(("width", "height"), [(60_000, 60_000), (2**31 - 1, 1), (3_000, 2_000)])
-def test_a_picture_that_claims_too_many_pixels_is_refused_by_its_header(width: int, height: int) -> None:
+def test_png_with_too_many_pixels_is_refused_by_its_header(width: int, height: int) -> None:
     with pytest.raises(FrameError, match="png: expected at most 16,000,000 bytes"):
         read(file_of(width, height, (b"IDAT", zlib.compress(bytes(1_000)))), 16_000_000)
 
 
-def test_a_large_picture_that_is_not_whole_or_of_another_form_is_refused() -> None:
+def test_large_png_that_is_incomplete_or_of_another_format_is_refused() -> None:
     line = bytes(3 * 1_000 + 1)
     for data in (
         file_of(1_000, 1_000, (b"IDAT", zlib.compress(line * 999))),
@@ -144,18 +144,18 @@ def test_a_large_picture_that_is_not_whole_or_of_another_form_is_refused() -> No
             read(data)
 
 
-def test_more_lines_than_the_header_says_are_passed_over() -> None:
+def test_surplus_png_lines_are_ignored() -> None:
     line = b"\0" + b"x" * 3_000
     assert read(file_of(1_000, 200, (b"IDAT", zlib.compress(line * 4_000)))) == b"x" * 600_000
 
 
-def test_ancillary_chunks_of_a_small_picture_are_not_even_inflated() -> None:
+def test_ancillary_chunks_of_a_small_png_are_not_inflated() -> None:
     bomb = b"Comment\0\0" + zlib.compress(bytes(10_000_000))
     pixels = zlib.compress(b"\0{}\n")
     assert read(file_of(1, 1, *[(b"zTXt", bomb)] * 100, (b"IDAT", pixels))) == b"{}"
 
 
-def test_a_file_of_many_empty_chunks_is_passed_over_in_slices() -> None:
+def test_many_empty_png_chunks_are_skipped_in_slices() -> None:
     data = file_of(1_000, 1_000, *[(b"IDAT", b"")] * 100_000)
     slices: list[None] = []
     with pytest.raises(FrameError, match="not whole"):

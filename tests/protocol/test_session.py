@@ -1,4 +1,4 @@
-"""One peer's wire: what is received, and what is said at which level."""
+"""One session: received frames, and statuses by level."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Unfit(Body):
         raise FieldError("not in cbor")
 
 
-def test_ops_come_in_order_and_the_rest_is_told() -> None:
+def test_ops_are_delivered_in_order_and_errors_reported() -> None:
     session = make_session()
     ops = receive(
         session,
@@ -93,7 +93,7 @@ def test_ops_come_in_order_and_the_rest_is_told() -> None:
     assert (session.num_received, session.num_refused) == (1, 1)
 
 
-def test_levels() -> None:
+def test_status_level_filters_statuses() -> None:
     session = make_session()
     heard = {}
     for level in ("none", "error", "warning", "warn", "info"):
@@ -110,7 +110,7 @@ def test_levels() -> None:
     }
 
 
-def test_a_word_that_is_no_level_changes_nothing() -> None:
+def test_unknown_status_level_changes_nothing() -> None:
     session = make_session()
     session.set_level("loud")
     session.remark("error", "x")
@@ -118,7 +118,7 @@ def test_a_word_that_is_no_level_changes_nothing() -> None:
     assert len(said(session)) == 1
 
 
-def test_a_silent_session_makes_no_remarks_and_still_answers() -> None:
+def test_session_with_level_none_sends_answers_and_no_status() -> None:
     session = make_session(is_talkative=False)
     assert receive(session, b"rubbish") == []
     session.answer("/s", "1", "no", is_ok=False)
@@ -126,7 +126,7 @@ def test_a_silent_session_makes_no_remarks_and_still_answers() -> None:
     assert answer == {"op": "service_response", "service": "/s", "values": "no", "result": False, "id": "1"}
 
 
-def test_messages_answers_and_calls() -> None:
+def test_session_sends_messages_answers_and_calls() -> None:
     session = make_session()
     feed = Feed(session, "/t")
     feed.set_options(None, SubscriptionOptions())
@@ -141,7 +141,7 @@ def test_messages_answers_and_calls() -> None:
 
 
 @pytest.mark.parametrize("op", ["[]", "{}", "7", "null", '["service_response"]'])
-def test_an_op_whose_name_is_no_text_is_refused(op: str) -> None:
+def test_op_that_is_not_a_text_is_refused(op: str) -> None:
     session = make_session()
     lost: list[FrameError] = []
     session.on_lost_answer = lost.append
@@ -164,7 +164,7 @@ def test_an_op_whose_name_is_no_text_is_refused(op: str) -> None:
         ('{"op":"service_response","id":"1","service":"/s","result":1}', "service_response", "1"),
     ],
 )
-def test_an_unreadable_answer_says_as_far_as_it_can_whose_it_is(frame: str, op: str, op_id: str | None) -> None:
+def test_unreadable_answer_keeps_its_readable_id_and_service(frame: str, op: str, op_id: str | None) -> None:
     session = make_session()
     lost: list[FrameError] = []
     session.on_lost_answer = lost.append
@@ -173,7 +173,7 @@ def test_an_unreadable_answer_says_as_far_as_it_can_whose_it_is(frame: str, op: 
     assert [(error.op, error.op_id) for error in lost] == [(op, op_id)]
 
 
-def test_others_have_their_turn_between_pieces_that_make_nothing_whole() -> None:
+def test_session_yields_between_incomplete_fragments() -> None:
     session = make_session()
     piece = b'{"op":"fragment","id":"f","num":%d,"total":9,"data":"x"}'
     steps = session.receive(b"".join(piece % i for i in range(8)), 0.0)
@@ -183,7 +183,7 @@ def test_others_have_their_turn_between_pieces_that_make_nothing_whole() -> None
 # What waits for its turn
 
 
-def test_alarm_is_set_for_the_first_of_those_that_wait_and_not_once_nothing_waits() -> None:
+def test_timer_is_set_for_the_first_waiting_message_and_cleared_after() -> None:
     """Without it the last value of a burst stays in the queue until the next one comes."""
     alarms: list[float] = []
     session = Session(Outbox(OutboxLimits(), lambda: None, lambda: None), alarms.append)
@@ -204,7 +204,7 @@ def test_alarm_is_set_for_the_first_of_those_that_wait_and_not_once_nothing_wait
     assert list(session.waiting()) == []
 
 
-def test_alarm_is_for_the_earliest_of_those_that_still_wait() -> None:
+def test_timer_is_set_for_the_earliest_waiting_message() -> None:
     alarms: list[float] = []
     session = Session(Outbox(OutboxLimits(), lambda: None, lambda: None), alarms.append)
     for interval in (0.2, 0.5, 0.3):
@@ -216,7 +216,7 @@ def test_alarm_is_for_the_earliest_of_those_that_still_wait() -> None:
     assert alarms[3:] == [0.2]
 
 
-def test_queue_of_a_feed_without_throttle_is_what_the_outbox_keeps_of_it() -> None:
+def test_queue_length_without_throttling_is_the_outbox_burst() -> None:
     """With a throttle, `queue_length` is about what waits in the feed, and the outbox keeps its usual burst."""
     session = make_session()
     feed = make_feed(session, SubscriptionOptions(queue_length=3))
@@ -232,7 +232,7 @@ def test_queue_of_a_feed_without_throttle_is_what_the_outbox_keeps_of_it() -> No
     assert session.outbox.bursts == {}
 
 
-def test_feed_that_has_ended_neither_waits_nor_sends_nor_sets_an_alarm() -> None:
+def test_ended_subscription_neither_waits_nor_sends_nor_sets_a_timer() -> None:
     """A client that unsubscribes must not get what had waited, and its feed must not be kept."""
     alarms: list[float] = []
     session = Session(Outbox(OutboxLimits(), lambda: None, lambda: None), alarms.append)
@@ -251,7 +251,7 @@ def test_feed_that_has_ended_neither_waits_nor_sends_nor_sets_an_alarm() -> None
 
 @pytest.mark.parametrize("body", [Body(), Heavy()])
 @pytest.mark.parametrize("compression", ["none", "cbor", "cbor-raw"])
-def test_each_message_that_goes_out_is_counted_once(body: Body, compression: str) -> None:
+def test_each_sent_message_is_counted_once(body: Body, compression: str) -> None:
     session = make_session()
     feed = make_feed(session, SubscriptionOptions(compression=compression))
     for num in (1, 2, 3):
@@ -272,7 +272,7 @@ def test_cbor_raw_is_stamped_with_the_time_at_which_the_message_was_sent(body: B
 
 
 @pytest.mark.parametrize("compression", ["cbor", "none"])
-def test_heavy_message_is_encoded_when_it_is_taken_and_not_before(compression: str) -> None:
+def test_large_message_is_encoded_when_it_is_sent(compression: str) -> None:
     session = make_session()
     feed = make_feed(session, SubscriptionOptions(compression=compression))
     feed.deliver(Unwritable(ZeroDivisionError()), 0.0, 0)  # nothing is raised: nobody reads yet
@@ -280,7 +280,7 @@ def test_heavy_message_is_encoded_when_it_is_taken_and_not_before(compression: s
 
 
 @pytest.mark.parametrize("error", [EncodingError("not this one"), ZeroDivisionError("not this one")])
-def test_heavy_message_that_cannot_be_written_is_told_with_its_topic(error: Exception) -> None:
+def test_unencodable_large_message_is_reported_with_its_topic(error: Exception) -> None:
     """Its publisher hears of it; the connection and the other messages live on."""
     session = make_session()
     unsent: list[tuple[str, EncodingError]] = []
@@ -295,7 +295,7 @@ def test_heavy_message_that_cannot_be_written_is_told_with_its_topic(error: Exce
 
 
 @pytest.mark.parametrize("error", [EncodingError("not this one"), ZeroDivisionError("not this one")])
-def test_pieces_that_cannot_be_made_are_told_with_their_topic(error: Exception) -> None:
+def test_failed_fragments_are_reported_with_their_topic(error: Exception) -> None:
     session = make_session()
     unsent: list[tuple[str, EncodingError]] = []
     session.on_unsent = lambda spelling, why: unsent.append((spelling, why))
@@ -304,7 +304,7 @@ def test_pieces_that_cannot_be_made_are_told_with_their_topic(error: Exception) 
     assert (spelling, isinstance(why, EncodingError), "not this one" in str(why)) == ("/t", True, True)
 
 
-def test_message_that_cannot_be_written_after_it_has_waited_is_told_with_its_topic() -> None:
+def test_queued_message_that_cannot_be_encoded_is_reported_with_its_topic() -> None:
     class Broken(Unwritable):
         text_length = 0
 
@@ -319,7 +319,7 @@ def test_message_that_cannot_be_written_after_it_has_waited_is_told_with_its_top
 
 
 @pytest.mark.parametrize("text_length", [0, HEAVY])
-def test_listener_is_told_once_that_messages_have_no_such_encoding(text_length: int) -> None:
+def test_subscriber_is_told_once_that_its_encoding_is_impossible(text_length: int) -> None:
     """Not with each of a thousand messages; but again when it has asked anew."""
     body = Unfit()
     body.text_length = text_length
@@ -336,7 +336,7 @@ def test_listener_is_told_once_that_messages_have_no_such_encoding(text_length: 
     assert told == [1, 0, 0, 1, 0, 0]
 
 
-def test_frame_that_fits_goes_out_whole() -> None:
+def test_frame_below_the_fragment_size_is_sent_whole() -> None:
     session = make_session()
     feed = make_feed(session, SubscriptionOptions(fragment_size=1_000))
     feed.deliver(Body(), 0.0, 0)
@@ -346,14 +346,14 @@ def test_frame_that_fits_goes_out_whole() -> None:
 
 
 @pytest.mark.parametrize(("spare", "op"), [(0, "publish"), (-1, "fragment")])
-def test_frame_of_exactly_the_fragment_size_goes_out_whole(spare: int, op: str) -> None:
+def test_frame_of_exactly_the_fragment_size_is_sent_whole(spare: int, op: str) -> None:
     frame = b'{"op":"publish","topic":"/t","msg":{"data":"hi"}}'
     session = make_session()
     make_feed(session, SubscriptionOptions(fragment_size=len(frame) + spare)).deliver(Body(), 0.0, 0)
     assert said(session)[0]["op"] == op
 
 
-def test_heavy_message_comes_in_pieces_that_make_it_whole() -> None:
+def test_large_message_is_fragmented_completely() -> None:
     session = make_session()
     make_feed(session, SubscriptionOptions(fragment_size=20)).deliver(Heavy(), 0.0, 0)
     frames: list[Any] = []
@@ -364,7 +364,7 @@ def test_heavy_message_comes_in_pieces_that_make_it_whole() -> None:
     assert json.loads(whole) == {"op": "publish", "topic": "/t", "msg": {"data": "hi"}}
 
 
-def test_length_of_a_frame_that_is_not_plain_is_known_until_the_next_one() -> None:
+def test_length_of_a_packed_frame_is_known_until_the_next_one() -> None:
     session = make_session()
     assert session.frame_length == 0
     receive(session, b"rubbish")
@@ -373,7 +373,7 @@ def test_length_of_a_frame_that_is_not_plain_is_known_until_the_next_one() -> No
     assert session.frame_length == 0
 
 
-def test_each_frame_that_comes_is_counted_once() -> None:
+def test_each_received_frame_is_counted_once() -> None:
     session = make_session()
     for num, frame in enumerate(
         [b'{"op":"subscribe","topic":"/t"}', b"rubbish", b'{"op":"unsubscribe","topic":"/t"}'], 1
@@ -382,7 +382,7 @@ def test_each_frame_that_comes_is_counted_once() -> None:
         assert session.num_received == num
 
 
-def test_pieces_that_have_come_are_on_the_account_of_the_client() -> None:
+def test_received_fragments_count_on_the_clients_account() -> None:
     account = Account(1_000)
     session = make_session(account=account)
     receive(session, b'{"op":"fragment","id":"f","num":0,"total":2,"data":"xxxx"}')

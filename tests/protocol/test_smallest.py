@@ -11,7 +11,7 @@ from rosbridge_sim.protocol.smallest import Smallest
 
 
 @given(st.lists(st.tuples(st.integers(0, 40), st.booleans()), max_size=200))
-def test_any_order_of_changes_gives_the_smallest_of_what_is_there(changes: list[tuple[int, bool]]) -> None:
+def test_any_order_of_changes_gives_the_smallest_present_number(changes: list[tuple[int, bool]]) -> None:
     bag, there = Smallest(), Counter[int]()
     for number, is_coming in changes:
         if is_coming:
@@ -49,7 +49,7 @@ def test_the_cost_of_a_change_does_not_grow_with_the_numbers() -> None:
     assert _Counted.num_compared < 2_000 * 40  # a few logarithms; all of them each time would be 2,000,000
 
 
-def test_numbers_that_have_gone_are_not_kept() -> None:
+def test_removed_numbers_are_not_kept() -> None:
     bag = Smallest()
     bag.add(0.0)  # stays, and so nothing above it comes to the top
     for number in range(1, 1_000):

@@ -1,4 +1,4 @@
-"""Pace: what is throttled, queued and dropped; and how the terms of several subscriptions merge."""
+"""Throttling: throttled, queued and dropped messages; merged options of several subscriptions."""
 
 from __future__ import annotations
 
@@ -43,28 +43,28 @@ def play(pace: Throttle[int], arrivals: list[float], until: float) -> list[tuple
     return left
 
 
-def test_without_terms_everything_leaves_at_once() -> None:
+def test_subscription_without_options_sends_at_once() -> None:
     assert play(paced(0, 0), [0.0, 0.0, 0.1], 10) == [(0.0, 0), (0.0, 1), (0.1, 2)]
 
 
-def test_throttle_without_a_queue_is_leading_edge() -> None:
+def test_throttle_without_a_queue_sends_the_first_of_a_burst() -> None:
     pace = paced(1.0, 0)
     assert play(pace, [0.0, 0.3, 0.6, 1.0, 1.5], 10) == [(0.0, 0), (1.0, 3)]
     assert pace.num_dropped == 3
 
 
-def test_throttle_with_a_queue_delivers_the_last_of_a_burst() -> None:
+def test_throttle_with_a_queue_sends_the_last_of_a_burst() -> None:
     pace = paced(1.0, 1)
     assert play(pace, [0.0, 0.1, 0.2, 0.3], 10) == [(0.0, 0), (1.0, 3)]
     assert pace.num_dropped == 2
 
 
-def test_a_queue_leaves_one_each_interval_and_keeps_the_newest() -> None:
+def test_queue_sends_one_per_interval_and_keeps_the_newest() -> None:
     pace = paced(1.0, 3)
     assert play(pace, [i / 100 for i in range(10)], 10) == [(0.0, 0), (1.0, 7), (2.0, 8), (3.0, 9)]
 
 
-def test_a_late_timer_does_not_slow_the_feed_and_a_stall_does_not_make_it_race() -> None:
+def test_late_timer_and_stall_keep_the_throttle_rate() -> None:
     pace = paced(1.0, 5)
     for i in range(6):
         pace.admit(i, 0.0)
@@ -76,7 +76,7 @@ def test_a_late_timer_does_not_slow_the_feed_and_a_stall_does_not_make_it_race()
     assert pace.release(7.5) is None
 
 
-def test_what_waits_survives_new_terms_and_leaves_when_they_allow() -> None:
+def test_waiting_message_survives_new_options() -> None:
     pace = paced(10.0, 5)
     for i in range(4):
         pace.admit(i, 0.0)
@@ -93,7 +93,7 @@ def test_what_waits_survives_new_terms_and_leaves_when_they_allow() -> None:
     st.sampled_from([0.0, 0.3, 1.0]),
     st.integers(0, 4),
 )
-def test_no_two_leave_within_an_interval_and_none_is_lost_untold(
+def test_interval_between_messages_holds_and_losses_are_counted(
     arrivals: list[float], interval: float, queue_length: int
 ) -> None:
     pace = paced(interval, queue_length)
@@ -124,7 +124,7 @@ def merged(*terms: SubscriptionOptions) -> SubscriptionOptions:
     return together.merged()
 
 
-def test_terms_merge() -> None:
+def test_subscription_options_merge() -> None:
     assert merged(
         SubscriptionOptions(interval=1.0, queue_length=1, fragment_size=500, compression="png"),
         SubscriptionOptions(interval=0.5, queue_length=7, compression="cbor"),
@@ -147,7 +147,7 @@ SOME_TERMS = st.builds(
 
 
 @given(st.lists(st.tuples(st.integers(0, 8), st.none() | SOME_TERMS), max_size=60))
-def test_terms_that_come_and_go_in_any_order_merge_like_those_that_are_left(
+def test_merged_options_depend_only_on_present_subscriptions(
     changes: list[tuple[int, SubscriptionOptions | None]],
 ) -> None:
     together = MergedOptions()
@@ -157,7 +157,7 @@ def test_terms_that_come_and_go_in_any_order_merge_like_those_that_are_left(
             assert together.merged() == merge_terms(together.by_id.values())
 
 
-def test_terms_of_a_subscribe() -> None:
+def test_options_of_a_subscribe_op_are_read() -> None:
     assert read_options(Subscribe(topic="/t")) == SubscriptionOptions()
     op = Subscribe(topic="/t", throttle_rate=250.0, queue_length=3.0, fragment_size=2147483647.0, compression="png")
     assert read_options(op) == SubscriptionOptions(
@@ -167,7 +167,7 @@ def test_terms_of_a_subscribe() -> None:
     assert read_options(op) == SubscriptionOptions()
 
 
-def test_qos() -> None:
+def test_qos_of_a_subscribe_op_is_read() -> None:
     assert read_qos(None) == read_qos({}) == Qos()
     assert read_qos({"durability": "transient_local", "depth": 7}) == Qos(depth=7, is_latching=True)
     assert read_qos({"durability": "volatile", "depth": 0}) == Qos(depth=1, is_latching=False)

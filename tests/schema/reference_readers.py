@@ -1,4 +1,4 @@
-"""Simple and slow readers of what the compiled writers make: the values as Python objects, whatever they came through.
+"""Simple and slow reference readers of the compiled encoders' output, as Python objects.
 
 `plain` reads a struct, `read_cbor` a CBOR item by cbor2, `Rosbags` the bytes of either ROS by rosbags. A float32 is
 what four bytes leave of it, since ROS's bytes have no more.

@@ -1,4 +1,4 @@
-"""Messages grown from their types: whoever adds a definition has it tested without another line.
+"""Hypothesis strategies made from message types: a new definition is tested without another line.
 
 `bodies` are JSON bodies as friendly clients send them, `odd_bodies` add what is tolerated, `broken_texts` are bodies
 that something has happened to. `values` are the structs that bodies stand for; in `wild_values` some numbers are none.

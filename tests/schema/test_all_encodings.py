@@ -1,4 +1,4 @@
-"""JSON, CBOR, ROS 1 bytes and CDR say the same of every value of every type."""
+"""JSON, CBOR, ROS 1 bytes and CDR agree for every value of every type."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def check_encodings(message_type: MessageType, value: object) -> None:
 @pytest.mark.slow
 @settings(max_examples=200, deadline=None)  # the first value of a type compiles it
 @given(st.data())
-def test_all_encodings_agree(data: st.DataObject) -> None:
+def test_all_encodings_of_a_value_agree(data: st.DataObject) -> None:
     message_type = data.draw(every_type())
     check_encodings(message_type, data.draw(wild_values(message_type)))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ros", [1, 2])
-def test_defaults_go_through_all_encodings(ros: Generation) -> None:
+def test_default_values_pass_all_encodings(ros: Generation) -> None:
     # rosbags takes 10 ms to learn a type: those of the world, and a few of each kind of all others
     types = [t for i, t in enumerate(all_types(ros)) if i % 8 == 0 or t.name.startswith(("morai_msgs/Ego", "p/"))]
     assert len(types) > 50
@@ -62,7 +62,7 @@ def test_defaults_go_through_all_encodings(ros: Generation) -> None:
 
 
 @pytest.mark.parametrize("ros", [1, 2])
-def test_every_type_can_be_written(ros: Generation) -> None:
+def test_every_type_can_be_encoded(ros: Generation) -> None:
     for message_type in all_types(ros):
         value = message_type.default()
         assert message_type.encode_cbor(value)[:1] >= b"\xa0"
@@ -73,7 +73,7 @@ def test_every_type_can_be_written(ros: Generation) -> None:
 @pytest.mark.slow
 @settings(max_examples=150, deadline=None)  # as above
 @given(st.data())
-def test_what_cbor_says_is_accepted_back(data: st.DataObject) -> None:
+def test_cbor_output_is_accepted_as_input(data: st.DataObject) -> None:
     message_type = data.draw(every_type())
     value = data.draw(wild_values(message_type))
     again = message_type.check(read_cbor(message_type.encode_cbor(value)), STAMP_NS)
@@ -87,7 +87,7 @@ def test_what_cbor_says_is_accepted_back(data: st.DataObject) -> None:
     | st.lists(st.floats(allow_nan=False), min_size=64, max_size=80)
     | st.lists(st.floats(allow_nan=False) | st.integers(-5, 5) | st.booleans(), min_size=64, max_size=80)
 )
-def test_long_lists_of_numbers_of_unknown_types_say_the_same_in_cbor(values: list[float]) -> None:
+def test_long_number_lists_of_unknown_types_are_equal_in_cbor(values: list[float]) -> None:
     decoded = cbor2.loads(encode_plain({"data": values}))["data"]
     assert decoded == values
     assert list(map(type, decoded)) == list(map(type, values))

@@ -1,4 +1,4 @@
-"""Definitions with something wrong in them: a type that can be used in every way, or an error with its place."""
+"""Damaged definitions: a usable type, or an error with its place."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _edit(text: str, edits: list[tuple[int, str, bool]]) -> str:
 
 
 @pytest.mark.parametrize("line", [piece for piece in PIECES if len(piece) > 1_000])
-def test_an_error_about_a_line_without_end_is_short(line: str) -> None:
+def test_error_about_an_overlong_line_is_short(line: str) -> None:
     with pytest.raises(DefinitionError) as caught:
         parse_message("p/T", line)
     assert len(str(caught.value)) < 400
@@ -73,7 +73,7 @@ def test_an_error_about_a_line_without_end_is_short(line: str) -> None:
 @pytest.mark.slow
 @examples(150)
 @given(given_text=edited_texts, ros=st.sampled_from(get_args(Generation)))
-def test_an_odd_definition_is_a_type_or_an_error(
+def test_odd_definition_gives_a_type_or_an_error(
     given_text: tuple[tuple[str, str, str], str, list[Flip]], ros: Generation
 ) -> None:
     (package, kind, name), text, changes = given_text

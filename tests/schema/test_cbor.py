@@ -1,4 +1,4 @@
-"""CBOR: its bytes, its typed arrays, what the world's own code may put into a value, and what cannot be written."""
+"""CBOR encoding: bytes, typed arrays, numpy values, and refused values."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def written(text: str, ros: Generation = 1, **fields: Any) -> bytes:  # noqa: AN
     return message_type.encode_cbor(message_type.struct_type(**fields))
 
 
-def test_an_annotated_message() -> None:
+def test_message_has_the_annotated_cbor_bytes() -> None:
     t = make("int32 i\nfloat64 f\nstring s\nbool b\nuint8[] d\nint16[] a\ntime t\nU u", U="int8 x")
     value = t.check({"i": -500, "f": 0.5, "s": "hi", "b": True, "d": [1, 255], "a": [1, -2], "t": {"secs": 1}}, 0)
     assert t.encode_cbor(value) == (
@@ -47,7 +47,7 @@ def test_an_annotated_message() -> None:
 
 @pytest.mark.parametrize("kind", ARRAY_TAGS)
 @pytest.mark.parametrize("array", ["[]", "[3]", "[<=5]", "[70]"])
-def test_arrays_of_numbers_are_typed_arrays_that_roslib_knows(kind: str, array: str) -> None:
+def test_number_arrays_are_typed_arrays_known_to_roslib(kind: str, array: str) -> None:
     values = [1, 2, 3] if array != "[70]" else [3] * 70
     item = cbor2.loads(written(f"{kind}{array} a", a=values))["a"]
     assert (item.tag, isinstance(item.value, bytes)) == (ARRAY_TAGS[kind], True)
@@ -65,7 +65,7 @@ def test_a_byte_has_a_sign_in_ros_1() -> None:
     assert cbor2.loads(written("byte[] a", ros=2, a=[255]))["a"] == cbor2.CBORTag(64, b"\xff")
 
 
-def test_other_arrays_are_arrays() -> None:
+def test_other_arrays_are_plain_arrays() -> None:
     t = make("bool[] b\nstring[] s\ntime[] t\nduration[2] d\nU[] u", U="int8 x")
     body = {"b": [True, False], "s": ["", "é" * 300], "t": [{"secs": 1, "nsecs": 2}], "u": [{"x": 1}, {"x": -1}]}
     zero = {"secs": 0, "nsecs": 0}
@@ -73,7 +73,7 @@ def test_other_arrays_are_arrays() -> None:
 
 
 @pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf, -0.0, 0.1])
-def test_floats_are_doubles_whatever_they_are(number: float) -> None:
+def test_every_float_is_a_double(number: float) -> None:
     for kind in ("float32", "float64"):
         assert written(f"{kind} f", f=number) == b"\xa1\x61f\xfb" + struct.pack(">d", number)
     assert encode_plain(number) == b"\xfb" + struct.pack(">d", number)
@@ -86,7 +86,7 @@ def test_integers_have_the_shortest_head(number: int) -> None:
 
 
 @pytest.mark.parametrize("length", [0, 23, 24, 255, 256, 65_535, 65_536])
-def test_lengths_of_every_size(length: int) -> None:
+def test_lengths_of_every_size_are_encoded(length: int) -> None:
     value: dict[str, Any] = {
         "s": "x" * length,
         "d": b"x" * length,
@@ -97,13 +97,13 @@ def test_lengths_of_every_size(length: int) -> None:
     assert read_cbor(written("string s\nuint8[] d\nfloat32[] a\nbool[] b\nstring[] t", **value)) == value
 
 
-def test_a_number_of_more_than_64_bits_has_no_head() -> None:
+def test_number_of_more_than_64_bits_is_refused() -> None:
     assert head(0, 2**64 - 1) == b"\x1b" + b"\xff" * 8
     with pytest.raises(ValueError, match="64 bits"):
         head(0, 2**64)
 
 
-def test_numpy_values_are_written() -> None:
+def test_numpy_values_are_encoded() -> None:
     value: dict[str, Any] = {
         "f": np.float32(0.5), "i": np.int64(-300), "b": np.bool_(1), "a": np.array([0.5, np.inf], np.float32),
         "d": np.array([1, 2], np.uint8), "m": np.eye(6)[:, 0], "n": np.arange(3)[::-1], "o": np.array([True, False]),
@@ -116,7 +116,7 @@ def test_numpy_values_are_written() -> None:
     assert read_cbor(written(text, **value)) == expected
 
 
-def test_messages_too_large_to_be_written_out_in_place_call_each_other() -> None:
+def test_large_nested_messages_are_encoded_by_separate_functions() -> None:
     small = "".join(f"float64 x{i}\n" for i in range(MAX_INLINE))
     t = make("int8 a\nU u\nV v\nint8 b", U=small, V=small + "float64 last\nstring s\n")
     value = t.check({"a": 1, "v": {"last": 2.0, "s": "x"}, "b": 3}, 0)
@@ -127,7 +127,7 @@ def test_messages_too_large_to_be_written_out_in_place_call_each_other() -> None
 @pytest.mark.parametrize(
     "fields", [{"i": "x"}, {"i": 2**64}, {"s": 3}, {"f": "x"}, {"u": None}, {"t": 3}, {"a": [1]}, {"a": ["x"] * 3}]
 )
-def test_a_value_that_does_not_fit_its_type_is_said_to_be_so(fields: dict[str, Any]) -> None:
+def test_value_that_does_not_fit_its_type_is_an_error(fields: dict[str, Any]) -> None:
     t = make("int32 i\nstring s\nfloat64 f\nU u\ntime t\nfloat64[3] a", U="int8 x")
     with pytest.raises(EncodingError, match=r"^p/T: cannot be written as CBOR: "):
         t.encode_cbor(t.struct_type(**fields))
@@ -144,11 +144,11 @@ _ITEMS = st.recursive(
 
 
 @given(_ITEMS)
-def test_plain_objects_are_written(item: object) -> None:
+def test_plain_objects_are_encoded(item: object) -> None:
     assert cbor2.loads(encode_plain(item)) == item
 
 
-def test_values_of_unknown_types_are_written_too() -> None:
+def test_values_of_unknown_types_are_encoded() -> None:
     message = Message(OpaqueType("who/Knows"), {"a": [1, {"b": None}]})
     assert cbor2.loads(message.cbor) == {"a": [1, {"b": None}]}
     with pytest.raises(FieldError, match=r"^who/Knows is not known here, so it cannot be sent as cbor-raw$"):

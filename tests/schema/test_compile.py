@@ -65,7 +65,7 @@ def same(message_type: MessageType, a: object, b: object) -> bool:
 @pytest.mark.slow
 @settings(max_examples=150)
 @given(st.data())
-def test_plain_bodies_take_the_fast_way_and_mean_the_same(data: st.DataObject) -> None:
+def test_plain_bodies_take_the_fast_path_with_equal_results(data: st.DataObject) -> None:
     message_type = data.draw(every_type())
     text = json.dumps(data.draw(bodies(message_type))).encode()
     value = read_fast(message_type, text)
@@ -76,7 +76,7 @@ def test_plain_bodies_take_the_fast_way_and_mean_the_same(data: st.DataObject) -
 @pytest.mark.slow
 @settings(max_examples=150)
 @given(st.data())
-def test_odd_bodies_are_accepted_and_mean_the_same_both_ways(data: st.DataObject) -> None:
+def test_odd_bodies_give_equal_results_on_both_paths(data: st.DataObject) -> None:
     message_type = data.draw(every_type())
     text = json.dumps(data.draw(odd_bodies(message_type))).encode()
     slow = read_slowly(message_type, text)
@@ -88,7 +88,7 @@ def test_odd_bodies_are_accepted_and_mean_the_same_both_ways(data: st.DataObject
 @pytest.mark.slow
 @settings(max_examples=300)
 @given(st.data())
-def test_the_fast_way_accepts_nothing_that_the_slow_one_refuses(data: st.DataObject) -> None:
+def test_fast_path_accepts_nothing_that_the_slow_path_refuses(data: st.DataObject) -> None:
     message_type = data.draw(every_type())
     text = data.draw(broken_texts(message_type))
     fast = read_fast(message_type, text)
@@ -106,7 +106,7 @@ def test_the_fast_way_accepts_nothing_that_the_slow_one_refuses(data: st.DataObj
 @pytest.mark.slow
 @settings(max_examples=100)
 @given(st.data())
-def test_decode_after_encode_gives_the_value_back(data: st.DataObject) -> None:
+def test_decoding_after_encoding_gives_the_value_back(data: st.DataObject) -> None:
     message_type = data.draw(every_type())
     value = data.draw(values(message_type))
     assert same(message_type, message_type.decode_json(message_type.encode_json(value), 0), value)
@@ -171,7 +171,7 @@ for left in range(0, 40, 2):
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits the address space of a process")
-def test_text_without_the_memory_for_it_is_a_memory_error_and_no_crash() -> None:
+def test_text_beyond_the_memory_is_a_memory_error() -> None:
     done = subprocess.run([sys.executable, "-c", STARVED], cwd=ROOT, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     seen = done.stdout.split("\n")

@@ -21,7 +21,7 @@ def test_a_message_is_encoded_once() -> None:
     assert Message(OpaqueType("who/Knows"), {"a": 1}).json == b'{"a":1}'
 
 
-def test_message_that_could_not_be_written_once_is_not_tried_again() -> None:
+def test_unencodable_message_is_not_encoded_again() -> None:
     message_type = shared_store().message("std_msgs/String")
     message = Message(message_type, message_type.struct_type(data=object()))
     for _ in range(2):

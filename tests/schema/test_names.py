@@ -28,18 +28,18 @@ from tests.schema.strategies import all_types, shared_store
         ("_two__scores_", "two_scores"),
     ],
 )
-def test_snake_case(name: str, expected: str) -> None:
+def test_names_are_converted_to_snake_case(name: str, expected: str) -> None:
     assert snake_case(name) == expected
 
 
-def test_only_names_that_ros_2_cannot_have_get_another_one() -> None:
+def test_only_names_invalid_in_ros_2_are_converted() -> None:
     assert ros2_names(["a", "b_c", "turnSignal", "_d", "K"]) == {"turn_signal": "turnSignal", "d": "_d", "k": "K"}
     # nothing that is taken, nothing that two would have, nothing that is no name
     assert ros2_names(["turnSignal", "turn_signal", "aB", "a_B", "_1", "__"]) == {}
 
 
 @given(st.lists(st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,5}", fullmatch=True), unique=True))
-def test_other_names_are_never_ambiguous(names: list[str]) -> None:
+def test_converted_names_are_unambiguous(names: list[str]) -> None:
     found = ros2_names(names)
     assert not set(found) & set(names)
     assert len(set(found.values())) == len(found)
@@ -47,7 +47,7 @@ def test_other_names_are_never_ambiguous(names: list[str]) -> None:
 
 
 @pytest.mark.parametrize("ros", [1, 2])
-def test_every_field_of_morais_can_be_given_in_ros_2s_spelling(ros: int) -> None:
+def test_every_morai_field_is_accepted_in_ros_2_spelling(ros: int) -> None:
     found = 0
     for message_type in all_types(2 if ros == 2 else 1):
         if message_type.name.startswith("morai_msgs/"):
@@ -59,7 +59,7 @@ def test_every_field_of_morais_can_be_given_in_ros_2s_spelling(ros: int) -> None
     assert found > 10
 
 
-def test_types_are_spelled_as_the_generation_does() -> None:
+def test_types_are_spelled_as_in_the_ros_version() -> None:
     assert spelled("std_msgs/String", "msg", 1) == "std_msgs/String"
     assert spelled("std_msgs/String", "msg", 2) == "std_msgs/msg/String"
     assert spelled("rosapi/Topics", "srv", 1) == "rosapi/Topics"
@@ -68,7 +68,7 @@ def test_types_are_spelled_as_the_generation_does() -> None:
 
 
 @pytest.mark.parametrize("ros", [1, 2])
-def test_what_a_store_spells_it_understands(ros: int) -> None:
+def test_store_reads_its_own_spelling(ros: int) -> None:
     store = shared_store(2 if ros == 2 else 1)
     for name in ("tf2_web_republisher/TFArray", "tf2_web_republisher_msgs/msg/TFArray", "std_msgs/msg/String"):
         assert store.message(store.spelled(name, "msg")) is store.message(name)
@@ -81,13 +81,13 @@ def test_what_a_store_spells_it_understands(ros: int) -> None:
         store.spelled("who", "msg")
 
 
-def test_a_name_is_split_whatever_stands_between() -> None:
+def test_type_name_is_split_in_every_spelling() -> None:
     for name in ("p/T", "p/msg/T", "p/srv/T", "p/action/T"):
         assert split_name(name) == ("p", "T")
 
 
 @pytest.mark.parametrize("name", ["/p/T", "p//T", "p/T/", "//p///msg//T//", "/p/msg/T", "p/msg//T"])
-def test_needless_slashes_in_a_type_name_are_passed_over(name: str) -> None:
+def test_surplus_slashes_in_a_type_name_are_ignored(name: str) -> None:
     assert split_name(name) == ("p", "T")
 
 

@@ -20,13 +20,13 @@ def test_an_opaque_type_passes_any_object() -> None:
 
 
 @pytest.mark.parametrize("text", [b"[]", b"1", b"", b"{", b'{"a":"\\ud800"}', b'{"a":"\xff"}'])
-def test_an_opaque_type_refuses_what_is_no_object(text: bytes) -> None:
+def test_opaque_type_refuses_other_values_than_objects(text: bytes) -> None:
     with pytest.raises(FieldError):
         OpaqueType("who/Knows").decode_json(text, 0)
 
 
 @pytest.mark.parametrize("depth", [200, 253, 254, 255, 500, 2_000, 200_000])
-def test_what_an_opaque_type_accepts_it_can_encode(depth: int) -> None:
+def test_opaque_type_can_encode_every_accepted_value(depth: int) -> None:
     t = OpaqueType("who/Knows")
     text = b'{"a":' + b"[" * depth + b"]" * depth + b"}"
     try:

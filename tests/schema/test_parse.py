@@ -1,4 +1,4 @@
-"""The grammar: what each line means, and where a wrong one is wrong."""
+"""The grammar of definitions: every kind of line, and errors with their place."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def fault(text: str) -> tuple[int, int, str]:
 
 
 @pytest.mark.parametrize("kind", sorted(BASE_TYPES))
-def test_base_types(kind: str) -> None:
+def test_base_types_are_parsed(kind: str) -> None:
     assert fields(f"{kind} x") == (Field(kind, "x"),)
     assert fields(f"{kind}[] x") == (Field(kind, "x", 0),)
 
@@ -53,18 +53,18 @@ def test_base_types(kind: str) -> None:
         ("int32 _x", Field("int32", "_x")),
     ],
 )
-def test_fields(line: str, field: Field) -> None:
+def test_field_lines_are_parsed(line: str, field: Field) -> None:
     assert fields(line) == (field,)
     assert field.full_type.startswith(field.type)
 
 
 @pytest.mark.parametrize("text", ["", "\n\n", "# only a comment", "   # x=1\n\t\n"])
-def test_a_text_may_say_nothing(text: str) -> None:
+def test_empty_definition_is_allowed(text: str) -> None:
     definition = parse_message("p/T", text)
     assert (definition.fields, definition.constants) == ((), ())
 
 
-def test_order_lines_and_line_ends() -> None:
+def test_order_and_line_ends_are_handled() -> None:
     definition = parse_message("p/T", "\ufeffint32 b\r\n\r\n# c\r\nint8 a\r\nbool c")
     assert [(f.name, f.line) for f in definition.fields] == [("b", 1), ("a", 4), ("c", 5)]
     assert definition.package == "p"
@@ -87,7 +87,7 @@ def test_order_lines_and_line_ends() -> None:
         ("string X=", Constant("string", "X", "", "")),
     ],
 )
-def test_constants(line: str, constant: Constant) -> None:
+def test_constants_are_parsed(line: str, constant: Constant) -> None:
     assert parse_message("p/T", line).constants == (constant,)
 
 
@@ -108,7 +108,7 @@ def test_constants(line: str, constant: Constant) -> None:
         ("string[] x [\"a, b\", 'c']", ("a, b", "c")),
     ],
 )
-def test_defaults(line: str, default: object) -> None:
+def test_default_values_are_parsed(line: str, default: object) -> None:
     (field,) = fields(line)
     assert field.default == default
     assert type(field.default) is type(default)
@@ -155,11 +155,11 @@ def test_defaults(line: str, default: object) -> None:
         ("string<=2[] x ['abc']", 1, 15, "'abc' is longer than string<=2[] allows"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_said_with_its_place(text: str, line: int, column: int, words: str) -> None:
+def test_errors_name_their_line(text: str, line: int, column: int, words: str) -> None:
     assert fault(text) == (line, column, words)
 
 
-def test_a_service_is_two_messages() -> None:
+def test_service_has_two_messages() -> None:
     request, response = parse_service("p/S", "int32 a\nint32 K=1\n---\nHeader h\n")
     assert (request.name, response.name) == ("p/SRequest", "p/SResponse")
     assert [f.name for f in request.fields + response.fields] == ["a", "h"]
@@ -178,14 +178,14 @@ def test_both_halves_of_a_service_may_be_empty() -> None:
         ("int32 a\n---\nint8 b\nint32 1", 4, "expected the name of a field, found '1'"),
     ],
 )
-def test_lines_of_a_service_are_those_of_its_file(text: str, line: int, words: str) -> None:
+def test_error_lines_of_a_service_count_from_its_file_start(text: str, line: int, words: str) -> None:
     with pytest.raises(DefinitionError) as caught:
         parse_service("p/S", text, "S.srv")
     assert caught.value.line == line
     assert str(caught.value).endswith(words)
 
 
-def test_an_action_is_three_messages() -> None:
+def test_action_has_three_messages() -> None:
     parts = parse_action("p/A", "int32 goal\n---\n# nothing\n---\nHeader h\nint8 LAST=1\n")
     assert [d.name for d in parts] == ["p/AGoal", "p/AResult", "p/AFeedback"]
     assert [[f.name for f in d.fields] for d in parts] == [["goal"], [], ["h"]]
@@ -200,7 +200,7 @@ def test_an_action_is_three_messages() -> None:
         ("int32 a\n---\nint8 b\n---\nint32 1", 5, "expected the name of a field, found '1'"),
     ],
 )
-def test_lines_of_an_action_are_those_of_its_file(text: str, line: int, words: str) -> None:
+def test_error_lines_of_an_action_count_from_its_file_start(text: str, line: int, words: str) -> None:
     with pytest.raises(DefinitionError) as caught:
         parse_action("p/A", text, "A.action")
     assert caught.value.line == line
@@ -220,7 +220,7 @@ def test_lines_of_an_action_are_those_of_its_file(text: str, line: int, words: s
         ("", "", ""),
     ],
 )
-def test_quotes_of_a_text_constant_belong_to_it_in_ros_1(text: str, in_ros_1: str, in_ros_2: str) -> None:
+def test_quotes_of_a_ros_1_text_constant_belong_to_its_value(text: str, in_ros_1: str, in_ros_2: str) -> None:
     for kind in ("string", "wstring"):
         line = f"int8 x\n{kind} K={text}"
         assert [c.value for c in parse_message("p/T", line).constants] == [in_ros_1]
@@ -228,7 +228,7 @@ def test_quotes_of_a_text_constant_belong_to_it_in_ros_1(text: str, in_ros_1: st
         assert (constant.value, constant.text, constant.line) == (in_ros_2, text, 2)
 
 
-def test_bounds_of_every_kind() -> None:
+def test_bounds_of_every_kind_are_parsed() -> None:
     text = "string<=10[<=5] a\nwstring<=3 b\nstring<=4[] c\np/U[<=2] d\nuint8[<=9] e\nstring<=1[2] f"
     found = [(f.type, f.array, f.is_bounded, f.max_chars, f.full_type) for f in fields(text)]
     assert found == [
@@ -245,7 +245,7 @@ def test_bounds_of_every_kind() -> None:
     st.text()
     | st.lists(st.sampled_from(["int32", " ", "x", "=", "[", "]", "<=", "3", "#", "'", "---", "\n"])).map("".join)
 )
-def test_any_text_is_parsed_or_refused(text: str) -> None:
+def test_any_text_gives_a_definition_or_an_error(text: str) -> None:
     for parse in (parse_message, parse_service, parse_action, partial(parse_message, ros=2)):
         try:
             assert parse("p/T", text)

@@ -43,7 +43,7 @@ def read(path: Path) -> tuple[Definition, ...]:
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_a_file_starts_with_what_it_is_and_is_tidy(path: Path) -> None:
+def test_every_definition_file_starts_with_a_comment_and_is_tidy(path: Path) -> None:
     text = path.read_text()
     assert text.startswith("# ")
     assert text.isascii()
@@ -63,7 +63,7 @@ def test_every_definition_compiles(name: str) -> None:
     assert len(texts) == len(FILES) - len(others)
 
 
-def test_every_field_of_the_simulator_says_what_it_is() -> None:
+def test_every_field_of_the_simulators_own_types_has_a_comment() -> None:
     for path in (path for path in FILES if "morai_msgs" in path.parts):
         lines = path.read_text().splitlines()[1:]
         assert all("  # " in line for line in lines if line not in {"", "---"}), path.name
@@ -110,7 +110,7 @@ def test_standard_services_have_the_types_of_either_generation(ros: Generation) 
 
 
 @pytest.mark.parametrize("ros", [1, 2])
-def test_standard_messages_of_ours_are_those_of_rosbags(ros: Generation) -> None:
+def test_our_standard_messages_equal_those_of_rosbags(ros: Generation) -> None:
     ours, theirs = shared_store(ros), Store({}, ros=ros)
     standard = {*standard_names(1), *standard_names(2)} & {f"{package}/{name}" for package, _, name in read_texts()}
     assert len(standard) > 15

@@ -1,4 +1,4 @@
-"""Estimates of what values cost in memory: near the truth, and never far below it."""
+"""Estimates of the memory of values: close, and never far too low."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_an_estimate_is_near_what_python_takes(name: str, body: dict[str, Any]) 
     assert 0.5 < size_of(value, len(text)) / real < 4.0
 
 
-def test_unequal_elements_cannot_hide_more_than_half_of_their_text() -> None:
+def test_estimate_covers_at_least_half_the_text_of_unequal_elements() -> None:
     names = [""] * 1_000
     names[17] = LAST
     assert size_of({"names": names}, 1_003_000) >= 2_000_000
@@ -64,7 +64,7 @@ def test_arrays_and_bytes_count_by_their_bytes() -> None:
     assert 1_000_000 <= size_of({"data": bytes(1_000_000)}) <= 1_000_500
 
 
-def test_nesting_has_an_end() -> None:
+def test_depth_of_nesting_is_bounded() -> None:
     value: list[Any] = []
     for _ in range(100_000):
         value = [value]

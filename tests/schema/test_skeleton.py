@@ -1,4 +1,4 @@
-"""What long bodies stand for is counted before they are decoded."""
+"""Elements of long bodies are counted before decoding."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def cost(name: str, body: dict[str, Any]) -> int:
     return max(Skeleton(STORE.message(name).spec).costs(orjson.dumps(body)), default=0)
 
 
-def test_a_marker_costs_its_structs_and_the_float32_of_its_colour() -> None:
+def test_marker_counts_its_structs_and_colour_values() -> None:
     marker = 9 + 2 * 4  # marker, header, stamp..: time is no message
     each = cost("visualization_msgs/MarkerArray", {"markers": [{}]})
     assert each <= marker
@@ -31,7 +31,7 @@ def test_a_marker_costs_its_structs_and_the_float32_of_its_colour() -> None:
     assert cost("visualization_msgs/MarkerArray", {"markers": [{"points": [{}] * 7}]}) == each + 7
 
 
-def test_lists_within_single_messages_are_found() -> None:
+def test_lists_within_single_messages_are_counted() -> None:
     body = {"joint_state": {"name": ["a"]}, "multi_dof_joint_state": {"transforms": [{}] * 3, "joint_names": []}}
     assert cost("moveit_msgs/RobotState", body) > 0 if "moveit_msgs" in STORE.packages() else True
     layout = {"layout": {"dim": [{}] * 5}, "data": []}
@@ -45,7 +45,7 @@ def test_elements_are_counted_before_the_lists_in_them() -> None:
     assert whole == flat + 14
 
 
-def test_a_type_without_lists_costs_nothing_to_count() -> None:
+def test_type_without_lists_is_not_counted() -> None:
     assert cost("sensor_msgs/Image", {"data": "AAAA"}) == 0
 
 
@@ -65,7 +65,7 @@ def test_empty_elements_beyond_the_bound_are_refused(name: str, field: str) -> N
         decode(name, {field: [{}] * (MAX_COST // each + 1)})
 
 
-def test_five_thousand_whole_markers_are_taken() -> None:
+def test_five_thousand_markers_are_accepted() -> None:
     marker = orjson.loads(
         STORE.message("visualization_msgs/Marker").encode_json(decode("visualization_msgs/Marker", {}))
     )
@@ -74,7 +74,7 @@ def test_five_thousand_whole_markers_are_taken() -> None:
 
 
 @pytest.mark.parametrize("rubbish", [None, 7, "x", [], [[]], {"x": []}])
-def test_lists_of_something_else_are_refused_as_ever(rubbish: object) -> None:
+def test_lists_of_wrong_elements_are_refused(rubbish: object) -> None:
     with pytest.raises(FieldError):
         decode(
             "tf2_msgs/TFMessage",

@@ -12,7 +12,7 @@ from rosbridge_sim.schema.store import Store
 BOTH: list[Generation] = [1, 2]
 
 
-def test_the_packages_are_those_of_rosbags() -> None:
+def test_packages_equal_those_of_rosbags() -> None:
     ours = {"example_interfaces"}  # its messages are copies of those in std_msgs
     stores = {1: Stores.ROS1_NOETIC, 2: Stores.ROS2_JAZZY}
     theirs = {ros: set(get_typestore(store).fielddefs) for ros, store in stores.items()}
@@ -33,7 +33,7 @@ def test_every_standard_message_compiles(ros: Generation) -> None:
 
 
 @pytest.mark.parametrize("ros", BOTH)
-def test_what_only_the_other_generation_has_is_there_too(ros: Generation) -> None:
+def test_types_of_only_the_other_ros_version_exist(ros: Generation) -> None:
     store = Store({}, ros=ros)
     for name in ("rcl_interfaces/Log", "rosgraph_msgs/Log", "std_msgs/Time", "action_msgs/GoalStatusArray"):
         assert store.message(name).default() is not None
@@ -41,7 +41,7 @@ def test_what_only_the_other_generation_has_is_there_too(ros: Generation) -> Non
     assert time.encode_json(time.decode_json(b'{"secs":1,"nanosec":2}', 0)) == b'{"sec":1,"nanosec":2}'
 
 
-def test_each_generation_has_its_own_definition() -> None:
+def test_each_ros_version_has_its_own_definition() -> None:
     fields = {ros: Store({}, ros=ros).message("sensor_msgs/CameraInfo").spec.fields for ros in BOTH}
     assert "K" in fields[1]
     assert "k" in fields[2]
@@ -78,7 +78,7 @@ def test_example_interfaces_has_the_plain_messages() -> None:
         assert standard_text(ros, "example_interfaces", "Header") is None
 
 
-def test_nobody_has_it() -> None:
+def test_unknown_standard_type_does_not_exist() -> None:
     for ros in BOTH:
         assert standard_text(ros, "who", "Knows") is None
         assert standard_text(ros, "std_msgs", "Nothing") is None

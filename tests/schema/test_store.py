@@ -68,7 +68,7 @@ def test_a_malformed_name_is_refused(name: str) -> None:
         assert str(caught.value).encode()
 
 
-def test_an_unknown_package_is_told_from_an_unknown_type() -> None:
+def test_unknown_package_and_unknown_type_have_different_errors() -> None:
     store = shared_store()
     with pytest.raises(
         UnknownPackageError, match=r"^Unable to import foo_msgs\.msg from package foo_msgs\. Caused by: "
@@ -109,7 +109,7 @@ def test_a_folder_may_replace_and_extend_a_standard_package() -> None:
     assert store.message("std_msgs/Mine").default().h.frame_id == ""
 
 
-def test_a_users_package_may_use_standard_ones() -> None:
+def test_user_package_may_use_standard_types() -> None:
     store = store_of(T="geometry_msgs/PoseStamped pose\nU[] us", U="Header header\nint32 x 3")
     value = store.message("p/T").decode_json(b'{"us":[{}]}', 7)
     assert (value.us[0].x, value.us[0].header.stamp, value.pose.header.stamp) == (3, Time(0, 7), Time(0, 7))
@@ -149,7 +149,7 @@ def test_a_broken_definition_is_a_peers_error(texts: dict[str, str], words: str)
     assert store.message("std_msgs/String")
 
 
-def test_a_type_that_failed_does_not_spoil_others() -> None:
+def test_failed_type_does_not_affect_others() -> None:
     store = store_of(T="U u\nV v", U="int8 x", V="T t")
     with pytest.raises(TypeNameError):
         store.message("p/T")
@@ -167,14 +167,14 @@ def test_documented_type_names_are_aliases() -> None:
     assert store.canonical("q/srv/OldSrv") == "p/S"
 
 
-def test_a_type_that_is_there_is_no_alias() -> None:
+def test_existing_type_is_not_an_alias() -> None:
     texts = {("p", "msg", "T"): "int32 x", ("q", "msg", "T"): "int32 y"}
     store = Store(texts, leniency=Leniency(types={"q/T": "p/T", "q/U": "p/T"}))
     assert store.canonical("q/T") == "q/T"
     assert store.message("q/U") is store.message("p/T")
 
 
-def test_rosapi_answers_to_the_names_of_both_generations() -> None:
+def test_rosapi_types_have_the_names_of_both_ros_versions() -> None:
     store = shared_store()
     assert store.service("rosapi_msgs/srv/Topics") is store.service("rosapi/Topics")
     assert store.service("rosapi/GetParam").request.decode_json(b'{"name":"a","default_value":"1"}', 0).default == "1"
@@ -196,7 +196,7 @@ def test_an_action_is_three_messages(name: str) -> None:
     assert store.names("action") == ["p/A"]
 
 
-def test_actionlibs_messages_come_from_the_action() -> None:
+def test_actionlib_messages_are_made_from_the_action() -> None:
     store = shared_store()
     goal = store.message("actionlib_tutorials/FibonacciActionGoal")
     value = goal.decode_json(b'{"goal_id":{"id":"x"},"goal":{"order":7}}', 5)
@@ -213,7 +213,7 @@ def test_actionlibs_messages_come_from_the_action() -> None:
     assert shared_store(2).message("tf2_msgs/LookupTransformActionGoal").default().goal.advanced is False
 
 
-def test_a_message_that_is_there_is_not_made_from_an_action() -> None:
+def test_existing_message_is_not_made_from_an_action() -> None:
     texts = {("p", "action", "A"): "int32 x\n---\n---", ("p", "msg", "AGoal"): "int32 y", ("p", "msg", "AAction"): ""}
     store = Store(texts)
     assert list(store.message("p/AGoal").spec.fields) == ["y"]
@@ -222,7 +222,7 @@ def test_a_message_that_is_there_is_not_made_from_an_action() -> None:
     assert list(store.message("p/AActionGoal").default().goal.__struct_fields__) == ["y"]
 
 
-def test_actions_that_are_not_there_or_broken() -> None:
+def test_missing_and_broken_actions_are_errors() -> None:
     store = Store({("p", "action", "A"): "int32\n---\n---", ("p", "action", "B"): "Gone g\n---\n---"})
     with pytest.raises(UnknownPackageError, match=r"^Unable to import q\.action from package q\."):
         store.action("q/A")
@@ -238,7 +238,7 @@ def test_actions_that_are_not_there_or_broken() -> None:
 # ROS 2
 
 
-def test_ros_2_speaks_its_own_times_and_headers() -> None:
+def test_ros_2_has_its_own_times_and_headers() -> None:
     store = shared_store(2)
     assert store.ros == 2
     assert store.time_value(1_500_000_000) == Time2(1, 500_000_000)
@@ -251,7 +251,7 @@ def test_ros_2_speaks_its_own_times_and_headers() -> None:
     assert clock.encode_json(clock.decode_json(b'{"clock":"now"}', 7)) == b'{"clock":{"sec":0,"nanosec":7}}'
 
 
-def test_snake_case_of_morais_fields_is_accepted_and_never_sent() -> None:
+def test_snake_case_of_morai_fields_is_accepted_and_not_sent() -> None:
     for ros in (1, 2):
         t = shared_store(2 if ros == 2 else 1).message("morai_msgs/CtrlCmd")
         value = t.decode_json(b'{"longl_cmd_type":2,"velocity":3}', 0)
@@ -269,7 +269,7 @@ def test_snake_case_of_morais_fields_is_accepted_and_never_sent() -> None:
 # Texts
 
 
-def test_full_text_has_each_nested_type_once_and_by_its_full_name() -> None:
+def test_full_text_has_each_nested_type_once_by_full_name() -> None:
     store = Store(
         {
             ("p", "msg", "T"): "# T\nHeader header\nU[] us\nU one\n",
@@ -303,11 +303,11 @@ def test_full_text_of_a_standard_message_can_be_parsed_again() -> None:
         assert again.message(name).definition.fields == store.message(name).definition.fields
 
 
-def test_time_value_is_a_time_of_the_personality() -> None:
+def test_time_value_has_the_fields_of_the_ros_version() -> None:
     assert shared_store().time_value(1_500_000_000) == Time(1, 500_000_000)
 
 
-def test_spellings_with_needless_slashes_find_the_type_and_are_not_kept() -> None:
+def test_surplus_slashes_are_accepted_and_not_cached() -> None:
     store = Store({("p", "msg", "T"): "int8 a", ("p", "srv", "S"): "---\n"})
     known = store.message("p/T"), store.service("p/S")
     kept = len(store._spellings)
@@ -319,7 +319,7 @@ def test_spellings_with_needless_slashes_find_the_type_and_are_not_kept() -> Non
 
 
 @pytest.mark.slow
-def test_the_types_of_the_simulator_do_without_rosbags() -> None:
+def test_types_of_the_simulator_do_not_import_rosbags() -> None:
     code = (
         "import sys; from tests.schema.strategies import read_texts; from rosbridge_sim.schema.store import Store;"
         "from tests.schema.type_factory import compile_all;"

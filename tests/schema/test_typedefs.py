@@ -22,13 +22,13 @@ TEXTS = {
 }
 
 
-def test_root_first_then_each_type_once_depth_first() -> None:
+def test_typedefs_list_the_root_first_and_each_type_once_depth_first() -> None:
     described = typedefs(Store(TEXTS).message("a_msgs/Root").spec)
     names = ["a_msgs/Root", "std_msgs/Header", "time", "a_msgs/Inner", "geometry_msgs/Point"]
     assert [d.type for d in described] == names
 
 
-def test_fields_lengths_examples_and_constants() -> None:
+def test_typedefs_have_fields_lengths_examples_and_constants() -> None:
     root = typedefs(Store(TEXTS).message("a_msgs/Root").spec)[0]
     assert root == TypeDef(
         type="a_msgs/Root",
@@ -41,7 +41,7 @@ def test_fields_lengths_examples_and_constants() -> None:
     )
 
 
-def test_times_are_types_in_the_personalitys_words() -> None:
+def test_typedefs_spell_times_as_in_the_ros_version() -> None:
     text = "time a\nduration[] b\nstring<=5 c\nint8[<=3] d\nfloat32 e 0.5"
     first, *others = typedefs(make(text).spec)
     assert (first.fieldtypes, first.fieldarraylen) == (
@@ -70,7 +70,7 @@ def test_parts_of_services_and_actions_are_types_too() -> None:
 
 
 @given(every_type())
-def test_lists_are_parallel_and_nothing_comes_twice(message_type: MessageType) -> None:
+def test_typedef_lists_have_equal_lengths_and_no_duplicates(message_type: MessageType) -> None:
     described = typedefs(message_type.spec)
     names = [d.type for d in described]
     assert (names[0], len(set(names))) == (message_type.name, len(names))
@@ -86,7 +86,7 @@ def test_lists_are_parallel_and_nothing_comes_twice(message_type: MessageType) -
 BORDER = "=" * 80
 
 
-def test_nested_types_come_once_and_by_their_full_names() -> None:
+def test_nested_types_are_listed_once_by_full_name() -> None:
     texts = {
         ("p", "msg", "T"): "# Other x\nOther[] x  # an Other\nHeader  h\nint32 K=1 # Other\n"
         "geometry_msgs/msg/Point p\n\tOther y",
@@ -127,7 +127,7 @@ def test_nested_types_come_once_and_by_their_full_names() -> None:
         ("float32 K=1e3", "float32 K=1e3", "float32 K=1000.0"),
     ],
 )
-def test_lines_are_in_the_grammar_of_the_personality(line: str, in_ros_1: str, in_ros_2: str) -> None:
+def test_definition_lines_follow_the_ros_version(line: str, in_ros_1: str, in_ros_2: str) -> None:
     for ros, expected in ((1, in_ros_1), (2, in_ros_2)):
         shown = full_text(make(f"{line}\nint8 last", ros=2 if ros == 2 else 1).spec)
         assert shown.split(BORDER)[0].strip() == f"{expected}\nint8 last"

@@ -1,4 +1,4 @@
-"""The rules of conversion: what passes, what is filled in, what is refused and in which words.
+"""Rules of conversion: accepted, completed and refused values, with error texts.
 
 Each body goes in as text, so that the fast way answers wherever it can; `test_compile` holds the two ways together.
 """
@@ -60,7 +60,7 @@ def test_default_lists_are_not_shared() -> None:
     assert t.default().e[0] is not t.default().e[1]
 
 
-def test_null_is_nan_for_floats_and_the_default_otherwise() -> None:
+def test_null_is_nan_for_a_float_and_else_the_default() -> None:
     t = make("float64 f\nfloat32[] g\nint32 i\nint32[] a\nstring[] s\nbool[] b\ntime[] t\nU u", U="int8 x")
     floats, nulls = {"f": None, "g": [None, 1]}, {"i": None, "s": [None], "b": [None], "t": [None], "u": None}
     value = decode(t, {**floats, **nulls, "a": [None, 2]})
@@ -70,7 +70,7 @@ def test_null_is_nan_for_floats_and_the_default_otherwise() -> None:
 
 
 @pytest.mark.parametrize("word", ["NaN", "Infinity", "-Infinity"])
-def test_bare_words_of_python_are_floats_and_go_out_as_null(word: str) -> None:
+def test_bare_nan_and_infinity_are_floats_and_sent_as_null(word: str) -> None:
     t = make("float64 f\nfloat32 g\nfloat32[] h")
     value = t.decode_json(f'{{"f": {word}, "g": {word}, "h": [{word}]}}'.encode(), 0)
     assert repr(value.f) == repr(value.g) == repr(value.h[0]) == repr(float(word))
@@ -120,7 +120,7 @@ def test_times_come_in_either_spelling(given_time: object, expected: Time) -> No
     assert decode(make("time t"), {"t": given_time}).t == expected
 
 
-def test_durations_may_be_negative_and_know_no_now() -> None:
+def test_durations_may_be_negative_and_do_not_accept_now() -> None:
     t = make("duration d\ntime t")
     assert decode(t, {"d": {"secs": -1, "nanosec": -5}}).d == Duration(-1, -5)
     assert refusal(t, {"d": "now"}) == "p/T message requires a duration for field d, but got a <class 'str'>"
@@ -147,7 +147,7 @@ def test_seq_is_dropped_where_headers_have_none() -> None:
 
 
 @pytest.mark.parametrize("header", [None, {}, {"stamp": None}, {"seq": None, "stamp": None, "frame_id": ""}, ...])
-def test_a_header_without_a_stamp_gets_the_time_of_now(header: object) -> None:
+def test_header_without_a_stamp_gets_the_present_time(header: object) -> None:
     t = make("Header header\nint32 x")
     assert decode(t, {} if header is ... else {"header": header}).header.stamp == NOW
 
@@ -159,7 +159,7 @@ def test_a_stamp_that_is_given_is_kept(stamp: dict[str, int]) -> None:
     assert value.header.frame_id == "map"
 
 
-def test_headers_are_stamped_wherever_they_are() -> None:
+def test_headers_at_any_depth_are_stamped() -> None:
     t = make("U u\nU[] us\nU[2] two\nstd_msgs/Header[] hs", U="Header h\nV v", V="int8 x\nHeader h")
     for body in ({"us": [{}, {"v": {"x": 1}}], "hs": [{}]}, {"us": [{}, {"v": {"x": 1.0}}], "hs": [{}]}):
         value = decode(t, body)
@@ -168,7 +168,7 @@ def test_headers_are_stamped_wherever_they_are() -> None:
         assert {h.stamp for h in headers} == {NOW}
 
 
-def test_a_header_alone_is_stamped_too() -> None:
+def test_message_of_type_header_is_stamped() -> None:
     assert decode(shared_store().message("std_msgs/Header"), {"seq": 3}).stamp == NOW
 
 
@@ -183,7 +183,7 @@ def test_the_last_of_equal_keys_counts() -> None:
     assert t.decode_json(b'{"x": 1, "y": 1.0, "x": 2}', 0).x == 2
 
 
-def test_words_of_python_can_be_field_names() -> None:
+def test_python_keywords_can_be_field_names() -> None:
     names = ["from", "import", "class", "None", "_x", "__init__", "__struct_fields__", "self", "from_", "f__init__"]
     t = make("".join(f"int32 {name}\n" for name in names))
     body = {name: i for i, name in enumerate(names)}
@@ -199,7 +199,7 @@ def test_an_empty_message_has_no_fields() -> None:
     assert t.encode_json(decode(t, {})) == b"{}"
 
 
-def test_bounded_arrays_and_texts() -> None:
+def test_bounds_of_arrays_and_texts_are_checked() -> None:
     t = make("int32[<=2] a\nstring<=3 s\nuint8[<=2] d\nU[<=1] u", U="int8 x")
     assert decode(t, {}).a == decode(t, {}).u == []
     assert decode(t, {"a": [1, 2], "s": "abc", "d": "AAE="}).d == b"\0\1"
@@ -249,7 +249,7 @@ OUT_OF_64 = "which is out of its range (0 to 18446744073709551615)"
         ({"s": "\ud800"}, "p/T message requires a string for field s, but got text with half a surrogate pair"),
     ],
 )  # fmt: skip
-def test_what_does_not_fit_is_refused_with_its_path(body: object, text: str) -> None:
+def test_value_that_does_not_fit_is_refused_with_its_path(body: object, text: str) -> None:
     t = make(
         "int32 i\nfloat64 f\nbool b\nstring s\nU u\nU[] us\nfloat32[2] m\nuint8[] d\ntime t\nuint64 u64\nuint64[] u64s",
         U="V v",
@@ -258,7 +258,7 @@ def test_what_does_not_fit_is_refused_with_its_path(body: object, text: str) -> 
     assert refusal(t, body) == text
 
 
-def test_the_root_of_error_texts_can_be_named() -> None:
+def test_root_name_of_error_paths_can_be_chosen() -> None:
     with pytest.raises(FieldError, match=r"^Message type other/Name does not have a field x; it has i$"):
         make("int32 i").check({"x": 1}, 0, root="other/Name")
 
@@ -266,17 +266,17 @@ def test_the_root_of_error_texts_can_be_named() -> None:
 @pytest.mark.parametrize(
     "text", [b"", b"{", b"nul", b'{"i":01}', b'{"i":1}x', b"\xef\xbb\xbf{}", b'{"s":"\xff"}', b'{"f":1e400}']
 )
-def test_what_is_no_json_is_refused(text: bytes) -> None:
+def test_text_that_is_not_json_is_refused(text: bytes) -> None:
     assert refusal(make("int32 i\nfloat64 f\nstring s"), text).startswith("p/T: the body is no JSON: ")
 
 
-def test_utf_16_is_no_json() -> None:
+def test_utf_16_is_refused() -> None:
     assert "no JSON" in refusal(make("int32 i"), '{"i":1}'.encode("utf-16"))
 
 
 @pytest.mark.parametrize("opening", [b"[", b'{"u":', b'{"u":[', b'{"i":['])
 @pytest.mark.parametrize("depth", [300, 2_000, 200_000])
-def test_deep_nesting_is_refused_and_nothing_worse(opening: bytes, depth: int) -> None:
+def test_deep_nesting_is_refused_without_a_crash(opening: bytes, depth: int) -> None:
     t = make("int32 i\nU u", U="int32 i")
     refusal(t, opening * depth)
     closing = {b"[": b"]", b'{"u":': b"}", b'{"u":[': b"]}", b'{"i":[': b"]}"}[opening]
@@ -287,7 +287,7 @@ def test_numbers_with_thousands_of_digits_are_refused() -> None:
     refusal(make("int32 i\nuint64 u"), b'{"u":' + b"1" * 10_000 + b"}")
 
 
-def test_names_from_peers_cannot_break_the_error_text() -> None:
+def test_names_from_clients_cannot_break_the_error_text() -> None:
     text = refusal(make("int32 i"), {"\ud800" + "x" * 10_000: 1})
     assert len(text) < 300
     assert text.encode()
@@ -337,7 +337,7 @@ def test_text_without_a_number_at_its_end_is_refused(text: str) -> None:
     refusal(lenient("int32 index"), {"index": text})
 
 
-def test_text_is_no_integer_elsewhere() -> None:
+def test_text_for_an_integer_is_refused_in_other_fields() -> None:
     assert "<class 'str'>" in refusal(lenient("int32 index\nint32 other"), {"other": "13"})
 
 
@@ -351,7 +351,7 @@ def test_text_is_no_integer_elsewhere() -> None:
     num=st.sampled_from([0, 1, 2, 5_000]),
     number=st.sampled_from([0.0, 1.0, 255.0, math.nan, math.inf, 6e4]),
 )
-def test_a_typed_array_in_any_place_is_taken_or_refused(
+def test_typed_array_in_any_place_is_accepted_or_refused(
     message_type: MessageType, kind: str, num: int, number: float
 ) -> None:
     with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
@@ -383,7 +383,7 @@ def test_a_typed_array_in_any_place_is_taken_or_refused(
         ("", {"x" * 10**6: 1}, "; it has no fields"),
     ],
 )  # fmt: skip
-def test_unknown_field_comes_with_what_is_likely_meant(text: str, body: object, advice: str) -> None:
+def test_unknown_field_error_suggests_the_nearest_name(text: str, body: object, advice: str) -> None:
     said = refusal(make(text, Req="string user_id\nuint64 frame", Head="string a"), body)
     assert said.startswith("Message type p/T does not have a field ")
     assert said.endswith(advice)

@@ -1,4 +1,4 @@
-"""Small types made on the spot, and what they make of a body."""
+"""Factory of small types, and helpers to decode a body with them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The whole, in process: it starts, time passes in it, it stops, and what fails is told."""
+"""The whole server in process: start, time, stop, and reported failures."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ async def start_of(**options: Unpack[SimulatorOptions]) -> str:
 # It runs
 
 
-async def test_client_finds_the_simulator_behind_its_url(connect: Connect) -> None:
+async def test_client_reaches_the_simulator_by_its_url(connect: Connect) -> None:
     async with Simulator(port=0) as sim:
         client = await connect(sim.url)
         services = (await client.values("/rosapi/services"))["services"]
@@ -54,11 +54,11 @@ async def test_client_finds_the_simulator_behind_its_url(connect: Connect) -> No
         assert sim.url == f"ws://127.0.0.1:{sim.port}"
 
 
-def test_url_puts_an_address_of_many_colons_in_brackets() -> None:
+def test_url_puts_an_ipv6_address_in_brackets() -> None:
     assert Simulator(host="::1").url == "ws://[::1]:0"
 
 
-async def test_time_passes_by_itself(connect: Connect) -> None:
+async def test_real_time_advances_by_itself(connect: Connect) -> None:
     async with Simulator(port=0) as sim:
         client = await connect(sim.url)
         await client.send("subscribe", topic="/clock")
@@ -67,7 +67,7 @@ async def test_time_passes_by_itself(connect: Connect) -> None:
         assert frames == list(range(frames[0], frames[0] + 5))
 
 
-async def test_time_stands_still_until_a_first_master_ticks(connect: Connect) -> None:
+async def test_start_sync_stays_at_frame_0_until_a_tick(connect: Connect) -> None:
     async with Simulator(port=0, start="sync") as sim:
         assert sim.node is not None
         client = await connect(sim.url)
@@ -81,7 +81,7 @@ async def test_time_stands_still_until_a_first_master_ticks(connect: Connect) ->
         assert sim.node.world.frame > 1
 
 
-async def test_call_that_nobody_answers_ends_in_time(connect: Connect) -> None:
+async def test_unanswered_call_times_out(connect: Connect) -> None:
     async with Simulator(port=0, world=False, service_timeout=0.05) as sim:
         provider, caller = await connect(sim.url), await connect(sim.url)
         await provider.send("advertise_service", service="/silent", type="std_srvs/Trigger")
@@ -91,7 +91,7 @@ async def test_call_that_nobody_answers_ends_in_time(connect: Connect) -> None:
         assert "Timeout" in answer["values"]
 
 
-async def test_silent_master_is_lost_in_time(connect: Connect) -> None:
+async def test_silent_master_is_lost_after_its_lease(connect: Connect) -> None:
     async with Simulator(port=0, start="sync", sync_lease=0.05) as sim:
         client = await connect(sim.url)
         await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)
@@ -99,7 +99,7 @@ async def test_silent_master_is_lost_in_time(connect: Connect) -> None:
         await client.message("/clock")  # real time goes on
 
 
-async def test_settings_reach_the_parts(connect: Connect) -> None:
+async def test_settings_reach_the_components(connect: Connect) -> None:
     async with Simulator(port=0, profile="field", object_limit=2, start="sync", seed=5) as sim:
         assert sim.node is not None
         assert sim.node.world.seed == 5
@@ -111,7 +111,7 @@ async def test_settings_reach_the_parts(connect: Connect) -> None:
         assert objects["num_of_npcs"] + objects["num_of_pedestrian"] + objects["num_of_obstacle"] == 2
 
 
-async def test_own_catalogue_is_that_of_scenarios_and_of_clients(connect: Connect, tmp_path: Path) -> None:
+async def test_user_catalogue_holds_for_scenarios_and_clients(connect: Connect, tmp_path: Path) -> None:
     models = tmp_path / "models.csv"
     models.write_text(
         "DataID,name,class,length,width,height\n,Fridge,obstacle,0.7,0.6,1.8\n20200003,Tank,vehicle,8,3,3\n"
@@ -133,12 +133,12 @@ async def test_own_catalogue_is_that_of_scenarios_and_of_clients(connect: Connec
         assert (fridge["name"], fridge["size"]["z"]) == ("Fridge", 1.8)
 
 
-async def test_settings_may_be_given_whole() -> None:
+async def test_settings_may_be_given_as_one_object() -> None:
     async with Simulator(Settings(port=0, world=False)) as sim:
         assert sim.node is None
 
 
-async def test_two_in_one_process_share_nothing(connect: Connect) -> None:
+async def test_two_simulators_in_one_process_share_nothing(connect: Connect) -> None:
     async with Simulator(port=0, start="sync") as one, Simulator(port=0, start="sync") as two:
         here, there = await connect(one.url), await connect(two.url)
         for client in (here, there):
@@ -155,7 +155,7 @@ async def test_two_in_one_process_share_nothing(connect: Connect) -> None:
         assert not two.node.sync.master_id
 
 
-async def test_transforms_go_through_a_gateway_and_the_last_one_arrives(connect: Connect) -> None:
+async def test_gateway_relays_transforms(connect: Connect) -> None:
     async with Simulator(port=0, world=False) as sim:
         robot, page = await connect(sim.url), await connect(sim.url)
         await page.subscribe("/tf2_web_republisher/status")
@@ -174,7 +174,7 @@ async def test_transforms_go_through_a_gateway_and_the_last_one_arrives(connect:
         assert "is no orientation" in (await robot.take("status", id="bad"))["msg"]
 
 
-async def test_without_a_world_anybody_may_be_the_simulator(connect: Connect) -> None:
+async def test_client_may_be_the_simulator_without_a_world(connect: Connect) -> None:
     async with Simulator(port=0, world=False) as sim:
         stand_in, user = await connect(sim.url), await connect(sim.url)
         await stand_in.send("advertise", topic="/Ego_topic", type="morai_msgs/EgoVehicleStatus")
@@ -204,7 +204,7 @@ async def test_stop_tells_clients_and_frees_the_port(connect: Connect) -> None:
         pass
 
 
-async def test_stop_twice_or_before_the_start_is_no_error() -> None:
+async def test_stop_twice_or_before_the_start_is_harmless() -> None:
     sim = Simulator(port=0)
     await sim.stop()
     await sim.start()
@@ -222,7 +222,7 @@ async def test_world_stands_still_after_the_stop() -> None:
     assert sim.node.world.frame == frame
 
 
-async def test_world_that_fails_is_told_and_everybody_is_sent_away(
+async def test_failed_world_is_logged_and_disconnects_all_clients(
     connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
     sim = await Simulator(port=0).__aenter__()
@@ -244,7 +244,7 @@ async def test_world_that_fails_is_told_and_everybody_is_sent_away(
     assert records[0].exc_info is not None
 
 
-async def test_tick_that_fails_ends_it_as_a_step_in_real_time_does(connect: Connect) -> None:
+async def test_failed_tick_ends_the_server(connect: Connect) -> None:
     sim = await Simulator(port=0, start="sync").__aenter__()
     client = await connect(sim.url)
     await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)
@@ -256,7 +256,7 @@ async def test_tick_that_fails_ends_it_as_a_step_in_real_time_does(connect: Conn
         await sim.__aexit__(None, None, None)
 
 
-async def test_gateway_goes_on_without_a_world_that_has_failed(
+async def test_gateway_goes_on_after_a_failed_world_with_serve(
     connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
     async with Simulator(port=0, on_world_failure="serve") as sim:
@@ -290,7 +290,7 @@ def break_down(*_: object) -> NoReturn:
     raise ZeroDivisionError
 
 
-class Stranger:
+class InProcessListener:
     """A listener in the same process, of the program that runs the simulator, which cannot end alone."""
 
     name = "/stranger"
@@ -299,9 +299,7 @@ class Stranger:
         """It does not listen."""
 
 
-async def test_failures_of_listeners_within_frames_do_not_end_the_world(
-    connect: Connect, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_failing_subscribers_do_not_end_the_world(connect: Connect, caplog: pytest.LogCaptureFixture) -> None:
     async with Simulator(port=0) as sim:
         bad, good = await connect(sim.url), await connect(sim.url)
         for client in (bad, good):
@@ -315,7 +313,7 @@ async def test_failures_of_listeners_within_frames_do_not_end_the_world(
             await bad.socket.wait_closed()
         assert bad.socket.close_code == 1011
         assert sim.num_bugs == 1
-        sim.bus.subscribe(Stranger(), "/Ego_topic", break_down)
+        sim.bus.subscribe(InProcessListener(), "/Ego_topic", break_down)
         for _ in range(10):
             await good.message("/Ego_topic")
         assert sim.num_bugs > 1
@@ -325,7 +323,7 @@ async def test_failures_of_listeners_within_frames_do_not_end_the_world(
     assert {line[:35] for line in lines[1:]} == {"a listener of /Ego_topic has failed"}
 
 
-async def test_master_that_fails_on_a_topic_of_its_own_tick_is_lost_and_another_one_leads(connect: Connect) -> None:
+async def test_master_that_fails_during_its_tick_is_replaced_by_another(connect: Connect) -> None:
     async with Simulator(port=0, start="sync") as sim:
         bad, good = await connect(sim.url), await connect(sim.url)
         for client in (bad, good):
@@ -395,7 +393,7 @@ async def get(port: int, path: str) -> tuple[int, str]:
 # It does not start
 
 
-async def test_taken_port_is_told() -> None:
+async def test_port_in_use_is_an_error() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(AddressError) as caught:
@@ -407,12 +405,12 @@ async def test_taken_port_is_told() -> None:
 
 
 @pytest.mark.parametrize("host", ["192.0.2.1", "a..b", "x" * 300, "no such host"])
-async def test_host_that_is_not_ours_is_told(host: str) -> None:
+async def test_foreign_host_address_is_an_error(host: str) -> None:
     text = await start_of(host=host, world=False)
     assert text.startswith(f"cannot listen on {host} port 0: ")
 
 
-async def test_document_that_cannot_be_used_is_told_before_anybody_connects(tmp_path: Path) -> None:
+async def test_unusable_document_is_an_error_at_the_start(tmp_path: Path) -> None:
     (tmp_path / "bad.json").write_text('{"egoVehicle": }')
     assert "bad.json:1:" in await start_of(scenario=str(tmp_path / "bad.json"))
     assert "no scenario 'nothing'; known are " in await start_of(scenario="nothing")
@@ -421,7 +419,7 @@ async def test_document_that_cannot_be_used_is_told_before_anybody_connects(tmp_
     assert "expected a folder with scenarios" in await start_of(scenario_path=[tmp_path / "nowhere"])
 
 
-async def test_rate_of_a_topic_that_is_none_is_told() -> None:
+async def test_rate_of_an_unknown_topic_is_an_error() -> None:
     assert await start_of(rate={"Ego_topci": 10}) == (
         "rate /Ego_topci=10: the simulator has no such publisher (did you mean /Ego_topic?)"
     )
@@ -446,14 +444,14 @@ async def test_rate_of_a_topic_that_is_none_is_told() -> None:
         ('[publishers]\n"/clock".name = "/tf"', ':2: publishers."/clock": expected different names for /clock'),
     ],
 )
-async def test_network_settings_that_do_not_fit_are_told_with_their_line(tmp_path: Path, text: str, said: str) -> None:
+async def test_invalid_network_settings_are_reported_with_their_line(tmp_path: Path, text: str, said: str) -> None:
     file = tmp_path / "s.toml"
     file.write_text(text + "\n")
     assert (await start_of(config=str(file))).startswith(f"{file}{said}")
 
 
 @pytest.mark.parametrize("release", ["22.R2", "26.R1"])
-async def test_printed_config_lists_what_the_node_has_and_gives_it_back(
+async def test_printed_config_lists_all_interfaces_and_reads_back(
     release: Literal["22.R2", "26.R1"], tmp_path: Path
 ) -> None:
     settings = check_options({"release": release, "port": 0, "seed": 5})
@@ -557,7 +555,7 @@ def test_settings_and_options_together_are_a_mistake() -> None:
         Simulator(Settings(), port=0, seed=1)
 
 
-def test_option_that_is_none_is_told() -> None:
+def test_unknown_option_is_an_error() -> None:
     with pytest.raises(DocumentError, match=r"no such option: prot \(did you mean port\?\)"):
         Simulator(prot=0)  # type: ignore[call-arg]
 
@@ -567,7 +565,7 @@ def test_option_that_is_none_is_told() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("release", ["22.R2", "26.R1"])
-def test_a_start_imports_nothing_heavy(release: str) -> None:
+def test_start_imports_no_heavy_library(release: str) -> None:
     code = f"""
 import asyncio, sys
 from rosbridge_sim import Simulator
@@ -586,7 +584,7 @@ asyncio.run(main())
 # The package's face
 
 
-def test_public_names_are_there_and_no_others() -> None:
+def test_public_names_are_exactly_the_documented_ones() -> None:
     for name in rosbridge_sim.__all__:
         assert getattr(rosbridge_sim, name) is not None
     with pytest.raises(AttributeError, match="has no attribute 'Simulation'"):
@@ -597,7 +595,7 @@ def test_public_names_are_there_and_no_others() -> None:
 
 
 @pytest.mark.parametrize("is_reset", [False, True])
-async def test_client_can_take_none_of_the_names_that_the_server_has_alone(*, is_reset: bool) -> None:
+async def test_client_cannot_take_names_of_the_server(*, is_reset: bool) -> None:
     shared = {"/tf", "/tf_static", "/ReplayInfo_topic", "/rosout"}
     async with Simulator(port=0, start="sync") as sim:
         assert sim.bus is not None
@@ -618,7 +616,7 @@ async def test_client_can_take_none_of_the_names_that_the_server_has_alone(*, is
 # Patterns
 
 
-async def test_patterns_hold_for_all_names_and_the_log_names_what_they_leave_open(
+async def test_patterns_hold_for_all_aliases_and_the_start_log_names_open_routes(
     connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
     settings: SimulatorOptions = {
@@ -663,7 +661,7 @@ async def test_log_says_that_patterns_do_not_hold_behind_a_bridge(caplog: pytest
     )
 
 
-async def test_names_that_a_scenario_brings_are_judged_at_once(tmp_path: Path, connect: Connect) -> None:
+async def test_names_of_a_scenario_are_checked_at_once(tmp_path: Path, connect: Connect) -> None:
     (tmp_path / "Network").mkdir()
     (tmp_path / "Network" / "demo.toml").write_text('[subscribers]\n"/ctrl_cmd" = { name = "/drive" }\n')
     async with Simulator(port=0, start="sync", data_dir=tmp_path, deny_publish=["/ctrl_cmd"]) as sim:

@@ -1,4 +1,4 @@
-"""The simulator behind a bridge, over real sockets: found, lost, found again, slow, and not itself."""
+"""The simulator behind a bridge, over real sockets: connected, lost, reconnected, slow, and never itself."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ async def test_client_of_a_bridge_ticks_the_world_behind_it(connect: Connect) ->
 
 
 @pytest.mark.slow
-async def test_caller_behind_a_bridge_is_told_that_the_world_has_failed(connect: Connect) -> None:
+async def test_caller_behind_a_bridge_gets_the_failure_of_the_world(connect: Connect) -> None:
     async with gateway() as bridge, attached(bridge.url, start="run", on_world_failure="serve") as sim:
         client = await connect(bridge.url)
         assert sim.node is not None
@@ -116,7 +116,7 @@ def break_down(*_: object) -> NoReturn:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seam", ["delivery", "writing"])
-async def test_bridge_that_fails_is_dialled_anew_and_the_other_one_misses_nothing(
+async def test_failed_bridge_is_dialled_again_without_loss_at_another_bridge(
     connect: Connect, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, seam: str
 ) -> None:
     async with gateway() as first, gateway() as second, attached(first.url, second.url) as sim:
@@ -144,7 +144,7 @@ async def test_bridge_that_fails_is_dialled_anew_and_the_other_one_misses_nothin
     assert any("internal error; connecting again" in line for line in caplog.messages)
 
 
-async def test_command_on_a_bridge_drives(connect: Connect) -> None:
+async def test_command_on_a_bridge_drives_the_car(connect: Connect) -> None:
     async with gateway() as bridge, attached(bridge.url, start="run"):
         client = await connect(bridge.url)
         await client.send("advertise", topic="/ctrl_cmd", type="morai_msgs/CtrlCmd")
@@ -154,7 +154,7 @@ async def test_command_on_a_bridge_drives(connect: Connect) -> None:
 
 
 @pytest.mark.slow
-async def test_flood_behind_a_load_is_not_read_before_the_load_has_taken_effect(connect: Connect) -> None:
+async def test_messages_after_a_load_are_not_read_before_it_ends(connect: Connect) -> None:
     async with gateway() as bridge, attached(bridge.url) as sim:
         assert sim.node is not None
         loads = next(each for each in sim.node.components if isinstance(each, Loads))
@@ -178,7 +178,7 @@ async def test_flood_behind_a_load_is_not_read_before_the_load_has_taken_effect(
         assert not line.waiting
 
 
-async def test_latched_topics_are_there_for_those_who_come_late(connect: Connect) -> None:
+async def test_latched_topics_reach_late_subscribers_at_a_bridge(connect: Connect) -> None:
     async with gateway() as bridge, attached(bridge.url):
         client = await connect(bridge.url)
         await client.send("subscribe", topic="/SyncModeInfo")
@@ -187,7 +187,7 @@ async def test_latched_topics_are_there_for_those_who_come_late(connect: Connect
         assert (await client.message("/tf_static"))["transforms"]
 
 
-async def test_egos_that_come_at_run_time_are_there_too(connect: Connect) -> None:
+async def test_egos_added_at_run_time_appear_at_a_bridge(connect: Connect) -> None:
     async with gateway() as bridge, attached(bridge.url, start="run"):
         client = await connect(bridge.url)
         await client.send("advertise", topic="/ego_setting", type="morai_msgs/MultiEgoSetting")
@@ -212,7 +212,7 @@ async def test_egos_that_come_at_run_time_are_there_too(connect: Connect) -> Non
 
 
 @pytest.mark.slow
-async def test_a_master_that_falls_silent_behind_a_bridge_loses_its_lease(connect: Connect) -> None:
+async def test_silent_master_behind_a_bridge_loses_its_lease(connect: Connect) -> None:
     async with gateway() as bridge, attached(bridge.url, sync_lease=0.3, sync_on_loss="wait"):
         master, other = await connect(bridge.url), await connect(bridge.url)
         await other.subscribe("/SyncModeInfo")
@@ -223,7 +223,7 @@ async def test_a_master_that_falls_silent_behind_a_bridge_loses_its_lease(connec
         assert await lead(other) == 0
 
 
-async def test_with_serve_both_kinds_of_clients_live_together(connect: Connect) -> None:
+async def test_direct_clients_and_clients_of_a_bridge_work_together(connect: Connect) -> None:
     async with gateway() as bridge, Simulator(port=0, attach=[bridge.url], start="sync") as sim:
         await asyncio.wait_for(sim.attachments[0].attached, PATIENCE)
         far, near = await connect(bridge.url), await connect(sim.url)
@@ -235,7 +235,7 @@ async def test_with_serve_both_kinds_of_clients_live_together(connect: Connect) 
         assert answer["frame"] == frame + 2
 
 
-async def test_mistakes_behind_a_bridge_are_on_the_topic_of_refusals(connect: Connect) -> None:
+async def test_refusals_behind_a_bridge_are_on_the_refusals_topic(connect: Connect) -> None:
     async with gateway() as bridge, Simulator(port=0, attach=[bridge.url], start="sync") as sim:
         await asyncio.wait_for(sim.attachments[0].attached, PATIENCE)
         far, near = await connect(bridge.url), await connect(sim.url)
@@ -250,7 +250,7 @@ async def test_mistakes_behind_a_bridge_are_on_the_topic_of_refusals(connect: Co
     ]
 
 
-async def test_each_of_two_bridges_gets_everything(connect: Connect) -> None:
+async def test_each_of_two_bridges_gets_all_topics(connect: Connect) -> None:
     async with gateway() as one, gateway() as other, attached(one.url, other.url):
         clients = [await connect(one.url), await connect(other.url)]
         for client in clients:
@@ -262,7 +262,7 @@ async def test_each_of_two_bridges_gets_everything(connect: Connect) -> None:
 
 
 @pytest.mark.slow
-async def test_a_socket_for_each_carries_the_same(connect: Connect) -> None:
+async def test_one_socket_per_topic_carries_the_same(connect: Connect) -> None:
     async with gateway() as bridge, attached(bridge.url, attach_sockets="per-topic"):
         client = await connect(bridge.url)
         num_clients = (await asyncio.wait_for(_clients(client), PATIENCE))["data"]
@@ -279,7 +279,7 @@ async def _clients(client: Client) -> dict[str, Any]:
 
 
 @pytest.mark.slow
-async def test_the_loss_of_many_sockets_is_one_line(lines: Callable[[], list[str]]) -> None:
+async def test_loss_of_many_sockets_is_one_log_line(lines: Callable[[], list[str]]) -> None:
     async with FarSide() as far_side, attached(far_side.url, attach_sockets="per-topic", start="run") as sim:
         await far_side.kill()
         await far_side.listen()
@@ -289,7 +289,7 @@ async def test_the_loss_of_many_sockets_is_one_line(lines: Callable[[], list[str
 
 
 @pytest.mark.slow
-async def test_the_loss_of_one_socket_of_many_is_one_line(lines: Callable[[], list[str]]) -> None:
+async def test_loss_of_one_of_many_sockets_is_one_log_line(lines: Callable[[], list[str]]) -> None:
     async with gateway() as bridge, attached(bridge.url, attach_sockets="per-topic") as sim:
         (attachment,) = sim.attachments
         (carrier,) = [one for line, one in attachment._carriers.items() if line.name == "topic /Ego_topic"]
@@ -299,7 +299,7 @@ async def test_the_loss_of_one_socket_of_many_is_one_line(lines: Callable[[], li
 
 
 @pytest.mark.slow
-async def test_a_bridge_that_takes_a_few_sockets_only_is_told_of_in_a_few_lines(lines: Callable[[], list[str]]) -> None:
+async def test_bridge_with_a_socket_limit_gives_few_log_lines(lines: Callable[[], list[str]]) -> None:
     async with (
         gateway(max_clients=5) as bridge,
         Simulator(attach=bridge.url, attach_sockets="per-topic", listen=False, attach_retry=0.5),
@@ -308,7 +308,7 @@ async def test_a_bridge_that_takes_a_few_sockets_only_is_told_of_in_a_few_lines(
         assert len(lines()) < 20
 
 
-async def test_personality_is_that_of_serve(connect: Connect) -> None:
+async def test_ros_version_of_attach_is_that_of_serve(connect: Connect) -> None:
     async with gateway(ros=2) as bridge, attached(bridge.url, ros=2):
         client = await connect(bridge.url)
         assert (await client.values("/rosapi/topic_type", {"topic": "/Ego_topic"}))["type"].count("/msg/") == 1
@@ -319,7 +319,7 @@ async def test_personality_is_that_of_serve(connect: Connect) -> None:
 
 
 @pytest.mark.parametrize("proxy", ["http://127.0.0.1:1", "socks5://127.0.0.1:1"])
-async def test_the_environments_proxies_are_for_the_web(proxy: str, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_proxy_variables_of_the_environment_are_ignored(proxy: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("http_proxy", "https_proxy", "all_proxy"):
         monkeypatch.setenv(name, proxy)
     monkeypatch.delenv("no_proxy", raising=False)
@@ -331,9 +331,7 @@ async def test_the_environments_proxies_are_for_the_web(proxy: str, monkeypatch:
 
 
 @pytest.mark.slow
-async def test_client_goes_on_after_the_bridge_is_started_again(
-    connect: Connect, lines: Callable[[], list[str]]
-) -> None:
+async def test_client_goes_on_after_a_bridge_restart(connect: Connect, lines: Callable[[], list[str]]) -> None:
     async with attached_later() as (sim, port):
         async with gateway(port=port) as bridge:
             await asyncio.wait_for(sim.attachments[0].attached, PATIENCE)
@@ -362,7 +360,7 @@ async def attached_later() -> AsyncIterator[tuple[Simulator, int]]:
         yield sim, port
 
 
-async def test_departure_is_told_to_the_bridge() -> None:
+async def test_leaving_unadvertises_at_the_bridge() -> None:
     async with FarSide() as far_side:
         async with attached(far_side.url):
             assert "/SyncModeCmd" in far_side.graph.services
@@ -370,7 +368,7 @@ async def test_departure_is_told_to_the_bridge() -> None:
         assert not [line for line in far_side.log if "Unknown operation" in line or "exception" in line.lower()]
 
 
-async def test_stop_ends_with_the_answer_of_the_bridge_and_not_with_a_time_out(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_stop_waits_for_the_bridges_answer_and_not_for_a_time_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """Else every stop takes half a second longer than the bridge does."""
     monkeypatch.setattr(attach, "LAST_WORD", 2.0 * PATIENCE)
     async with FarSide() as far_side, attached(far_side.url) as sim:
@@ -379,7 +377,7 @@ async def test_stop_ends_with_the_answer_of_the_bridge_and_not_with_a_time_out(m
 
 
 @pytest.mark.slow
-async def test_waits_between_attempts_grow_to_the_chosen_longest_one(lines: Callable[[], list[str]]) -> None:
+async def test_back_off_grows_to_the_chosen_maximum(lines: Callable[[], list[str]]) -> None:
     """A bridge that comes back after an hour is found within `--attach-retry`, not within another hour."""
 
     async def leave(connection: ServerConnection) -> None:
@@ -394,7 +392,7 @@ async def test_waits_between_attempts_grow_to_the_chosen_longest_one(lines: Call
 
 
 @pytest.mark.slow
-async def test_a_bridge_that_always_leaves_soon_is_dialled_ever_more_seldom(lines: Callable[[], list[str]]) -> None:
+async def test_bridge_that_soon_disconnects_is_dialled_with_back_off(lines: Callable[[], list[str]]) -> None:
     async def answer_and_leave(connection: ServerConnection) -> None:
         async for text in connection:
             op = json.loads(text)
@@ -414,7 +412,7 @@ async def test_a_bridge_that_always_leaves_soon_is_dialled_ever_more_seldom(line
 
 
 @pytest.mark.slow
-async def test_a_bridge_that_stands_still_is_not_buried() -> None:
+async def test_stalled_bridge_is_not_flooded() -> None:
     async with FarSide() as far_side, attached(far_side.url, start="run") as sim:
         assert sim.node is not None
         far_side.may_work.clear()
@@ -429,7 +427,7 @@ async def test_a_bridge_that_stands_still_is_not_buried() -> None:
 
 
 @pytest.mark.slow
-async def test_an_answer_comes_at_last_from_behind_more_topics_than_a_silent_bridge_is_sent() -> None:
+async def test_answer_behind_many_topics_reaches_a_silent_bridge() -> None:
     """It answers at the beginning, and then nothing: what it is sent is little by little, but comes."""
     frames: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
     connections: list[ServerConnection] = []
@@ -460,7 +458,7 @@ async def test_an_answer_comes_at_last_from_behind_more_topics_than_a_silent_bri
 
 
 @pytest.mark.slow
-async def test_a_missing_package_is_one_line_and_the_rest_goes_on(
+async def test_missing_package_is_one_log_line_and_the_rest_works(
     lines: Callable[[], list[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(survey, "SURVEY_DELAYS", (0.0, 0.1, 0.1))
@@ -472,7 +470,7 @@ async def test_a_missing_package_is_one_line_and_the_rest_goes_on(
 
 
 @pytest.mark.slow
-async def test_a_far_side_that_sends_rubbish_is_lived_with(caplog: pytest.LogCaptureFixture) -> None:
+async def test_rubbish_from_a_bridge_does_not_end_the_connection(caplog: pytest.LogCaptureFixture) -> None:
     rubbish: list[str | bytes] = [
         "{",
         "[]",
@@ -511,22 +509,22 @@ async def refusal_of(**options: Unpack[SimulatorOptions]) -> str:
     return text
 
 
-async def test_without_a_world_there_is_nothing_to_attach() -> None:
+async def test_attach_without_a_world_is_an_error() -> None:
     assert "without one there is nothing" in await refusal_of(attach="ws://h:1", world=False)
 
 
-async def test_neither_listening_nor_attached_is_a_mistake() -> None:
+async def test_neither_listening_nor_attached_is_an_error() -> None:
     assert "attach: expected URLs of rosbridges" in await refusal_of(listen=False)
 
 
 @pytest.mark.parametrize("url", ["", "http", "ftp://x", "ws://", "ws://h:0", "ws://h:99999", "ws://h:x", "ws://a b"])
-async def test_what_is_no_url_is_a_mistake(url: str) -> None:
+async def test_malformed_url_is_an_error(url: str) -> None:
     if url == "http":
         url = "ws://[::1"
     assert "attach: expected URLs of rosbridges" in await refusal_of(attach=url)
 
 
-async def test_a_token_in_a_url_is_shown_nowhere(lines: Callable[[], list[str]]) -> None:
+async def test_token_in_a_url_is_not_shown(lines: Callable[[], list[str]]) -> None:
     assert TOKEN not in await refusal_of(attach=f"ws://h:x/?token={TOKEN}")
     async with gateway(token=TOKEN) as bridge, attached(f"{bridge.url}/?token={TOKEN}") as sim:
         assert TOKEN not in repr(sim.settings)
@@ -535,13 +533,13 @@ async def test_a_token_in_a_url_is_shown_nowhere(lines: Callable[[], list[str]])
 
 
 @pytest.mark.slow
-async def test_a_wrong_token_is_told(lines: Callable[[], list[str]]) -> None:
+async def test_wrong_token_is_reported(lines: Callable[[], list[str]]) -> None:
     async with gateway(token=TOKEN) as bridge, Simulator(attach=f"{bridge.url}/?token=x", listen=False):
         await until(lambda: any("wants a token (?token=... in its URL)" in line for line in lines()))
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost", EVERYWHERE])
-async def test_own_server_is_not_dialled(host: str) -> None:
+async def test_server_does_not_dial_itself(host: str) -> None:
     async with gateway() as bridge:
         port = bridge.port
     with pytest.raises(AddressError, match="is this server itself"):
@@ -605,7 +603,7 @@ class TfBuffer:
 
 
 @pytest.mark.slow
-async def test_program_behind_a_bridge_finds_the_car_at_its_own_now(connect: Connect) -> None:
+async def test_program_behind_a_bridge_finds_the_transform_of_its_present_time(connect: Connect) -> None:
     async with FarSide() as far_side, attached(far_side.url, start="run"):
         client = await connect(far_side.url)
         await client.send("advertise", topic="/ctrl_cmd", type="morai_msgs/CtrlCmd")
@@ -638,7 +636,7 @@ async def test_program_behind_a_bridge_finds_the_car_at_its_own_now(connect: Con
         (True, {"stamps": "wall"}, True),
     ],
 )
-async def test_headers_clock_and_transforms_have_the_time_of_the_bridge(
+async def test_headers_clock_and_transforms_use_the_time_source_of_the_bridge(
     connect: Connect, parameter: object, options: SimulatorOptions, *, is_wall: bool
 ) -> None:
     async with FarSide() as far_side:
@@ -667,21 +665,21 @@ async def test_headers_clock_and_transforms_have_the_time_of_the_bridge(
             assert (stamp_of(static) > DAY_NS) is is_wall, "nothing was announced before it was settled"
 
 
-async def test_server_that_dials_a_bridge_keeps_simulated_stamps_and_warns(lines: Callable[[], list[str]]) -> None:
+async def test_server_that_also_attaches_keeps_simulated_stamps_and_warns(lines: Callable[[], list[str]]) -> None:
     async with gateway() as bridge, Simulator(port=0, start="sync", attach=[bridge.url]) as sim:
         assert sim.bus is not None
         assert sim.bus.stamp_ns == 0
         await until(lambda: any("--stamps wall" in line for line in lines()))
 
 
-async def test_ros_2_has_the_time_of_day(lines: Callable[[], list[str]]) -> None:
+async def test_ros_2_uses_wall_clock_stamps(lines: Callable[[], list[str]]) -> None:
     async with gateway(ros=2) as bridge, attached(bridge.url, ros=2) as sim:
         assert sim.bus is not None
         assert sim.bus.stamp_ns > DAY_NS
         assert not [line for line in lines() if "use_sim_time" in line]
 
 
-async def test_auto_without_a_bridge_is_simulated_time_and_a_line(caplog: pytest.LogCaptureFixture) -> None:
+async def test_stamps_auto_without_a_bridge_uses_simulated_time_and_logs_it(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO, "rosbridge_sim.app")
     async with Simulator(port=0, start="sync", stamps="auto") as sim:
         assert sim.bus is not None
@@ -693,7 +691,7 @@ async def test_auto_without_a_bridge_is_simulated_time_and_a_line(caplog: pytest
 
 
 @pytest.mark.slow
-async def test_services_of_an_ego_that_left_stay_announced_at_the_bridge(
+async def test_services_of_a_removed_ego_stay_announced_at_the_bridge(
     connect: Connect, lines: Callable[[], list[str]]
 ) -> None:
     async with FarSide() as far_side, attached(far_side.url) as sim:
@@ -716,7 +714,7 @@ async def test_services_of_an_ego_that_left_stay_announced_at_the_bridge(
 
 
 @pytest.mark.slow
-async def test_everything_is_there_again_after_the_master_behind_the_bridge_was_restarted(
+async def test_all_topics_return_after_a_restart_of_the_ros_master(
     connect: Connect, monkeypatch: pytest.MonkeyPatch, lines: Callable[[], list[str]]
 ) -> None:
     for module, name, value in (
@@ -747,9 +745,7 @@ async def test_everything_is_there_again_after_the_master_behind_the_bridge_was_
 
 @pytest.mark.slow
 @pytest.mark.parametrize("is_wanted", [False, True])
-async def test_drive_is_told_behind_a_bridge_where_that_is_wanted_and_not_followed_by_ourselves(
-    connect: Connect, *, is_wanted: bool
-) -> None:
+async def test_replay_info_reaches_a_bridge_if_set_and_is_not_followed(connect: Connect, *, is_wanted: bool) -> None:
     async with FarSide() as far_side, attached(far_side.url, replay_info=is_wanted) as sim:
         client = await connect(far_side.url)
         await client.send("subscribe", topic="/ReplayInfo_topic", type="morai_msgs/ReplayInfo")

@@ -1,4 +1,4 @@
-"""The quick ones of Autobahn's cases against our socket class; `scripts/autobahn.py` runs all of them."""
+"""Quick Autobahn cases with our connection class; `scripts/autobahn.py` runs all of them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ QUICK = [
 
 @pytest.mark.slow
 @pytest.mark.client
-async def test_what_the_library_passes_we_pass() -> None:
+async def test_autobahn_results_equal_those_of_the_library() -> None:
     logging.getLogger("quiet").setLevel(logging.CRITICAL)
     reference, ours = [await run(QUICK, is_direct=is_direct) for is_direct in (False, True)]
     assert len(reference) > 230
@@ -27,7 +27,7 @@ async def test_what_the_library_passes_we_pass() -> None:
     assert sum(not verdict.startswith("not") for verdict in ours.values()) >= len(ours) - 1
 
 
-def test_a_case_that_is_lost_is_found() -> None:
+def test_lost_autobahn_case_is_detected() -> None:
     assert compare({"1": "OK", "2": "not passed"}, {"1": "OK", "2": "OK", "3": "OK", "4": "not passed"}) == [
         "2: not passed; the reference: OK",
         "3: not run; the reference: OK",

@@ -1,4 +1,4 @@
-"""A server without file descriptors: one line in the log, clear refusals, and all goes on once some are free."""
+"""A server without free file descriptors: one log line, clear refusals, and recovery."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Loop:
             self.timers.pop()()
 
 
-def test_want_of_descriptors_is_one_line_a_minute(caplog: pytest.LogCaptureFixture) -> None:
+def test_missing_descriptors_are_one_log_line_per_minute(caplog: pytest.LogCaptureFixture) -> None:
     number: int | None = None
 
     def try_one() -> None:
@@ -73,7 +73,7 @@ def test_want_of_descriptors_is_one_line_a_minute(caplog: pytest.LogCaptureFixtu
     assert loop.timers == []
 
 
-def test_reports_of_the_loop_are_the_same_line_and_others_are_passed_on(caplog: pytest.LogCaptureFixture) -> None:
+def test_event_loop_reports_of_missing_descriptors_share_one_line(caplog: pytest.LogCaptureFixture) -> None:
     loop = Loop()
     watch = DescriptorWatch(cast("asyncio.AbstractEventLoop", loop), lambda: None)
     report = {"message": "socket.accept() out of system resource", "exception": OSError(errno.EMFILE, "")}
@@ -98,7 +98,7 @@ sys.exit(main())
 
 @pytest.mark.slow
 @pytest.mark.parametrize("loop", ["uvloop", "asyncio"])
-async def test_server_without_descriptors_says_so_once_and_goes_on(tmp_path: Path, loop: str) -> None:
+async def test_server_without_descriptors_logs_once_and_goes_on(tmp_path: Path, loop: str) -> None:
     with start(tmp_path, loop) as (process, port):
         async with await Client.open(f"ws://127.0.0.1:{port}") as client:
             await client.send("subscribe", topic="/rosout", type="rosgraph_msgs/Log")

@@ -1,4 +1,4 @@
-"""Limits of the log: how many lines a source has, how long they are, and that it is said what was left out."""
+"""Limits of the log: lines per source, line length, and summaries of omitted lines."""
 
 from __future__ import annotations
 
@@ -65,7 +65,9 @@ def say(client: str, num: int = 1, text: str = "hello") -> None:
         log.info("%s says: %s", client, text, extra={"client": client})
 
 
-def test_client_has_a_burst_and_then_a_rate(limiter: LineLimiter, loop: Loop, caplog: pytest.LogCaptureFixture) -> None:
+def test_log_lines_of_a_client_have_a_burst_and_a_rate(
+    limiter: LineLimiter, loop: Loop, caplog: pytest.LogCaptureFixture
+) -> None:
     say("a:1", 1_000)
     assert len(caplog.messages) == CLIENT_BURST
     loop.now += 5.0
@@ -79,7 +81,7 @@ def test_client_has_a_burst_and_then_a_rate(limiter: LineLimiter, loop: Loop, ca
     assert len(caplog.messages) == 1
 
 
-def test_client_does_not_use_up_the_lines_of_another(limiter: LineLimiter, caplog: pytest.LogCaptureFixture) -> None:
+def test_client_does_not_use_up_log_lines_of_another(limiter: LineLimiter, caplog: pytest.LogCaptureFixture) -> None:
     say("a:1", 1_000)
     say("b:2", 3)
     assert [line for line in caplog.messages if line.startswith("b:2")] == ["b:2 says: hello"] * 3
@@ -89,7 +91,7 @@ def test_client_does_not_use_up_the_lines_of_another(limiter: LineLimiter, caplo
     assert caplog.messages == ["... 1,903 more lines of b:2 and 1 other were left out"]
 
 
-def test_client_that_comes_again_and_again_does_not_get_ever_more_lines(
+def test_reconnecting_client_gets_no_extra_log_lines(
     limiter: LineLimiter, loop: Loop, caplog: pytest.LogCaptureFixture
 ) -> None:
     for port in range(5_000):
@@ -106,7 +108,7 @@ def test_client_that_comes_again_and_again_does_not_get_ever_more_lines(
     assert re.fullmatch(r"\.\.\. 9,795 more lines of test_log_limits\.py:\d+ were left out", message)
 
 
-def test_places_have_lines_of_their_own_and_the_gravest_level_is_that_of_the_summary(
+def test_each_log_source_has_its_own_limit_and_the_summary_has_the_highest_level(
     limiter: LineLimiter, caplog: pytest.LogCaptureFixture
 ) -> None:
     for _ in range(1_000):
@@ -117,7 +119,7 @@ def test_places_have_lines_of_their_own_and_the_gravest_level_is_that_of_the_sum
     assert caplog.records[-1].levelno == logging.WARNING
 
 
-def test_what_ends_the_process_is_always_said(limiter: LineLimiter, caplog: pytest.LogCaptureFixture) -> None:
+def test_fatal_errors_are_always_logged(limiter: LineLimiter, caplog: pytest.LogCaptureFixture) -> None:
     for _ in range(1_000):
         log.critical("the world has failed")
     assert len(caplog.messages) == 1_000
@@ -125,14 +127,16 @@ def test_what_ends_the_process_is_always_said(limiter: LineLimiter, caplog: pyte
     assert len(caplog.messages) == 1_000
 
 
-def test_long_line_is_cut(limiter: LineLimiter, caplog: pytest.LogCaptureFixture) -> None:
+def test_long_log_line_is_cut(limiter: LineLimiter, caplog: pytest.LogCaptureFixture) -> None:
     assert limiter
     log.info("%s%s", "x" * (MAX_LINE - 1), "y")
     log.info("%s%s", "x" * MAX_LINE, "y" * 12_345)
     assert caplog.messages == ["x" * (MAX_LINE - 1) + "y", "x" * MAX_LINE + "... (12,345 more characters)"]
 
 
-def test_traceback_counts_as_several_lines_and_is_cut(limiter: LineLimiter, caplog: pytest.LogCaptureFixture) -> None:
+def test_traceback_counts_as_several_log_lines_and_is_cut(
+    limiter: LineLimiter, caplog: pytest.LogCaptureFixture
+) -> None:
     assert limiter
     names: dict[str, str] = {}
     for _ in range(100):
@@ -148,7 +152,7 @@ def test_traceback_counts_as_several_lines_and_is_cut(limiter: LineLimiter, capl
         assert record.exc_text.endswith("zzend'")
 
 
-def test_nothing_is_limited_before_the_start_and_after_the_stop(loop: Loop, caplog: pytest.LogCaptureFixture) -> None:
+def test_log_limits_hold_only_between_start_and_stop(loop: Loop, caplog: pytest.LogCaptureFixture) -> None:
     limiter = LineLimiter(cast("asyncio.AbstractEventLoop", loop))
     for _ in range(300):
         log.warning("before")
@@ -160,7 +164,7 @@ def test_nothing_is_limited_before_the_start_and_after_the_stop(loop: Loop, capl
     assert len(caplog.messages) == 600
 
 
-def test_every_logger_of_the_package_is_limited() -> None:
+def test_log_limits_apply_to_every_logger_of_the_package() -> None:
     names: set[str] = set()
     for path in (ROOT / "rosbridge_sim").rglob("*.py"):
         names.update(re.findall(r'getLogger\("(.+?)"\)', path.read_text()))
@@ -186,7 +190,7 @@ async def test_status_ops_fill_neither_the_log_nor_rosout(connect: Connect, capl
 
 
 @pytest.mark.slow
-async def test_log_at_level_debug_stays_small_whatever_a_client_sends(serve: Serve, connect: Connect) -> None:
+async def test_debug_log_of_any_client_input_is_bounded(serve: Serve, connect: Connect) -> None:
     server = serve("--log-level", "debug")
     client = await connect(server.url)
     for i in range(3_000):
@@ -197,7 +201,7 @@ async def test_log_at_level_debug_stays_small_whatever_a_client_sends(serve: Ser
     assert len(server.log) < 500_000
 
 
-def test_line_whose_values_do_not_fit_does_not_fail_its_writer(
+def test_log_line_with_wrong_arguments_does_not_raise(
     limiter: LineLimiter,
 ) -> None:
     record = log.makeRecord(log.name, logging.WARNING, __file__, 1, "%d %d", ("x",), None)

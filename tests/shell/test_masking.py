@@ -16,7 +16,7 @@ from tests.support import Client
 TOKEN = "s3cret/+="  # noqa: S105 - a test's own
 
 
-def test_token_is_masked_as_it_is_and_as_it_stands_in_a_url() -> None:
+def test_token_is_masked_as_text_and_url_encoded() -> None:
     mask = mask_of(TOKEN)
     for spelling in (TOKEN, quote(TOKEN), quote(TOKEN, safe="")):
         assert mask(f"a {spelling} b {spelling}") == "a ... b ..."
@@ -24,11 +24,11 @@ def test_token_is_masked_as_it_is_and_as_it_stands_in_a_url() -> None:
 
 
 @pytest.mark.parametrize("token", [None, "", "x" * (MIN_MASKED - 1)])
-def test_without_a_token_or_with_a_tiny_one_texts_stay_as_they_are(token: str | None) -> None:
+def test_missing_or_short_token_masks_nothing(token: str | None) -> None:
     assert mask_of(token)("xxx a text") == "xxx a text"
 
 
-async def test_a_client_that_writes_its_token_has_it_neither_in_the_log_nor_on_topics(
+async def test_token_written_by_a_client_is_masked_in_log_and_topics(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     caplog.set_level(logging.DEBUG, "rosbridge_sim")

@@ -1,4 +1,4 @@
-"""Mistakes of clients: one line each in the log, however many there are, and a list on `/sim/refusals`."""
+"""Errors of clients: bounded log lines, and a list on `/sim/refusals`."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def lines(caplog: pytest.LogCaptureFixture) -> list[str]:
     return [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
 
 
-async def test_first_refusal_has_a_line_and_the_rest_of_a_period_share_one(
+async def test_first_refusal_is_logged_and_the_rest_of_a_period_summarised(
     account: RefusalLog, clock: Clock, caplog: pytest.LogCaptureFixture
 ) -> None:
     for _ in range(1_000):
@@ -62,7 +62,7 @@ async def test_first_refusal_has_a_line_and_the_rest_of_a_period_share_one(
     assert all(record.__dict__["client"] == "1.2.3.4:5" for record in caplog.records)
 
 
-async def test_refusal_after_a_quiet_period_has_a_line_again(
+async def test_refusal_after_a_quiet_period_is_logged_again(
     account: RefusalLog, clock: Clock, caplog: pytest.LogCaptureFixture
 ) -> None:
     account.note(WRONG)
@@ -71,7 +71,7 @@ async def test_refusal_after_a_quiet_period_has_a_line_again(
     assert len(lines(caplog)) == 2
 
 
-async def test_each_client_and_each_reason_has_a_line_of_its_own(
+async def test_each_client_and_reason_has_its_own_log_line(
     account: RefusalLog, caplog: pytest.LogCaptureFixture
 ) -> None:
     for client in ("a:1", "b:2"):
@@ -81,16 +81,14 @@ async def test_each_client_and_each_reason_has_a_line_of_its_own(
     assert len(lines(caplog)) == 4
 
 
-async def test_lines_that_are_owed_are_written_at_the_end(
-    account: RefusalLog, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_pending_summaries_are_logged_at_the_end(account: RefusalLog, caplog: pytest.LogCaptureFixture) -> None:
     account.note(WRONG)
     account.note(WRONG._replace(text="other"))
     account.stop()
     assert lines(caplog)[-1].endswith("1 more refused (wrong_type), the last one: publish /ctrl_cmd: other")
 
 
-async def test_text_of_a_client_is_cut_and_cannot_begin_a_line(
+async def test_text_of_a_client_is_cut_and_cannot_start_a_log_line(
     account: RefusalLog, caplog: pytest.LogCaptureFixture
 ) -> None:
     account.note(WRONG._replace(text="a\nERROR: b\x1b[31m\ud800" + "x" * 10**6, subject="/t\n" * 10_000))
@@ -101,7 +99,9 @@ async def test_text_of_a_client_is_cut_and_cannot_begin_a_line(
     assert escape("plain") == "plain"
 
 
-async def test_quiet_account_writes_nothing_and_keeps_all(clock: Clock, caplog: pytest.LogCaptureFixture) -> None:
+async def test_quiet_refusal_log_writes_nothing_and_keeps_all_entries(
+    clock: Clock, caplog: pytest.LogCaptureFixture
+) -> None:
     account = RefusalLog(asyncio.get_running_loop(), clock=clock, is_quiet=True)
     account.note(WRONG)
     account.note(WRONG)
@@ -111,14 +111,14 @@ async def test_quiet_account_writes_nothing_and_keeps_all(clock: Clock, caplog: 
     assert (noted.count, noted.frame, account.total) == (2, -1, 2)
 
 
-async def test_same_refusal_with_a_long_text_is_kept_once(account: RefusalLog) -> None:
+async def test_equal_refusal_with_a_long_text_is_kept_once(account: RefusalLog) -> None:
     for _ in range(MAX_KEPT + 1):
         account.note(WRONG._replace(text="x" * 2 * MAX_REFUSAL_TEXT, subject="/t" * 2 * MAX_REFUSAL_TEXT))
     (noted,) = account.kept()
     assert (noted.count, len(noted.request.text)) == (MAX_KEPT + 1, MAX_REFUSAL_TEXT)
 
 
-async def test_what_is_kept_is_bounded_and_no_client_pushes_out_another(account: RefusalLog) -> None:
+async def test_kept_refusals_are_bounded_per_client(account: RefusalLog) -> None:
     account.note(WRONG)
     for i in range(10 * MAX_KINDS):
         account.note(WRONG._replace(client="flood:1", text=str(i)))
@@ -135,7 +135,7 @@ def ears(caplog: pytest.LogCaptureFixture) -> pytest.LogCaptureFixture:
     return caplog
 
 
-async def test_refused_ticks_and_starts_and_commands_are_in_the_log_and_on_the_topic(
+async def test_refused_ticks_starts_and_commands_are_logged_and_published(
     ears: pytest.LogCaptureFixture,
 ) -> None:
     async with Simulator(port=0) as sim, await Client.open(sim.url) as master, await Client.open(sim.url) as other:
@@ -165,7 +165,7 @@ async def test_refused_ticks_and_starts_and_commands_are_in_the_log_and_on_the_t
     assert "the last one: call_service /SyncModeWaitForTick: another" in "".join(lines(ears)), "written at the end"
 
 
-async def test_what_is_found_later_is_noted_with_the_op_that_it_is_about() -> None:
+async def test_late_refusal_is_recorded_with_its_op() -> None:
     async with Simulator(port=0, start="sync") as sim, await Client.open(sim.url) as client:
         await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)
         await client.send("publish", topic="/SyncModeRemoveObj", msg={"unique_id": 4_711, "frame": 1}, id="removal")
@@ -184,7 +184,7 @@ async def test_what_is_found_later_is_noted_with_the_op_that_it_is_about() -> No
     assert (status["id"], status["level"]) == ("removal", "error")
 
 
-async def test_quiet_clients_leaves_no_line(ears: pytest.LogCaptureFixture) -> None:
+async def test_quiet_clients_setting_logs_no_refusals(ears: pytest.LogCaptureFixture) -> None:
     async with Simulator(port=0, world=False, quiet_clients=True) as sim, await Client.open(sim.url) as client:
         await client.send("subscribe", topic="/nothing")
         await client.settle()
@@ -194,7 +194,7 @@ async def test_quiet_clients_leaves_no_line(ears: pytest.LogCaptureFixture) -> N
     assert lines(ears) == []
 
 
-async def test_flood_of_mistakes_leaves_two_lines_and_two_messages(ears: pytest.LogCaptureFixture) -> None:
+async def test_flood_of_errors_gives_two_log_lines_and_two_messages(ears: pytest.LogCaptureFixture) -> None:
     async with Simulator(port=0, world=False) as sim, await Client.open(sim.url) as client:
         for i in range(2_000):
             await client.send("publish", topic=f"/nothing{i}", msg={})
@@ -204,7 +204,7 @@ async def test_flood_of_mistakes_leaves_two_lines_and_two_messages(ears: pytest.
     assert "1,999 more refused" in ours[1]
 
 
-async def test_advice_at_the_end_of_a_long_text_is_shown(ears: pytest.LogCaptureFixture) -> None:
+async def test_advice_at_the_end_of_a_long_text_is_kept(ears: pytest.LogCaptureFixture) -> None:
     async with Simulator(port=0, world=False) as sim, await Client.open(sim.url) as client:
         await client.send("publsh", topic="/x")
         await client.settle()

@@ -11,7 +11,7 @@ from tests.conftest import Connect
 
 
 @pytest.mark.parametrize(("release", "steering", "gain"), [("22.R2", "steering", 3.0), ("26.R1", "front_steer", 1.0)])
-async def test_one_flag_and_one_name_change_between_releases(
+async def test_releases_differ_by_one_flag_and_one_field_name(
     release: Literal["22.R2", "26.R1"], steering: str, gain: float, connect: Connect
 ) -> None:
     async with Simulator(port=0, start="sync", release=release) as sim:
@@ -27,7 +27,7 @@ async def test_one_flag_and_one_name_change_between_releases(
         assert ("/SyncModeAddObject" in services) == (release == "26.R1")
 
 
-async def test_the_default_of_the_object_limit_is_the_releases(connect: Connect) -> None:
+async def test_object_limit_default_follows_the_release(connect: Connect) -> None:
     async with Simulator(port=0, start="sync", release="26.R1") as sim:
         client = await connect(sim.url)
         await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)

@@ -1,4 +1,4 @@
-"""The one timer: armed for what is due, looked at when something has changed, and still after a failure."""
+"""The timer: set for the next deadline, updated on changes, and stopped after a failure."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Timer:
         self.is_cancelled = True
 
 
-class Room:
+class SchedulerFixture:
     """A bus and a world whose time the test moves."""
 
     def __init__(self, start: Literal["run", "sync"] = "run", loop: Loop | None = None) -> None:
@@ -101,44 +101,44 @@ class Room:
         return self.node.world.frame
 
 
-def test_timer_is_armed_for_the_next_frame_alone() -> None:
-    room = Room()
+def test_timer_is_set_for_the_next_frame_only() -> None:
+    room = SchedulerFixture()
     for n in range(1, 100):
         assert room.loop.armed == [pytest.approx(1000.0 + n * 0.02)]
         room.loop.move_to(room.loop.armed[0])
         assert room.frame == n
 
 
-def test_nothing_rings_while_only_a_client_can_move_the_world() -> None:
-    room = Room("sync")
+def test_no_timer_is_set_while_only_a_tick_can_move_the_world() -> None:
+    room = SchedulerFixture("sync")
     assert room.loop.armed == []
 
 
-def test_many_changes_of_one_turn_are_looked_at_once() -> None:
-    room = Room("sync")
+def test_several_changes_in_one_turn_reschedule_once() -> None:
+    room = SchedulerFixture("sync")
     for _ in range(100):
         room.scheduler.look()
     assert room.loop.settle() == 1
 
 
-def test_late_frames_are_made_up_for_a_few_in_each_turn() -> None:
-    room = Room()
+def test_late_frames_are_computed_a_few_per_turn() -> None:
+    room = SchedulerFixture()
     assert room.loop.move_to(1000.0 + 0.41) > 1
     assert room.frame == 20
     assert room.loop.armed == [pytest.approx(1000.0 + 0.42)]
 
 
-def test_stall_is_not_raced_through() -> None:
-    room = Room()
+def test_frames_of_a_stall_are_not_caught_up() -> None:
+    room = SchedulerFixture()
     room.loop.move_to(1000.0 + 3600.0)
     assert room.frame == 1
     assert room.node.num_stalls == 1
 
 
-def test_timeout_that_comes_before_all_else_arms_the_timer_anew() -> None:
-    room = Room("sync")
+def test_earlier_time_out_resets_the_timer() -> None:
+    room = SchedulerFixture("sync")
     answers: list[Answer] = []
-    caller, provider = Somebody("/caller"), Somebody("/provider")
+    caller, provider = SilentParticipant("/caller"), SilentParticipant("/provider")
     room.bus.provide(provider, "/silent", "std_srvs/Trigger", lambda _call, _now: None)
     for timeout in (3.0, 2.0):
         room.bus.call(caller, "/silent", None, answers.append, now=room.loop.now, timeout=timeout)
@@ -153,8 +153,8 @@ def test_timeout_that_comes_before_all_else_arms_the_timer_anew() -> None:
     assert room.loop.armed == []
 
 
-def test_time_stands_still_after_a_failure_and_it_is_told_once() -> None:
-    room = Room()
+def test_time_stops_after_a_failure_that_is_reported_once() -> None:
+    room = SchedulerFixture()
     room.node.context.hooks.place.append(lambda: 1 // 0)  # as good a bug as any
     room.loop.move_to(1000.02)
     assert room.scheduler.is_failed
@@ -170,8 +170,8 @@ def break_down(*_: object) -> NoReturn:
 
 
 @pytest.mark.parametrize("seam", ["next_due", "advance"])
-def test_republisher_that_fails_ends_and_time_goes_on(seam: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    room = Room()
+def test_failed_republisher_ends_and_time_goes_on(seam: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    room = SchedulerFixture()
     republisher = WebRepublisher(room.bus)
     monkeypatch.setattr(republisher._actionlib, seam, break_down)
     republisher._alarm = room.loop.now
@@ -186,8 +186,8 @@ def test_republisher_that_fails_ends_and_time_goes_on(seam: str, monkeypatch: py
 
 
 @pytest.mark.parametrize("seam", ["next_due", "advance"])
-def test_bridge_that_fails_is_told_and_time_goes_on(seam: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    room, failures = Room(), list[Exception]()
+def test_failed_bridge_is_reported_and_time_goes_on(seam: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    room, failures = SchedulerFixture(), list[Exception]()
     mirror = Mirror(room.bus, room.node.participant, "ws://far")
     mirror.on_failure = failures.append
     monkeypatch.setattr(mirror, seam, break_down)
@@ -200,9 +200,9 @@ def test_bridge_that_fails_is_told_and_time_goes_on(seam: str, monkeypatch: pyte
     assert room.bus.guard.num_faults == len(failures)
 
 
-def test_caller_that_fails_on_its_timeout_does_not_stop_the_world() -> None:
-    room = Room()
-    caller, provider = Somebody("/caller"), Somebody("/provider")
+def test_caller_that_fails_on_its_time_out_does_not_stop_the_world() -> None:
+    room = SchedulerFixture()
+    caller, provider = SilentParticipant("/caller"), SilentParticipant("/provider")
     room.bus.provide(provider, "/silent", "std_srvs/Trigger", lambda _call, _now: None)
     room.bus.call(caller, "/silent", None, break_down, now=room.loop.now, timeout=0.01)
     room.scheduler.look()
@@ -214,8 +214,8 @@ def test_caller_that_fails_on_its_timeout_does_not_stop_the_world() -> None:
     assert room.bus.guard.num_faults == 1
 
 
-def test_end_that_fails_does_not_stop_the_world() -> None:
-    room = Room()
+def test_failed_disconnect_does_not_stop_the_world() -> None:
+    room = SchedulerFixture()
 
     class Broken:
         def next_due(self, _now: float) -> float:
@@ -234,7 +234,7 @@ def test_end_that_fails_does_not_stop_the_world() -> None:
 
 
 @dataclass(eq=False)
-class Somebody:
+class SilentParticipant:
     """An owner that says nothing."""
 
     name: str
@@ -274,7 +274,7 @@ class CoarseLoop(Loop):
 
 def test_real_time_is_right_where_timers_are_coarse() -> None:
     loop = CoarseLoop()
-    room = Room(loop=loop)
+    room = SchedulerFixture(loop=loop)
     for second in range(1, 31):
         loop.run_until(1000.0 + second)
         assert 0 <= 50 * second - room.frame <= 1

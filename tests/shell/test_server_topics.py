@@ -1,4 +1,4 @@
-"""What the server says of itself, seen by its clients."""
+"""Topics of the server about itself."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ async def sim() -> AsyncIterator[Simulator]:
         yield sim
 
 
-async def test_who_is_connected_is_latched_and_follows_each_change(sim: Simulator) -> None:
+async def test_client_list_is_latched_and_follows_each_change(sim: Simulator) -> None:
     async with await Client.open(sim.url) as first:
         await first.send("subscribe", topic="/client_count")
         await first.send("subscribe", topic="/connected_clients")
@@ -38,7 +38,7 @@ async def test_who_is_connected_is_latched_and_follows_each_change(sim: Simulato
         assert entry["connection_time"]["secs"] > 1_700_000_000
 
 
-async def test_changes_in_one_turn_of_the_loop_are_told_once() -> None:
+async def test_client_changes_in_one_loop_turn_are_published_once() -> None:
     bus = make_bus()
     server = Server(bus, ServerLimits(), lambda: None)
     reports = ServerTopics(bus, server, asyncio.get_running_loop())
@@ -55,7 +55,7 @@ async def test_changes_in_one_turn_of_the_loop_are_told_once() -> None:
     assert counts == [0]
 
 
-async def test_the_log_is_a_topic_and_clients_may_write_there_too(sim: Simulator) -> None:
+async def test_log_is_published_on_rosout_where_clients_may_publish_too(sim: Simulator) -> None:
     async with await Client.open(sim.url) as client:
         assert (await client.values("/rosapi/topic_type", {"topic": "/rosout"})) == {"type": "rosgraph_msgs/Log"}
         await client.subscribe("/rosout")
@@ -70,7 +70,7 @@ async def test_the_log_is_a_topic_and_clients_may_write_there_too(sim: Simulator
         assert (await client.message("/rosout"))["msg"] == "mine"
 
 
-async def test_the_log_of_the_other_generation() -> None:
+async def test_rosout_has_the_type_of_the_ros_version() -> None:
     async with Simulator(port=0, world=False, ros=2) as sim, await Client.open(sim.url) as client:
         topics = await client.values("/rosapi/topics")
         assert dict(zip(topics["topics"], topics["types"], strict=True))["/rosout"] == "rcl_interfaces/msg/Log"
@@ -81,7 +81,7 @@ async def test_the_log_of_the_other_generation() -> None:
         assert line["stamp"]["sec"] > 1_700_000_000
 
 
-async def test_one_stalled_reader_beside_ten_live_ones_is_counted_and_nobody_else_notices() -> None:
+async def test_stalled_client_is_counted_and_ten_others_are_unaffected() -> None:
     async with Simulator(port=0, world=False, outbox_burst=10, outbox_size=100_000) as sim, AsyncExitStack() as stack:
         assert sim.bus is not None
         _, writer = await open_raw(sim.port)  # nobody ever reads from it
@@ -110,7 +110,7 @@ async def test_one_stalled_reader_beside_ten_live_ones_is_counted_and_nobody_els
         writer.transport.abort()
 
 
-async def test_client_that_cannot_be_reported_is_closed_and_the_others_are_reported(sim: Simulator) -> None:
+async def test_client_that_cannot_be_listed_is_disconnected_and_others_listed(sim: Simulator) -> None:
     async with await Client.open(sim.url) as listener, await Client.open(sim.url) as bad:
         await listener.subscribe("/sim/clients")
         await bad.settle()
@@ -127,7 +127,7 @@ async def test_client_that_cannot_be_reported_is_closed_and_the_others_are_repor
         assert sim.num_bugs == 1
 
 
-async def test_listener_of_rosout_that_fails_hurts_neither_the_writer_nor_others(
+async def test_failing_rosout_subscriber_affects_neither_writer_nor_others(
     sim: Simulator, caplog: pytest.LogCaptureFixture
 ) -> None:
     async with await Client.open(sim.url) as good, await Client.open(sim.url) as bad:
@@ -144,7 +144,7 @@ async def test_listener_of_rosout_that_fails_hurts_neither_the_writer_nor_others
         assert len([record for record in caplog.records if record.exc_info]) == 1
 
 
-async def test_client_that_fails_on_the_line_about_its_own_failure_ends_once(
+async def test_client_that_fails_on_its_own_failure_line_is_disconnected_once(
     sim: Simulator, caplog: pytest.LogCaptureFixture
 ) -> None:
     async with await Client.open(sim.url) as client:
@@ -160,7 +160,7 @@ async def test_client_that_fails_on_the_line_about_its_own_failure_ends_once(
         assert len([record for record in caplog.records if record.exc_info]) == 1
 
 
-async def test_report_of_a_line_that_fails_does_not_fail_its_writer(sim: Simulator) -> None:
+async def test_failing_rosout_publication_does_not_fail_the_writer(sim: Simulator) -> None:
     async with await Client.open(sim.url) as client:
         await client.subscribe("/rosout")
         assert sim._reports is not None

@@ -1,4 +1,4 @@
-"""Signals that end the program, as real processes get them: recordings can be read afterwards, in any case."""
+"""Signals that end the program, in real processes: recordings are readable afterwards."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def wait_for(process: subprocess.Popen[str], text: str) -> None:
 
 @KINDS
 @LOOPS
-def test_second_signal_closes_the_recording_and_ends_it(tmp_path: Path, code: str, name: str) -> None:
+def test_second_signal_closes_the_recording_and_stops_the_server(tmp_path: Path, code: str, name: str) -> None:
     with server_process(code, "--record", str(tmp_path / name)) as (process, _):
         process.send_signal(signal.SIGTERM)
         wait_for(process, "SIGTERM: stopping")
@@ -81,14 +81,14 @@ def test_second_signal_closes_the_recording_and_ends_it(tmp_path: Path, code: st
 
 
 @KINDS
-def test_hangup_ends_the_recording_well(serve: Serve, tmp_path: Path, name: str) -> None:
+def test_hangup_finishes_the_recording(serve: Serve, tmp_path: Path, name: str) -> None:
     server = serve("--record", str(tmp_path / name))
     assert server.stop(signal.SIGHUP) == 0
     assert "SIGHUP: stopping" in server.log
     assert read_bag(tmp_path / name)
 
 
-def test_hangup_that_comes_twice_is_no_second_signal(tmp_path: Path) -> None:
+def test_repeated_hangup_does_not_count_as_a_second_signal(tmp_path: Path) -> None:
     with server_process(MAIN, "--record", str(tmp_path / "a.bag")) as (process, _):
         process.send_signal(signal.SIGHUP)
         wait_for(process, "SIGHUP: stopping")
@@ -110,7 +110,7 @@ def test_hangup_under_nohup_is_ignored(tmp_path: Path) -> None:
 
 @KINDS
 @pytest.mark.parametrize("command", ["serve", "record"])
-def test_terminal_that_closes_leaves_a_recording_that_can_be_read(
+def test_closed_terminal_leaves_a_readable_recording(
     tmp_path: Path, server: ServerProcess, command: str, name: str
 ) -> None:
     path = str(tmp_path / name)
@@ -160,7 +160,7 @@ with asyncio.Runner(loop_factory=DeafLoop if sys.argv[1] == "deaf" else None) as
 
 
 @pytest.mark.parametrize("loop", ["uvloop", "asyncio", "deaf"])
-def test_second_signal_ends_even_a_loop_that_is_stuck(loop: str) -> None:
+def test_second_signal_ends_a_stuck_event_loop(loop: str) -> None:
     process = subprocess.Popen([sys.executable, "-c", STUCK, loop], cwd=ROOT, stdout=subprocess.PIPE, text=True)
     with process:
         try:

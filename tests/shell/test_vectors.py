@@ -1,4 +1,4 @@
-"""The vectors of the wire against a live server: the same frames, through sockets."""
+"""The wire vectors with a live server, over sockets."""
 
 from __future__ import annotations
 
@@ -75,5 +75,5 @@ async def clients() -> AsyncIterator[SocketClients]:
 
 
 @pytest.mark.parametrize("vector", load_vectors(), ids=lambda vector: vector["id"])
-async def test_vector(vector: dict[str, Any], clients: SocketClients) -> None:
+async def test_live_server_answers_as_the_vector_says(vector: dict[str, Any], clients: SocketClients) -> None:
     await play(vector, clients)

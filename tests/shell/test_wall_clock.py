@@ -1,4 +1,4 @@
-"""The clock of stamps: what it says when the system's clock is set."""
+"""The clock of stamps, when the system clock is set."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ class Times:
         return self.clock.read_ns()
 
 
-def test_it_tells_the_systems_time() -> None:
+def test_wall_clock_follows_the_system_time() -> None:
     times = Times()
     assert [times.after(SECOND) for _ in range(3)] == [DAY + SECOND, DAY + 2 * SECOND, DAY + 3 * SECOND]
     before = time.time_ns()
     assert before <= WallClock().read_ns() <= time.time_ns()
 
 
-def test_system_clock_that_is_set_back_is_waited_for_at_half_the_pace() -> None:
+def test_wall_clock_runs_at_half_speed_after_the_system_clock_was_set_back() -> None:
     times = Times()
     seen = [times.after(20_000_000)]
     times.wall -= SECOND // 10
@@ -46,14 +46,14 @@ def test_system_clock_that_is_set_back_is_waited_for_at_half_the_pace() -> None:
     assert seen[-1] == times.wall
 
 
-def test_system_clock_that_is_set_forward_is_followed() -> None:
+def test_wall_clock_follows_a_system_clock_set_forward() -> None:
     times = Times()
     times.after(SECOND)
     times.wall += 3_600 * SECOND
     assert times.after(SECOND) == times.wall
 
 
-def test_no_two_readings_are_the_same_even_if_no_time_passes() -> None:
+def test_wall_clock_readings_are_strictly_increasing() -> None:
     times = Times()
     assert [times.after(0) for _ in range(3)] == [DAY, DAY + 1, DAY + 2]
     times.wall = 0

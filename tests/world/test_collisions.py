@@ -58,7 +58,7 @@ def meetings(world: World, num_steps: int) -> list[int]:
         (NOSE + 3.05, 3.05, math.radians(225.0), False),
     ],
 )
-def test_boxes_touch_where_they_overlap(x: float, y: float, yaw: float, *, is_touching: bool) -> None:
+def test_boxes_are_in_contact_if_they_overlap(x: float, y: float, yaw: float, *, is_touching: bool) -> None:
     world = World()
     world.spawn(Kind.EGO, CAR, name="ego", x=0.0, y=0.0)
     world.spawn(Kind.VEHICLE, CAR, name="npc", x=x, y=y, yaw=yaw)
@@ -66,7 +66,7 @@ def test_boxes_touch_where_they_overlap(x: float, y: float, yaw: float, *, is_to
     assert pairs(world) == ([(1, 2)] if is_touching else [])
 
 
-def test_a_bridge_is_no_contact_and_a_low_thing_is() -> None:
+def test_entity_on_a_bridge_is_no_contact_and_a_low_object_is() -> None:
     world = World()
     world.spawn(Kind.EGO, CAR, name="ego", x=0.0, y=0.0)
     world.spawn(Kind.VEHICLE, CAR, name="above", x=0.0, y=0.0, z=CAR.height + 0.01)
@@ -76,7 +76,7 @@ def test_a_bridge_is_no_contact_and_a_low_thing_is() -> None:
     assert pairs(world) == [(1, 4)]
 
 
-def test_people_and_boxes_among_themselves_are_nobodys_business() -> None:
+def test_contacts_among_pedestrians_and_obstacles_are_not_reported() -> None:
     world = World()
     for kind in (Kind.PEDESTRIAN, Kind.OBSTACLE, Kind.PEDESTRIAN, Kind.VEHICLE):
         world.spawn(kind, MAN if kind != Kind.VEHICLE else CAR, name="x", x=0.0, y=0.0)
@@ -84,7 +84,7 @@ def test_people_and_boxes_among_themselves_are_nobodys_business() -> None:
     assert pairs(world) == [(1, 4), (2, 4), (3, 4)]
 
 
-def test_a_contact_moves_nobody() -> None:
+def test_contact_moves_no_entity() -> None:
     alone, crowded = World(), World()
     for world in (alone, crowded):
         row = world.row(world.spawn(Kind.EGO, CAR, name="ego", x=0.0, y=0.0))
@@ -101,7 +101,7 @@ def test_a_contact_moves_nobody() -> None:
 
 
 @pytest.mark.parametrize("offset", np.linspace(0.0, FAST * DT, 7).tolist())
-def test_nothing_thin_is_passed_unseen_at_250_kmh(offset: float) -> None:
+def test_thin_object_is_not_tunnelled_at_250_kmh(offset: float) -> None:
     world = World()
     row = world.row(world.spawn(Kind.EGO, CAR, name="ego", x=offset, y=0.0, speed=FAST))
     command(world, row, mode=Mode.SPEED, speed=FAST, steer=0.0)
@@ -113,7 +113,7 @@ def test_nothing_thin_is_passed_unseen_at_250_kmh(offset: float) -> None:
 
 
 @pytest.mark.parametrize("gap", np.linspace(200.0, 200.0 + 2 * FAST * DT, 7).tolist())
-def test_two_thin_things_head_on_at_250_kmh_meet(gap: float) -> None:
+def test_two_thin_objects_head_on_at_250_kmh_collide(gap: float) -> None:
     plate = Body(0.05, 1.8, 1.4, wheelbase=0.0, front_overhang=0.025, rear_overhang=0.025)
     world = World()
     world.spawn(Kind.VEHICLE, plate, name="a", x=0.0, y=0.0, speed=FAST)
@@ -123,7 +123,7 @@ def test_two_thin_things_head_on_at_250_kmh_meet(gap: float) -> None:
     assert frames[0] == pytest.approx(gap / 2 / FAST / DT, abs=1.1)
 
 
-def test_two_cars_head_on_at_250_kmh_meet_from_bumper_to_bumper() -> None:
+def test_two_cars_head_on_at_250_kmh_collide_from_bumper_to_bumper() -> None:
     world = World()
     for x, yaw in ((0.0, 0.0), (300.0, math.pi)):
         world.spawn(Kind.VEHICLE, CAR, name="npc", x=x, y=0.0, yaw=yaw, speed=FAST)
@@ -133,7 +133,7 @@ def test_two_cars_head_on_at_250_kmh_meet_from_bumper_to_bumper() -> None:
     assert frames[-1] == math.ceil((apart + 2 * CAR.length) / (2 * FAST * DT))
 
 
-def test_a_crossing_in_the_middle_of_a_step_is_seen_and_a_near_miss_is_none() -> None:
+def test_crossing_within_a_step_is_a_contact_and_a_near_miss_is_not() -> None:
     thin = Body(0.4, 0.05, 1.0, wheelbase=0.0, front_overhang=0.2, rear_overhang=0.2)
     for delay, is_hit in ((0.0, True), (0.35, True), (0.5, False), (-0.5, False)):
         world = World()
@@ -143,7 +143,7 @@ def test_a_crossing_in_the_middle_of_a_step_is_seen_and_a_near_miss_is_none() ->
         assert bool(meetings(world, 60)) == is_hit, delay
 
 
-def test_a_tail_that_swings_hits_what_no_step_ends_on() -> None:
+def test_swinging_tail_collides_between_two_frames() -> None:
     # A path with a corner, and axles so near to each other that the car turns by a right angle within one step.
     world = World()
     spinning = replace(CAR, wheelbase=0.1)
@@ -153,7 +153,7 @@ def test_a_tail_that_swings_hits_what_no_step_ends_on() -> None:
     assert len(meetings(world, 200)) == 1
 
 
-def test_who_is_put_elsewhere_has_not_driven_there() -> None:
+def test_teleport_collides_with_nothing_on_the_way() -> None:
     world = World()
     row = world.row(world.spawn(Kind.EGO, CAR, name="ego", x=0.0, y=0.0))
     world.spawn(Kind.OBSTACLE, POST, name="post", x=50.0, y=0.0)
@@ -163,7 +163,7 @@ def test_who_is_put_elsewhere_has_not_driven_there() -> None:
         assert pairs(world) == ([(1, 2)] if x == 49.0 else []), x
 
 
-def test_it_is_seen_however_long_nothing_was_near() -> None:
+def test_contact_is_found_after_a_long_time_without_neighbours() -> None:
     """Lists end when they are old, when somebody brakes, steers or is put elsewhere: never too late."""
     world = World()
     row = world.row(world.spawn(Kind.EGO, CAR, name="ego", x=0.0, y=0.0))
@@ -184,7 +184,7 @@ def test_it_is_seen_however_long_nothing_was_near() -> None:
 # Who is who
 
 
-def test_contacts_go_by_id_and_not_by_row() -> None:
+def test_contacts_are_by_id_and_not_by_row() -> None:
     places = {5: 0.0, 3: 4.0, 9: 8.0, 1: 12.0}
     for order in ([5, 3, 9, 1], [1, 3, 5, 9], [9, 5, 1, 3]):
         world = World()
@@ -194,7 +194,7 @@ def test_contacts_go_by_id_and_not_by_row() -> None:
         assert pairs(world) == [(1, 9), (3, 5), (3, 9)]
 
 
-def test_who_is_gone_touches_nobody_and_a_new_one_in_his_row_neither() -> None:
+def test_removed_entity_has_no_contacts_and_its_reused_row_neither() -> None:
     world = World()
     for x in (0.0, 3.0, 6.0):
         world.spawn(Kind.VEHICLE, CAR, name="npc", x=x, y=0.0)
@@ -207,7 +207,7 @@ def test_who_is_gone_touches_nobody_and_a_new_one_in_his_row_neither() -> None:
     assert pairs(world) == []
 
 
-def test_who_stops_within_a_step_is_swept_all_the_same() -> None:
+def test_entity_that_stops_within_a_step_is_swept() -> None:
     world = World()
     world.spawn(
         Kind.VEHICLE, CAR, name="npc", x=0.0, y=0.0, speed=FAST, path=np.array([[0.0, 0.0], [FAST * DT / 2, 0.0]])
@@ -216,7 +216,7 @@ def test_who_stops_within_a_step_is_swept_all_the_same() -> None:
     assert meetings(world, 1) == [1]
 
 
-def test_a_world_without_anybody_has_no_contacts() -> None:
+def test_empty_world_has_no_contacts() -> None:
     world = World()
     step(world)
     assert world.contacts.shape == (0, 2)
@@ -227,7 +227,7 @@ def test_a_world_without_anybody_has_no_contacts() -> None:
     assert world.contacts.shape == (0, 2)
 
 
-def test_contacts_are_part_of_the_state() -> None:
+def test_contacts_are_part_of_the_digest_and_snapshot() -> None:
     world, other = World(), World()
     for x in (0.0, 3.0):
         world.spawn(Kind.VEHICLE, CAR, name="npc", x=x, y=0.0)
@@ -293,7 +293,9 @@ MOVERS = st.lists(
 
 @settings(max_examples=12, deadline=None)
 @given(MOVERS)
-def test_a_step_finds_what_many_small_ones_find(movers: list[tuple[Body, float, float, float, float, float]]) -> None:
+def test_one_step_finds_the_contacts_of_many_small_steps(
+    movers: list[tuple[Body, float, float, float, float, float]],
+) -> None:
     world = World()
     for body, x, y, yaw, speed, steer in movers:
         is_car = body.wheelbase > 0.0
@@ -335,7 +337,7 @@ def crowd(seed: int, num: int, size: float) -> World:
 @pytest.mark.parametrize(
     ("num", "size"), [(MAX_PAIRWISE, 30.0), (MAX_PAIRWISE + 1, 30.0), pytest.param(400, 120.0, marks=pytest.mark.slow)]
 )
-def test_lists_leave_nobody_out(num: int, size: float) -> None:
+def test_neighbour_lists_are_complete(num: int, size: float) -> None:
     fast, slow = crowd(3, num, size), crowd(3, num, size)
     num_seen = 0
     for _ in range(40):
@@ -357,7 +359,7 @@ def test_lists_leave_nobody_out(num: int, size: float) -> None:
     assert num_seen > 100
 
 
-def test_two_that_stray_by_their_whole_margins_at_once_are_seen() -> None:
+def test_two_entities_that_use_up_their_margins_at_once_collide() -> None:
     """The margin holds each way, east and north: on the diagonal it is longer by the root of two."""
     blade = Body.box(10.0, 0.05, 1.0)
     reach = math.hypot(5.0, 0.025)
@@ -403,14 +405,14 @@ def count_judged(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 @pytest.mark.slow
-def test_a_heap_costs_bounded_memory_and_leaves_out_no_ego() -> None:
+def test_heap_of_entities_costs_bounded_memory_and_keeps_all_egos() -> None:
     world = heap(1_200, ego=600)
     step(world)
     assert np.count_nonzero((world.contacts == 601).any(axis=1)) == 1_199
     assert len(world.contacts) < 1_200 + near_pairs.MAX_NEAR // 2
 
 
-def test_a_heap_takes_no_contact_from_those_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_heap_of_entities_hides_no_contact_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(near_pairs, "MAX_BOX_PAIRS", 400)
     monkeypatch.setattr(near_pairs, "MAX_NEAR", 200)
     judged = count_judged(monkeypatch)
@@ -430,7 +432,7 @@ def test_a_heap_takes_no_contact_from_those_elsewhere(monkeypatch: pytest.Monkey
     assert max(judged) <= 208 // 2  # all pairs would be 19,904
 
 
-def test_many_that_turn_at_once_are_judged_in_coarser_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_turning_entities_are_swept_in_coarser_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(collisions, "MAX_SWEEPS", 1_000)
     judged = count_judged(monkeypatch)
     world = heap(20)
@@ -444,7 +446,7 @@ def test_many_that_turn_at_once_are_judged_in_coarser_pieces(monkeypatch: pytest
     assert 190 < max(judged) <= 1_000  # each in 256 pieces would be 48,640
 
 
-def test_where_there_is_no_room_for_all_pairs_the_egos_come_first(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bounded_pairs_keep_those_of_egos_first(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(near_pairs, "MAX_BOX_PAIRS", 400)
     monkeypatch.setattr(near_pairs, "MAX_NEAR", 200)
     world = heap(199, ego=150)
@@ -453,7 +455,7 @@ def test_where_there_is_no_room_for_all_pairs_the_egos_come_first(monkeypatch: p
         assert np.count_nonzero((world.contacts == 151).any(axis=1)) == 198
 
 
-def test_rows_and_restores_change_nothing() -> None:
+def test_row_order_and_restores_change_no_contact() -> None:
     world = crowd(1, 120, 40.0)
     for _ in range(30):
         step(world)

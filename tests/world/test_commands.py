@@ -13,14 +13,14 @@ from rosbridge_sim.world.step import step
 from tests.world.driven_cars import CAR, ego, pedals, speeds
 
 
-def test_a_command_holds_until_the_next_one() -> None:
+def test_command_holds_until_the_next_one() -> None:
     world = ego()
     pedals(world, throttle=0.5)
     trace = speeds(world, 20.0)
     assert trace == sorted(trace)
 
 
-def test_a_gear_change_is_refused_at_speed_and_the_lever_stays() -> None:
+def test_gear_change_at_speed_is_refused_and_keeps_the_gear() -> None:
     world = ego(speed=0.1)
     assert not shift(world, 0, Gear.REVERSE)
     assert world.gear[0] == Gear.DRIVE
@@ -30,7 +30,7 @@ def test_a_gear_change_is_refused_at_speed_and_the_lever_stays() -> None:
     assert world.gear[0] == Gear.REVERSE
 
 
-def test_shifting_takes_hold_with_the_command_in_force() -> None:
+def test_gear_change_applies_to_the_command_in_force() -> None:
     world = ego(gear=Gear.PARK)
     command(world, 0, mode=Mode.SPEED, speed=5.0, steer=0.0)
     assert speeds(world, 1.0)[-1] == 0.0
@@ -44,7 +44,7 @@ def test_shifting_takes_hold_with_the_command_in_force() -> None:
     + [(mode, "steer") for mode in Mode],
 )
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_a_command_that_is_no_number_changes_nothing(mode: Mode, figure: str, value: float) -> None:
+def test_non_finite_command_changes_nothing(mode: Mode, figure: str, value: float) -> None:
     world = ego()
     pedals(world, throttle=0.3, steer=0.1)
     before = world.digest()
@@ -53,7 +53,7 @@ def test_a_command_that_is_no_number_changes_nothing(mode: Mode, figure: str, va
     assert world.digest() == before
 
 
-def test_figures_of_other_modes_are_not_looked_at() -> None:
+def test_values_of_other_modes_are_ignored() -> None:
     world = ego()
     command(world, 0, mode=Mode.SPEED, steer=0.0, speed=3.0, throttle=math.nan, brake=math.inf, accel=math.nan)
     assert speeds(world, 5.0)[-1] == pytest.approx(3.0)
@@ -71,13 +71,13 @@ def test_only_egos_take_commands() -> None:
             shift(world, row, Gear.PARK)
 
 
-def test_there_is_no_fifth_gear() -> None:
+def test_unknown_gear_is_refused() -> None:
     world = ego()
     with pytest.raises(ValueError, match="5"):
         shift(world, 0, 5)  # type: ignore[arg-type]
 
 
-def test_wheels_that_are_turned_stay_so_until_the_next_command() -> None:
+def test_steered_wheels_stay_until_the_next_command() -> None:
     world = ego()
     turn_wheels(world, 0, 0.3)
     assert world.steer[0] == 0.3
@@ -94,7 +94,7 @@ def test_wheels_that_are_turned_stay_so_until_the_next_command() -> None:
 
 
 @pytest.mark.parametrize("mode", list(Mode))
-def test_a_car_that_is_released_rolls_on_as_if_nobody_had_commanded_it(mode: Mode) -> None:
+def test_released_car_rolls_on_without_a_command(mode: Mode) -> None:
     world, fresh = ego(), ego()
     command(world, 0, mode=mode, steer=0.5, throttle=1.0, brake=0.5, speed=20.0, accel=3.0)
     for _ in range(100):
@@ -110,7 +110,7 @@ def test_a_car_that_is_released_rolls_on_as_if_nobody_had_commanded_it(mode: Mod
             assert getattr(world, name)[0] == getattr(fresh, name)[0], name
 
 
-def test_what_is_not_driven_cannot_be_released() -> None:
+def test_only_a_driven_entity_can_be_released() -> None:
     world = World()
     world.spawn(Kind.VEHICLE, CAR, name="npc", x=0.0, y=0.0)
     with pytest.raises(ValueError, match="not driven"):

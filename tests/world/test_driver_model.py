@@ -12,7 +12,7 @@ from rosbridge_sim.world.lane_conflicts import COMFORT
 
 
 @pytest.mark.parametrize(("speed", "lead", "gap"), [(20.0, 15.0, 60.0), (15.0, 0.0, 80.0), (10.0, 12.0, 20.0)])
-def test_following_is_that_of_the_intelligent_driver_model(speed: float, lead: float, gap: float) -> None:
+def test_following_equals_the_intelligent_driver_model(speed: float, lead: float, gap: float) -> None:
     """Treiber, Hennecke, Helbing 2000: a weaker closing term brakes late and hard, a stronger one much too early."""
     wanted = 2.0 + 1.2 * speed + speed * (speed - lead) / (2.0 * math.sqrt(1.5 * COMFORT))
     accel = 1.5 * (1.0 - (speed / 30.0) ** 4 - (wanted / gap) ** 2)

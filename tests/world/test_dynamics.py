@@ -27,9 +27,7 @@ from tests.world.polylines import left_of, point_at
 
 @pytest.mark.parametrize("speed", [0.3, 5.0, 15.0, 30.0, -4.0])
 @pytest.mark.parametrize("steer", [0.02, 0.3, -0.3, math.radians(36.25)])
-def test_at_constant_steering_the_rear_axle_runs_on_a_circle_of_wheelbase_over_tangent(
-    speed: float, steer: float
-) -> None:
+def test_rear_axle_follows_a_circle_of_wheelbase_over_tangent_at_constant_steering(speed: float, steer: float) -> None:
     world = ego(SLICK, speed=speed)
     world.steer[0] = steer
     pedals(world, steer=steer)
@@ -39,7 +37,7 @@ def test_at_constant_steering_the_rear_axle_runs_on_a_circle_of_wheelbase_over_t
         assert math.hypot(world.x[0], world.y[0] - radius) == pytest.approx(abs(radius), rel=1e-9)
 
 
-def test_a_closed_circle_ends_where_it_began() -> None:
+def test_full_circle_ends_at_its_start() -> None:
     radius = CAR.wheelbase / math.tan(0.2)
     world = ego(SLICK, speed=2 * math.pi * radius / 10.0)  # once round in ten seconds
     world.steer[0] = 0.2
@@ -50,7 +48,7 @@ def test_a_closed_circle_ends_where_it_began() -> None:
     assert world.lateral_accel[0] == pytest.approx(world.speed[0] ** 2 / radius)
 
 
-def test_steering_is_clipped_and_takes_its_time() -> None:
+def test_steering_is_clipped_and_rate_limited() -> None:
     world = ego()
     pedals(world, steer=9.0)
     assert world.steer_cmd[0] == CAR.max_steer
@@ -78,7 +76,7 @@ def test_left_and_right_are_mirror_images() -> None:
         assert left.lateral_accel[0] == -right.lateral_accel[0]
 
 
-def test_a_drive_looks_the_same_from_every_side() -> None:
+def test_motion_is_independent_of_the_heading() -> None:
     """Turned and moved as a whole: nothing depends on where on the map the car is."""
     turn = 2.5
     here, there = ego(speed=10.0), ego(speed=10.0, x=100.0, y=-70.0, yaw=turn)
@@ -91,7 +89,7 @@ def test_a_drive_looks_the_same_from_every_side() -> None:
     assert (there.x[0], there.y[0]) == pytest.approx((x, y), abs=1e-9)
 
 
-def test_a_car_that_backs_out_ends_where_it_came_from() -> None:
+def test_reversed_motion_ends_at_its_start() -> None:
     world = ego(SLICK, speed=5.0)
     world.steer[0] = 0.3
     pedals(world, steer=0.3)
@@ -102,7 +100,7 @@ def test_a_car_that_backs_out_ends_where_it_came_from() -> None:
     assert (world.x[0], world.y[0], world.yaw[0]) == pytest.approx((0.0, 0.0, 0.0), abs=1e-8)
 
 
-def test_headings_stay_within_the_turn() -> None:
+def test_headings_stay_within_half_a_turn() -> None:
     world = ego(SLICK, speed=10.0)
     for steer in (0.5, -0.5):
         pedals(world, steer=steer)
@@ -111,7 +109,7 @@ def test_headings_stay_within_the_turn() -> None:
             assert -math.pi < world.yaw[0] <= math.pi
 
 
-def test_due_west_is_pi_and_stays_it() -> None:
+def test_heading_due_west_stays_pi() -> None:
     world = ego(yaw=-math.pi, speed=10.0)
     speeds(world, 1.0)
     assert world.yaw[0] == math.pi
@@ -120,7 +118,7 @@ def test_due_west_is_pi_and_stays_it() -> None:
     assert world.yaw[0] == math.pi
 
 
-def test_half_steps_come_nearer_to_the_truth() -> None:
+def test_smaller_steps_reduce_the_error() -> None:
     """Against a step of a sixty-fourth: the error falls at least in proportion with the step."""
 
     def end(parts: int) -> tuple[float, float]:
@@ -142,7 +140,7 @@ def test_half_steps_come_nearer_to_the_truth() -> None:
 # -- pedals
 
 
-def test_full_throttle_is_a_brisk_family_car() -> None:
+def test_full_throttle_acceleration_is_that_of_a_fast_family_car() -> None:
     world = ego()
     pedals(world, throttle=1.0)
     trace = speeds(world, 200.0)
@@ -161,7 +159,7 @@ def test_without_throttle_energy_never_grows() -> None:
 
 
 @pytest.mark.parametrize("speed", [5.0, 15.0, 30.0])
-def test_the_braking_distance_is_that_of_the_brake(speed: float) -> None:
+def test_braking_distance_follows_from_the_brake(speed: float) -> None:
     body = replace(CAR, rolling=0.0, drag=0.0)
     world = ego(body, speed=speed)
     pedals(world, brake=0.5)
@@ -171,7 +169,7 @@ def test_the_braking_distance_is_that_of_the_brake(speed: float) -> None:
 
 
 @pytest.mark.parametrize("speed", [20.0, -3.0])
-def test_a_braked_car_comes_to_a_stand_and_stays_there_to_the_bit(speed: float) -> None:
+def test_braked_car_stops_and_stays_to_the_bit(speed: float) -> None:
     world = ego(speed=speed)
     pedals(world, brake=1.0, steer=0.3)
     speeds(world, 6.0)
@@ -219,14 +217,14 @@ def test_a_parked_car_does_not_move() -> None:
     assert (world.x[0], world.y[0], world.yaw[0], world.speed[0]) == (0.0, 0.0, 0.0, 0.0)
 
 
-def test_neutral_rolls_and_does_not_drive() -> None:
+def test_neutral_gear_rolls_without_drive() -> None:
     world = ego(gear=Gear.NEUTRAL, speed=10.0)
     pedals(world, throttle=1.0)
     trace = speeds(world, 5.0)
     assert 8.0 < trace[-1] < trace[0] < 10.0
 
 
-def test_reverse_drives_backwards() -> None:
+def test_reverse_gear_drives_backwards() -> None:
     world = ego(gear=Gear.REVERSE)
     pedals(world, throttle=0.5, steer=0.2)
     speeds(world, 3.0)
@@ -238,7 +236,7 @@ def test_reverse_drives_backwards() -> None:
     assert speeds(world, 2.0)[-1] == 0.0
 
 
-def test_from_rolling_forward_into_reverse_the_car_turns_round_through_zero() -> None:
+def test_reverse_gear_at_forward_roll_passes_through_zero_speed() -> None:
     world = ego(speed=0.09)
     assert shift(world, 0, Gear.REVERSE)
     pedals(world, throttle=0.2)
@@ -266,7 +264,7 @@ def test_speed_mode_reaches_and_holds_its_target_without_overshoot(kmh: float, s
     assert world.brake[0] == 0.0
 
 
-def test_speed_mode_keeps_to_its_limits() -> None:
+def test_speed_mode_keeps_its_acceleration_limits() -> None:
     world = ego(replace(CAR, speed_mode_accel=1.0, speed_mode_decel=2.0))
     command(world, 0, mode=Mode.SPEED, speed=10.0, steer=0.0)
     assert speeds(world, 5.0)[-1] == pytest.approx(5.0, abs=0.01)
@@ -279,7 +277,7 @@ def test_speed_mode_keeps_to_its_limits() -> None:
 
 
 @pytest.mark.parametrize("gear", [Gear.DRIVE, Gear.REVERSE])
-def test_a_target_of_zero_is_a_stand_without_throttle(gear: Gear) -> None:
+def test_target_speed_zero_stops_without_throttle(gear: Gear) -> None:
     world = ego(gear=gear, speed=5.0 if gear == Gear.DRIVE else -5.0)
     command(world, 0, mode=Mode.SPEED, speed=0.0, steer=0.1)
     speeds(world, 5.0)
@@ -292,13 +290,13 @@ def test_a_target_of_zero_is_a_stand_without_throttle(gear: Gear) -> None:
     ("gear", "wish", "expected"),
     [(Gear.DRIVE, -5.0, 0.0), (Gear.REVERSE, 5.0, -5.0), (Gear.REVERSE, -5.0, -5.0), (Gear.PARK, 5.0, 0.0)],
 )
-def test_a_target_counts_in_the_direction_of_the_gear(gear: Gear, wish: float, expected: float) -> None:
+def test_target_speed_is_in_the_direction_of_the_gear(gear: Gear, wish: float, expected: float) -> None:
     world = ego(gear=gear)
     command(world, 0, mode=Mode.SPEED, speed=wish, steer=0.0)
     assert speeds(world, 10.0)[-1] == pytest.approx(expected)
 
 
-def test_acceleration_mode_keeps_its_acceleration() -> None:
+def test_acceleration_mode_holds_its_acceleration() -> None:
     world = ego()
     command(world, 0, mode=Mode.ACCEL, accel=1.5, steer=0.0)
     speeds(world, 0.1)  # the first step starts against the rolling resistance alone
@@ -309,7 +307,7 @@ def test_acceleration_mode_keeps_its_acceleration() -> None:
 
 
 @pytest.mark.parametrize("accel", [-0.02, -1.0, -6.0, -1e9])
-def test_a_steady_negative_acceleration_brings_the_car_to_a_stop_for_good(accel: float) -> None:
+def test_constant_negative_acceleration_stops_the_car_for_good(accel: float) -> None:
     world = ego(speed=2.0)
     command(world, 0, mode=Mode.ACCEL, accel=accel, steer=0.0)
     step(world)
@@ -321,7 +319,7 @@ def test_a_steady_negative_acceleration_brings_the_car_to_a_stop_for_good(accel:
         assert world.speed[0] == 0.0
 
 
-def test_an_acceleration_of_zero_holds_speed_and_stand() -> None:
+def test_acceleration_zero_holds_speed_and_standstill() -> None:
     world = ego(speed=15.0)
     command(world, 0, mode=Mode.ACCEL, accel=0.0, steer=0.0)
     assert speeds(world, 20.0)[-1] == pytest.approx(15.0)
@@ -330,13 +328,13 @@ def test_an_acceleration_of_zero_holds_speed_and_stand() -> None:
     assert speeds(world, 20.0)[-1] == 0.0
 
 
-def test_a_positive_acceleration_in_reverse_goes_backwards() -> None:
+def test_positive_acceleration_in_reverse_drives_backwards() -> None:
     world = ego(gear=Gear.REVERSE)
     command(world, 0, mode=Mode.ACCEL, accel=1.0, steer=0.0)
     assert speeds(world, 3.0)[-1] == pytest.approx(-3.0, abs=0.02)
 
 
-def test_a_wish_beyond_the_pedals_presses_them_fully() -> None:
+def test_acceleration_beyond_the_pedals_presses_them_fully() -> None:
     world = ego(speed=10.0)
     command(world, 0, mode=Mode.ACCEL, accel=50.0, steer=0.0)
     step(world)
@@ -414,7 +412,7 @@ DRIVES = st.lists(st.tuples(WISHES, st.sampled_from(Gear), st.integers(1, 25)), 
 
 @settings(max_examples=30, deadline=None)
 @given(st.lists(DRIVES, min_size=1, max_size=3), st.booleans())
-def test_fast_and_slow_agree_alone_as_neighbours_and_with_gaps(
+def test_fast_path_equals_slow_path_for_any_row_layout(
     drives: list[list[tuple[dict[str, Any], Gear, int]]],
     has_gaps: bool,  # noqa: FBT001 - a drawn value
 ) -> None:
@@ -445,7 +443,7 @@ def test_fast_and_slow_agree_alone_as_neighbours_and_with_gaps(
 
 
 @pytest.mark.parametrize("kmh", [30.0, 60.0])
-def test_a_pure_pursuit_driver_keeps_the_rear_axle_on_a_winding_road(kmh: float) -> None:
+def test_pure_pursuit_keeps_the_rear_axle_on_a_winding_road(kmh: float) -> None:
     """Bends of 20 m radius at 30 km/h, of 80 m (the same lateral acceleration) at 60 km/h."""
     scale = (kmh / 30.0) ** 2
     curvature = np.repeat([0.0, 1 / 20.0, 0.0, -1 / 20.0, 1 / 20.0, 0.0], [30, 40, 30, 50, 50, 30]) / scale

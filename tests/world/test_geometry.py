@@ -24,7 +24,7 @@ CORNER = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]])
 
 
 @given(ANGLES)
-def test_a_wrapped_angle_is_the_same_direction_within_the_half_open_turn(angle: float) -> None:
+def test_wrapped_angle_is_the_same_direction_in_the_half_open_range(angle: float) -> None:
     wrapped = float(wrap_angle(angle))
     assert -math.pi < wrapped <= math.pi
     assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-11)
@@ -32,11 +32,11 @@ def test_a_wrapped_angle_is_the_same_direction_within_the_half_open_turn(angle: 
 
 
 @given(st.floats(-3.14, 3.14))
-def test_an_angle_that_is_inside_keeps_its_bits(angle: float) -> None:
+def test_angle_in_range_keeps_its_bits(angle: float) -> None:
     assert float(wrap_angle(angle)) == angle
 
 
-def test_minus_pi_and_its_neighbours_become_directions_within_the_turn() -> None:
+def test_minus_pi_and_its_neighbours_are_wrapped_into_range() -> None:
     beyond = math.nextafter(math.pi, 4.0)
     wrapped = wrap_angle([-math.pi, math.pi, beyond, -beyond, 3 * math.pi, -3 * math.pi])
     assert wrapped.shape == (6,)
@@ -60,7 +60,7 @@ def test_arc_lengths_count_from_zero_in_the_plane_and_in_space() -> None:
         (10.0, 14.0, 1, 20.0, 4.0),  # beyond the end
     ],
 )
-def test_nearest_names_segment_arc_and_signed_distance(
+def test_nearest_gives_segment_arc_length_and_signed_distance(
     x: float, y: float, segment: int, arc: float, lateral: float
 ) -> None:
     near = nearest_on_polyline(CORNER, x, y)
@@ -69,12 +69,12 @@ def test_nearest_names_segment_arc_and_signed_distance(
     assert near.lateral[0] == pytest.approx(lateral)
 
 
-def test_a_segment_without_length_does_no_harm() -> None:
+def test_zero_length_segment_is_harmless() -> None:
     near = nearest_on_polyline(np.array([[0.0, 0.0], [0.0, 0.0], [4.0, 0.0]]), 2.0, 1.0)
     assert (near.arc[0], near.lateral[0]) == (2.0, 1.0)
 
 
-def test_many_queries_give_what_each_gives_alone() -> None:
+def test_many_queries_equal_single_queries() -> None:
     rng = np.random.default_rng(1)
     points = np.cumsum(rng.normal(size=(700, 2)), axis=0)
     x, y = rng.normal(size=(2, 1000)) * 20  # more cells than one chunk takes
@@ -85,14 +85,14 @@ def test_many_queries_give_what_each_gives_alone() -> None:
 
 
 @given(st.floats(0.0, 20.0))
-def test_a_point_of_the_polyline_is_its_own_nearest(arc: float) -> None:
+def test_point_on_the_polyline_is_its_own_nearest(arc: float) -> None:
     x, y = point_at(CORNER, arc_lengths(CORNER), arc)[0]
     near = nearest_on_polyline(CORNER, x, y)
     assert near.arc[0] == pytest.approx(arc, abs=1e-9)
     assert near.lateral[0] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_no_query_is_no_answer() -> None:
+def test_empty_query_gives_an_empty_result() -> None:
     assert nearest_on_polyline(CORNER, [], []).arc.shape == (0,)
 
 
@@ -129,7 +129,7 @@ def gap(one: list[complex], other: list[complex]) -> float:
 
 @settings(max_examples=60, deadline=None)
 @given(PLACE, PLACE, BOX, BOX)
-def test_sliding_boxes_meet_where_their_trace_overlaps(
+def test_sweeping_boxes_meet_if_their_traces_overlap(
     first: complex, last: complex, one: tuple[float, float, float], other: tuple[float, float, float]
 ) -> None:
     # What a box passes on a straight line is the hull of where it begins and where it ends.
@@ -139,7 +139,7 @@ def test_sliding_boxes_meet_where_their_trace_overlaps(
 
 
 @given(PLACE, PLACE, BOX, BOX)
-def test_to_meet_is_mutual_and_has_no_direction(
+def test_sweep_test_is_symmetric(
     first: complex, last: complex, one: tuple[float, float, float], other: tuple[float, float, float]
 ) -> None:
     answer = meet(first, last, one, other)
@@ -147,7 +147,7 @@ def test_to_meet_is_mutual_and_has_no_direction(
     assert meet(last, first, one, other) == answer
 
 
-def test_boxes_without_breadth_meet_and_miss() -> None:
+def test_zero_width_boxes_meet_and_miss_correctly() -> None:
     needle, across = (1.0, 0.0, 0.0), (1.0, 0.0, math.pi / 2)
     assert meet(0.5j, 0.5j, needle, across)
     assert not meet(1.5j, 1.5j, needle, across)
@@ -156,7 +156,7 @@ def test_boxes_without_breadth_meet_and_miss() -> None:
     assert meet(-300.0 - 300.0j, 300.0 + 300.0j, needle, across)
 
 
-def test_a_chain_of_turns_is_one_after_the_other_and_can_be_undone() -> None:
+def test_chained_rotations_compose_and_invert() -> None:
     first, second, vector = quaternion(0.1, -0.4, 2.0), quaternion(-1.0, 0.3, 0.7), (1.0, -2.0, 3.0)
     assert rotate(chain(first, second), vector) == pytest.approx(rotate(first, rotate(second, vector)), abs=1e-14)
     assert rotate_back(first, rotate(first, vector)) == pytest.approx(vector, abs=1e-14)

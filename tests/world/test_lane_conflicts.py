@@ -36,19 +36,19 @@ def test_the_limit_is_the_safe_speed_of_a_straight() -> None:
     )
 
 
-def test_a_bend_is_gone_round_at_what_its_radius_allows() -> None:
+def test_bend_speed_follows_from_its_radius() -> None:
     network = LaneConflicts(make(a=(arc(0, 0, 20.0, 0, 180), "", 30.0)))
     assert network.safe_speed == pytest.approx(math.sqrt(MAX_LATERAL * 20.0), rel=0.02)
 
 
-def test_rounding_of_a_maps_points_makes_no_bend() -> None:
+def test_rounded_map_points_make_no_bend() -> None:
     rng = np.random.default_rng(0)
     points = line(*[(0.5 * i, 0.0) for i in range(400)])
     points[:, 1] = rng.uniform(-0.0005, 0.0005, 400)
     assert LaneConflicts(make(a=(points, "", 30.0))).safe_speed.min() > 29.0
 
 
-def test_one_slows_before_a_bend_and_not_after_it() -> None:
+def test_slowing_is_before_a_bend_and_not_after() -> None:
     way = np.concatenate([line(*[(float(x), 0.0) for x in range(-200, 0, 2)]), arc(0, 15, 15.0, -90, 90)])
     way = np.concatenate([way, line(*[(15.0, 15.0 + y) for y in range(2, 200, 2)])])
     roads = make(a=(way, "", 20.0))
@@ -64,7 +64,7 @@ def test_one_slows_before_a_bend_and_not_after_it() -> None:
     assert not rises.any(), "nowhere must one brake harder than comfortably"
 
 
-def test_legs_lead_from_point_to_point() -> None:
+def test_segments_lead_from_point_to_point() -> None:
     roads = make(a=(line((0, 0), (3, 4), (3, 10)), ""), b=(np.array([(0.0, 9.0, 0.0), (8.0, 9.0, 4.0)]), ""))
     legs = LaneConflicts(roads).legs
     assert legs[:, :2].tolist() == [[0, 5], [5, 11], [5, 11], [0, 8], [0, 8]]
@@ -74,7 +74,7 @@ def test_legs_lead_from_point_to_point() -> None:
 # Where on
 
 
-def test_dead_ends_are_not_chosen_where_there_is_another_way() -> None:
+def test_dead_ends_are_avoided_if_another_lane_exists() -> None:
     roads = make(
         a=(line((0, 0), (9, 0)), "b c"),
         b=(line((9, 0), (9, 9), (0, 9), (0, 0)), "a"),
@@ -85,7 +85,7 @@ def test_dead_ends_are_not_chosen_where_there_is_another_way() -> None:
     assert [onward.other[onward.first[i] : onward.first[i + 1]].tolist() for i in range(4)] == [[1], [0], [3], []]
 
 
-def test_without_a_way_that_goes_on_all_are_chosen_from() -> None:
+def test_all_successors_are_candidates_if_every_one_is_a_dead_end() -> None:
     onward = LaneConflicts(crossing()).onward
     assert onward.other.tolist() == [1, 2, 4, 5]
 
@@ -93,7 +93,7 @@ def test_without_a_way_that_goes_on_all_are_chosen_from() -> None:
 # Where lanes lie over one another
 
 
-def test_lanes_that_cross_are_rivals_from_where_they_are_near() -> None:
+def test_crossing_lanes_conflict_where_they_are_near() -> None:
     roads = crossing()
     network = LaneConflicts(roads)
     assert set(pairs(network.rivals, roads)) == {("we", "sn"), ("sn", "we")}
@@ -104,7 +104,7 @@ def test_lanes_that_cross_are_rivals_from_where_they_are_near() -> None:
     assert network.clear_point[1] == pytest.approx(10.0 + CLEAR + 1.0, abs=1.1)
 
 
-def test_who_crosses_far_along_a_lane_waits_there() -> None:
+def test_wait_point_of_a_far_conflict_is_before_the_conflict() -> None:
     roads = make(a=(line((0, 0), (200, 0)), ""), b=(line((150, -100), (150, 100)), ""))
     hold = LaneConflicts(roads).wait_point
     assert hold[0] == pytest.approx(150.0 - CLEAR - 1.0, abs=1.1)
@@ -112,12 +112,12 @@ def test_who_crosses_far_along_a_lane_waits_there() -> None:
     assert hold.min() > AT_START
 
 
-def test_a_bridge_crosses_nothing() -> None:
+def test_bridge_conflicts_with_nothing() -> None:
     roads = make(a=(line((0, 0), (200, 0)), ""), b=(line((150, -100), (150, 100), z=6.0), ""))
     assert np.isinf(LaneConflicts(roads).wait_point).all()
 
 
-def test_lanes_beside_one_another_and_lanes_that_follow_are_no_rivals() -> None:
+def test_parallel_and_successive_lanes_do_not_conflict() -> None:
     roads = make(
         a=(line((0, 0), (100, 0)), "b"),
         b=(line((100, 0), (200, 0)), ""),
@@ -129,7 +129,7 @@ def test_lanes_beside_one_another_and_lanes_that_follow_are_no_rivals() -> None:
     assert (len(network.rivals.other), len(network.siblings.other)) == (0, 0)
 
 
-def test_lanes_that_join_are_rivals_to_their_end() -> None:
+def test_merging_lanes_conflict_to_their_end() -> None:
     roads = make(
         a=(line((0, 0), (100, 0)), "c"), b=(line((0, -40), (60, -1.5), (100, 0)), "c"), c=(line((100, 0), (200, 0)), "")
     )
@@ -139,7 +139,7 @@ def test_lanes_that_join_are_rivals_to_their_end() -> None:
     assert 40.0 < network.wait_point[0] < 60.0
 
 
-def test_lanes_that_part_are_siblings_as_far_as_they_lie_over_one_another() -> None:
+def test_diverging_lanes_are_siblings_while_they_overlap() -> None:
     roads = make(a=(line((0, 0), (50, 0)), "b c"), b=(line((50, 0), (100, 0)), ""), c=(line((50, 0), (90, 30)), ""))
     network = LaneConflicts(roads)
     assert set(pairs(network.siblings, roads)) == {("b", "c"), ("c", "b")}
@@ -149,14 +149,14 @@ def test_lanes_that_part_are_siblings_as_far_as_they_lie_over_one_another() -> N
     assert network.shared[0] == 0.0
 
 
-def test_tight_bends_want_more_room() -> None:
+def test_tight_bends_need_more_room() -> None:
     inner, outer = arc(0, 0, 8.0, 0, 90), arc(0, 0, 11.2, 90, -90)
     assert len(LaneConflicts(make(a=(inner, ""), b=(outer, ""))).rivals.other) == 2
     inner, outer = arc(0, 0, 60.0, 0, 90), arc(0, 0, 63.2, 90, -90)
     assert len(LaneConflicts(make(a=(inner, ""), b=(outer, ""))).rivals.other) == 0
 
 
-def test_places_are_compared_in_portions(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_points_are_compared_in_bounded_batches(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = LaneConflicts(built_in("town").roads)
     monkeypatch.setattr("rosbridge_sim.world.lane_conflicts.MAX_LANE_PAIRS", 1000)
     parts = LaneConflicts(built_in("town").roads)
@@ -165,6 +165,6 @@ def test_places_are_compared_in_portions(monkeypatch: pytest.MonkeyPatch) -> Non
     assert whole.rivals.figure.tolist() == parts.rivals.figure.tolist()
 
 
-def test_no_roads_have_an_empty_network() -> None:
+def test_empty_road_map_has_no_conflicts() -> None:
     network = LaneConflicts(Roads())
     assert len(network.safe_speed) == len(network.wait_point) == len(network.rivals.other) == 0

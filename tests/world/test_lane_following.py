@@ -27,7 +27,7 @@ from tests.world.traffic_observers import RedRuns
 # Alone
 
 
-def test_on_a_free_road_the_limit_is_reached_and_kept() -> None:
+def test_speed_limit_is_reached_and_kept_on_a_free_road() -> None:
     world = world_of(road(limit=15.0))
     car(world, "a", 10.0)
     speeds = run(world, 40.0)
@@ -43,7 +43,7 @@ def test_no_driver_exceeds_its_desired_speed() -> None:
     assert speeds[-1, row] == pytest.approx(8.0, abs=0.1)
 
 
-def test_the_end_of_the_road_is_the_end() -> None:
+def test_vehicle_stops_at_the_end_of_the_road() -> None:
     world = world_of(road(length=200.0))
     row = car(world, "a", 10.0, speed=15.0)
     run(world, 60.0)
@@ -51,14 +51,14 @@ def test_the_end_of_the_road_is_the_end() -> None:
     assert to_line(world, row) == pytest.approx(STOP_GAP, abs=0.3)
 
 
-def test_who_comes_to_the_end_too_fast_stands_on_it() -> None:
+def test_vehicle_too_fast_for_the_end_of_the_road_stops_on_it() -> None:
     world = world_of(road(length=50.0))
     row = car(world, "a", 44.0, speed=15.0)
     run(world, 10.0)
     assert (world.x[row], world.speed[row]) == (pytest.approx(50.0), 0.0)
 
 
-def test_a_lower_limit_is_kept_from_its_first_metre() -> None:
+def test_lower_limit_is_kept_from_its_first_metre() -> None:
     roads = make(
         a=(line((0, 0), (300, 0)), "b", 20.0),
         b=(line((300, 0), (400, 0)), "c", 8.0),
@@ -74,7 +74,7 @@ def test_a_lower_limit_is_kept_from_its_first_metre() -> None:
     assert at["c"] > 15.0
 
 
-def test_bends_are_taken_at_a_speed_that_people_take() -> None:
+def test_bend_speed_has_a_comfortable_lateral_acceleration() -> None:
     ring = make(a=(arc(0, 0, 30.0, 0, 180), "b", 30.0), b=(arc(0, 0, 30.0, 180, 180), "a", 30.0))
     world = world_of(ring)
     row = car(world, "a", 5.0)
@@ -84,7 +84,7 @@ def test_bends_are_taken_at_a_speed_that_people_take() -> None:
     assert world.lateral_accel[row] == pytest.approx(MAX_LATERAL, rel=0.15)
 
 
-def test_both_axles_stay_on_the_line() -> None:
+def test_both_axles_stay_on_the_lane() -> None:
     ring = make(a=(arc(0, 0, 20.0, 0, 180), "b", 10.0), b=(arc(0, 0, 20.0, 180, 180), "a", 10.0))
     world = world_of(ring)
     row = car(world, "a", 5.0, body=BUS)
@@ -109,7 +109,7 @@ def test_heights_are_followed() -> None:
 # Behind others
 
 
-def test_a_slower_one_is_followed_at_a_distance_in_time() -> None:
+def test_slower_lead_vehicle_is_followed_at_a_time_gap() -> None:
     world = world_of(road(length=3000.0, limit=20.0))
     slow = car(world, "a", 200.0, desired_speed=10.0, speed=10.0)
     fast = car(world, "a", 120.0, speed=15.0)
@@ -120,7 +120,7 @@ def test_a_slower_one_is_followed_at_a_distance_in_time() -> None:
     assert gap == pytest.approx((GAP + HEADWAY * 10.0) / math.sqrt(1.0 - 0.5**4), rel=0.05)
 
 
-def test_a_queue_stands_and_moves_off_in_order() -> None:
+def test_queue_stops_and_starts_in_order() -> None:
     roads, plan = signalled(green=1500)
     world = world_of(roads, plan)
     rows = [car(world, "s", 150.0 - 12.0 * i, speed=8.0) for i in range(8)]
@@ -133,7 +133,7 @@ def test_a_queue_stands_and_moves_off_in_order() -> None:
     assert (np.diff(world.y[rows]) < 0.0).all()
 
 
-def test_somebody_on_the_lane_after_the_next_is_seen_in_time() -> None:
+def test_vehicle_two_lanes_ahead_is_seen_in_time() -> None:
     snippets = {f"l{i}": (line((10.0 * i, 0), (10.0 * i + 10.0, 0)), f"l{i + 1}") for i in range(40)}
     roads = make(**snippets, l40=(line((400, 0), (500, 0)), ""))
     world = world_of(roads)
@@ -144,7 +144,7 @@ def test_somebody_on_the_lane_after_the_next_is_seen_in_time() -> None:
     assert world.x[front] - CAR.rear_overhang - world.x[back] - NOSE == pytest.approx(GAP, abs=0.3)
 
 
-def test_who_stands_where_lanes_part_is_in_the_way_of_both() -> None:
+def test_vehicle_at_a_fork_blocks_both_lanes() -> None:
     roads = make(
         a=(line((0, 0), (100, 0)), "b c"),
         b=(line((100, 0), (300, 0)), ""),
@@ -171,7 +171,7 @@ def enters(world: World, row: int, seconds: float) -> float | None:
     return None
 
 
-def test_red_is_waited_for_a_metre_before_the_line() -> None:
+def test_vehicle_stops_one_metre_before_a_red_stop_line() -> None:
     roads, plan = signalled(green=500)
     world = world_of(roads, plan)
     row = car(world, "s", 100.0, speed=14.0)
@@ -181,7 +181,7 @@ def test_red_is_waited_for_a_metre_before_the_line() -> None:
     assert enters(world, row, 20.0) == pytest.approx(1.0 + 1.5, abs=1.0), "green comes a second later"
 
 
-def test_green_is_not_braked_for() -> None:
+def test_vehicle_does_not_brake_for_green() -> None:
     roads, plan = signalled(green=3000)
     world = world_of(roads, plan)
     car(world, "w", 50.0, speed=15.0)
@@ -189,7 +189,7 @@ def test_green_is_not_braked_for() -> None:
 
 
 @pytest.mark.parametrize("distance", [5.0, 15.0, 25.0, 30.0, 40.0, 60.0])
-def test_yellow_is_heeded_by_whoever_can(distance: float) -> None:
+def test_vehicle_stops_at_yellow_if_it_can(distance: float) -> None:
     roads, plan = signalled(green=DECISION, yellow=150)  # yellow from the second decision on, for 3 s
     world = world_of(roads, plan)
     row = car(world, "w", 190.0 - NOSE - distance, speed=14.0)
@@ -200,7 +200,7 @@ def test_yellow_is_heeded_by_whoever_can(distance: float) -> None:
     assert world.accel.min() > -FIRM - 1.0
 
 
-def test_an_arrow_is_waited_for() -> None:
+def test_vehicle_waits_for_a_left_arrow() -> None:
     roads = make(
         a=(line((0, 0), (100, 0)), "b c"),
         b=(line((100, 0), (130, 0)), ""),
@@ -217,7 +217,7 @@ def test_an_arrow_is_waited_for() -> None:
     assert lane_of(world, row) == "c"
 
 
-def test_an_unlit_light_stops_nobody() -> None:
+def test_unlit_light_stops_no_vehicle() -> None:
     roads, _ = signalled()
     world = world_of(roads, SignalPlan(roads, [Light("x", lanes=(1,)), Light("warn", lamps=Lamp.YELLOW, lanes=(4,))]))
     rows = [car(world, "w", 100.0, speed=10.0), car(world, "s", 20.0, speed=10.0)]
@@ -228,7 +228,7 @@ def test_an_unlit_light_stops_nobody() -> None:
 # Others in the way
 
 
-def test_an_ego_is_followed_and_waited_for() -> None:
+def test_vehicles_follow_and_wait_for_an_ego() -> None:
     world = world_of(road())
     other = ego(world, 100.0, 0.3)
     row = car(world, "a", 10.0, speed=15.0)
@@ -237,7 +237,7 @@ def test_an_ego_is_followed_and_waited_for() -> None:
     assert world.x[other] - CAR.rear_overhang - world.x[row] - NOSE == pytest.approx(GAP, abs=0.3)
 
 
-def test_who_is_beside_the_lane_is_not_in_the_way() -> None:
+def test_entity_beside_the_lane_does_not_block_it() -> None:
     world = world_of(road())
     ego(world, 100.0, 3.5)
     world.spawn(Kind.OBSTACLE, Body.box(0.4, 0.4, 0.7), name="cone", x=200.0, y=-2.0)
@@ -247,7 +247,9 @@ def test_who_is_beside_the_lane_is_not_in_the_way() -> None:
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize(("clear", "is_passed"), [(1.35, False), (1.45, True)])
-def test_a_thing_is_in_the_way_within_half_a_car_and_a_bit(side: float, clear: float, *, is_passed: bool) -> None:
+def test_obstacle_blocks_the_lane_within_half_a_car_width_and_a_margin(
+    side: float, clear: float, *, is_passed: bool
+) -> None:
     """1.4 m beside the line: a car is 1.82 m wide and keeps half a metre from what it passes."""
     world = world_of(road())
     world.spawn(Kind.OBSTACLE, Body.box(0.5, 0.5, 1.0), name="thing", x=120.0, y=side * (clear + 0.25))
@@ -257,7 +259,7 @@ def test_a_thing_is_in_the_way_within_half_a_car_and_a_bit(side: float, clear: f
 
 
 @pytest.mark.parametrize("kind", [Kind.PEDESTRIAN, Kind.OBSTACLE])
-def test_people_and_things_on_the_road_are_stopped_for(kind: Kind) -> None:
+def test_vehicle_stops_for_pedestrians_and_obstacles(kind: Kind) -> None:
     world = world_of(road())
     uid = world.spawn(kind, Body.box(0.5, 0.5, 1.7), name="thing", x=120.0, y=0.8)
     row = car(world, "a", 10.0, speed=15.0)
@@ -268,7 +270,7 @@ def test_people_and_things_on_the_road_are_stopped_for(kind: Kind) -> None:
     assert world.speed[row] > 3.0
 
 
-def test_somebody_who_walks_across_is_let_pass() -> None:
+def test_vehicle_lets_a_crossing_pedestrian_pass() -> None:
     world = world_of(road())
     way = np.array([[150.0, -8.0], [150.0, 8.0]])
     world.spawn(Kind.PEDESTRIAN, Body.box(0.5, 0.5, 1.7), name="man", x=150.0, y=-8.0, path=way, speed=1.2)
@@ -277,7 +279,7 @@ def test_somebody_who_walks_across_is_let_pass() -> None:
     assert world.x[row] > 200.0
 
 
-def test_an_ego_on_its_way_through_a_crossing_is_not_driven_into() -> None:
+def test_vehicle_does_not_hit_an_ego_in_a_crossing() -> None:
     world = world_of(crossing())
     ego(world, 0.0, -10.0, yaw=math.pi / 2, speed=3.0)
     row = car(world, "w", 130.0, speed=10.0)
@@ -285,7 +287,7 @@ def test_an_ego_on_its_way_through_a_crossing_is_not_driven_into() -> None:
     assert lane_of(world, row) == "e"
 
 
-def test_far_away_from_roads_nobody_minds() -> None:
+def test_entities_far_from_roads_are_ignored() -> None:
     world = world_of(road())
     ego(world, 1e6, 1e6)
     row = car(world, "a", 10.0, speed=10.0)
@@ -325,7 +327,7 @@ def test_the_same_seed_gives_the_same_bits_with_or_without_a_snapshot_between() 
     assert first.digest() == second.digest() == third.digest()
 
 
-def test_other_seeds_and_other_roads_have_another_digest() -> None:
+def test_different_seeds_and_roads_have_different_digests() -> None:
     world = crowd()
     assert world.digest() != crowd(seed=1).digest()
     bare = World()
@@ -334,7 +336,7 @@ def test_other_seeds_and_other_roads_have_another_digest() -> None:
     assert bare.digest() != before
 
 
-def test_gaps_between_the_rows_change_nothing() -> None:
+def test_free_rows_change_nothing() -> None:
     plain, holed = world_of(ring()), world_of(ring())
     for i in range(4):
         car(plain, "a", 2.0 + 13.0 * i, speed=6.0)
@@ -361,7 +363,7 @@ ACTIONS = st.one_of(
 
 @settings(max_examples=25, deadline=None)
 @given(st.lists(ACTIONS, max_size=20))
-def test_whatever_happens_everybody_is_on_his_lane(actions: list[tuple[str, int]]) -> None:
+def test_every_vehicle_stays_on_its_lane(actions: list[tuple[str, int]]) -> None:
     roads, plan = signalled(green=60, yellow=20)
     world = world_of(roads, plan)
     for action, value in actions:
@@ -401,7 +403,7 @@ def red_runs(world: World, seconds: float) -> int:
     return judge.num
 
 
-def test_the_count_of_red_runs_finds_those_who_do_not_look(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_red_run_counter_finds_vehicles_that_ignore_lights(monkeypatch: pytest.MonkeyPatch) -> None:
     def blind(network: LaneConflicts, may_enter: BoolArray, *rest: Any) -> Perception:  # noqa: ANN401 - as `perceive` has them
         return perceive(network, np.ones_like(may_enter), *rest)
 
@@ -410,7 +412,7 @@ def test_the_count_of_red_runs_finds_those_who_do_not_look(monkeypatch: pytest.M
 
 
 @pytest.mark.slow
-def test_nobody_runs_a_red_light_in_ten_minutes() -> None:
+def test_no_vehicle_runs_a_red_light_in_ten_minutes() -> None:
     world = crowd(num=40, is_alone=True)
     assert red_runs(world, 600.0) == 0
     assert world.turns.min() >= 10, "and nobody stands for ever"

@@ -29,7 +29,7 @@ from tests.world.road_factory import CAR, car, ego, line, make, ring, road
         ({"route": [0, 1], "is_loop": True}, "lane 0 does not follow lane 1"),
     ],
 )
-def test_what_cannot_be_is_refused_and_changes_nothing(figures: dict[str, Any], message: str) -> None:
+def test_invalid_argument_is_refused_and_changes_nothing(figures: dict[str, Any], message: str) -> None:
     world = world_of(ring())
     row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=3.0, y=4.0, speed=5.0))
     before = world.digest()
@@ -38,7 +38,7 @@ def test_what_cannot_be_is_refused_and_changes_nothing(figures: dict[str, Any], 
     assert world.digest() == before
 
 
-def test_only_vehicles_keep_to_lanes() -> None:
+def test_only_vehicles_follow_lanes() -> None:
     world = world_of(ring())
     with pytest.raises(ValueError, match="expected a vehicle"):
         keep_lane(world, ego(world, 0.0, 0.0), 0, 1.0)
@@ -48,7 +48,7 @@ def test_only_vehicles_keep_to_lanes() -> None:
         keep_lane(empty, 0, 0, 0.0)
 
 
-def test_who_is_put_elsewhere_has_left_the_lanes() -> None:
+def test_teleported_vehicle_has_left_its_lane() -> None:
     world = world_of(ring())
     row = car(world, "a", 1.0, speed=5.0, route="a b")
     run(world, 1.0)
@@ -58,7 +58,7 @@ def test_who_is_put_elsewhere_has_left_the_lanes() -> None:
     assert world.x[row] == pytest.approx(502.0)
 
 
-def test_on_other_roads_whoever_kept_to_the_old_ones_stands() -> None:
+def test_vehicles_stop_when_the_roads_are_replaced() -> None:
     world = world_of(ring())
     row = car(world, "a", 1.0, speed=5.0)
     run(world, 1.0)
@@ -70,7 +70,7 @@ def test_on_other_roads_whoever_kept_to_the_old_ones_stands() -> None:
         world.lay_roads(ring(), SignalPlan(road()))
 
 
-def test_a_row_may_be_used_again() -> None:
+def test_reused_row_has_no_old_lane() -> None:
     world = world_of(ring())
     car(world, "a", 30.0)
     row = car(world, "a", 1.0, route="a b")
@@ -81,7 +81,7 @@ def test_a_row_may_be_used_again() -> None:
     assert world.x[row] == pytest.approx(10.0)
 
 
-def test_snippets_of_lanes_do_not_hold_up_the_world() -> None:
+def test_vehicle_passes_very_short_lanes() -> None:
     snippets = {f"l{i}": (line((0.01 * i, 0), (0.01 * i + 0.01, 0)), f"l{i + 1}") for i in range(200)}
     world = world_of(make(**snippets, l200=(line((2, 0), (300, 0)), "")))
     row = car(world, "l0", 0.0, speed=10.0)

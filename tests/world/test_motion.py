@@ -1,4 +1,4 @@
-"""Whether velocities and accelerations belong to the positions that are told with them."""
+"""Velocities and accelerations are consistent with positions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CIRCLE = np.column_stack([8.0 * np.cos(ANGLES), 8.0 * np.sin(ANGLES)])  # a wayp
 BENT = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 5.0], [30.0, 5.0]])
 
 
-class Told:
+class PublishedMotion:
     """Positions, velocities and accelerations of rows in the map frame, (3, k) each, and headings (k,)."""
 
     def __init__(self, world: World, rows: IntArray) -> None:
@@ -42,11 +42,11 @@ class Told:
         return np.stack([vector[0] * cos - vector[1] * sin, vector[0] * sin + vector[1] * cos, vector[2]])
 
 
-def follow(world: World, rows: IntArray, num_steps: int) -> list[Told]:
-    told = [Told(world, rows)]
+def follow(world: World, rows: IntArray, num_steps: int) -> list[PublishedMotion]:
+    told = [PublishedMotion(world, rows)]
     for _ in range(num_steps):
         step(world)
-        told.append(Told(world, rows))
+        told.append(PublishedMotion(world, rows))
     return told
 
 
@@ -81,7 +81,7 @@ def largest(vectors: FloatArray) -> float:
     return float(np.sqrt(np.square(vectors).sum(axis=0)).max())
 
 
-def check_accelerations(told: list[Told]) -> None:
+def check_accelerations(told: list[PublishedMotion]) -> None:
     """Each acceleration is the change of the velocity that was told over the step."""
     for before, now in pairwise(told):
         assert largest(now.accel - (now.velocity - before.velocity) / DT) < 1e-6
@@ -91,7 +91,7 @@ def check_accelerations(told: list[Told]) -> None:
 
 
 @pytest.mark.parametrize("radius", [6.0, 20.0])
-def test_in_a_steady_bend_a_driver_tells_the_motion_of_his_rear_axle(radius: float) -> None:
+def test_steady_bend_gives_the_motion_of_the_rear_axle(radius: float) -> None:
     world = ring(radius)
     rows = np.array([0])
     for _ in range(400):
@@ -113,7 +113,7 @@ def test_in_a_steady_bend_a_driver_tells_the_motion_of_his_rear_axle(radius: flo
     assert math.atan2(velocity[1], velocity[0]) == pytest.approx(-crab, abs=0.02)
 
 
-def test_on_a_straight_a_driver_moves_where_he_looks() -> None:
+def test_straight_driving_has_velocity_along_the_heading() -> None:
     world = World()
     world.lay_roads(make(a=(line((0, 0), (300, 400)), "", 15.0)))
     car(world, "a", 10.0, speed=3.0)
@@ -124,7 +124,7 @@ def test_on_a_straight_a_driver_moves_where_he_looks() -> None:
     assert (ahead, aside, rise) == (pytest.approx(world.accel[0]), 0.0, 0.0)
 
 
-def test_up_a_slope_velocity_has_a_part_upwards() -> None:
+def test_velocity_on_a_slope_has_an_upward_part() -> None:
     world = World()
     points = np.array([(0.0, 0.0, 0.0), (300.0, 0.0, 30.0)])
     world.lay_roads(make(a=(points, "")))
@@ -135,7 +135,7 @@ def test_up_a_slope_velocity_has_a_part_upwards() -> None:
 
 
 @pytest.mark.slow
-def test_in_the_town_told_figures_belong_together() -> None:
+def test_velocities_and_accelerations_in_the_town_are_consistent() -> None:
     world = town()
     rows = np.flatnonzero(world.has_lane)
     told = follow(world, rows, 900)
@@ -154,7 +154,7 @@ def test_in_the_town_told_figures_belong_together() -> None:
     assert 2.0 < np.abs(lateral).max() < 6.0  # no kicks, though lanes have corners
 
 
-def test_a_driver_who_brakes_to_a_stand_tells_the_braking_and_then_nothing() -> None:
+def test_braking_driver_has_its_deceleration_and_then_none() -> None:
     world = World()
     world.lay_roads(*signalled(green=600))
     row = car(world, "s", 120.0, speed=12.0)
@@ -171,7 +171,7 @@ def test_a_driver_who_brakes_to_a_stand_tells_the_braking_and_then_nothing() -> 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", [CIRCLE, BENT])
 @pytest.mark.parametrize("body", [CAR, MAN])
-def test_on_a_path_told_figures_belong_together(path: FloatArray, body: Body) -> None:
+def test_velocities_and_accelerations_on_a_path_are_consistent(path: FloatArray, body: Body) -> None:
     world = World()
     kind = Kind.VEHICLE if body is CAR else Kind.PEDESTRIAN
     row = npc(world, kind=kind, body=body, x=path[0, 0], y=path[0, 1], path=path, is_loop=True, speed=2.0)
@@ -183,7 +183,7 @@ def test_on_a_path_told_figures_belong_together(path: FloatArray, body: Body) ->
         assert largest(now.velocity - mean / max(largest(mean) / 2.0, 0.7)) < 0.1
 
 
-def test_a_circle_of_short_legs_has_the_acceleration_of_a_circle() -> None:
+def test_circle_of_short_segments_has_centripetal_acceleration() -> None:
     world = World()
     row = npc(world, x=8.0, path=CIRCLE, is_loop=True, speed=4.0)
     for now in follow(world, np.array([row]), 500)[1:]:
@@ -192,7 +192,7 @@ def test_a_circle_of_short_legs_has_the_acceleration_of_a_circle() -> None:
         assert largest(now.velocity) == pytest.approx(4.0)
 
 
-def test_the_end_of_a_path_is_told_as_a_stand_without_a_blow() -> None:
+def test_end_of_a_path_has_no_acceleration_peak() -> None:
     world = World()
     row = npc(world, path=BENT[:2], speed=7.0)
     told = follow(world, np.array([row]), 100)
@@ -207,7 +207,7 @@ POINTS = st.lists(st.tuples(*[st.floats(-50.0, 50.0, width=32)] * 3), min_size=2
 @settings(max_examples=30, deadline=None)
 @given(points=POINTS, is_loop=st.booleans(), speed=st.floats(0.0, 30.0))
 @example(points=[(0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)], is_loop=True, speed=1.0)  # a slope ends
-def test_on_any_path_accelerations_are_differences_of_velocities(
+def test_accelerations_on_any_path_are_differences_of_velocities(
     points: list[tuple[float, float, float]],
     is_loop: bool,  # noqa: FBT001 - a parameter of a test
     speed: float,
@@ -224,7 +224,7 @@ def test_on_any_path_accelerations_are_differences_of_velocities(
         assert largest(now.velocity) <= speed + 1e-9
 
 
-def test_a_loop_smaller_than_the_span_has_a_direction() -> None:
+def test_tiny_loop_has_a_direction() -> None:
     world = World()
     row = npc(world, path=CIRCLE / 80.0, is_loop=True, speed=0.5)  # 0.6 m round
     told = follow(world, np.array([row]), 100)
@@ -237,7 +237,7 @@ def test_a_loop_smaller_than_the_span_has_a_direction() -> None:
 # All others
 
 
-def test_who_goes_straight_on_tells_exact_figures() -> None:
+def test_straight_constant_motion_is_exact() -> None:
     world = World()
     npc(world, yaw=0.7, speed=12.0)
     npc(world, y=9.0, yaw=-2.0, speed=-3.0)
@@ -245,7 +245,7 @@ def test_who_goes_straight_on_tells_exact_figures() -> None:
     assert motion(world, np.array([0, 1])).tolist() == [[12.0, -3.0], *[[0.0, 0.0]] * 5]
 
 
-def test_a_driven_car_tells_what_it_tells_of_itself() -> None:
+def test_motion_of_an_ego_equals_its_own_status() -> None:
     world = World()
     row = npc(world, kind=Kind.EGO)
     command(world, row, mode=Mode.SPEED, speed=8.0, steer=0.2)
@@ -262,7 +262,7 @@ def test_a_driven_car_tells_what_it_tells_of_itself() -> None:
     assert world.lateral_accel[row] > 4.0
 
 
-def test_a_ghost_shows_what_it_was_told_until_it_is_put_elsewhere() -> None:
+def test_ghost_keeps_its_given_motion_until_it_is_placed_again() -> None:
     world = World()
     row = npc(world, path=BENT, speed=3.0)
     place_ghost(world, row, x=1.0, y=2.0, z=0.0, yaw=0.5, speed=4.0)
@@ -276,7 +276,7 @@ def test_a_ghost_shows_what_it_was_told_until_it_is_put_elsewhere() -> None:
     assert not motion(world, np.array([row])).any()
 
 
-def test_a_snapshot_tells_the_same() -> None:
+def test_restored_snapshot_has_the_same_motion() -> None:
     world = town()
     follow(world, np.array([0]), 20)
     rows = np.arange(world.n)
@@ -286,5 +286,5 @@ def test_a_snapshot_tells_the_same() -> None:
     assert np.array_equal(motion(other, rows), told)
 
 
-def test_nobody_is_no_rows() -> None:
+def test_no_entities_give_no_rows() -> None:
     assert motion(World(), np.array([], dtype=np.int64)).shape == (6, 0)

@@ -39,7 +39,7 @@ def test_constant_motion_is_a_straight_line_at_constant_speed() -> None:
     assert (world.z[row], world.yaw[row], world.speed[row], world.accel[row]) == (5.0, 0.7, 12.0, 0.0)
 
 
-def test_whoever_goes_backwards_looks_the_other_way() -> None:
+def test_backward_motion_has_the_opposite_heading() -> None:
     world = World()
     row = npc(world, speed=-2.0)
     for _ in range(50):
@@ -47,7 +47,7 @@ def test_whoever_goes_backwards_looks_the_other_way() -> None:
     assert (world.x[row], world.yaw[row]) == (pytest.approx(-2.0), 0.0)
 
 
-def test_who_stands_stays() -> None:
+def test_standing_entity_stays() -> None:
     world = World()
     world.spawn(Kind.OBSTACLE, Body.box(1.0, 1.0, 1.0), name="box", x=1.5, y=2.5, yaw=0.3)
     before = world.snapshot()
@@ -56,7 +56,7 @@ def test_who_stands_stays() -> None:
     assert np.array_equal(world.snapshot().floats, before.floats)
 
 
-def test_a_path_is_walked_by_arc_length() -> None:
+def test_path_is_followed_by_arc_length() -> None:
     world = World()
     row = npc(world, path=BENT, speed=5.0)
     arcs = arc_lengths(BENT)
@@ -66,7 +66,7 @@ def test_a_path_is_walked_by_arc_length() -> None:
         assert world.arc[row] == pytest.approx(i * 0.1)
 
 
-def test_a_corner_is_turned_evenly_over_the_wheelbase_before_it() -> None:
+def test_vehicle_turns_evenly_over_its_wheelbase_before_a_corner() -> None:
     world = World()
     row = npc(world, path=BENT, speed=5.0, yaw=2.0)
     for _ in range(300):
@@ -76,7 +76,7 @@ def test_a_corner_is_turned_evenly_over_the_wheelbase_before_it() -> None:
         assert world.yaw[row] == pytest.approx(math.pi / 2 * (shares[0] - shares[1]))
 
 
-def test_a_walker_turns_within_a_step_of_the_corner() -> None:
+def test_pedestrian_turns_within_a_step_of_the_corner() -> None:
     world = World()
     row = world.row(world.spawn(Kind.PEDESTRIAN, MAN, name="man", x=0.0, y=0.0, path=BENT, speed=1.0))
     for _ in range(460):
@@ -89,7 +89,7 @@ def test_a_walker_turns_within_a_step_of_the_corner() -> None:
 
 @pytest.mark.parametrize("path", [BENT, CIRCLE, -CIRCLE[::7], BENT * 0.1])
 @pytest.mark.parametrize("is_loop", [True, False])
-def test_headings_do_not_jump(path: FloatArray, is_loop: bool) -> None:  # noqa: FBT001 - a parameter of a test
+def test_headings_are_continuous(path: FloatArray, is_loop: bool) -> None:  # noqa: FBT001 - a parameter of a test
     """A corner of angle a is turned over the wheelbase: the yaw rate is at most speed * (angles within it) / it."""
     world = World()
     row = npc(world, x=path[0, 0], y=path[0, 1], path=path, is_loop=is_loop, speed=8.0)
@@ -106,7 +106,7 @@ def test_headings_do_not_jump(path: FloatArray, is_loop: bool) -> None:  # noqa:
         before = float(world.yaw[row])
 
 
-def test_an_open_path_ends_in_a_stand_exactly_at_its_last_point() -> None:
+def test_entity_stops_exactly_at_the_end_of_an_open_path() -> None:
     world = World()
     other = npc(world, speed=1.0, y=-9.0)
     row = npc(world, path=BENT, speed=7.77)
@@ -118,7 +118,7 @@ def test_an_open_path_ends_in_a_stand_exactly_at_its_last_point() -> None:
     assert world.derived(_Moving).rows.tolist() == [other]  # who stands is not looked at
 
 
-def test_a_loop_begins_again() -> None:
+def test_closed_path_is_followed_again() -> None:
     world = World()
     row = npc(world, x=50.0, path=CIRCLE, is_loop=True, speed=20.0)
     length = float(world.path_length[row])
@@ -129,7 +129,7 @@ def test_a_loop_begins_again() -> None:
     assert world.arc[row] == pytest.approx(1200.0 % length, abs=1e-6)
 
 
-def test_many_rounds_of_a_tiny_loop_within_one_step() -> None:
+def test_tiny_loop_can_be_passed_many_times_in_a_step() -> None:
     world = World()
     triangle = np.array([[0.0, 0.0], [0.3, 0.0], [0.0, 0.4]])  # 1.2 m
     row = npc(world, path=triangle, is_loop=True, speed=1000.0)
@@ -139,7 +139,7 @@ def test_many_rounds_of_a_tiny_loop_within_one_step() -> None:
         assert abs(nearest_on_polyline(closed(triangle), world.x[row], world.y[row]).lateral[0]) < 1e-9
 
 
-def test_a_path_in_space_is_walked_in_space() -> None:
+def test_path_in_space_is_followed_in_space() -> None:
     world = World()
     ramp = np.array([[0.0, 0.0, 1.0], [40.0, 0.0, 31.0]])
     row = npc(world, path=ramp, speed=5.0)
@@ -148,7 +148,7 @@ def test_a_path_in_space_is_walked_in_space() -> None:
     assert (world.x[row], world.y[row], world.z[row]) == pytest.approx((8.0, 0.0, 7.0))
 
 
-def test_agents_of_all_sorts_side_by_side_do_what_each_does_alone() -> None:
+def test_entities_together_move_like_each_alone() -> None:
     sorts: list[dict[str, Any]] = [
         {"speed": 3.0, "yaw": 1.0},
         {"speed": 6.0, "path": BENT},
@@ -169,7 +169,7 @@ def test_agents_of_all_sorts_side_by_side_do_what_each_does_alone() -> None:
             assert getattr(together, name)[row] == getattr(world, name)[0], name
 
 
-def test_two_half_steps_are_a_whole_one() -> None:
+def test_two_half_steps_equal_a_whole_one() -> None:
     whole, halves = World(), World()
     for world in (whole, halves):
         npc(world, path=BENT, speed=5.0)
@@ -187,7 +187,7 @@ POINTS = st.lists(st.tuples(*[st.floats(-100.0, 100.0, width=32)] * 2), min_size
 
 @settings(max_examples=15, deadline=None)
 @given(st.lists(st.tuples(POINTS, st.booleans(), st.floats(0.0, 300.0)), min_size=1, max_size=4))
-def test_nobody_ever_leaves_his_polyline(walkers: list[tuple[list[tuple[float, float]], bool, float]]) -> None:
+def test_entity_never_leaves_its_path(walkers: list[tuple[list[tuple[float, float]], bool, float]]) -> None:
     world = World()
     lines = []
     for points, is_loop, speed in walkers:

@@ -18,7 +18,7 @@ def line(length: float, num: int = 2) -> FloatArray:
     return np.column_stack([np.linspace(0.0, length, num), np.zeros(num), np.zeros(num)])
 
 
-def test_segments_carry_arc_start_direction_and_heading() -> None:
+def test_segments_have_arc_start_direction_and_heading() -> None:
     segments = lay_segments(SQUARE, is_loop=True, reach=1.0)
     assert segments[:, 0].tolist() == [0.0, 3.0, 4.0, 7.0, 8.0, 11.0, 12.0, 15.0]
     assert segments[:, 1].tolist() == [*segments[1:, 0].tolist(), 16.0]
@@ -33,7 +33,7 @@ POINTS = st.lists(st.tuples(*[st.floats(-100.0, 100.0, width=32)] * 3), min_size
 
 @settings(max_examples=100, deadline=None)
 @given(points=POINTS, is_loop=st.booleans(), reach=st.floats(0.05, 50.0))
-def test_headings_go_on_evenly_and_keep_within_half_a_turn(
+def test_headings_are_continuous_and_within_half_a_turn(
     points: list[tuple[float, float, float]],
     is_loop: bool,  # noqa: FBT001 - a parameter of a test
     reach: float,
@@ -62,7 +62,7 @@ def test_the_heading_is_the_mean_direction_within_reach() -> None:
         assert heading == pytest.approx(mean, abs=2e-3), s
 
 
-def test_a_path_of_short_legs_is_cut_at_its_waypoints_alone() -> None:
+def test_path_of_short_segments_is_split_only_at_its_waypoints() -> None:
     angles = np.linspace(0.0, 2.0 * math.pi, 600, endpoint=False)
     circle = np.column_stack([50.0 * np.cos(angles), 50.0 * np.sin(angles), np.zeros(600)])
     segments = lay_segments(circle, is_loop=True, reach=2.7)
@@ -81,7 +81,7 @@ def test_a_loop_that_repeats_its_first_point_is_closed_once() -> None:
     )
 
 
-def test_repeated_waypoints_are_passed_over() -> None:
+def test_repeated_waypoints_are_skipped() -> None:
     repeated = SQUARE.repeat(3, axis=0)
     assert np.array_equal(
         lay_segments(repeated, is_loop=False, reach=REACH), lay_segments(SQUARE, is_loop=False, reach=REACH)
@@ -113,12 +113,12 @@ def test_due_west_is_pi_even_from_a_negative_zero() -> None:
     ],
 )
 @pytest.mark.parametrize("is_loop", [False, True])
-def test_what_is_no_path_is_refused(points: FloatArray, is_loop: bool) -> None:  # noqa: FBT001 - a parameter of a test
+def test_invalid_path_is_refused(points: FloatArray, is_loop: bool) -> None:  # noqa: FBT001 - a parameter of a test
     with pytest.raises(ValueError, match="path: "):
         lay_segments(points, is_loop=is_loop, reach=REACH)
 
 
-def test_keys_rise_along_the_whole_store() -> None:
+def test_keys_increase_along_the_whole_store() -> None:
     paths = Paths()
     for i in range(50):
         paths.add(i, lay_segments(line(10.0 + i, 7), is_loop=False, reach=REACH))
@@ -126,7 +126,7 @@ def test_keys_rise_along_the_whole_store() -> None:
     assert paths.num == paths.num_live == 300
 
 
-def test_a_store_that_paths_come_to_and_leave_does_not_grow() -> None:
+def test_adding_and_removing_paths_does_not_grow_the_store() -> None:
     paths = Paths()
     paths.add(0, lay_segments(line(100.0, 101), is_loop=False, reach=REACH))
     capacity = 0
@@ -139,7 +139,7 @@ def test_a_store_that_paths_come_to_and_leave_does_not_grow() -> None:
     assert paths.num_live == 100
 
 
-def test_after_moving_together_each_path_lies_at_its_base() -> None:
+def test_compacted_store_has_each_path_at_its_base() -> None:
     paths = Paths()
     laid = {i: lay_segments(line(10.0 + i, 11), is_loop=False, reach=REACH) for i in range(20)}
     for i, segments in laid.items():
@@ -152,7 +152,7 @@ def test_after_moving_together_each_path_lies_at_its_base() -> None:
         assert np.array_equal(paths.segments[at : at + 10], laid[i])
 
 
-def test_a_store_whose_keys_are_used_up_refuses_and_recovers() -> None:
+def test_store_without_free_keys_refuses_and_recovers() -> None:
     paths = Paths()
     far = lay_segments(line(MAX_PATH_LENGTH), is_loop=False, reach=REACH)
     paths.add(0, far)
@@ -167,7 +167,7 @@ def test_a_store_whose_keys_are_used_up_refuses_and_recovers() -> None:
     paths.add(1, far)
 
 
-def test_a_snapshot_serves_more_than_once() -> None:
+def test_snapshot_can_be_restored_more_than_once() -> None:
     paths = Paths()
     paths.add(7, lay_segments(SQUARE, is_loop=True, reach=REACH))
     saved = paths.snapshot()
@@ -180,7 +180,7 @@ def test_a_snapshot_serves_more_than_once() -> None:
         assert other.num == 0
 
 
-def test_stores_that_differ_have_another_digest() -> None:
+def test_different_stores_have_different_digests() -> None:
     """The digest of a world tells replays apart; each of these stores moves its agents otherwise, now or later."""
 
     def digest(*lengths: float, base: int = 0, first: int = 0, aside: float = 0.0) -> bytes:
@@ -203,7 +203,7 @@ def test_stores_that_differ_have_another_digest() -> None:
     assert len({usual, *others}) == 5
 
 
-def test_digest_follows_what_comes_and_goes() -> None:
+def test_digest_changes_with_added_and_removed_paths() -> None:
     paths = Paths()
     laid = lay_segments(line(10.0, 7), is_loop=False, reach=REACH)
     empty = paths.digest()

@@ -13,7 +13,7 @@ from rosbridge_sim.world.step import step
 from tests.world.driven_cars import CAR, ego, pedals, speeds
 
 
-def test_a_teleport_to_nowhere_is_refused() -> None:
+def test_teleport_to_a_non_finite_place_is_refused() -> None:
     world = ego(speed=3.0)
     before = world.digest()
     for figure in ("x", "y", "z", "yaw", "speed", "roll", "pitch"):
@@ -23,7 +23,7 @@ def test_a_teleport_to_nowhere_is_refused() -> None:
     assert world.digest() == before
 
 
-def test_a_teleport_keeps_command_gear_and_wheels() -> None:
+def test_teleport_keeps_command_gear_and_steering() -> None:
     world = ego(speed=5.0)
     pedals(world, throttle=0.5, steer=0.2)
     speeds(world, 1.0)
@@ -36,7 +36,7 @@ def test_a_teleport_keeps_command_gear_and_wheels() -> None:
     assert world.speed[0] > 2.0
 
 
-def test_a_ghost_stands_with_its_speed_until_it_is_commanded() -> None:
+def test_ghost_stands_and_keeps_its_speed_until_a_command() -> None:
     world = ego()
     pedals(world, throttle=1.0)
     place_ghost(world, 0, x=5.0, y=6.0, z=7.0, yaw=4.0, speed=20.0, roll=0.1, pitch=0.2)
@@ -49,7 +49,7 @@ def test_a_ghost_stands_with_its_speed_until_it_is_commanded() -> None:
     assert math.hypot(world.x[0] - 5.0, world.y[0] - 6.0) == pytest.approx(2.0, rel=0.05)
 
 
-def test_only_the_ghost_of_two_stands() -> None:
+def test_ghost_stands_while_another_ego_drives() -> None:
     world = ego(speed=10.0)
     world.spawn(Kind.EGO, CAR, name="other", x=0.0, y=9.0, speed=10.0)
     world.spawn(Kind.VEHICLE, CAR, name="npc", x=0.0, y=18.0, speed=10.0)
@@ -65,14 +65,14 @@ def test_only_the_ghost_of_two_stands() -> None:
     assert world.x[2] == pytest.approx(11.0)
 
 
-def test_a_ghost_in_no_place_is_refused() -> None:
+def test_ghost_at_a_non_finite_place_is_refused() -> None:
     world = ego()
     with pytest.raises(ValueError, match="speed: expected"):
         place_ghost(world, 0, x=5.0, y=0.0, z=0.0, yaw=0.0, speed=math.nan)
     assert (world.x[0], bool(world.is_ghost[0])) == (0.0, False)
 
 
-def test_many_ghosts_at_once_are_as_one_by_one() -> None:
+def test_many_ghosts_at_once_equal_one_by_one() -> None:
     path = np.array([[0.0, 0.0], [50.0, 0.0], [50.0, 50.0]])
     worlds = World(), World()
     for world in worlds:
@@ -98,7 +98,7 @@ def test_many_ghosts_at_once_are_as_one_by_one() -> None:
 
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, 1e300])
-def test_a_ghost_beyond_all_bounds_moves_none_of_them(wrong: float) -> None:
+def test_one_out_of_range_ghost_moves_none(wrong: float) -> None:
     world = World()
     for i in range(2):
         world.spawn(Kind.VEHICLE, Body(), name="x", x=10.0 * i, y=0.0)

@@ -12,14 +12,14 @@ from tests.world.road_factory import CAR, arc, car, crossing, line, make
 
 
 @pytest.mark.parametrize("offset", [0.0, 3.0, 9.0, 20.0])
-def test_two_who_would_meet_take_turns(offset: float) -> None:
+def test_crossing_vehicles_take_turns(offset: float) -> None:
     world = world_of(crossing())
     rows = [car(world, "w", 60.0, speed=12.0), car(world, "s", 60.0 - offset, speed=12.0)]
     run(world, 30.0)
     assert [lane_of(world, row) for row in rows] == ["e", "n"]
 
 
-def test_the_nearer_one_goes_first_and_needs_not_brake() -> None:
+def test_nearer_vehicle_goes_first_without_braking() -> None:
     world = world_of(crossing())
     near, far = car(world, "w", 100.0, speed=12.0), car(world, "s", 60.0, speed=12.0)
     speeds = run(world, 20.0)
@@ -27,14 +27,14 @@ def test_the_nearer_one_goes_first_and_needs_not_brake() -> None:
     assert speeds[:, far].min() < 11.0
 
 
-def test_streams_that_cross_get_through() -> None:
+def test_crossing_streams_both_get_through() -> None:
     world = world_of(crossing())
     rows = [car(world, lane, 30.0 + 25.0 * i, speed=8.0) for i in range(6) for lane in ("w", "s")]
     run(world, 60.0)
     assert [lane_of(world, row) for row in rows] == ["e", "n"] * 6
 
 
-def test_lanes_that_join_are_entered_one_by_one() -> None:
+def test_merging_lanes_are_entered_one_by_one() -> None:
     roads = make(
         a=(line((0, 0), (200, 0)), "c"),
         b=(line((0, -90), (150, -1.5), (200, 0)), "c"),
@@ -46,7 +46,7 @@ def test_lanes_that_join_are_entered_one_by_one() -> None:
     assert {lane_of(world, row) for row in rows} == {"c"}
 
 
-def test_nobody_enters_who_would_have_to_stop_inside() -> None:
+def test_vehicle_does_not_enter_a_crossing_that_it_cannot_leave() -> None:
     world = world_of(crossing())
     blocker = car(world, "e", 4.0, desired_speed=0.0)
     waiting = car(world, "w", 100.0, speed=10.0)
@@ -59,7 +59,7 @@ def test_nobody_enters_who_would_have_to_stop_inside() -> None:
 
 
 @pytest.mark.parametrize(("spare", "lane"), [(-0.3, "w"), (0.3, "e")])
-def test_a_crossing_is_entered_where_room_for_the_car_and_its_gap_is_behind_it(spare: float, lane: str) -> None:
+def test_vehicle_enters_a_crossing_with_room_for_itself_and_its_gap_behind(spare: float, lane: str) -> None:
     """Who enters without room for the gap comes to a stand with its tail on the crossing."""
     world = world_of(crossing())
     car(world, "e", CAR.rear_overhang + CAR.length + GAP + spare, desired_speed=0.0)
@@ -69,7 +69,7 @@ def test_a_crossing_is_entered_where_room_for_the_car_and_its_gap_is_behind_it(s
 
 
 @pytest.mark.parametrize(("spare", "may_enter"), [(-0.3, False), (0.3, True)])
-def test_room_behind_a_crossing_is_kept_for_those_who_may_enter_with_their_gap(
+def test_room_behind_a_crossing_is_reserved_for_entering_vehicles_with_their_gaps(
     spare: float, *, may_enter: bool
 ) -> None:
     world = world_of(crossing())
@@ -80,7 +80,7 @@ def test_room_behind_a_crossing_is_kept_for_those_who_may_enter_with_their_gap(
     assert (world.claim[[first, second]] == entered).tolist() == [True, may_enter]
 
 
-def test_who_finds_a_street_full_takes_another() -> None:
+def test_vehicle_avoids_a_full_street() -> None:
     roads = make(
         a=(line((0, 0), (100, 0)), "b c"),
         b=(line((100, 0), (120, 0)), "d"),

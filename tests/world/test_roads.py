@@ -51,7 +51,7 @@ def test_lateral_offset_is_positive_to_the_left() -> None:
     assert places.yaw.tolist() == [0.0, 0.0]
 
 
-def test_beyond_the_end_the_foot_point_is_the_end() -> None:
+def test_foot_point_beyond_the_end_is_the_end() -> None:
     places = make(straight((0, 0), (100, 0))).nearest(103.0, 4.0)
     assert (places.s[0], places.lateral[0], places.distance[0]) == (100.0, 4.0, 5.0)
 
@@ -64,14 +64,14 @@ def test_heading_chooses_between_two_directions() -> None:
     assert roads.nearest([50.0, 50.0], [1.8, 1.8], [0.0, math.pi]).lane.tolist() == [0, 1]
 
 
-def test_far_from_every_road_the_nearest_is_still_found() -> None:
+def test_nearest_lane_is_found_far_from_every_road() -> None:
     roads = make(straight((0, 0), (100, 0)), straight((0, 500), (100, 500)))
     places = roads.nearest([50.0, 50.0, 1e7], [200.0, 300.0, 500.0])
     assert places.lane.tolist() == [0, 1, 1]
     assert places.distance.tolist() == [200.0, 200.0, 1e7 - 100.0]
 
 
-def test_without_roads_nothing_is_near() -> None:
+def test_empty_road_map_has_no_nearest_lane() -> None:
     roads = Roads()
     places = roads.nearest([1.0, 2.0], [3.0, 4.0])
     assert len(roads) == 0
@@ -80,7 +80,7 @@ def test_without_roads_nothing_is_near() -> None:
     assert len(make(straight((0, 0), (1, 0))).nearest([], []).lane) == 0
 
 
-def test_a_point_on_a_lane_is_found_again() -> None:
+def test_point_on_a_lane_projects_to_itself() -> None:
     roads = make(straight((0, 0), (30, 0), (30, 40), z=2.0), straight((200, 0), (200, 10)))
     points, yaw = roads.at([0, 0, 1, 0, 0, 1], [10.0, 50.0, 4.0, -5.0, 999.0, 999.0])
     expected = [[10, 0, 2], [30, 20, 2], [200, 4, 0], [0, 0, 2], [30, 40, 2], [200, 10, 0]]
@@ -100,7 +100,7 @@ def test_lanes_keep_their_names_and_successors() -> None:
         roads.row("L9")
 
 
-def test_repeated_points_do_no_harm() -> None:
+def test_repeated_points_are_harmless() -> None:
     roads = make(straight((0, 0), (0, 0), (5, 0), (5, 0), (10, 0)))
     assert roads.points[:, 0].tolist() == [0.0, 5.0, 10.0]
     assert roads.s.tolist() == [0.0, 5.0, 10.0]
@@ -115,12 +115,12 @@ def test_repeated_points_do_no_harm() -> None:
         (["a"], []),
     ],
 )
-def test_lanes_that_cannot_be_are_refused(ids: list[str], lines: list[FloatArray]) -> None:
+def test_invalid_lanes_are_refused(ids: list[str], lines: list[FloatArray]) -> None:
     with pytest.raises(ValueError, match="lane"):
         Roads(ids, [line.reshape(-1, 3) for line in lines], [[]] * len(lines), [3.5] * len(lines), [0.0] * len(lines))
 
 
-def test_lengths_of_every_order_stand_beside_each_other() -> None:
+def test_lanes_of_very_different_lengths_coexist() -> None:
     roads = make(*[straight((0, i), (1e7, 1e7 + i)) for i in range(20)], straight((0, -1), (1e-9, -1)))
     assert roads.nearest([5e6, 0.0], [5e6 + 3.1, -1.2]).lane.tolist() == [3, 20]
 
@@ -148,7 +148,7 @@ line = st.lists(st.tuples(coordinate, coordinate), min_size=2, max_size=6, uniqu
     lines=st.lists(line, min_size=1, max_size=6),
     places=st.lists(st.tuples(coordinate, coordinate, st.none() | st.floats(-4, 4)), min_size=1, max_size=6),
 )
-def test_fast_and_slow_agree(
+def test_fast_path_equals_slow_path(
     lines: list[list[tuple[float, float]]], places: list[tuple[float, float, float | None]]
 ) -> None:
     roads = make(*[straight(*corners) for corners in lines])
@@ -166,7 +166,7 @@ def test_fast_and_slow_agree(
 
 @settings(max_examples=20)
 @given(lines=st.lists(line, min_size=1, max_size=4), places=st.lists(st.tuples(coordinate, coordinate), max_size=20))
-def test_many_at_once_are_as_one_by_one(
+def test_many_queries_equal_single_queries(
     lines: list[list[tuple[float, float]]], places: list[tuple[float, float]]
 ) -> None:
     roads = make(*[straight(*corners) for corners in lines])
@@ -192,13 +192,13 @@ def test_lanes_know_their_neighbours_and_stop_lines() -> None:
         Roads(["a", "b"], lines, [[], []], [3.0, 3.0], [10.0, 0.0], left=[1])
 
 
-def test_edges_lie_half_a_width_away_where_nothing_else_is_known() -> None:
+def test_default_border_is_half_a_width_away() -> None:
     roads = make(straight((0, 0), (50, 0)))
     left, right = roads.beside(roads.nearest([10.0, 20.0], [0.5, -3.0]))
     assert (left.tolist(), right.tolist()) == ([1.25, 4.75], [2.25, -1.25])
 
 
-def test_edges_widen_along_a_lane() -> None:
+def test_border_distance_may_change_along_a_lane() -> None:
     line = straight((0, 0), (0, 0), (40, 0))  # a repeated point takes its distances with it
     borders = {0: np.array([[2.0, 1.5], [9.0, 9.0], [4.0, 1.5]])}
     roads = Roads(["a"], [line], [[]], [3.0], [10.0], borders=borders)
@@ -206,19 +206,19 @@ def test_edges_widen_along_a_lane() -> None:
     assert (left.tolist(), right.tolist()) == ([2.0, 2.0, 4.0], [1.5, 2.5, 1.5])
 
 
-def test_nothing_lies_beside_where_there_is_no_road() -> None:
+def test_empty_road_map_has_no_borders() -> None:
     left, right = Roads().beside(Roads().nearest(1.0, 2.0))
     assert (left.tolist(), right.tolist()) == ([math.inf], [math.inf])
 
 
-def test_turns_are_counted_from_end_to_end() -> None:
+def test_turn_is_measured_from_end_to_end_of_a_lane() -> None:
     angles = np.linspace(0.0, 1.5 * math.pi, 200)
     arc = np.stack((np.cos(angles), np.sin(angles), 0 * angles), axis=-1)
     roads = make(straight((0, 0), (5, 0), (5, -5)), arc, straight((0, 0), (9, 9)))
     assert roads.turn.tolist() == pytest.approx([-math.pi / 2, 1.5 * math.pi, 0.0], abs=0.03)
 
 
-def test_what_follows_from_roads_is_worked_out_once() -> None:
+def test_derived_road_data_is_computed_once() -> None:
     roads = make(straight((0, 0), (5, 0)))
     calls: list[Roads] = []
 
@@ -230,7 +230,7 @@ def test_what_follows_from_roads_is_worked_out_once() -> None:
     assert calls == [roads]
 
 
-def test_roads_that_differ_anywhere_have_another_digest() -> None:
+def test_different_roads_have_different_digests() -> None:
     def digest(x: float = 50.0, limit: float = 10.0, *, is_stop: bool = False) -> bytes:
         return Roads(["a"], [straight((0, 0), (x, 0))], [[]], [3.0], [limit], is_stop=[is_stop]).digest
 
@@ -268,7 +268,7 @@ def web(num: int, size: float) -> Roads:
 
 
 @pytest.mark.parametrize("size", [100.0, 5_000.0])
-def test_lanes_near_places_are_those_that_a_look_at_all_lanes_finds(size: float) -> None:
+def test_lanes_near_places_equal_a_full_search(size: float) -> None:
     roads, rng = web(12, size), np.random.default_rng(3)
     beside = roads.points[rng.integers(0, len(roads.points), 40), :2] + rng.normal(0.0, 6.0, (40, 2))
     x, y = np.concatenate([beside, rng.uniform(-size, size, (20, 2)), [[1e9, -1e9]]]).T
@@ -281,7 +281,7 @@ def test_lanes_near_places_are_those_that_a_look_at_all_lanes_finds(size: float)
     assert num_found > 60
 
 
-def test_a_crowd_in_one_place_hides_nobody_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_lanes_in_one_place_hide_none_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
     roads = make(*(straight((0, i), (500, i)) for i in range(4)))
     x, y = np.full(1_000, 250.0), np.zeros(1_000)
     x[::100] = np.arange(10) * 20.0

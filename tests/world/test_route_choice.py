@@ -29,14 +29,14 @@ def planned(seed: int) -> str:
     return "".join(world.roads.ids[lane] for lane in world.int_block("lane", "ahead_5")[:, row])
 
 
-def test_chance_depends_on_the_seed_and_on_nothing_else() -> None:
+def test_random_choices_depend_only_on_the_seed() -> None:
     assert ways().startswith(planned(0)[:4])
     assert ways(others=2).startswith(planned(0)[:4])
     assert len({planned(seed) for seed in range(20)}) == 4, "two choices in five lanes"
     assert planned(2**70) == planned(2**70)
 
 
-def test_a_route_is_kept_and_chance_goes_on_at_its_end() -> None:
+def test_route_is_followed_and_random_choices_go_on_after_it() -> None:
     world = world_of(ring())
     row = car(world, "a", 30.0, speed=10.0, route="a c e a b d")
     seen = "a"
@@ -46,7 +46,7 @@ def test_a_route_is_kept_and_chance_goes_on_at_its_end() -> None:
     assert seen == "aceabda"
 
 
-def test_a_route_may_begin_again() -> None:
+def test_route_can_repeat() -> None:
     world = world_of(ring())
     row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=5.0))
     keep_lane(world, row, 0, 1.0, route=[0, 2, 4], is_loop=True)

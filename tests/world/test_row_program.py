@@ -15,7 +15,7 @@ def five() -> World:
 
 
 @pytest.mark.parametrize("rows", [[0, 1, 2, 3, 4], [1, 2], [3], [0, 2, 4], [0, 4]])
-def test_calls_reach_the_rows_and_no_others(rows: list[int]) -> None:
+def test_program_writes_only_its_rows(rows: list[int]) -> None:
     world = five()
     block = RowProgram(world, np.array(rows), "x", "speed", written_from="x")
     x, y, _, _ = block.values
@@ -28,7 +28,7 @@ def test_calls_reach_the_rows_and_no_others(rows: list[int]) -> None:
 
 
 @pytest.mark.parametrize("rows", [[1, 2], [3], [0, 4]])
-def test_what_changes_between_two_runs_is_seen(rows: list[int]) -> None:
+def test_program_sees_changes_between_two_runs(rows: list[int]) -> None:
     world = five()
     block = RowProgram(world, np.array(rows), "x", "speed", written_from="speed")
     x, _, _, speed = block.values
@@ -38,7 +38,7 @@ def test_what_changes_between_two_runs_is_seen(rows: list[int]) -> None:
     assert world.speed[rows].tolist() == [7.0] * len(rows)
 
 
-def test_columns_before_the_written_ones_are_not_brought_back() -> None:
+def test_program_does_not_restore_unwritten_columns() -> None:
     world = five()
     block = RowProgram(world, np.array([3]), "x", "speed", written_from="yaw")
     block.do(block.values.fill, 4.0)

@@ -1,4 +1,4 @@
-"""Driven rows that drive themselves: on the lane, behind others, and given back to whoever commands them."""
+"""Self-driving egos: on the lane, behind others, and back under command."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def run(world: World, seconds: float) -> None:
         step(world)
 
 
-def test_from_beside_the_line_it_steers_onto_it_and_reaches_the_limit() -> None:
+def test_self_driving_ego_steers_onto_its_lane_and_reaches_the_limit() -> None:
     world = world_of(road(limit=LIMIT))
     row = self_driving_ego(world, 10.0, 1.5, yaw=0.1)
     assert (world.x[row], world.y[row]) == (10.0, 1.5)  # nobody lifts it there
@@ -48,7 +48,7 @@ def test_from_beside_the_line_it_steers_onto_it_and_reaches_the_limit() -> None:
     assert LIMIT - 0.5 < world.speed[row] <= LIMIT + 0.1
 
 
-def test_it_takes_a_bend_on_its_lane() -> None:
+def test_self_driving_ego_keeps_its_lane_in_a_bend() -> None:
     world = world_of(
         make(
             a=(line((0, 0), (50, 0)), "b", LIMIT),
@@ -65,7 +65,7 @@ def test_it_takes_a_bend_on_its_lane() -> None:
     assert worst < 0.3
 
 
-def test_it_keeps_its_distance_to_the_one_before_it() -> None:
+def test_self_driving_ego_keeps_its_gap_to_the_lead_vehicle() -> None:
     world = world_of(road(limit=LIMIT))
     before = car(world, "a", 60.0, desired_speed=0.0)
     row = self_driving_ego(world, 10.0)
@@ -76,7 +76,7 @@ def test_it_keeps_its_distance_to_the_one_before_it() -> None:
     assert gap == pytest.approx(GAP, abs=0.5)
 
 
-def test_others_keep_their_distance_to_it() -> None:
+def test_vehicles_keep_their_gap_to_a_self_driving_ego() -> None:
     world = world_of(road(limit=LIMIT))
     row = self_driving_ego(world, 60.0)
     behind = car(world, "a", 10.0)
@@ -91,7 +91,7 @@ def test_others_keep_their_distance_to_it() -> None:
 
 
 @pytest.mark.parametrize(("y", "yaw"), [(MAX_LATERAL_OFFSET + 0.1, 0.0), (0.0, math.radians(80.0)), (0.0, math.pi)])
-def test_beside_the_road_or_across_it_there_is_no_lane_to_take(y: float, yaw: float) -> None:
+def test_ego_beside_or_across_the_road_has_no_lane_to_follow(y: float, yaw: float) -> None:
     world = world_of(road())
     row = ego(world, 10.0, y, yaw=yaw)
     before = world.digest()
@@ -99,18 +99,18 @@ def test_beside_the_road_or_across_it_there_is_no_lane_to_take(y: float, yaw: fl
     assert world.digest() == before
 
 
-def test_without_roads_there_is_none_either() -> None:
+def test_ego_without_roads_has_no_lane_to_follow() -> None:
     world = World()
     assert not start_self_driving(world, ego(world, 0.0, 0.0))
 
 
-def test_only_who_is_driven_can_drive_itself() -> None:
+def test_only_an_ego_can_drive_itself() -> None:
     world = world_of(road())
     with pytest.raises(ValueError, match="not driven"):
         start_self_driving(world, car(world, "a", 10.0))
 
 
-def test_given_back_it_goes_on_as_it_moves() -> None:
+def test_ego_goes_on_as_it_moves_when_self_driving_ends() -> None:
     world = world_of(road(limit=LIMIT))
     row = self_driving_ego(world, 10.0)
     run(world, 10.0)
@@ -123,7 +123,7 @@ def test_given_back_it_goes_on_as_it_moves() -> None:
     assert not world.has_lane[row]
 
 
-def test_who_is_put_elsewhere_has_left_the_lane() -> None:
+def test_teleported_ego_has_left_its_lane() -> None:
     world = world_of(road())
     row = self_driving_ego(world, 10.0)
     teleport(world, row, x=0.0, y=50.0, z=0.0, yaw=0.0)
@@ -131,7 +131,7 @@ def test_who_is_put_elsewhere_has_left_the_lane() -> None:
     assert (world.x[row], world.y[row], world.has_lane[row]) == (0.0, 50.0, False)
 
 
-def test_in_another_gear_it_brakes() -> None:
+def test_self_driving_ego_brakes_in_another_gear() -> None:
     world = world_of(road())
     row = self_driving_ego(world, 10.0)
     assert shift(world, row, Gear.NEUTRAL)

@@ -47,11 +47,11 @@ def approx(*values: float, tolerance: float = 1e-8) -> Any:  # noqa: ANN401 - py
     ("yaw", "place"),
     [(0.0, (11.5, 19.6, 4.6)), (math.pi / 2, (10.4, 21.5, 4.6)), (math.pi, (8.5, 20.4, 4.6))],
 )
-def test_an_antenna_is_beside_its_vehicle_as_that_stands(yaw: float, place: tuple[float, float, float]) -> None:
+def test_antenna_position_follows_the_vehicle_pose(yaw: float, place: tuple[float, float, float]) -> None:
     assert locate(ego(x=10.0, y=20.0, z=3.0, yaw=yaw), 0, ROOF) == approx(*place)
 
 
-def test_a_vehicle_on_a_slope_tips_its_antenna() -> None:
+def test_antenna_on_a_slope_is_tilted() -> None:
     world = ego()
     placement.teleport(world, 0, x=0.0, y=0.0, z=0.0, yaw=math.pi / 2, pitch=-math.pi / 2)  # nose up, it looked north
     assert locate(world, 0, Mounting(x=2.0, z=1.0)) == approx(0.0, -1.0, 2.0)
@@ -59,21 +59,21 @@ def test_a_vehicle_on_a_slope_tips_its_antenna() -> None:
     assert locate(world, 0, Mounting(y=2.0, z=1.0)) == approx(0.0, -1.0, 2.0)
 
 
-def test_a_sensor_on_the_axle_is_where_the_vehicle_is() -> None:
+def test_sensor_at_the_rear_axle_has_the_vehicle_position() -> None:
     assert locate(ego(x=1.0, y=2.0, z=3.0, yaw=1.0), 0, ON_AXLE) == (1.0, 2.0, 3.0)
 
 
 # -- what an inertial unit feels
 
 
-def test_at_rest_it_feels_gravity_upwards_and_shows_its_heading() -> None:
+def test_imu_at_rest_has_gravity_upward_and_its_heading() -> None:
     reading = feel(ego(yaw=0.7), 0, ROOF)
     assert reading.acceleration == approx(0.0, 0.0, GRAVITY)
     assert reading.angular_velocity == (0.0, 0.0, 0.0)
     assert reading.orientation == quaternion(0.0, 0.0, 0.7)
 
 
-def test_straight_ahead_it_feels_the_throttle_wherever_it_sits() -> None:
+def test_imu_measures_longitudinal_acceleration_at_any_mounting() -> None:
     world = ego(SLICK)
     drive(world, 10, throttle=0.5)
     for mounting in (ON_AXLE, ROOF):
@@ -82,7 +82,7 @@ def test_straight_ahead_it_feels_the_throttle_wherever_it_sits() -> None:
 
 @pytest.mark.parametrize("speed", [5.0, 20.0, -4.0])
 @pytest.mark.parametrize("steer", [0.2, -0.3])
-def test_in_a_steady_turn_it_feels_the_pull_of_its_own_circle(speed: float, steer: float) -> None:
+def test_imu_measures_the_centripetal_acceleration_of_its_own_circle(speed: float, steer: float) -> None:
     world = ego(SLICK, speed=speed, yaw=2.0)
     world.steer[0] = steer
     drive(world, 50, steer=steer)
@@ -95,7 +95,7 @@ def test_in_a_steady_turn_it_feels_the_pull_of_its_own_circle(speed: float, stee
     assert reading.acceleration == approx(*pull, tolerance=1e-7)  # it slows by a little, see STICTION
 
 
-def test_throttle_in_a_turn_swings_the_sensor_round_the_axle() -> None:
+def test_imu_measures_angular_acceleration_of_throttle_in_a_turn() -> None:
     steer = 0.3
     world = ego(SLICK, speed=4.0)
     world.steer[0] = steer
@@ -116,7 +116,7 @@ def motion(world: World, mounting: Mounting, num: int) -> tuple[FloatArray, Floa
     return np.array(places), np.array(felt)
 
 
-def test_it_feels_what_its_own_way_says_while_the_wheels_turn() -> None:
+def test_imu_acceleration_equals_the_second_derivative_of_its_position() -> None:
     world = ego(speed=8.0, yaw=-1.0)
     commands.command(world, 0, mode=Mode.PEDALS, steer=0.5, throttle=0.3)
     mounting = Mounting(x=3.0, y=0.8, z=1.0, roll=0.3, pitch=-0.2, yaw=1.0)
@@ -131,7 +131,7 @@ def test_it_feels_what_its_own_way_says_while_the_wheels_turn() -> None:
     assert np.abs(felt[-1] - without_lever[0]).max() > 1.0  # so the test has seen the lever
 
 
-def test_a_tilted_sensor_shows_the_same_in_its_own_axes() -> None:
+def test_tilted_imu_measures_in_its_own_axes() -> None:
     world = ego(SLICK)
     drive(world, 10, throttle=1.0)
     push = SLICK.max_accel
@@ -141,14 +141,14 @@ def test_a_tilted_sensor_shows_the_same_in_its_own_axes() -> None:
     assert feel(world, 0, Mounting(yaw=0.25)).orientation == approx(*quaternion(0.0, 0.0, 0.25))
 
 
-def test_gravity_comes_from_the_side_in_a_vehicle_that_leans() -> None:
+def test_imu_in_a_tilted_vehicle_has_lateral_gravity() -> None:
     world = ego()
     placement.teleport(world, 0, x=0.0, y=0.0, z=0.0, yaw=1.0, roll=0.2)
     lean = feel(world, 0, ROOF).acceleration
     assert lean == approx(0.0, GRAVITY * math.sin(0.2), GRAVITY * math.cos(0.2))
 
 
-def test_whoever_is_put_somewhere_feels_no_jerk() -> None:
+def test_teleport_gives_no_acceleration_peak() -> None:
     world = ego(speed=10.0)
     drive(world, 20, steer=0.4)
     placement.teleport(world, 0, x=5.0, y=5.0, z=0.0, yaw=0.0, speed=10.0)
@@ -163,7 +163,7 @@ def test_whoever_is_put_somewhere_feels_no_jerk() -> None:
 # -- the boxes around
 
 
-def test_boxes_are_told_in_the_frame_of_whoever_looks_the_nearest_first() -> None:
+def test_boxes_are_in_the_ego_frame_with_the_nearest_first() -> None:
     world = ego(x=10.0, y=10.0, yaw=math.pi / 2)
     world.spawn(Kind.OBSTACLE, Body.box(1.0, 2.0, 3.0), name="far", x=10.0, y=40.0, uid=7, yaw=-2.0)
     world.spawn(Kind.VEHICLE, CAR, name="car", x=4.0, y=10.0, yaw=math.pi, uid=8, speed=-2.0)
@@ -181,7 +181,7 @@ def test_boxes_are_told_in_the_frame_of_whoever_looks_the_nearest_first() -> Non
     assert boxes.speed.tolist() == [-2.0, 0.0]
 
 
-def test_boxes_of_those_who_lean_and_as_seen_by_one_who_leans() -> None:
+def test_boxes_of_tilted_objects_and_for_a_tilted_ego_are_right() -> None:
     world = ego()
     world.spawn(Kind.VEHICLE, CAR, name="car", x=20.0, y=3.0, uid=8)
     mine, other = (0.1, -0.2, 0.4), (-0.3, 0.25, 2.0)
@@ -194,7 +194,7 @@ def test_boxes_of_those_who_lean_and_as_seen_by_one_who_leans() -> None:
     assert seen == approx(20.0 + middle[0], 3.0 + middle[1], 1.0 + middle[2])
 
 
-def test_only_so_many_boxes_are_seen_and_none_where_nobody_is() -> None:
+def test_number_of_boxes_is_bounded_and_empty_without_objects() -> None:
     world = ego()
     assert len(find_boxes(world, 0, 100.0, 10).rows) == 0
     for i in range(1, 9):

@@ -1,4 +1,4 @@
-"""The tables of a plan against a judge that goes through the phases frame by frame."""
+"""The tables of a signal plan, compared with a frame-by-frame reference."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def simple(*phases: tuple[int, tuple[int, ...]], yellow: tuple[int, ...], walks:
     return Controller("IntTL0", 0, groups, tuple(Phase(d, c) for d, c in phases), yellow, walks)
 
 
-def test_yellow_follows_the_phase_and_the_others_hold_their_colour() -> None:
+def test_yellow_follows_the_phase_and_other_lights_keep_their_colour() -> None:
     plan = SignalPlan(Roads(), lights(2), [simple((100, (G, R)), (50, (R, G)), yellow=(15, 20))])
     assert plan.cycle.tolist() == [100 + 15 + 50 + 20]
     assert runs(cycle(plan, 0, 185)) == [(G, 100), (Y, 15), (R, 70)]
@@ -57,30 +57,30 @@ def test_yellow_follows_the_phase_and_the_others_hold_their_colour() -> None:
     assert cycle(plan, 0, 185, start=185) == cycle(plan, 0, 185)
 
 
-def test_green_that_goes_on_gets_no_yellow() -> None:
+def test_continued_green_has_no_yellow() -> None:
     plan = SignalPlan(Roads(), lights(2), [simple((10, (G, R)), (10, (G | L, R)), (10, (R, G)), yellow=(3, 5))])
     assert runs(cycle(plan, 0, 38)) == [(G, 10), (G | L, 10), (Y, 3), (R, 15)]
     assert runs(cycle(plan, 1, 38)) == [(R, 23), (G, 10), (Y, 5)]
 
 
-def test_a_part_of_the_green_that_ends_is_yellow_beside_the_part_that_goes_on() -> None:
+def test_ending_part_of_a_green_is_yellow_beside_the_continuing_part() -> None:
     plan = SignalPlan(Roads(), lights(1), [simple((10, (G | L,)), (10, (G,)), (5, (R,)), yellow=(3,))])
     assert runs(cycle(plan, 0, 31)) == [(G | L, 10), (Y | G, 3), (G, 10), (Y, 3), (R, 5)]
 
 
-def test_a_short_yellow_waits_for_a_long_one_at_red() -> None:
+def test_short_yellow_is_red_until_a_longer_one_ends() -> None:
     plan = SignalPlan(Roads(), lights(3), [simple((10, (G, G, L | R)), (10, (R, L, R)), yellow=(2, 6, 0))])
     assert runs(cycle(plan, 0, 26)) == [(G, 10), (Y, 2), (R, 14)]
     assert runs(cycle(plan, 1, 32)) == [(G, 10), (Y, 6), (L, 10), (Y, 6)]
     assert runs(cycle(plan, 2, 26)) == [(L | R, 10), (R, 16)]
 
 
-def test_a_single_phase_begins_again_and_again() -> None:
+def test_single_phase_repeats() -> None:
     plan = SignalPlan(Roads(), lights(1), [simple((10, (G,)), yellow=(3,))])
     assert runs(cycle(plan, 0, 40)) == [(G, 40)]
 
 
-def test_people_walk_flash_and_wait() -> None:
+def test_pedestrian_light_has_walk_flash_and_wait() -> None:
     people = [Light("car"), Light("man", is_pedestrian=True)]
     walks = (Walk(1, 0, 10, 100, 60),)
     controller = Controller("I1", 1, ((0, 1),), (Phase(50, (G,)), Phase(200, (R,))), (15,), walks)
@@ -89,13 +89,13 @@ def test_people_walk_flash_and_wait() -> None:
     assert runs(cycle(SignalPlan(Roads(), people, [controller]), 0, 265)) == [(G, 50), (Y, 15), (R, 200)]
 
 
-def test_a_walk_that_is_too_long_ends_with_its_phase() -> None:
+def test_overlong_walk_ends_with_its_phase() -> None:
     people = [Light("man", is_pedestrian=True)]
     controller = Controller("I1", 1, ((0,),), (Phase(50, (R,)), Phase(50, (R,))), (15,), (Walk(0, 0, 20, 20, 500),))
     assert runs(cycle(SignalPlan(Roads(), people, [controller]), 0, 100)) == [(R, 20), (G, 20), (0, 10), (R, 50)]
 
 
-def test_peoples_lights_without_walks_show_their_groups_colour_or_stand_beside_cars_at_red() -> None:
+def test_pedestrian_lights_without_a_walk_follow_their_group() -> None:
     both = [Light("car"), Light("man", is_pedestrian=True), Light("child", is_pedestrian=True)]
     controller = Controller("I1", 1, ((0, 1), (2,)), (Phase(50, (G, R)), Phase(50, (R, G))), (10, 10))
     plan = SignalPlan(Roads(), both, [controller])
@@ -103,19 +103,19 @@ def test_peoples_lights_without_walks_show_their_groups_colour_or_stand_beside_c
     assert runs(cycle(plan, 2, 120)) == [(R, 60), (G, 50), (R, 10)]
 
 
-def test_a_light_of_three_yellows_is_yellow_whatever_the_others_show() -> None:
+def test_light_with_only_yellow_lamps_is_always_yellow() -> None:
     plan = SignalPlan(Roads(), [Light("a"), Light("b", lamps=Y)], [simple((10, (G,)), (10, (R,)), yellow=(3,))])
     assert runs(cycle(plan, 1, 23)) == [(Y, 23)]
 
 
-def test_what_nothing_runs_is_unset() -> None:
+def test_light_without_a_controller_is_unset() -> None:
     plan = SignalPlan(Roads(), lights(3), [Controller("I7", 7, ((0,),))], together=[(1, 2)])
     assert [cycle(plan, i, 3) for i in range(3)] == [[UNSET] * 3] * 3
     assert plan.group.tolist() == [0, 1, 1]
     assert SignalPlan(Roads()).num_groups == 0
 
 
-def test_a_light_belongs_to_the_first_that_names_it() -> None:
+def test_light_belongs_to_the_first_controller_that_names_it() -> None:
     first = simple((10, (G,)), yellow=(3,))
     second = Controller("I1", 1, ((0,), (1,)), (Phase(5, (R, R)),), (3, 3))
     plan = SignalPlan(Roads(), lights(2), [first, second])
@@ -133,7 +133,7 @@ def test_a_light_belongs_to_the_first_that_names_it() -> None:
         (Controller("I", 0, ((0,),), (Phase(5, (R,)),), (3,), (Walk(0, 0, -1, 1, 1),)), "no negative times"),
     ],
 )
-def test_controllers_that_cannot_be_run_are_refused(controller: Controller, message: str) -> None:
+def test_invalid_controllers_are_refused(controller: Controller, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         SignalPlan(Roads(), lights(1), [controller])
 
@@ -177,7 +177,7 @@ def judge(controller: Controller, group: int, frames: int) -> list[int]:
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(controllers(), min_size=1, max_size=3), st.integers(0, 10_000))
-def test_the_tables_are_what_going_through_the_phases_gives(parts: list[Controller], start: int) -> None:
+def test_tables_equal_a_frame_by_frame_reference(parts: list[Controller], start: int) -> None:
     all_lights: list[Light] = []
     laid = []
     for k, part in enumerate(parts):
@@ -219,7 +219,7 @@ def test_lanes_know_their_light_and_their_intersection() -> None:
         plan.light("none")
 
 
-def test_green_lets_turn_where_there_is_never_an_arrow() -> None:
+def test_green_allows_a_left_turn_if_no_arrow_exists() -> None:
     roads = crossing()
     arrow = [Light("main", lamps=R | Y | G | L, lanes=(1, 2))]
     assert SignalPlan(roads, arrow, passes=[L] * 5).pass_of_lane.tolist() == [L] * 5
@@ -227,7 +227,7 @@ def test_green_lets_turn_where_there_is_never_an_arrow() -> None:
     assert never.pass_of_lane.tolist() == [L, L | G, L | G, L, L]
 
 
-def test_the_light_ahead_is_that_of_the_next_stop_line() -> None:
+def test_light_ahead_is_that_of_the_next_stop_line() -> None:
     roads = crossing()
     plan = SignalPlan(roads, [Light("main", lanes=(1, 3)), Light("arrow", lanes=(2,))])
     assert light_ahead(roads, plan, 0, 10.0, 100.0) == 0  # straight on tells
@@ -247,7 +247,7 @@ def test_the_light_ahead_is_found_through_forks_and_around_loops() -> None:
     assert math.isclose(roads.length[1], 30.0)
 
 
-def test_plans_that_differ_have_another_digest() -> None:
+def test_different_plans_have_different_digests() -> None:
     def digest(*phases: tuple[int, tuple[int, ...]], passes: int = G) -> bytes:
         roads = Roads(["a"], [lane((0, 0), (9, 0))], [[]], [3.5], [0.0])
         return SignalPlan(roads, [Light("x", lanes=(0,))], [simple(*phases, yellow=(3,))], passes=[passes]).digest

@@ -1,4 +1,4 @@
-"""Time, force and phases; what the colours are is the plan's test."""
+"""Signals over time: phases and forced lights. Colours are tested with the plan."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def at(signals: Signals, frame: int) -> list[int]:
     return [int(value) for value in signals.shown]
 
 
-def test_phases_tell_how_long_they_have_lasted_and_will() -> None:
+def test_phases_give_elapsed_and_remaining_time() -> None:
     signals = Signals(make(), 1000)
     signals.advance(1000)
     assert (signals.phase.tolist(), signals.elapsed(0), signals.remaining(0)) == ([0, 0], 0, 110)
@@ -38,7 +38,7 @@ def test_phases_tell_how_long_they_have_lasted_and_will() -> None:
     assert (signals.phase_length(0, 0), signals.phase_length(0, 1)) == (110, 60)
 
 
-def test_any_frame_can_be_shown_directly() -> None:
+def test_state_of_any_frame_is_computed_directly() -> None:
     steady, jumping = Signals(make()), Signals(make())
     seen = [at(steady, frame) for frame in range(400)]
     assert [at(jumping, frame) for frame in range(0, 400, 7)] == seen[::7]
@@ -46,7 +46,7 @@ def test_any_frame_can_be_shown_directly() -> None:
     assert at(jumping, 3) == seen[3]
 
 
-def test_a_forced_light_takes_its_group_until_the_next_phase() -> None:
+def test_forced_light_applies_to_its_group_until_the_next_phase() -> None:
     signals = Signals(make())
     signals.advance(40)
     signals.force(0, L)
@@ -56,7 +56,7 @@ def test_a_forced_light_takes_its_group_until_the_next_phase() -> None:
     assert at(signals, 170)[:3] == [G, G, R]
 
 
-def test_a_forced_light_can_be_handed_back() -> None:
+def test_forced_light_can_return_to_its_schedule() -> None:
     signals = Signals(make())
     signals.advance(40)
     signals.force(1, 0)
@@ -65,7 +65,7 @@ def test_a_forced_light_can_be_handed_back() -> None:
     assert at(signals, 41)[:2] == [G, G]
 
 
-def test_what_nothing_runs_holds_for_ever() -> None:
+def test_forced_light_without_a_controller_holds_forever() -> None:
     signals = Signals(make())
     assert at(signals, 0)[5:7] == [UNSET, UNSET]
     signals.force(6, R)
@@ -74,7 +74,7 @@ def test_what_nothing_runs_holds_for_ever() -> None:
     assert at(signals, 10**9)[5:7] == [UNSET, UNSET]
 
 
-def test_a_warning_can_be_forced_too() -> None:
+def test_yellow_warning_light_can_be_forced() -> None:
     signals = Signals(make())
     assert at(signals, 0)[7] == Y
     signals.force(7, G)
@@ -95,7 +95,7 @@ def test_a_phase_can_be_set() -> None:
 
 
 @pytest.mark.parametrize(("phase", "elapsed", "error"), [(2, 0, IndexError), (-1, 0, IndexError), (1, 60, ValueError)])
-def test_phases_that_are_not_there_are_refused(phase: int, elapsed: int, error: type[Exception]) -> None:
+def test_unknown_phases_are_refused(phase: int, elapsed: int, error: type[Exception]) -> None:
     signals = Signals(make())
     before = signals.digest()
     with pytest.raises(error):
@@ -103,7 +103,7 @@ def test_phases_that_are_not_there_are_refused(phase: int, elapsed: int, error: 
     assert signals.digest() == before
 
 
-def test_lanes_may_be_entered_by_the_light_that_serves_them() -> None:
+def test_lane_entry_follows_its_own_light() -> None:
     lines = [np.array([(0, i, 0), (9, i, 0)], dtype=np.float64) for i in range(5)]
     roads = Roads(list("abcde"), lines, [[]] * 5, [3.5] * 5, [0.0] * 5)
     lights = [Light("x", lanes=(0, 1)), Light("unset", lanes=(2,)), Light("warn", lamps=Y, lanes=(3,))]
@@ -150,7 +150,9 @@ def play(signals: Signals, calls: list[tuple[str, int]]) -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(st.lists(CALLS, max_size=12), st.lists(CALLS, max_size=12))
-def test_a_snapshot_goes_on_like_the_original(before: list[tuple[str, int]], after: list[tuple[str, int]]) -> None:
+def test_restored_snapshot_goes_on_like_the_original(
+    before: list[tuple[str, int]], after: list[tuple[str, int]]
+) -> None:
     signals = Signals(make())
     play(signals, before)
     saved = signals.snapshot()
@@ -163,7 +165,7 @@ def test_a_snapshot_goes_on_like_the_original(before: list[tuple[str, int]], aft
         assert other.phase.tolist() == signals.phase.tolist()
 
 
-def test_states_that_will_differ_have_another_digest() -> None:
+def test_states_with_different_futures_have_different_digests() -> None:
     digests = set()
     for force in (None, R, G):
         for phase in (0, 1):

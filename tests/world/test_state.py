@@ -39,7 +39,7 @@ def run(world: World, num: int) -> None:
         step(world)
 
 
-def test_what_was_spawned_is_there() -> None:
+def test_spawned_entity_has_its_values() -> None:
     world = World()
     uid = car(world, name="taxi", x=1.0, y=2.0, z=3.0, yaw=3 * math.pi, speed=4.0)
     row = world.row(uid)
@@ -67,7 +67,7 @@ def test_ids_count_up_and_leave_zero_to_the_ego() -> None:
     assert [car(world), car(world), car(world, uid=0), car(world)] == [1, 2, 0, 3]
 
 
-def test_an_id_is_never_given_twice_until_reset() -> None:
+def test_id_is_not_reused_until_reset() -> None:
     world = World()
     seen = set()
     for i in range(100):
@@ -81,7 +81,7 @@ def test_an_id_is_never_given_twice_until_reset() -> None:
     assert car(world) == 1
 
 
-def test_an_explicit_id_can_be_had_again_once_it_is_free() -> None:
+def test_free_explicit_id_can_be_used_again() -> None:
     world = World()
     assert car(world, uid=7) == 7
     with pytest.raises(ValueError, match="7 is in use"):
@@ -121,7 +121,7 @@ def test_ids_end_with_int32() -> None:
         {"kind": 4},
     ],
 )
-def test_a_wrong_argument_leaves_the_world_as_it_was(wrong: dict[str, Any]) -> None:
+def test_invalid_argument_changes_nothing(wrong: dict[str, Any]) -> None:
     world = World()
     populate(world)
     before = world.digest()
@@ -149,7 +149,7 @@ def test_rows_of_a_kind_come_in_order_of_spawning() -> None:
     assert world.rows(Kind.EGO).tolist() == []
 
 
-def test_rows_stay_while_others_come_and_go_and_free_ones_are_used_again() -> None:
+def test_rows_are_stable_and_free_rows_are_reused() -> None:
     world = World()
     uids = [car(world) for _ in range(100)]
     rows = {uid: world.row(uid) for uid in uids}
@@ -162,7 +162,7 @@ def test_rows_stay_while_others_come_and_go_and_free_ones_are_used_again() -> No
     assert sorted(world.placed()) == list(range(100))
 
 
-def test_gaps_at_the_end_are_given_up() -> None:
+def test_free_rows_at_the_end_are_dropped() -> None:
     world = World()
     uids = [car(world) for _ in range(50)]
     world.remove(uids[48])
@@ -175,7 +175,7 @@ def test_gaps_at_the_end_are_given_up() -> None:
     assert car(world) == 51
 
 
-def test_growing_keeps_what_is_there() -> None:
+def test_growing_keeps_all_values() -> None:
     world = World()
     for i in range(1000):
         car(world, x=float(i), name=str(i))
@@ -183,7 +183,7 @@ def test_growing_keeps_what_is_there() -> None:
     assert world.names == [str(i) for i in range(1000)]
 
 
-def test_a_dead_row_holds_zeros() -> None:
+def test_free_row_holds_zeros() -> None:
     world = World()
     populate(world)
     run(world, 10)
@@ -195,7 +195,7 @@ def test_a_dead_row_holds_zeros() -> None:
     assert world.paths.num_live == 1
 
 
-def test_removing_someone_does_not_touch_the_others() -> None:
+def test_removal_does_not_change_other_entities() -> None:
     """To the bit, whatever happens to memory: neighbours in the arrays become gaps, the paths move together."""
     with_all, without = World(), World()
     for world in (with_all, without):
@@ -215,7 +215,7 @@ def test_removing_someone_does_not_touch_the_others() -> None:
             assert getattr(with_all, name)[a] == getattr(without, name)[b], (uid, name)
 
 
-def test_the_same_calls_give_the_same_digest_and_any_other_a_different_one() -> None:
+def test_same_calls_give_the_same_digest_and_others_a_different_one() -> None:
     def played(*, speed: float = 5.0, seed: int = 0, name: str = "x", num: int = 20) -> str:
         world = World(seed)
         populate(world)
@@ -228,7 +228,7 @@ def test_the_same_calls_give_the_same_digest_and_any_other_a_different_one() -> 
     assert len(others) == 5
 
 
-def test_chance_is_part_of_the_digest() -> None:
+def test_random_generator_is_part_of_the_digest() -> None:
     world, other = World(3), World(3)
     world.rng.random()
     assert world.digest() != other.digest()
@@ -236,7 +236,7 @@ def test_chance_is_part_of_the_digest() -> None:
     assert world.digest() == other.digest()
 
 
-def test_a_restored_world_goes_on_to_the_bit() -> None:
+def test_restored_world_goes_on_to_the_bit() -> None:
     world = World(seed=5)
     populate(world)
     run(world, 37)
@@ -281,13 +281,13 @@ def test_clear_keeps_time_and_ids() -> None:
     assert car(world) == 5
 
 
-def test_an_ego_starts_in_the_gear_that_is_asked_for() -> None:
+def test_ego_starts_in_the_given_gear() -> None:
     world = World()
     uid = world.spawn(Kind.EGO, Body(), name="ego", x=0.0, y=0.0, gear=Gear.PARK)
     assert (world.gear[world.row(uid)], world.mode[world.row(uid)]) == (Gear.PARK, Mode.PEDALS)
 
 
-def test_a_path_is_entered_where_it_is_nearest() -> None:
+def test_entity_joins_its_path_at_the_nearest_point() -> None:
     world = World()
     path = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [18.0, 0.0, 6.0]])  # the second half climbs
     row = world.row(car(world, x=14.0, y=3.0, path=path, speed=1.0, yaw=2.0))
@@ -295,14 +295,14 @@ def test_a_path_is_entered_where_it_is_nearest() -> None:
     assert (world.arc[row], world.path_length[row], world.yaw[row]) == pytest.approx((15.0, 20.0, 0.0))
 
 
-def test_a_flat_path_lies_at_the_height_that_is_asked_for() -> None:
+def test_flat_path_has_the_given_height() -> None:
     world = World()
     row = world.row(car(world, z=7.0, path=np.array([[0.0, 0.0], [10.0, 0.0]]), speed=1.0))
     run(world, 10)
     assert world.z[row] == 7.0
 
 
-def test_comings_and_goings_leave_memory_flat() -> None:
+def test_adding_and_removing_keeps_memory_constant() -> None:
     world = World()
     populate(world)
 
@@ -327,7 +327,7 @@ def test_comings_and_goings_leave_memory_flat() -> None:
 
 
 @pytest.mark.slow
-def test_thousands_of_comings_and_goings_leave_the_arrays_as_small_as_they_were() -> None:
+def test_adding_and_removing_thousands_keeps_the_arrays_small() -> None:
     world = World()
     populate(world)
     for i in range(2_000):
@@ -349,7 +349,7 @@ def test_teleporting_off_a_path_frees_it() -> None:
 
 
 @pytest.mark.parametrize("num_free", [0, 3])
-def test_room_for_many_changes_nothing_but_the_cost(num_free: int) -> None:
+def test_reserved_room_changes_only_the_cost(num_free: int) -> None:
     one, other = World(), World()
     for world in (one, other):
         for i in range(40):
@@ -368,7 +368,7 @@ def test_room_for_many_changes_nothing_but_the_cost(num_free: int) -> None:
         step(other)
 
 
-def test_room_that_is_not_used_is_given_back() -> None:
+def test_unused_reserved_room_is_released() -> None:
     world = World()
     world.spawn(Kind.VEHICLE, Body(), name="x", x=0.0, y=0.0)
     before = world.digest()
@@ -377,7 +377,7 @@ def test_room_that_is_not_used_is_given_back() -> None:
     assert (world.n, world.digest()) == (1, before)
 
 
-def test_long_names_are_not_kept_beyond_their_entities() -> None:
+def test_names_are_released_with_their_entities() -> None:
     world = World()
     tracemalloc.start()
     for i in range(20):

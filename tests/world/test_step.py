@@ -24,7 +24,7 @@ def test_a_step_is_one_frame() -> None:
         assert world.frame == frame
 
 
-def test_a_command_counts_for_the_very_next_step() -> None:
+def test_command_applies_to_the_next_step() -> None:
     world = World()
     row = world.row(world.spawn(Kind.EGO, CAR, name="ego", x=0.0, y=0.0))
     command(world, row, mode=Mode.PEDALS, throttle=1.0, steer=0.0)
@@ -33,7 +33,7 @@ def test_a_command_counts_for_the_very_next_step() -> None:
     assert world.x[row] > 0.0
 
 
-def test_lights_in_a_frame_are_those_of_that_frame() -> None:
+def test_lights_of_a_frame_are_those_of_its_time() -> None:
     """A client that plans by the signal's timing sees green in the frame in which drivers get it."""
     roads, plan = signalled(green=5, yellow=2)
     world = World()
@@ -130,7 +130,7 @@ def test_the_same_calls_give_the_same_bits_with_or_without_a_snapshot_between(
 
 @settings(max_examples=40, deadline=None)
 @given(PLAYS)
-def test_whatever_happens_the_arrays_stay_sound(actions: list[tuple[str, Any]]) -> None:
+def test_arrays_stay_valid_after_any_calls(actions: list[tuple[str, Any]]) -> None:
     world = World()
     play(world, actions)
     step(world)

@@ -32,7 +32,7 @@ def steps(world: World, num: int) -> None:
 
 
 @pytest.mark.parametrize("kind", [Kind.PEDESTRIAN, Kind.OBSTACLE, Kind.VEHICLE])
-def test_it_stands_until_an_ego_is_near_and_then_goes_on_for_good(kind: Kind) -> None:
+def test_waiting_entity_starts_for_good_when_an_ego_is_near(kind: Kind) -> None:
     world = World()
     car, man = ego(world), walker(world, kind)
     steps(world, 100)
@@ -46,7 +46,7 @@ def test_it_stands_until_an_ego_is_near_and_then_goes_on_for_good(kind: Kind) ->
     assert world.x[man] == pytest.approx(50.0 + 51 * 0.03)
 
 
-def test_the_distance_counts_on_the_ground_and_to_the_nearest_ego() -> None:
+def test_distance_is_horizontal_and_to_the_nearest_ego() -> None:
     for x, does_start in ((29.9, False), (30.0, True), (70.0, True), (70.1, False)):
         world = World()
         ego(world, x=-1000.0)
@@ -56,7 +56,7 @@ def test_the_distance_counts_on_the_ground_and_to_the_nearest_ego() -> None:
         assert bool(world.speed[man]) is does_start, x
 
 
-def test_a_car_that_drives_up_starts_a_walk_along_a_path() -> None:
+def test_approaching_ego_starts_a_pedestrian_on_its_path() -> None:
     world = World()
     car = ego(world)
     man = walker(world, path=np.array([[50.0, 3.0], [50.0, -3.0]]))
@@ -73,7 +73,7 @@ def test_a_car_that_drives_up_starts_a_walk_along_a_path() -> None:
     assert (world.x[man], world.y[man], world.speed[man]) == (50.0, -3.0, 0.0)
 
 
-def test_without_an_ego_it_waits_and_without_a_speed_there_is_nothing_to_wait_for() -> None:
+def test_waiting_entity_without_an_ego_waits_and_without_speed_does_not() -> None:
     world = World()
     man, still = walker(world), walker(world, speed=0.0)
     steps(world, 10)
@@ -81,7 +81,7 @@ def test_without_an_ego_it_waits_and_without_a_speed_there_is_nothing_to_wait_fo
     assert world.start_within[still] == 0.0
 
 
-def test_whoever_is_put_elsewhere_waits_no_longer() -> None:
+def test_teleported_entity_no_longer_waits() -> None:
     world = World()
     ego(world)
     man = walker(world)
@@ -93,7 +93,7 @@ def test_whoever_is_put_elsewhere_waits_no_longer() -> None:
     assert (world.start_within[other], world.speed[other]) == (0.0, 0.0)
 
 
-def test_who_waits_is_part_of_the_state() -> None:
+def test_waiting_is_part_of_the_digest() -> None:
     def made(start_within: float) -> World:
         world = World()
         ego(world)
@@ -131,7 +131,7 @@ def test_who_waits_is_part_of_the_state() -> None:
         (Kind.PEDESTRIAN, {"pitch": math.inf}),
     ],
 )
-def test_a_figure_that_is_none_is_refused(kind: Kind, figures: dict[str, Any]) -> None:
+def test_invalid_waiting_distance_and_tilt_are_refused(kind: Kind, figures: dict[str, Any]) -> None:
     world = World()
     before = world.digest()
     with pytest.raises(ValueError, match=r"start_within|roll|pitch"):
@@ -139,7 +139,7 @@ def test_a_figure_that_is_none_is_refused(kind: Kind, figures: dict[str, Any]) -
     assert world.digest() == before
 
 
-def test_roll_and_pitch_are_kept() -> None:
+def test_waiting_entity_keeps_roll_and_pitch() -> None:
     world = World()
     box = world.row(world.spawn(Kind.OBSTACLE, MAN, name="box", x=0.0, y=0.0, roll=1.5, pitch=-0.2))
     steps(world, 5)

@@ -1,4 +1,4 @@
-"""Who watches a world of drivers from outside: red lights, and how long anybody stands."""
+"""Observers of traffic: runs of red lights, and waiting times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tools at other servers than ours: rosbridges with habits of their own, servers that are none, and silence."""
+"""The tools with foreign servers: other rosbridges, servers of other protocols, and silent ones."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ LONGER = "0.5"
 # No rosbridge
 
 
-async def test_the_environments_proxies_are_for_the_web(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_proxy_variables_of_the_environment_are_ignored(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("http_proxy", "https_proxy", "all_proxy"):
         monkeypatch.setenv(name, "http://127.0.0.1:1")
     monkeypatch.delenv("no_proxy", raising=False)
@@ -45,7 +45,7 @@ async def test_the_environments_proxies_are_for_the_web(monkeypatch: pytest.Monk
         assert (await in_the_background("topic", "list", url=url)).code == 0
 
 
-async def test_nothing_listens() -> None:
+async def test_unused_port_gives_an_error() -> None:
     with socket.create_server(("127.0.0.1", 0)) as gone:
         url = f"ws://127.0.0.1:{gone.getsockname()[1]}"
     done = await in_the_background("topic", "list", url=url)
@@ -61,7 +61,7 @@ async def test_nothing_listens() -> None:
         (b"", "not a rosbridge: "),
     ],
 )
-async def test_server_that_speaks_something_else(said: bytes, line: str) -> None:
+async def test_server_of_another_protocol_gives_an_error(said: bytes, line: str) -> None:
     async def talk(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         await reader.readuntil(b"\r\n\r\n")
         writer.write(said)
@@ -73,7 +73,7 @@ async def test_server_that_speaks_something_else(said: bytes, line: str) -> None
     assert done.complaint.startswith(f"{url}: {line}")
 
 
-async def test_server_that_never_shakes_hands() -> None:
+async def test_server_without_a_handshake_gives_an_error_in_time() -> None:
     async def talk(reader: asyncio.StreamReader, _: asyncio.StreamWriter) -> None:
         await reader.read()
 
@@ -85,7 +85,7 @@ async def test_server_that_never_shakes_hands() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("words", [("topic", "list"), ("topic", "info", "/a"), ("service", "list", "-v")])
-async def test_websocket_that_never_answers(words: tuple[str, ...]) -> None:
+async def test_silent_websocket_gives_an_error_in_time(words: tuple[str, ...]) -> None:
     async with other_server(lambda _: ()) as url:
         done = await in_the_background(*words, "--timeout", LONGER, url=url)
     assert (done.code, done.out) == (2, "")
@@ -102,13 +102,13 @@ async def test_websocket_that_never_answers(words: tuple[str, ...]) -> None:
         ("no such host", "there is no such host"),
     ],
 )
-async def test_url_that_cannot_be(url: str, said: str) -> None:
+async def test_impossible_url_gives_an_error(url: str, said: str) -> None:
     done = await in_the_background("topic", "list", url=url)
     assert done.code == 2
     assert said in done.complaint
 
 
-async def test_tls_where_there_is_none() -> None:
+async def test_wss_url_of_a_plain_server_gives_an_error() -> None:
     async with other_server(answering(topics=NAMES)) as url:
         done = await in_the_background("topic", "list", url=url.replace("ws:", "wss:"))
     assert done.code == 2
@@ -124,7 +124,7 @@ def guard(_: ServerConnection, request: Request) -> Response | None:
     return Response(HTTPStatus.UNAUTHORIZED, "Unauthorized", request.headers.__class__(), b"no token, no entry\n")
 
 
-async def test_token_opens_a_guarded_server() -> None:
+async def test_token_gives_access_to_a_server_that_wants_one() -> None:
     async with other_server(answering(topics=NAMES), guard) as url:
         done = await in_the_background("topic", "list", "--token", "s3cret", url=url)
         refused = await in_the_background("topic", "list", "--token", "other", url=url)
@@ -134,7 +134,7 @@ async def test_token_opens_a_guarded_server() -> None:
 
 
 @pytest.mark.parametrize("token", ["two words", "line\r\nX: y", "토큰"])
-async def test_token_that_no_header_can_hold(token: str) -> None:
+async def test_token_that_does_not_fit_into_a_header_is_refused(token: str) -> None:
     done = await in_the_background("topic", "list", "--token", token, url="ws://127.0.0.1:1")
     assert (done.code, done.complaint) == (2, "--token: expected printable ASCII without blanks")
 
@@ -142,20 +142,20 @@ async def test_token_that_no_header_can_hold(token: str) -> None:
 # Other habits
 
 
-async def test_url_without_a_scheme_or_with_that_of_a_page() -> None:
+async def test_url_without_a_scheme_or_with_http_is_accepted() -> None:
     async with other_server(answering(topics=NAMES)) as url:
         for other in (url.removeprefix("ws://"), url.replace("ws:", "http:")):
             assert (await in_the_background("topic", "list", url=other)).lines == ["/a", "/b"]
 
 
-async def test_rosapi_that_is_not_running() -> None:
+async def test_missing_rosapi_gives_an_error() -> None:
     async with other_server(answering(topics="Service /rosapi/topics does not exist")) as url:
         done = await in_the_background("topic", "list", url=url)
     assert done.code == 1
     assert done.complaint == ("/rosapi/topics says: Service /rosapi/topics does not exist; is rosapi running there?")
 
 
-async def test_answer_in_unasked_for_fragments_in_a_binary_frame_between_rubbish() -> None:
+async def test_answer_is_found_in_unrequested_fragments_and_binary_frames_among_rubbish() -> None:
     def reply(frame: Frame) -> Iterable[str | bytes]:
         (whole,) = answering(topics=NAMES)(frame)
         text = str(whole)
@@ -179,7 +179,7 @@ async def test_answer_in_unasked_for_fragments_in_a_binary_frame_between_rubbish
     assert "a fragment that cannot be used" in done.err
 
 
-async def test_answer_that_does_not_say_whether_it_is_one() -> None:
+async def test_answer_without_a_result_field_is_accepted() -> None:
     def reply(frame: Frame) -> Iterable[str | bytes]:
         yield json.dumps({"op": "service_response", "id": frame["id"], "values": {"topics": ["/a"]}})
 
@@ -188,13 +188,13 @@ async def test_answer_that_does_not_say_whether_it_is_one() -> None:
     assert done.lines == ["/a  ?"]
 
 
-async def test_names_of_a_stranger_do_not_reach_the_terminal_raw() -> None:
+async def test_control_characters_in_names_do_not_reach_the_terminal() -> None:
     async with other_server(answering(topics={"topics": ["/a\x1b[2J"], "types": ["p/A"]})) as url:
         done = await in_the_background("topic", "list", url=url)
     assert done.lines == ["/a\\x1b[2J"]
 
 
-async def test_server_that_closes_says_why() -> None:
+async def test_close_reason_of_the_server_is_shown() -> None:
     async def handle(connection: ServerConnection) -> None:
         await connection.close(1008, "too many calls")
 
@@ -203,7 +203,7 @@ async def test_server_that_closes_says_why() -> None:
     assert (done.code, done.complaint) == (1, f"{url}: the server has closed the connection (1008): too many calls")
 
 
-async def test_connection_that_breaks() -> None:
+async def test_broken_connection_gives_an_error() -> None:
     async def handle(connection: ServerConnection) -> None:
         await connection.recv()
         connection.transport.abort()
@@ -228,13 +228,13 @@ def publishing(*bodies: str, **services: Frame | str) -> Reply:
     return reply
 
 
-async def test_echo_does_not_wait_for_rosapi_nor_for_the_leading_slash() -> None:
+async def test_echo_needs_neither_rosapi_nor_a_leading_slash() -> None:
     async with asyncio.timeout(PATIENCE), other_server(publishing('{"data": 1}')) as url:
         done = await in_the_background("topic", "echo", "chatter", "--once", "--timeout", "1000", url=url)
     assert (done.code, done.out, done.err) == (0, "data: 1\n---\n", "")
 
 
-async def test_bare_nan_is_understood_and_not_passed_on() -> None:
+async def test_bare_nan_is_read_and_not_printed_as_json() -> None:
     async with other_server(publishing('{"data": NaN}')) as url:
         plain = await in_the_background("topic", "echo", "chatter", "--once", url=url)
         for_programs = await in_the_background("topic", "echo", "chatter", "--once", "--json", url=url)
@@ -242,7 +242,7 @@ async def test_bare_nan_is_understood_and_not_passed_on() -> None:
     assert for_programs.json == {"data": None}
 
 
-async def test_echo_says_when_nobody_answers_and_waits_on(capsys: pytest.CaptureFixture[str]) -> None:
+async def test_echo_reports_a_silent_server_and_goes_on_waiting(capsys: pytest.CaptureFixture[str]) -> None:
     asked = asyncio.Event()
 
     async def handle(connection: ServerConnection) -> None:
@@ -265,7 +265,7 @@ async def test_echo_says_when_nobody_answers_and_waits_on(capsys: pytest.Capture
 
 
 @pytest.mark.slow
-async def test_publish_to_one_that_never_answers_is_told_as_that() -> None:
+async def test_publish_to_a_silent_server_reports_that_it_is_silent() -> None:
     heard: list[Frame] = []
 
     def reply(frame: Frame) -> Iterable[str | bytes]:
@@ -284,7 +284,7 @@ async def test_publish_to_one_that_never_answers_is_told_as_that() -> None:
     assert by_op["publish"]["msg"] == {"x": 1}
 
 
-async def test_status_about_the_level_that_we_ask_for_is_nothing() -> None:
+async def test_status_reply_to_set_level_is_not_shown() -> None:
     def reply(frame: Frame) -> Iterable[str | bytes]:
         if frame["op"] == "set_level":
             yield json.dumps({"op": "status", "level": "error", "msg": "Unknown operation", "id": frame["id"]})
@@ -299,7 +299,7 @@ async def test_status_about_the_level_that_we_ask_for_is_nothing() -> None:
 
 
 @pytest.mark.slow
-async def test_call_that_is_never_answered() -> None:
+async def test_unanswered_call_ends_with_an_error_in_time() -> None:
     heard: list[Frame] = []
 
     def reply(frame: Frame) -> Iterable[str | bytes]:
@@ -314,7 +314,7 @@ async def test_call_that_is_never_answered() -> None:
     ]
 
 
-async def test_service_as_the_reference_server_for_ros_2_describes_it() -> None:
+async def test_service_described_by_rosbridge_suite_for_ros_2_is_shown() -> None:
     request = {"type": "p/SRequest", "fieldnames": ["_at", "_tags"], "fieldtypes": ["p/Point", "string"]}
     point = {"type": "p/Point", "fieldnames": ["_x"], "fieldtypes": ["double"], "fieldarraylen": [-1]}
     response = {"type": "p/SResponse", "fieldnames": ["_cov"], "fieldtypes": ["double"], "fieldarraylen": [9]}
@@ -343,7 +343,7 @@ Response:
     )
 
 
-async def test_service_of_a_type_that_nobody_knows() -> None:
+async def test_service_of_an_unknown_type_is_shown_without_a_definition() -> None:
     services: dict[str, Frame | str] = {
         "service_type": {"type": "p/S"},
         "service_node": "oh",
@@ -358,7 +358,7 @@ async def test_service_of_a_type_that_nobody_knows() -> None:
     assert for_programs.json == {"service": "/s", "type": "p/S", **nothing}
 
 
-async def test_definition_that_the_server_does_not_give_is_ours() -> None:
+async def test_missing_definition_on_the_server_is_replaced_by_the_built_in_one() -> None:
     services: dict[str, Frame | str] = {
         "service_type": {"type": "std_srvs/srv/SetBool"},
         "service_node": {"node": "/n"},
@@ -370,7 +370,7 @@ async def test_definition_that_the_server_does_not_give_is_ours() -> None:
     assert done.out.endswith("Request:\n  bool data\n\nResponse:\n  bool success\n  string message\n")
 
 
-async def test_type_that_contains_itself_is_shown_once() -> None:
+async def test_recursive_type_is_shown_once() -> None:
     loop = {"type": "p/SRequest", "fieldnames": ["again"], "fieldtypes": ["p/SRequest"], "fieldarraylen": [-1]}
     services: dict[str, Frame | str] = {
         "service_type": {"type": "p/S"},

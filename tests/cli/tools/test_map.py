@@ -1,4 +1,4 @@
-"""`map info`: a folder of MGeo files explained to a person and to a program, and drawn."""
+"""`map info`: a report on a folder of MGeo files, as text, JSON and picture."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_map_is_explained(folder: Path) -> None:
+def test_map_info_describes_a_map(folder: Path) -> None:
     done = run("map", "info", str(folder))
     assert (done.code, done.err) == (0, "")
     assert done.lines[0] == f"{folder}: 3 remarks"
@@ -64,7 +64,7 @@ def test_a_map_is_explained(folder: Path) -> None:
         assert line in done.lines
 
 
-def test_the_same_for_a_program(folder: Path) -> None:
+def test_json_output_holds_the_same_facts(folder: Path) -> None:
     account = run("map", "info", str(folder), "--json").json
     assert (account["is_good"], account["mistakes"], account["folder"]) == (False, [], str(folder))
     assert account["remarks"][0] == "3 lanes that lead nowhere: B1C1, B2C2, B2D"
@@ -75,7 +75,7 @@ def test_the_same_for_a_program(folder: Path) -> None:
     ]
 
 
-def test_a_map_with_mistakes_has_code_1(folder: Path) -> None:
+def test_map_with_errors_gives_exit_code_1(folder: Path) -> None:
     (folder / "node_set.json").write_text('[{"idx": null}, {}]')
     (folder / "global_info.json").unlink()
     done = run("map", "info", str(folder))
@@ -94,18 +94,18 @@ def test_a_map_with_mistakes_has_code_1(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["track", "town", "loop"])
-def test_what_is_built_in_is_good_and_has_no_gap(name: str) -> None:
+def test_built_in_maps_have_no_errors_and_no_gaps(name: str) -> None:
     account = run("map", "info", name, "--json").json
     assert (account["is_good"], account["gaps"], account["notes"]) == (True, [], [])
 
 
-def test_strict_makes_remarks_an_exit_code(folder: Path) -> None:
+def test_strict_turns_remarks_into_exit_code_1(folder: Path) -> None:
     assert run("map", "info", str(folder)).code == 0
     assert run("map", "info", str(folder), "--strict").code == 1
     assert run("map", "info", "track", "--strict").code == 0
 
 
-def test_several_maps_or_a_folder_of_them_have_a_verdict_each(folder: Path, tmp_path: Path) -> None:
+def test_each_of_several_maps_gets_its_own_verdict(folder: Path, tmp_path: Path) -> None:
     all_maps = tmp_path / "maps"
     all_maps.mkdir()
     folder.joinpath("notes.txt").unlink()
@@ -129,7 +129,7 @@ def test_several_maps_or_a_folder_of_them_have_a_verdict_each(folder: Path, tmp_
 
 @pytest.mark.parametrize(("name", "form"), [("x.jpg", "JPEG"), ("x.JPEG", "JPEG"), ("x.PNG", "PNG")])
 @pytest.mark.slow
-def test_a_picture_is_what_its_name_says(name: str, form: str, tmp_path: Path) -> None:
+def test_picture_format_follows_the_file_suffix(name: str, form: str, tmp_path: Path) -> None:
     assert run("map", "info", "track", "--picture", str(tmp_path / name)).code == 0
     with Image.open(tmp_path / name) as image:
         assert image.format == form
@@ -148,7 +148,7 @@ def test_any_map_can_be_drawn(files: dict[str, object], tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_picture_of_the_town_shows_what_is_there(tmp_path: Path) -> None:
+def test_picture_of_the_town_shows_its_lanes_lights_and_crosswalks(tmp_path: Path) -> None:
     path = tmp_path / "town.png"
     assert run("map", "info", "town", "--picture", str(path), "--json").json["name"] == "town"
     with Image.open(path) as image:
@@ -169,14 +169,14 @@ def test_the_picture_of_the_town_shows_what_is_there(tmp_path: Path) -> None:
         (("info", "track", "--picture", "x.doc"), "--picture: expected a file such as MAP.png or MAP.jpg; got 'x.doc'"),
     ],
 )
-def test_a_mistake_in_the_command_is_one_line_and_code_2(words: tuple[str, ...], line: str) -> None:
+def test_usage_error_is_one_line_and_exit_code_2(words: tuple[str, ...], line: str) -> None:
     done = run("map", *words)
     assert (done.code, done.out) == (2, "")
     assert done.complaint.startswith(line)
 
 
 @pytest.mark.slow
-def test_a_picture_that_cannot_be_written_is_one_line() -> None:
+def test_unwritable_picture_gives_one_error_line() -> None:
     done = run("map", "info", "track", "--picture", "/nowhere/x.png")
     assert (done.code, done.out) == (2, "")
     assert done.complaint.startswith("/nowhere/x.png: cannot be written: No such file")
@@ -212,7 +212,7 @@ def agents_of_all_kinds() -> tuple[Spawn, ...]:
 
 
 @pytest.mark.slow
-def test_the_legend_of_a_narrow_map_is_whole(tmp_path: Path) -> None:
+def test_legend_of_a_narrow_map_is_complete(tmp_path: Path) -> None:
     path = tmp_path / "narrow.png"
     draw_map(narrow_map(), path, agents_of_all_kinds())
     with Image.open(path) as image:
@@ -228,7 +228,7 @@ def test_the_legend_of_a_narrow_map_is_whole(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("width", [900, 2000, 200, 1])
-def test_no_entry_of_a_legend_begins_beyond_the_paper_or_on_another(width: int) -> None:
+def test_legend_entries_stay_on_the_paper_and_do_not_overlap(width: int) -> None:
     legend = [("#000000", what) for what in ("lane", "within an intersection", "leads nowhere", "stop line") * 3]
     places = _lay_legend(legend, width * FINE, 300.0)
     lines = [line for _, line in places]

@@ -1,4 +1,4 @@
-"""`rosbridge-sim record`: a bag of what any rosbridge says."""
+"""`rosbridge-sim record`: a bag of the topics of any rosbridge."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.support import PATIENCE, ServerProcess
 
 
 @pytest.mark.parametrize("name", ["drive.bag", "drive.mcap", "drive"])
-async def test_topics_are_recorded_with_the_servers_time(tmp_path: Path, name: str) -> None:
+async def test_recorded_stamps_are_the_time_of_the_server(tmp_path: Path, name: str) -> None:
     async with Simulator(port=0) as sim:
         words = ("record", str(tmp_path / name), "-n", "40", "--topics", "/Ego_topic", "--topics", "/clock")
         done = await in_the_background(*words, url=sim.url)
@@ -34,7 +34,7 @@ async def test_topics_are_recorded_with_the_servers_time(tmp_path: Path, name: s
     assert all(stamp_ns == said for stamp_ns, said in stamps[1:])
 
 
-async def test_clock_of_another_name_gives_the_time(tmp_path: Path) -> None:
+async def test_clock_topic_under_another_name_gives_the_stamps(tmp_path: Path) -> None:
     names = {"/clock": {"name": "/sim/time"}, "/tf": {"on": False}}
     async with Simulator(port=0, publishers=names) as sim:
         words = ("record", str(tmp_path / "a.mcap"), "-n", "9", "--topics", "/Ego_topic")
@@ -44,7 +44,7 @@ async def test_clock_of_another_name_gives_the_time(tmp_path: Path) -> None:
     assert max(stamps) < 10**9
 
 
-async def test_topic_that_comes_later_is_found(tmp_path: Path, connect: Connect) -> None:
+async def test_topic_advertised_later_is_recorded(tmp_path: Path, connect: Connect) -> None:
     async with Simulator(port=0, world=False) as sim:
         client = await connect(sim.url)
         words = ("record", str(tmp_path / "a.bag"), "-n", "1", "--topics", "/chatter", "--json")
@@ -56,7 +56,7 @@ async def test_topic_that_comes_later_is_found(tmp_path: Path, connect: Connect)
     assert [message.data for _, _, message in read_bag(tmp_path / "a.bag")] == ["hello"]
 
 
-async def test_other_rosbridge_without_a_clock_gets_the_time_of_day(tmp_path: Path) -> None:
+async def test_server_without_a_clock_topic_is_recorded_with_wall_clock_time(tmp_path: Path) -> None:
     rosapi = answering(topics={"topics": ["/a", "/b"], "types": ["std_msgs/Int32", "nobody_msgs/Knows"]})
 
     def reply(frame: Frame) -> list[str | bytes]:
@@ -74,7 +74,7 @@ async def test_other_rosbridge_without_a_clock_gets_the_time_of_day(tmp_path: Pa
     assert stamp_ns > 10**18
 
 
-async def test_server_that_goes_leaves_a_finished_bag(tmp_path: Path) -> None:
+async def test_lost_server_leaves_a_complete_bag(tmp_path: Path) -> None:
     def reply(frame: Frame) -> list[str | bytes]:
         if frame["op"] == "subscribe":
             msg = {"op": "publish", "topic": "/a", "msg": {"data": 7}}
@@ -95,7 +95,7 @@ async def test_server_that_goes_leaves_a_finished_bag(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["a.bag", "a.mcap", "a"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_signal_ends_it_well(tmp_path: Path, server: ServerProcess, number: signal.Signals, name: str) -> None:
+def test_signal_finishes_the_bag(tmp_path: Path, server: ServerProcess, number: signal.Signals, name: str) -> None:
     path = tmp_path / name
     process = start("record", str(path), url=server.url)
     assert process.stderr is not None
@@ -108,7 +108,7 @@ def test_signal_ends_it_well(tmp_path: Path, server: ServerProcess, number: sign
 
 @pytest.mark.slow
 @pytest.mark.parametrize("clock", [{}, {"/clock": "rosgraph_msgs/Clock"}])
-async def test_file_that_was_deleted_is_told(tmp_path: Path, clock: dict[str, str]) -> None:
+async def test_deleted_output_file_is_reported(tmp_path: Path, clock: dict[str, str]) -> None:
     path = tmp_path / "a.bag"
     types = {"/a": "std_msgs/Int32", **clock}
     rosapi = answering(topics={"topics": list(types), "types": list(types.values())})
@@ -125,7 +125,7 @@ async def test_file_that_was_deleted_is_told(tmp_path: Path, clock: dict[str, st
     assert done.err.endswith(f"rosbridge-sim: {path}: was deleted while it was recorded: what was recorded is lost\n")
 
 
-def test_name_of_no_format_and_file_that_is_there_are_told(tmp_path: Path, server: ServerProcess) -> None:
+def test_unknown_suffix_and_existing_file_are_refused(tmp_path: Path, server: ServerProcess) -> None:
     done = run("record", str(tmp_path / "a.db3"), url=server.url)
     assert (done.code, done.complaint.split(": ")[1]) == (
         2,

@@ -1,4 +1,4 @@
-"""`scenario check`: a file explained to a person and to a program."""
+"""`scenario check`: a report on a scenario file, as text and JSON."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_good_file_is_explained(folder: Path) -> None:
+def test_scenario_check_describes_a_good_file(folder: Path) -> None:
     done = run("scenario", "check", str(folder / "mine.json"), "--map", str(folder / "tiny"))
     assert (done.code, done.err) == (0, "")
     assert done.lines[0] == f"{folder}/mine.json: 1 remark"
@@ -55,7 +55,7 @@ def test_a_good_file_is_explained(folder: Path) -> None:
     assert "  vehicleList[]: velocityTyp (1) (did you mean velocityType?)" in done.lines
 
 
-def test_the_same_for_a_program(folder: Path) -> None:
+def test_json_output_holds_the_same_facts(folder: Path) -> None:
     account = run("scenario", "check", str(folder / "mine.json"), "--map", str(folder / "tiny"), "--json").json
     assert (account["is_good"], account["mistakes"], len(account["remarks"])) == (False, [], 1)
     assert account["map"] == {
@@ -73,7 +73,7 @@ def test_the_same_for_a_program(folder: Path) -> None:
     assert account["read"]["egoVehicle.gear"] == 1
 
 
-def test_a_file_with_mistakes_has_code_1_and_all_of_them(folder: Path) -> None:
+def test_file_with_errors_lists_them_all_and_gives_exit_code_1(folder: Path) -> None:
     done = run("scenario", "check", str(folder / "bad.json"), "--map", str(folder / "tiny"))
     assert (done.code, done.err) == (1, "")
     assert done.lines[0] == f"{folder}/bad.json: 3 mistakes, 1 remark"
@@ -87,7 +87,7 @@ def test_a_file_with_mistakes_has_code_1_and_all_of_them(folder: Path) -> None:
     assert any(line.startswith("vehicleList[1]  ") for line in done.lines), "it keeps its number"
 
 
-def test_an_unknown_map_is_a_mistake(folder: Path) -> None:
+def test_unknown_map_is_an_error(folder: Path) -> None:
     done = run("scenario", "check", str(folder / "mine.json"))
     assert done.code == 1
     assert done.lines[0] == f"{folder}/mine.json: 1 mistake, 1 remark"
@@ -95,13 +95,13 @@ def test_an_unknown_map_is_a_mistake(folder: Path) -> None:
     assert done.lines[3].endswith("and --map takes a folder. Roads, links and lights were not checked")
 
 
-def test_strict_makes_remarks_an_exit_code(folder: Path) -> None:
+def test_strict_turns_remarks_into_exit_code_1(folder: Path) -> None:
     words = ("scenario", "check", str(folder / "mine.json"), "--map", str(folder / "tiny"))
     assert (run(*words).code, run(*words, "--strict").code) == (0, 1)
     assert run("scenario", "check", "demo", "--strict").code == 0
 
 
-def test_several_files_or_a_folder_have_a_verdict_each(folder: Path) -> None:
+def test_each_of_several_files_gets_its_own_verdict(folder: Path) -> None:
     (folder / "deep" / "er").mkdir(parents=True)
     for path in ("deep/one.json", "deep/er/never.json"):
         (folder / path).write_text(json.dumps({"egoVehicle": None}))
@@ -123,7 +123,7 @@ def test_several_files_or_a_folder_have_a_verdict_each(folder: Path) -> None:
     assert [json.loads(line)["file"].rpartition("/")[2] for line in good.lines] == ["demo.json", "town.json"]
 
 
-def test_a_file_among_several_that_cannot_be_read_is_a_mistake_of_its_own(folder: Path) -> None:
+def test_unreadable_file_among_several_is_an_error_of_that_file_only(folder: Path) -> None:
     done = run("scenario", "check", str(folder / "gone.json"), "demo")
     assert (done.code, done.err) == (1, "")
     assert done.lines[0] == f"{folder}/gone.json: 1 mistake"
@@ -131,7 +131,7 @@ def test_a_file_among_several_that_cannot_be_read_is_a_mistake_of_its_own(folder
     assert done.lines[-1] == "2 files: 1 good, 1 with mistakes"
 
 
-def test_the_name_of_a_scenario_goes_before_a_folder_of_that_name(
+def test_scenario_name_takes_precedence_over_a_folder_of_that_name(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(folder)
@@ -141,7 +141,7 @@ def test_the_name_of_a_scenario_goes_before_a_folder_of_that_name(
     assert run("scenario", "check", "tiny", "--strict").code == 2, "files of a map are no scenarios"
 
 
-def test_what_is_kept_and_no_number_of_json_does_no_harm(folder: Path) -> None:
+def test_non_finite_and_huge_numbers_in_keys_without_effect_are_accepted(folder: Path) -> None:
     car = {**CAR, "latBias": 10**40, "isLaneChange": float("nan")}
     (folder / "odd.json").write_text(json.dumps({"vehicleList": [car], "spawnPointList": [10**40, float("inf")]}))
     account = run("scenario", "check", str(folder / "odd.json"), "--json").json
@@ -160,7 +160,7 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_a_terminal_shows_how_far_it_is_when_the_verdicts_go_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_progress_is_shown_on_the_terminal_when_output_is_redirected(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
     verdicts = Verdicts("scenario check", 2, is_json=True)
@@ -184,14 +184,14 @@ def test_a_scenario_is_found_by_name(folder: Path, monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize(
     "path", sorted((ROOT / "rosbridge_sim/data/scenarios").glob("*.json")), ids=lambda path: path.stem
 )
-def test_what_is_built_in_is_good(path: Path) -> None:
+def test_built_in_scenarios_have_no_errors(path: Path) -> None:
     account = run("scenario", "check", path.stem, "--json").json
     assert (account["is_good"], account["mistakes"], account["remarks"]) == (True, [], [])
     assert account["passed_over"] == {}
 
 
 @pytest.mark.slow
-def test_a_picture_shows_who_is_there(folder: Path) -> None:
+def test_picture_shows_all_entities(folder: Path) -> None:
     path = folder / "mine.png"
     for own_map in ([], ["--map", str(folder / "tiny")]):  # an unknown map is bare ground
         done = run("scenario", "check", str(folder / "mine.json"), *own_map, "--picture", str(path))
@@ -202,7 +202,7 @@ def test_a_picture_shows_who_is_there(folder: Path) -> None:
             assert tuple(bytes.fromhex(colour[1:])) in shown, colour
 
 
-def test_a_torn_file_tells_line_and_column(folder: Path) -> None:
+def test_truncated_file_is_reported_with_line_and_column(folder: Path) -> None:
     (folder / "torn.json").write_text('{"egoVehicle": 1,\n}')
     done = run("scenario", "check", str(folder / "torn.json"))
     assert (done.code, done.err) == (1, "")
@@ -225,7 +225,7 @@ def test_a_torn_file_tells_line_and_column(folder: Path) -> None:
         (("check", "demo", "--catalogue", "/nowhere.csv"), "/nowhere.csv: cannot be read: No such file or directory"),
     ],
 )
-def test_a_mistake_in_the_command_is_one_line_and_code_2(words: tuple[str, ...], line: str) -> None:
+def test_usage_error_is_one_line_and_exit_code_2(words: tuple[str, ...], line: str) -> None:
     done = run("scenario", *words)
     assert (done.code, done.out) == (2, "")
     assert done.complaint.startswith(line)

@@ -1,4 +1,4 @@
-"""`schema ...`: the definitions that we know, and those of the user's folders."""
+"""`schema ...`: the built-in definitions, and those of the user's folders."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ def own(tmp_path: Path) -> str:
 # list
 
 
-def test_list_of_a_package() -> None:
+def test_list_shows_the_types_of_one_package() -> None:
     done = run("schema", "list", "std_srvs")
     assert (done.code, done.err) == (0, "")
     assert done.lines[0].split() == ["TYPE", "KIND"]
     assert ["std_srvs/SetBool", "srv"] in [line.split() for line in done.lines]
 
 
-def test_list_of_everything_holds_the_standard_types_and_ours() -> None:
+def test_list_without_a_package_shows_standard_and_built_in_types() -> None:
     types = [(one["type"], one["kind"]) for one in run("schema", "list", "--json").json]
     assert types == sorted(types)
     wanted = {("sensor_msgs/Imu", "msg"), ("morai_msgs/CtrlCmd", "msg"), ("rosapi/Topics", "srv")}
     assert wanted <= set(types)
 
 
-def test_list_of_the_users_own(own: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_list_shows_types_of_the_users_folders(own: str, monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = {"garage_msgs/Car": "msg", "garage_msgs/Drive": "action"}
     entries = run("schema", "list", "garage_msgs", "--schema-path", own, "--json").json
     assert wanted.items() <= {one["type"]: one["kind"] for one in entries}.items()
@@ -66,7 +66,7 @@ def test_list_of_the_users_own(own: str, monkeypatch: pytest.MonkeyPatch) -> Non
         (("show", "$"), 1, "no type $ is known"),
     ],
 )
-def test_mistake_is_one_line(words: tuple[str, ...], code: int, line: str) -> None:
+def test_usage_error_is_one_line(words: tuple[str, ...], code: int, line: str) -> None:
     done = run("schema", *words)
     assert (done.code, done.out) == (code, "")
     assert done.complaint.startswith(line)
@@ -76,7 +76,7 @@ def test_mistake_is_one_line(words: tuple[str, ...], code: int, line: str) -> No
 
 
 @pytest.mark.parametrize("name", ["CtrlCmd", "morai_msgs/CtrlCmd", "morai_msgs/msg/CtrlCmd", "morai_msg/CtrlCmd"])
-def test_text_is_as_it_was_written(name: str) -> None:
+def test_show_prints_the_definition_unchanged(name: str) -> None:
     text = (SCHEMAS / "morai_msgs/22.R2/msg/CtrlCmd.msg").read_text()
     assert run("schema", "show", name).out == text
     account = run("schema", "show", name, "--json").json
@@ -84,17 +84,17 @@ def test_text_is_as_it_was_written(name: str) -> None:
 
 
 @pytest.mark.parametrize("path", sorted(SCHEMAS.glob("std_srvs/srv/*.srv")), ids=lambda path: path.stem)
-def test_service_has_both_halves(path: Path) -> None:
+def test_show_prints_request_and_response_of_a_service(path: Path) -> None:
     shown = run("schema", "show", f"std_srvs/{path.stem}").lines
     assert [line for line in shown if line] == [line for line in path.read_text().splitlines() if line]
 
 
-def test_action_has_three_parts(own: str) -> None:
+def test_show_prints_goal_result_and_feedback_of_an_action(own: str) -> None:
     done = run("schema", "show", "garage_msgs/Drive", "--schema-path", own)
     assert done.out == "float64 far\n---\nbool is_there\n---\nfloat64 left\n"
 
 
-def test_standard_messages_are_those_of_the_generation(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_standard_messages_follow_the_ros_version(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "uint32 seq" in run("schema", "show", "std_msgs/Header").out
     flagged = run("schema", "show", "std_msgs/Header", "--ros", "2").out
     monkeypatch.setenv("ROSBRIDGE_SIM_ROS", "2")
@@ -102,7 +102,7 @@ def test_standard_messages_are_those_of_the_generation(monkeypatch: pytest.Monke
     assert "seq" not in flagged
 
 
-def test_full_text_has_every_type_within_once(own: str) -> None:
+def test_full_text_contains_each_nested_type_once(own: str) -> None:
     done = run("schema", "show", "garage_msgs/srv/Wheel", "--full", "--schema-path", own)
     parts = done.out.split("=" * 80 + "\n")
     assert parts[:3] == [
@@ -113,7 +113,7 @@ def test_full_text_has_every_type_within_once(own: str) -> None:
     assert [part.partition("\n")[0] for part in parts[3:]] == ["MSG: std_msgs/Header"]
 
 
-def test_name_of_several_shows_them_all(own: str) -> None:
+def test_ambiguous_name_shows_all_matching_types(own: str) -> None:
     done = run("schema", "show", "Wheel", "--schema-path", own)
     assert [line for line in done.lines if line.startswith("[")] == [
         "[garage_msgs/msg/Wheel]",

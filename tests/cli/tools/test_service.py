@@ -1,4 +1,4 @@
-"""`service ...` against our own server, as a person uses it."""
+"""`service ...` with our own server, as a user calls it."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from tests.support import PATIENCE, ServerProcess
 # list, info
 
 
-def test_list_is_one_name_a_line(server: ServerProcess) -> None:
+def test_list_prints_one_name_per_line(server: ServerProcess) -> None:
     done = run("service", "list", url=server.url)
     assert (done.code, done.err) == (0, "")
     assert {"/SyncModeCmd", "/rosapi/topics"} <= set(done.lines)
     assert run("service", "list", "--json", url=server.url).json == done.lines == sorted(done.lines)
 
 
-def test_list_says_types_and_providers(server: ServerProcess) -> None:
+def test_list_shows_types_and_providers(server: ServerProcess) -> None:
     rows = [line.split() for line in run("service", "list", "-v", url=server.url).lines]
     assert rows[0] == ["SERVICE", "TYPE", "PROVIDER"]
     assert ["/SyncModeCmd", "morai_msgs/MoraiSyncModeCmdSrv", "/morai_sim"] in rows
@@ -31,7 +31,7 @@ def test_list_says_types_and_providers(server: ServerProcess) -> None:
 
 
 @pytest.mark.parametrize("name", ["/SyncModeSetGear", "SyncModeSetGear"])
-def test_info_shows_what_goes_in_and_what_comes_out(server: ServerProcess, name: str) -> None:
+def test_info_shows_request_and_response_fields(server: ServerProcess, name: str) -> None:
     assert (
         run("service", "info", name, url=server.url).out
         == """\
@@ -50,14 +50,14 @@ Response:
     )
 
 
-def test_info_of_a_service_that_wants_nothing(server: ServerProcess) -> None:
+def test_info_of_a_service_without_arguments_says_so(server: ServerProcess) -> None:
     done = run("service", "info", "/rosapi/nodes", url=server.url)
     assert done.out.endswith("Request: (empty)\n\nResponse:\n  string[] nodes\n")
     account = run("service", "info", "/rosapi/nodes", "--json", url=server.url).json
     assert (account["request"], account["response"]) == ("", "string[] nodes")
 
 
-def test_info_of_a_misspelt_service_says_what_was_meant(server: ServerProcess) -> None:
+def test_info_of_a_misspelt_service_suggests_the_right_name(server: ServerProcess) -> None:
     done = run("service", "info", "/SyncModCmd", url=server.url)
     assert (done.code, done.complaint) == (1, "no service /SyncModCmd here (did you mean /SyncModeCmd?)")
 
@@ -71,7 +71,7 @@ def test_call_shows_the_answer(server: ServerProcess) -> None:
     assert done.out.startswith("response:\n")
 
 
-def test_call_shows_why_the_simulator_says_no(server: ServerProcess) -> None:
+def test_call_shows_the_reason_of_a_refusal(server: ServerProcess) -> None:
     request = "{request: {file_name: nowhere, delete_all: true}}"
     done = run("service", "call", "/Service_MoraiSL", request, url=server.url)
     assert (done.code, done.out) == (0, "response:\n  result: false\n")
@@ -81,12 +81,12 @@ def test_call_shows_why_the_simulator_says_no(server: ServerProcess) -> None:
 
 
 @pytest.mark.parametrize("request_text", ['{"topic": "/clock"}', "{topic: /clock}", "topic: /clock", "[/clock]"])
-def test_request_is_json_or_yaml_by_name_or_by_position(server: ServerProcess, request_text: str) -> None:
+def test_request_can_be_json_or_yaml_by_name_or_position(server: ServerProcess, request_text: str) -> None:
     done = run("service", "call", "rosapi/topic_type", request_text, "--json", url=server.url)
     assert done.json == {"type": "rosgraph_msgs/Clock"}
 
 
-def test_request_may_be_left_out(server: ServerProcess) -> None:
+def test_request_is_optional(server: ServerProcess) -> None:
     assert "secs: " in run("service", "call", "/rosapi/get_time", url=server.url).out
 
 
@@ -99,13 +99,15 @@ def test_request_may_be_left_out(server: ServerProcess) -> None:
         (("/rosapi/set_param", "{name: /x, value: '{'}"), "JSON-formatted string."),
     ],
 )
-def test_refusal_is_a_line_on_stderr_and_code_1(server: ServerProcess, words: tuple[str, ...], line: str) -> None:
+def test_refused_call_is_one_line_on_stderr_and_exit_code_1(
+    server: ServerProcess, words: tuple[str, ...], line: str
+) -> None:
     done = run("service", "call", *words, url=server.url)
     assert (done.code, done.out) == (1, "")
     assert done.complaint.endswith(line)
 
 
-async def test_client_that_provides_is_called_and_may_refuse(server: ServerProcess, connect: Connect) -> None:
+async def test_service_of_another_client_can_be_called_and_can_refuse(server: ServerProcess, connect: Connect) -> None:
     client = await connect(server.url)
     await client.send("advertise_service", service="/tools/switch", type="std_srvs/SetBool")
     await client.settle()
@@ -122,7 +124,7 @@ async def test_client_that_provides_is_called_and_may_refuse(server: ServerProce
             assert (done.code, done.complaint) == (1, "it is stuck")
 
 
-async def test_time_out_is_told_in_the_servers_words(server: ServerProcess, connect: Connect) -> None:
+async def test_time_out_shows_the_text_of_the_server(server: ServerProcess, connect: Connect) -> None:
     client = await connect(server.url)
     await client.send("advertise_service", service="/tools/slow", type="std_srvs/Trigger")
     await client.settle()
@@ -131,7 +133,7 @@ async def test_time_out_is_told_in_the_servers_words(server: ServerProcess, conn
 
 
 @pytest.mark.slow
-async def test_ctrl_c_cuts_a_call_off_with_code_130(server: ServerProcess, connect: Connect) -> None:
+async def test_ctrl_c_ends_a_pending_call_with_exit_code_130(server: ServerProcess, connect: Connect) -> None:
     client = await connect(server.url)
     await client.send("advertise_service", service="/tools/never", type="std_srvs/Trigger")
     await client.settle()
@@ -142,12 +144,12 @@ async def test_ctrl_c_cuts_a_call_off_with_code_130(server: ServerProcess, conne
     assert (process.returncode, out, err) == (130, "", "")
 
 
-def test_request_that_is_none_asks_no_server() -> None:
+def test_malformed_request_is_refused_without_a_connection() -> None:
     done = run("service", "call", "/s", "5", url="ws://127.0.0.1:1")
     assert (done.code, done.complaint) == (2, "REQUEST: expected an object such as '{data: 1}'; got '5'")
 
 
-def test_what_is_shown_for_programs_is_what_came(server: ServerProcess) -> None:
+def test_json_output_equals_the_response(server: ServerProcess) -> None:
     out = run("service", "call", "/rosapi/topics", "--json", url=server.url).out
     assert out.count("\n") == 1
     assert json.loads(out).keys() == {"topics", "types"}

@@ -1,4 +1,4 @@
-"""`tick` drives synchronous mode from a shell, and tools that wait say why nothing comes."""
+"""`tick` drives synchronous mode from a shell, and waiting tools say why no message comes."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ async def ended(sim: Simulator, num_left: int = 0) -> None:
 
 
 @pytest.mark.parametrize("words", [("topic", "echo", "/Ego_topic", "--once"), ("topic", "hz", "/Ego_topic")])
-async def test_tool_that_waits_in_vain_ends_and_says_that_the_world_stands(
+async def test_waiting_tool_times_out_and_says_that_the_world_waits_for_ticks(
     standing: Simulator, words: tuple[str, ...]
 ) -> None:
     done = await in_the_background(*words, "--timeout", "0.1", url=standing.url)
@@ -48,7 +48,7 @@ async def test_tool_that_waits_in_vain_ends_and_says_that_the_world_stands(
     assert done.complaint == f"{text} rosbridge-sim tick N --start moves it"
 
 
-async def test_master_is_named_where_the_world_waits_for_it(standing: Simulator) -> None:
+async def test_waiting_tool_names_the_master_of_synchronous_mode(standing: Simulator) -> None:
     async with await Client.open(standing.url) as master:
         await lead(master)
         done = await in_the_background("topic", "echo", "/Ego_topic", "--timeout", "0.1", url=standing.url)
@@ -59,7 +59,7 @@ async def test_master_is_named_where_the_world_waits_for_it(standing: Simulator)
         assert done.complaint.endswith(f": {where}; {RESUME}")
 
 
-async def test_pause_is_told_apart_from_a_world_that_waits_for_ticks(standing: Simulator) -> None:
+async def test_waiting_tool_tells_a_pause_from_a_wait_for_ticks(standing: Simulator) -> None:
     async with Simulator(port=0) as free, await Client.open(free.url) as client:
         done = await in_the_background("topic", "echo", "/InsnStatus", "--timeout", "0.1", url=free.url)
         assert done.complaint == "no message on /InsnStatus within 0.1 s; --timeout waits longer", "it runs"
@@ -80,7 +80,7 @@ async def test_pause_is_told_apart_from_a_world_that_waits_for_ticks(standing: S
     ("mode", "status", "text"),
     [(16, 16, ": a replay is paused; "), (16, 32, ": the world is paused at the end of a replay; "), (1, 1, "; --")],
 )
-async def test_replay_that_stands_is_called_so(mode: int, status: int, text: str) -> None:
+async def test_waiting_tool_reports_a_paused_replay(mode: int, status: int, text: str) -> None:
     process = "/sim/process/state/msg/MoraiSimProcStatus"
     latched = {
         "/SyncModeInfo": {"master_id": "", "status": False},
@@ -97,13 +97,13 @@ async def test_replay_that_stands_is_called_so(mode: int, status: int, text: str
     assert done.complaint.startswith(f"no message on /x within 0.05 s{text}")
 
 
-async def test_topic_that_nobody_publishes_is_called_so(standing: Simulator) -> None:
+async def test_waiting_tool_reports_a_topic_without_a_publisher(standing: Simulator) -> None:
     words = ("topic", "echo", "/x", "--type", "std_msgs/String", "--timeout", "0.1")
     done = await in_the_background(*words, url=standing.url)
     assert (done.code, done.complaint) == (1, "no message on /x within 0.1 s: nobody publishes it")
 
 
-async def test_recording_that_gets_nothing_ends_and_is_finished(standing: Simulator, tmp_path: Path) -> None:
+async def test_recording_without_messages_times_out_and_is_complete(standing: Simulator, tmp_path: Path) -> None:
     words = ("record", str(tmp_path / "a.mcap"), "--topics", "/Ego*", "--timeout", "0.1")
     done = await in_the_background(*words, url=standing.url)
     assert done.code == 1
@@ -111,13 +111,13 @@ async def test_recording_that_gets_nothing_ends_and_is_finished(standing: Simula
     assert (tmp_path / "a.mcap").read_bytes().endswith(b"\x89MCAP0\r\n")
 
 
-async def test_recording_of_topics_that_are_not_there_says_so(standing: Simulator, tmp_path: Path) -> None:
+async def test_recording_of_missing_topics_names_them(standing: Simulator, tmp_path: Path) -> None:
     words = ("record", str(tmp_path / "a.mcap"), "--topics", "/Egg*", "--timeout", "0.1")
     done = await in_the_background(*words, url=standing.url)
     assert (done.code, done.err.count("within 0.1 s: none of the wanted topics is there")) == (1, 1)
 
 
-async def test_tool_that_gets_messages_in_time_does_not_end() -> None:
+async def test_tool_that_receives_messages_does_not_time_out() -> None:
     async with Simulator(port=0) as sim:
         done = await in_the_background("topic", "echo", "/Ego_topic", "-n", "3", "--timeout", "1", url=sim.url)
         assert (done.code, done.err, done.out.count("---")) == (0, "", 3)
@@ -125,14 +125,14 @@ async def test_tool_that_gets_messages_in_time_does_not_end() -> None:
         assert (done.code, done.err) == (0, "")
 
 
-async def test_server_without_rosapi_gets_no_further_questions() -> None:
+async def test_waiting_tool_asks_a_server_without_rosapi_for_no_reason() -> None:
     async with other_server(lambda _frame: ()) as url:
         words = ("topic", "echo", "/x", "--type", "a/B", "--timeout", "0.05")
         done = await in_the_background(*words, url=url)
     assert (done.code, done.complaint) == (1, "no message on /x within 0.05 s; --timeout waits longer")
 
 
-async def test_rate_of_a_topic_that_falls_silent_ends_with_the_last_message() -> None:
+async def test_hz_ends_with_an_error_when_its_topic_falls_silent() -> None:
     def reply(frame: Frame) -> Iterable[str | bytes]:
         if frame["op"] == "subscribe" and frame["topic"] == "/x":
             yield from [json.dumps({"op": "publish", "topic": "/x", "msg": {}})] * 2
@@ -150,7 +150,7 @@ def frames(done: Result) -> list[int]:
     return [int(line.split()[1]) for line in done.lines]
 
 
-async def test_ticks_move_a_free_world_and_leave_it_free() -> None:
+async def test_tick_moves_a_free_running_world_and_leaves_it_free_running() -> None:
     async with Simulator(port=0) as sim:
         assert sim.node is not None
         done = await in_the_background("tick", "3", "--start", "--step", "40", url=sim.url)
@@ -162,7 +162,7 @@ async def test_ticks_move_a_free_world_and_leave_it_free() -> None:
         assert sim.node.sync.state is SyncState.FREE
 
 
-async def test_ticks_move_a_standing_world_and_leave_it_standing(standing: Simulator) -> None:
+async def test_tick_moves_a_world_in_synchronous_mode_and_leaves_it_there(standing: Simulator) -> None:
     assert standing.node is not None
     for start in (0, 5):
         done = await in_the_background("tick", "5", "--start", url=standing.url)
@@ -171,14 +171,14 @@ async def test_ticks_move_a_standing_world_and_leave_it_standing(standing: Simul
         assert standing.node.sync.state is SyncState.OPEN
 
 
-async def test_ticks_for_a_program_are_answers_one_a_line(standing: Simulator) -> None:
+async def test_tick_json_output_is_one_answer_per_line(standing: Simulator) -> None:
     done = await in_the_background("tick", "2", "--start", "--json", url=standing.url)
     answers = [json.loads(line) for line in done.lines]
     assert [answer["frame"] for answer in answers] == [1, 2]
     assert answers[0]["vehicle_status"]["position"]["x"] == 40.0
 
 
-async def test_refused_tick_says_why_and_what_to_do() -> None:
+async def test_refused_tick_shows_the_reason_and_a_remedy() -> None:
     async with Simulator(port=0) as sim, await Client.open(sim.url) as master:
         assert sim.node is not None
         done = await in_the_background("tick", url=sim.url)
@@ -193,7 +193,7 @@ async def test_refused_tick_says_why_and_what_to_do() -> None:
         assert sim.node.sync.master_id == "planner"
 
 
-async def test_tick_in_the_name_of_the_master_leaves_it_master() -> None:
+async def test_tick_with_the_id_of_the_master_keeps_the_master() -> None:
     async with Simulator(port=0) as sim, await Client.open(sim.url) as master:
         assert sim.node is not None
         await lead(master)
@@ -203,7 +203,7 @@ async def test_tick_in_the_name_of_the_master_leaves_it_master() -> None:
         assert sim.node.sync.master_id == "planner"
 
 
-async def test_paused_world_refuses_and_the_mode_is_ended_again() -> None:
+async def test_tick_of_a_paused_world_is_refused_and_ends_the_mode_it_started() -> None:
     async with Simulator(port=0) as sim, await Client.open(sim.url) as client:
         assert sim.node is not None
         await client.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
@@ -212,13 +212,13 @@ async def test_paused_world_refuses_and_the_mode_is_ended_again() -> None:
         assert sim.node.sync.state is SyncState.FREE_PAUSED
 
 
-async def test_strict_frames_are_named_as_they_are_wanted() -> None:
+async def test_tick_names_the_exact_frame_under_strict_frames() -> None:
     async with Simulator(port=0, start="sync", sync_frames="strict") as sim:
         done = await in_the_background("tick", "3", "--start", "--step", "60", url=sim.url)
     assert frames(done) == [3, 6, 9]
 
 
-async def test_server_without_a_simulator_is_called_so() -> None:
+async def test_tick_reports_a_server_without_a_simulator() -> None:
     async with Simulator(port=0, world=False) as sim:
         done = await in_the_background("tick", "--start", url=sim.url)
     assert (done.code, done.complaint) == (1, "Service /SyncModeCmd does not exist; is a simulator there?")
@@ -232,12 +232,12 @@ async def test_server_without_a_simulator_is_called_so() -> None:
         (("--step", "2000"), "--step: expected milliseconds, from 20 to 1,000; got '2000'"),
     ],
 )
-async def test_mistake_in_a_tick_is_code_2(words: tuple[str, ...], complaint: str) -> None:
+async def test_usage_error_of_tick_gives_exit_code_2(words: tuple[str, ...], complaint: str) -> None:
     done = await in_the_background("tick", *words, url="ws://127.0.0.1:1")
     assert (done.code, done.complaint) == (2, complaint)
 
 
-async def test_answers_that_are_no_answers_do_not_end_in_a_traceback() -> None:
+async def test_malformed_answers_give_an_error_without_a_traceback() -> None:
     def reply(frame: Frame) -> Iterable[str | bytes]:
         response = {"result": True, "tick_status": True, "frame": "x", "vehicle_status": [], "time": 5}
         values = {"type": ""} if "rosapi" in str(frame.get("service")) else {"response": response}

@@ -1,4 +1,4 @@
-"""What a person reads is YAML that gives the value back, and nothing in it moves the terminal's cursor."""
+"""Printed text is YAML that reads back as the value, without terminal control characters."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ VALUES = st.recursive(
 
 
 @given(VALUES)
-def test_what_is_printed_reads_back_as_the_value(value: object) -> None:
+def test_printed_yaml_reads_back_as_the_same_value(value: object) -> None:
     assert YAML(typ="safe", pure=True).load(render(value)) == value
 
 
 @given(st.text())
-def test_what_is_printed_is_printable(text: str) -> None:
+def test_printed_text_has_no_control_characters(text: str) -> None:
     assert all(line.isprintable() for line in render({"data": text, text: [text]}).split("\n"))
     assert safe(text).isprintable()
 
 
-def test_a_message_looks_as_people_know_it() -> None:
+def test_message_is_printed_in_the_style_of_rostopic_echo() -> None:
     msg = {
         "header": {"stamp": {"secs": 1, "nsecs": 0}, "frame_id": "map", "note": ""},
         "x": 40.0,
@@ -76,16 +76,16 @@ empty: {}"""
         (-math.inf, "-.inf"),
     ],
 )
-def test_scalars_keep_their_kind(value: object, text: str) -> None:
+def test_scalars_keep_their_type_in_yaml(value: object, text: str) -> None:
     assert render(value) == text
 
 
-def test_table_is_aligned(capsys: pytest.CaptureFixture[str]) -> None:
+def test_table_columns_are_aligned(capsys: pytest.CaptureFixture[str]) -> None:
     put_table(("TOPIC", "TYPE"), [("/a", "p/A"), ("/longer", "p/B\n")])
     assert capsys.readouterr().out == "TOPIC    TYPE\n/a       p/A\n/longer  p/B\\n\n"
 
 
-def test_note_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_note_escapes_line_breaks(capsys: pytest.CaptureFixture[str]) -> None:
     note("a\nb")
     assert capsys.readouterr() == ("", "rosbridge-sim: a\\nb\n")
 
@@ -103,7 +103,7 @@ def test_note_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
         ("hello", "hello"),
     ],
 )
-def test_body_is_json_or_yaml(text: str, value: object) -> None:
+def test_body_can_be_json_or_yaml(text: str, value: object) -> None:
     assert read_body(text, "MESSAGE") == value
 
 
@@ -119,7 +119,7 @@ def test_body_is_json_or_yaml(text: str, value: object) -> None:
         ("{d: 2020-13-45}", "MESSAGE"),
     ],
 )
-def test_body_that_is_neither_is_one_readable_line(text: str, line: str) -> None:
+def test_body_that_is_neither_gives_one_error_line(text: str, line: str) -> None:
     with pytest.raises(DocumentError) as caught:
         read_body(text, "MESSAGE")
     assert str(caught.value).startswith(line)

@@ -1,4 +1,4 @@
-"""`topic ...` against our own server, as a person uses it."""
+"""`topic ...` with our own server, as a user calls it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.support import PATIENCE, Client, ServerProcess, read_line
 # list, info
 
 
-def test_list_is_one_name_a_line(server: ServerProcess) -> None:
+def test_list_prints_one_name_per_line(server: ServerProcess) -> None:
     done = run("topic", "list", url=server.url)
     assert (done.code, done.err) == (0, "")
     assert {"/Ego_topic", "/ctrl_cmd", "/clock", "/rosout"} <= set(done.lines)
@@ -34,7 +34,7 @@ def test_list_with_types_is_aligned(server: ServerProcess) -> None:
     assert len({line.index(line.split()[1]) for line in lines}) == 1
 
 
-def test_list_says_who_publishes_and_who_listens(server: ServerProcess) -> None:
+def test_list_shows_publishers_and_subscribers(server: ServerProcess) -> None:
     done = run("topic", "list", "-v", url=server.url)
     rows = [line.split() for line in done.lines]
     assert rows[0] == ["TOPIC", "TYPE", "PUBLISHERS", "SUBSCRIBERS"]
@@ -42,7 +42,7 @@ def test_list_says_who_publishes_and_who_listens(server: ServerProcess) -> None:
     assert ["/ctrl_cmd", "morai_msgs/CtrlCmd", "-", "/morai_sim"] in rows
 
 
-def test_list_for_programs(server: ServerProcess) -> None:
+def test_list_has_json_output(server: ServerProcess) -> None:
     plain = {one["topic"]: one for one in run("topic", "list", "--json", url=server.url).json}
     assert plain["/clock"] == {"topic": "/clock", "type": "rosgraph_msgs/Clock"}
     full = {one["topic"]: one for one in run("topic", "list", "-v", "--json", url=server.url).json}
@@ -51,7 +51,7 @@ def test_list_for_programs(server: ServerProcess) -> None:
 
 
 @pytest.mark.parametrize("name", ["/ctrl_cmd", "ctrl_cmd"])
-def test_info(server: ServerProcess, name: str) -> None:
+def test_info_shows_type_publishers_and_subscribers(server: ServerProcess, name: str) -> None:
     done = run("topic", "info", name, url=server.url)
     assert done.out == "Type: morai_msgs/CtrlCmd\n\nPublishers: None\n\nSubscribers:\n * /morai_sim\n"
     assert run("topic", "info", name, "--json", url=server.url).json == {
@@ -62,7 +62,7 @@ def test_info(server: ServerProcess, name: str) -> None:
     }
 
 
-def test_info_of_a_misspelt_topic_says_what_was_meant(server: ServerProcess) -> None:
+def test_info_of_a_misspelt_topic_suggests_the_right_name(server: ServerProcess) -> None:
     done = run("topic", "info", "ego_topic", url=server.url)
     assert (done.code, done.out) == (1, "")
     assert done.complaint == "no topic /ego_topic here (did you mean /Ego_topic?)"
@@ -86,7 +86,7 @@ def test_echo_of_one_field(server: ServerProcess) -> None:
     assert re.fullmatch(r"\d+\n---\n", done.out)
 
 
-def test_echo_for_programs_is_one_message_a_line(server: ServerProcess) -> None:
+def test_echo_json_output_is_one_message_per_line(server: ServerProcess) -> None:
     done = run("topic", "echo", "/clock", "-n", "3", "--json", url=server.url)
     times = [json.loads(line)["clock"] for line in done.lines]
     assert len({(time["secs"], time["nsecs"]) for time in times}) == 3
@@ -96,13 +96,13 @@ def test_echo_of_a_latched_topic_comes_at_once(server: ServerProcess) -> None:
     assert "status: false\n" in run("topic", "echo", "/SyncModeInfo", "--once", url=server.url).out
 
 
-def test_echo_of_an_unknown_topic_ends_and_says_how_to_wait(server: ServerProcess) -> None:
+def test_echo_of_an_unknown_topic_fails_and_names_the_option_to_wait(server: ServerProcess) -> None:
     done = run("topic", "echo", "/Ego_topi", url=server.url)
     assert (done.code, done.out) == (1, "")
     assert done.complaint == "no topic /Ego_topi here (did you mean /Ego_topic?); --type PKG/TYPE waits for one"
 
 
-def test_echo_with_the_wrong_type_says_why(server: ServerProcess) -> None:
+def test_echo_with_the_wrong_type_shows_the_reason(server: ServerProcess) -> None:
     done = run("topic", "echo", "/clock", "--type", "std_msgs/String", url=server.url)
     assert done.code == 1
     assert "already established with type rosgraph_msgs/Clock" in done.complaint
@@ -134,12 +134,12 @@ async def wait_for_listener(client: Client, topic: str) -> None:
         ("clock[0]", "no list in clock, so there is no [0]"),
     ],
 )
-def test_field_that_is_not_there(server: ServerProcess, path: str, line: str) -> None:
+def test_unknown_field_is_reported(server: ServerProcess, path: str, line: str) -> None:
     done = run("topic", "echo", "/clock", "--field", path, url=server.url)
     assert (done.code, done.complaint) == (1, f"--field: {line}")
 
 
-def test_path_leads_through_lists() -> None:
+def test_field_path_can_index_lists() -> None:
     assert FieldPath("a[1].b").find({"a": [{}, {"b": [3]}]}) == [3]
     assert FieldPath("a[1].b[0]").find({"a": [{}, {"b": [3]}]}) == 3
 
@@ -147,7 +147,7 @@ def test_path_leads_through_lists() -> None:
 # hz
 
 
-def test_rates() -> None:
+def test_rate_has_mean_shortest_longest_and_deviation() -> None:
     rates = Rates()
     assert rates.read() is None
     for time in (0.0, 0.1, 0.3, 0.6):
@@ -168,21 +168,21 @@ def test_rates_look_back_no_further_than_the_window() -> None:
     assert (rate.rate, rate.deviation, rate.num_messages) == pytest.approx((2.0, 0.0, 3))
 
 
-def test_rates_of_messages_at_one_instant() -> None:
+def test_messages_at_one_instant_have_no_rate() -> None:
     rates = Rates()
     rates.add(1.0)
     rates.add(1.0)
     assert str(rates.read()).startswith("average rate: inf Hz")
 
 
-def test_hz_ends_after_so_many_messages(server: ServerProcess) -> None:
+def test_hz_ends_after_the_given_number_of_messages(server: ServerProcess) -> None:
     done = run("topic", "hz", "/clock", "-n", "5", url=server.url)
     assert (done.code, done.err) == (0, "")
     pattern = r"average rate: [\d.]+ Hz  min: [\d.]+ s  max: [\d.]+ s  std dev: [\d.]+ s  window: 5"
     assert re.fullmatch(pattern, done.lines[-1])
 
 
-def test_hz_for_programs(server: ServerProcess) -> None:
+def test_hz_has_json_output(server: ServerProcess) -> None:
     done = run("topic", "hz", "/clock", "-n", "4", "--window", "3", "--json", url=server.url)
     last = json.loads(done.lines[-1])
     assert last.keys() == {"rate", "min", "max", "std_dev", "window", "is_new"}
@@ -191,7 +191,7 @@ def test_hz_for_programs(server: ServerProcess) -> None:
 
 
 @pytest.mark.slow
-async def test_hz_says_when_nothing_comes(server: ServerProcess, connect: Connect) -> None:
+async def test_hz_reports_when_no_messages_arrive(server: ServerProcess, connect: Connect) -> None:
     client = await connect(server.url)
     topic, kind = "/tools/rare", "std_msgs/String"
     with start("topic", "hz", topic, "--type", kind, "-n", "2", url=server.url) as process:
@@ -204,9 +204,7 @@ async def test_hz_says_when_nothing_comes(server: ServerProcess, connect: Connec
 
 
 @pytest.mark.slow
-async def test_hz_tells_a_stream_that_has_stopped_from_one_that_goes_on(
-    server: ServerProcess, connect: Connect
-) -> None:
+async def test_hz_reports_a_stream_that_has_stopped(server: ServerProcess, connect: Connect) -> None:
     """The rate is that of the last messages: without `is_new`, a sensor that has died still has 10 Hz."""
     client = await connect(server.url)
     topic, kind = "/tools/stops", "std_msgs/String"
@@ -229,7 +227,7 @@ async def test_hz_tells_a_stream_that_has_stopped_from_one_that_goes_on(
         assert json.loads(out.splitlines()[-1])["is_new"]
 
 
-def test_hz_on_a_line_says_no_new_messages_although_a_rate_is_known(capsys: pytest.CaptureFixture[str]) -> None:
+def test_hz_reports_missing_messages_despite_a_known_rate(capsys: pytest.CaptureFixture[str]) -> None:
     rate = Rate(2.0, 0.5, 0.5, 0.0, 3)
     with _Line(is_json=False) as line:
         line.write(rate, is_new=True)
@@ -241,7 +239,7 @@ def test_hz_on_a_line_says_no_new_messages_although_a_rate_is_known(capsys: pyte
 # pub
 
 
-async def test_pub_once_reaches_who_listens(server: ServerProcess, connect: Connect) -> None:
+async def test_pub_once_reaches_subscribers(server: ServerProcess, connect: Connect) -> None:
     client = await connect(server.url)
     await client.subscribe("/tools/chatter", type="std_msgs/Header")
     text = "{frame_id: 'map', stamp: {secs: 3}}"
@@ -251,7 +249,7 @@ async def test_pub_once_reaches_who_listens(server: ServerProcess, connect: Conn
     assert await client.message("/tools/chatter") == {"seq": 0, "stamp": {"secs": 3, "nsecs": 0}, "frame_id": "map"}
 
 
-async def test_pub_so_often(server: ServerProcess, connect: Connect) -> None:
+async def test_pub_repeats_at_the_given_rate(server: ServerProcess, connect: Connect) -> None:
     client = await connect(server.url)
     topic, kind = "/tools/often", "std_msgs/Int32"
     await client.subscribe(topic, type=kind)
@@ -262,7 +260,7 @@ async def test_pub_so_often(server: ServerProcess, connect: Connect) -> None:
 
 
 @pytest.mark.slow
-async def test_latched_message_waits_for_those_who_come_later(server: ServerProcess, connect: Connect) -> None:
+async def test_latched_message_reaches_later_subscribers(server: ServerProcess, connect: Connect) -> None:
     client = await connect(server.url)
     with start("topic", "pub", "/tools/kept", "std_msgs/String", "data: hi", "--latch", url=server.url) as process:
         assert process.stderr is not None
@@ -287,20 +285,24 @@ async def test_latched_message_waits_for_those_who_come_later(server: ServerProc
         ("/x", "std_msgs/Strin", "{}", "std_msgs/Strin"),
     ],
 )
-def test_pub_that_does_not_fit_says_why(server: ServerProcess, topic: str, kind: str, text: str, line: str) -> None:
+def test_pub_of_a_message_that_does_not_fit_its_type_shows_the_reason(
+    server: ServerProcess, topic: str, kind: str, text: str, line: str
+) -> None:
     for words in (("--once",), ("--rate", "1"), ("--latch",)):
         done = run("topic", "pub", topic, kind, text, *words, url=server.url)
         assert (done.code, done.out) == (1, "")
         assert line in done.complaint
 
 
-def test_pub_of_what_is_no_message_asks_no_server() -> None:
+def test_malformed_message_is_refused_without_a_connection() -> None:
     done = run("topic", "pub", "/x", "std_msgs/String", "hello", url="ws://127.0.0.1:1")
     assert (done.code, done.complaint) == (2, "MESSAGE: expected an object such as '{data: 1}'; got 'hello'")
 
 
 @pytest.mark.slow
-async def test_control_that_the_simulator_ignores_is_told(server: ServerProcess, connect: Connect) -> None:
+async def test_pub_reports_that_the_simulator_ignores_a_control_command(
+    server: ServerProcess, connect: Connect
+) -> None:
     client = await connect(server.url)
     await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)
     try:
@@ -318,7 +320,7 @@ async def test_control_that_the_simulator_ignores_is_told(server: ServerProcess,
 @pytest.mark.parametrize(
     "words", [("topic", "echo", "/clock"), ("topic", "hz", "/clock"), ("topic", "hz", "/clock", "--json")]
 )
-def test_ctrl_c_ends_what_has_no_end_with_code_0(server: ServerProcess, words: tuple[str, ...]) -> None:
+def test_ctrl_c_ends_an_endless_command_with_exit_code_0(server: ServerProcess, words: tuple[str, ...]) -> None:
     with start(*words, url=server.url) as process:
         assert read_line(process)
         process.send_signal(signal.SIGINT)
@@ -327,7 +329,7 @@ def test_ctrl_c_ends_what_has_no_end_with_code_0(server: ServerProcess, words: t
 
 
 @pytest.mark.slow
-def test_reader_that_has_had_enough_is_no_mistake(server: ServerProcess) -> None:
+def test_closed_output_pipe_is_not_an_error(server: ServerProcess) -> None:
     with start("topic", "echo", "/clock", url=server.url) as process:
         assert read_line(process) == "clock:\n"
         assert process.stdout is not None
@@ -338,7 +340,7 @@ def test_reader_that_has_had_enough_is_no_mistake(server: ServerProcess) -> None
 
 
 @pytest.mark.slow
-def test_hz_rewrites_its_line_on_a_terminal(server: ServerProcess) -> None:
+def test_hz_updates_one_line_on_a_terminal(server: ServerProcess) -> None:
     controller, terminal = os.openpty()
     with start("topic", "hz", "/clock", "-n", "70", url=server.url, stdout=terminal) as process:
         os.close(terminal)

@@ -1,4 +1,4 @@
-"""What the Python programs share. Each is run as `-m tests.end_to_end.clients.SUBJECT TRANSPORT PORT ROLE [WORDS]`."""
+"""Shared code of the client programs, run as `-m tests.end_to_end.clients.SUBJECT TRANSPORT PORT ROLE [WORDS]`."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ def test_everything_is_announced_with_services_last(harness: SimHarness) -> None
     assert {frame["type"] for frame in harness.far.ops("advertise_service")} == {"std_srvs/SetBool"}
 
 
-def test_types_are_spelled_as_the_personality_has_them() -> None:
+def test_types_are_spelled_as_in_the_ros_version() -> None:
     bus = Bus(make_store_of_ros2())
     owner = Car(bus)
     mirror = Mirror(bus, owner, "ws://far:9090")
@@ -60,7 +60,7 @@ def make_store_of_ros2() -> Any:  # noqa: ANN401 - a store
     return type(store)(store._texts, ros=2)
 
 
-def test_only_what_the_simulator_has_is_mirrored(harness: SimHarness) -> None:
+def test_only_names_of_the_simulator_are_mirrored(harness: SimHarness) -> None:
     other, _ = make_peer(harness.bus)
     other.receive(b'{"op":"advertise","topic":"/mine","type":"std_msgs/String"}', 0.0)
     other.receive(b'{"op":"advertise_service","service":"/my","type":"std_srvs/Empty"}', 0.0)
@@ -70,14 +70,14 @@ def test_only_what_the_simulator_has_is_mirrored(harness: SimHarness) -> None:
     assert "/my" not in harness.far.bus.services
 
 
-def test_a_topic_on_which_the_simulator_hears_itself_is_no_input() -> None:
+def test_topic_that_the_simulator_both_publishes_and_hears_is_not_subscribed() -> None:
     harness = SimHarness()
     harness.bus.subscribe(harness.car, "/state", lambda *_: None)
     harness.attach()
     assert [frame["topic"] for frame in harness.far.ops("subscribe")] == ["/pedal"]
 
 
-def test_nothing_is_published_for_a_far_side_that_is_not_there() -> None:
+def test_nothing_is_published_without_a_far_bridge() -> None:
     harness = SimHarness()
     assert not harness.car.state.has_listener
     harness.attach()
@@ -91,7 +91,7 @@ def test_nothing_is_published_for_a_far_side_that_is_not_there() -> None:
 # Which time goes out
 
 
-class Wall:
+class WallClockCounter:
     """Counts how often the time of day was begun with."""
 
     def __init__(self) -> None:
@@ -101,7 +101,7 @@ class Wall:
         return Stamps(choice, self.began_at.append)
 
 
-class TimeStand(SimHarness):
+class StampsHarness(SimHarness):
     """A stand whose stamps may depend on its far side.
 
     Attributes:
@@ -111,7 +111,7 @@ class TimeStand(SimHarness):
 
     def __init__(self, choice: Literal["sim", "wall", "auto"], **options: bool) -> None:
         super().__init__(**options)
-        self.wall = Wall()
+        self.wall = WallClockCounter()
         self.stamps = self.mirror.stamps = self.wall.stamps(choice)
 
 
@@ -120,9 +120,11 @@ def use_sim_time(harness: SimHarness, value: str) -> None:
     harness.far.bus.parameters.put("/use_sim_time", value, make_peer(harness.far.bus)[0])
 
 
-def time_stand(value: object = None, *, choice: Literal["sim", "wall", "auto"] = "auto", **options: bool) -> TimeStand:
+def time_stand(
+    value: object = None, *, choice: Literal["sim", "wall", "auto"] = "auto", **options: bool
+) -> StampsHarness:
     """A stand whose far side has this `/use_sim_time`, not attached yet."""
-    harness = TimeStand(choice, **options)
+    harness = StampsHarness(choice, **options)
     if value is not None:
         use_sim_time(harness, json.dumps(value))
     return harness
@@ -132,7 +134,7 @@ def time_stand(value: object = None, *, choice: Literal["sim", "wall", "auto"] =
 @pytest.mark.parametrize(
     ("value", "is_wall"), [(True, False), (1, False), (False, True), (0, True), (None, True), ("yes", True)]
 )
-def test_time_is_that_of_the_far_side_before_anything_is_announced(
+def test_time_source_is_known_before_announcing(
     value: object, *, is_wall: bool, has_connection_each: bool, lines: Callable[[], list[str]]
 ) -> None:
     harness = time_stand(value, has_connection_each=has_connection_each)
@@ -148,7 +150,7 @@ def test_time_is_that_of_the_far_side_before_anything_is_announced(
     assert said == [f"ws://far:9090: its /use_sim_time {text}"]
 
 
-def test_what_the_far_side_says_later_changes_nothing_and_is_one_warning(lines: Callable[[], list[str]]) -> None:
+def test_later_change_of_use_sim_time_is_one_warning_and_changes_nothing(lines: Callable[[], list[str]]) -> None:
     harness = time_stand()
     harness.attach()
     lines()
@@ -164,7 +166,7 @@ def test_what_the_far_side_says_later_changes_nothing_and_is_one_warning(lines: 
     assert [line for line in lines() if "/use_sim_time" in line] == [f"ws://far:9090: {text}"]
 
 
-def test_second_bridge_that_disagrees_is_one_warning(lines: Callable[[], list[str]]) -> None:
+def test_second_bridge_with_another_time_source_is_one_warning(lines: Callable[[], list[str]]) -> None:
     first, second = time_stand(value=True), SimHarness()
     second.mirror.stamps = first.mirror.stamps
     first.attach()
@@ -179,7 +181,7 @@ def test_second_bridge_that_disagrees_is_one_warning(lines: Callable[[], list[st
 
 
 @pytest.mark.parametrize(("choice", "value"), [("sim", True), ("wall", False), ("wall", None)])
-def test_bridge_that_agrees_with_the_user_is_no_line(
+def test_bridge_that_agrees_with_the_setting_logs_nothing(
     choice: Literal["sim", "wall"], value: object, lines: Callable[[], list[str]]
 ) -> None:
     harness = time_stand(value, choice=choice)
@@ -187,7 +189,7 @@ def test_bridge_that_agrees_with_the_user_is_no_line(
     assert not [line for line in lines() if "/use_sim_time" in line]
 
 
-def test_far_side_that_tells_no_time_is_waited_for_no_longer_than_for_any_answer() -> None:
+def test_far_bridge_without_use_sim_time_delays_announcing_by_one_answer_time_out() -> None:
     harness = time_stand()
     harness.far.mute.add("/rosapi/get_param")
     harness.attach()
@@ -197,7 +199,7 @@ def test_far_side_that_tells_no_time_is_waited_for_no_longer_than_for_any_answer
     assert harness.wall.began_at == [PROBE_PATIENCE]
 
 
-def test_rosapi_that_starts_later_and_disagrees_is_one_warning(lines: Callable[[], list[str]]) -> None:
+def test_late_rosapi_with_another_time_source_is_one_warning(lines: Callable[[], list[str]]) -> None:
     harness = time_stand(has_rosapi=False)
     harness.attach()
     assert harness.wall.began_at == [0.0]
@@ -208,7 +210,7 @@ def test_rosapi_that_starts_later_and_disagrees_is_one_warning(lines: Callable[[
     assert sum("--stamps sim makes both simulated" in line for line in lines()) == 1
 
 
-def test_socket_that_is_lost_before_the_time_is_told_settles_nothing() -> None:
+def test_socket_lost_before_the_time_answer_decides_nothing() -> None:
     harness = time_stand(value=True)
     harness.far.connect(harness.mirror, harness.connection)
     harness.far.cut(harness.mirror, harness.connection)
@@ -218,7 +220,7 @@ def test_socket_that_is_lost_before_the_time_is_told_settles_nothing() -> None:
     assert harness.num_attached == 1
 
 
-def test_mirror_that_has_left_announces_nothing_when_the_time_is_told() -> None:
+def test_time_answer_after_leaving_announces_nothing() -> None:
     harness = time_stand(value=True)
     harness.far.connect(harness.mirror, harness.connection)
     harness.mirror.leave(0.0)
@@ -227,9 +229,9 @@ def test_mirror_that_has_left_announces_nothing_when_the_time_is_told() -> None:
     assert not harness.far.ops("advertise_service")
 
 
-def test_in_ros_2_nobody_is_asked_and_stamps_are_the_time_of_day() -> None:
+def test_ros_2_uses_wall_clock_stamps_without_asking() -> None:
     bus = Bus(make_store_of_ros2())
-    far, wall = FarBridge(), Wall()
+    far, wall = FarBridge(), WallClockCounter()
     mirror = Mirror(bus, Car(bus), "ws://far:9090")
     mirror.stamps = wall.stamps()
     far.connect(mirror, mirror.connections[""])
@@ -241,7 +243,7 @@ def test_in_ros_2_nobody_is_asked_and_stamps_are_the_time_of_day() -> None:
 # What has gone and may come back
 
 
-def test_service_of_what_may_come_back_stays_announced_and_says_why_it_does_not_serve(harness: SimHarness) -> None:
+def test_service_of_a_departed_ego_stays_announced_and_gives_the_reason(harness: SimHarness) -> None:
     harness.mirror.why_gone = lambda name: "ego 2 has left" if name == "/honk" else ""
     program = Program(harness.far)
     harness.bus.withdraw(harness.car, "/honk")
@@ -261,7 +263,7 @@ def test_service_of_what_may_come_back_stays_announced_and_says_why_it_does_not_
     assert len(harness.far.ops("advertise_service")) == 1
 
 
-def test_service_of_what_may_come_back_is_announced_to_a_bridge_that_was_restarted() -> None:
+def test_service_of_a_departed_ego_is_announced_again_after_a_bridge_restart() -> None:
     for has_connection_each in (False, True):
         harness = SimHarness(has_connection_each=has_connection_each)
         harness.mirror.why_gone = lambda _name: "ego 2 has left"
@@ -277,7 +279,7 @@ def test_service_of_what_may_come_back_is_announced_to_a_bridge_that_was_restart
         assert "/honk" not in harness.far.bus.services
 
 
-def test_service_that_is_remembered_no_longer_is_taken_back_there(harness: SimHarness) -> None:
+def test_forgotten_service_is_unadvertised_at_the_far_bridge(harness: SimHarness) -> None:
     why = "ego 2 has left"
     harness.mirror.why_gone = lambda _name: why
     harness.bus.withdraw(harness.car, "/honk")
@@ -299,7 +301,7 @@ def lose_rosapi(harness: SimHarness, *, seconds: float = 10.0) -> float:
     return seconds
 
 
-def test_rosapi_that_is_lost_is_one_warning_and_its_return_has_everything_announced_anew(
+def test_lost_rosapi_is_one_warning_and_its_return_repeats_all_announcements(
     harness: SimHarness, lines: Callable[[], list[str]]
 ) -> None:
     harness.run(until=sum(SURVEY_DELAYS))
@@ -332,7 +334,7 @@ def test_rosapi_that_is_lost_is_one_warning_and_its_return_has_everything_announ
     assert program.received("service_response")[0]["values"]["message"] == "beep"
 
 
-def test_topics_that_the_bridge_does_not_register_anew_are_taken_back_for_long_enough(harness: SimHarness) -> None:
+def test_topics_are_unadvertised_long_enough_for_the_bridge_to_forget_them(harness: SimHarness) -> None:
     harness.run(until=sum(SURVEY_DELAYS))
     lose_rosapi(harness)
     Rosapi(harness.far.bus)
@@ -361,7 +363,7 @@ def test_topics_that_the_bridge_does_not_register_anew_are_taken_back_for_long_e
     assert [f["msg"] for f in program.received("publish")] == [{"data": 6}]
 
 
-def test_far_side_that_is_silent_has_not_lost_its_rosapi(harness: SimHarness, lines: Callable[[], list[str]]) -> None:
+def test_silent_far_bridge_has_not_lost_its_rosapi(harness: SimHarness, lines: Callable[[], list[str]]) -> None:
     harness.run(until=sum(SURVEY_DELAYS))
     harness.far.mute.add(PROBE)
     harness.run(until=60.0)
@@ -371,7 +373,7 @@ def test_far_side_that_is_silent_has_not_lost_its_rosapi(harness: SimHarness, li
     assert len(harness.far.ops("advertise")) == 2
 
 
-def test_one_refusal_is_no_loss(harness: SimHarness, lines: Callable[[], list[str]]) -> None:
+def test_single_refusal_does_not_count_as_a_lost_rosapi(harness: SimHarness, lines: Callable[[], list[str]]) -> None:
     harness.run(until=sum(SURVEY_DELAYS))
     lose_rosapi(harness, seconds=LOOK_PERIOD + 0.5)
     Rosapi(harness.far.bus)
@@ -380,7 +382,7 @@ def test_one_refusal_is_no_loss(harness: SimHarness, lines: Callable[[], list[st
     assert len(harness.far.ops("advertise")) == 2
 
 
-def test_bridge_that_dies_without_its_rosapi_is_announced_to_once(harness: SimHarness) -> None:
+def test_bridge_lost_after_its_rosapi_gets_one_round_of_announcements(harness: SimHarness) -> None:
     harness.run(until=sum(SURVEY_DELAYS))
     lose_rosapi(harness)
     harness.cut()
@@ -390,7 +392,7 @@ def test_bridge_that_dies_without_its_rosapi_is_announced_to_once(harness: SimHa
     assert len(harness.far.ops("advertise")) == 4, "two topics on each of two sockets"
 
 
-def test_topics_that_were_taken_back_return_though_the_first_socket_was_lost_meanwhile() -> None:
+def test_unadvertised_topics_return_after_a_lost_socket() -> None:
     harness = SimHarness(has_connection_each=True)
     harness.attach()
     harness.run(until=sum(SURVEY_DELAYS))

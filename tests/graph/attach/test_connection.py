@@ -1,4 +1,4 @@
-"""One connection to a bridge that we dial: questions, probes, and what is left of them when the socket goes."""
+"""One connection to a dialled bridge: questions, probes, and their end with the socket."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Wire:
         return [op for op in self.connection.receive(frame, now) if op is not None]
 
 
-class Words:
+class ReceivedAnswers:
     """What was heard."""
 
     def __init__(self) -> None:
@@ -61,8 +61,8 @@ class Words:
         self.heard.append((values, now))
 
 
-def test_a_question_is_a_call_and_its_answer_is_heard_once() -> None:
-    wire, words = Wire(), Words()
+def test_question_is_sent_as_a_call_and_its_answer_is_delivered_once() -> None:
+    wire, words = Wire(), ReceivedAnswers()
     wire.connection.ask("/rosapi/topics", words, 1.0)
     (call,) = wire.calls()
     assert call == {"op": "call_service", "id": call["id"], "service": "/rosapi/topics", "args": {}}
@@ -73,8 +73,8 @@ def test_a_question_is_a_call_and_its_answer_is_heard_once() -> None:
     assert wire.connection.due is None
 
 
-def test_a_refusal_or_silence_is_heard_as_nothing() -> None:
-    wire, words = Wire(), Words()
+def test_refused_or_unanswered_question_gives_none() -> None:
+    wire, words = Wire(), ReceivedAnswers()
     wire.connection.ask("/a", words, 0.0)
     wire.connection.ask("/b", words, 0.5)
     first, second = wire.calls()
@@ -84,8 +84,8 @@ def test_a_refusal_or_silence_is_heard_as_nothing() -> None:
     assert wire.answer(second["id"]) == []  # too late, and not taken for anybody else's
 
 
-def test_a_question_of_a_socket_that_is_gone_is_never_answered() -> None:
-    wire, words = Wire(), Words()
+def test_question_of_a_lost_socket_is_never_answered() -> None:
+    wire, words = Wire(), ReceivedAnswers()
     wire.connection.ask("/a", words, 0.0)
     (call,) = wire.calls()
     wire.connection.shut()
@@ -95,7 +95,7 @@ def test_a_question_of_a_socket_that_is_gone_is_never_answered() -> None:
     assert words.heard == []
 
 
-def test_what_waits_does_not_outlive_its_socket() -> None:
+def test_waiting_frames_do_not_outlive_their_socket() -> None:
     wire = Wire()
     wire.connection.offer("/t", b"{}")
     wire.connection.say("unsubscribe", topic="/t")
@@ -104,7 +104,7 @@ def test_what_waits_does_not_outlive_its_socket() -> None:
     assert wire.sent() == []
 
 
-def test_what_is_no_answer_to_us_is_handed_on() -> None:
+def test_other_frames_are_handed_on() -> None:
     wire = Wire()
     (op,) = wire.answer("of somebody else")
     assert isinstance(op, ops.ServiceResponse)
@@ -112,14 +112,14 @@ def test_what_is_no_answer_to_us_is_handed_on() -> None:
     assert isinstance(op, ops.ServiceResponse)
 
 
-def test_what_is_no_op_is_told_to_us_and_not_to_them() -> None:
+def test_malformed_frame_is_reported_here_and_not_to_the_far_bridge() -> None:
     wire = Wire()
     assert wire.receive(b"{]") == []
     assert len(wire.refused) == 1
     assert wire.sent() == []
 
 
-def test_a_mark_follows_half_a_window_and_its_answer_wakes_the_line() -> None:
+def test_probe_is_sent_after_half_a_window_and_its_answer_continues_sending() -> None:
     wire = Wire()
     wire.connection.offer("/t", FAT)
     (probe,) = wire.calls(5.0)
@@ -135,7 +135,7 @@ def test_a_mark_follows_half_a_window_and_its_answer_wakes_the_line() -> None:
 
 
 @pytest.mark.parametrize("number", ["7", "²", "9" * 5_000, "-1", "1.5", ""])
-def test_an_answer_to_a_mark_that_was_never_made_proves_nothing(number: str) -> None:
+def test_answer_to_an_unknown_probe_is_ignored(number: str) -> None:
     wire = Wire()
     for _ in range(4):
         wire.connection.offer("/t", FAT)
@@ -145,7 +145,7 @@ def test_an_answer_to_a_mark_that_was_never_made_proves_nothing(number: str) -> 
     assert FAT not in wire.sent()
 
 
-def test_silence_lets_more_out_and_wakes_the_line() -> None:
+def test_silence_allows_more_frames_and_continues_sending() -> None:
     wire = Wire()
     for _ in range(4):
         wire.connection.offer("/t", FAT)
@@ -158,7 +158,7 @@ def test_silence_lets_more_out_and_wakes_the_line() -> None:
 
 
 @pytest.mark.parametrize("probe", ["mark:1", "mark:x", "mark:"])
-def test_a_refused_or_odd_mark_ends_the_marks_for_a_while(probe: str) -> None:
+def test_refused_or_odd_probe_stops_probing_for_a_while(probe: str) -> None:
     wire = Wire()
     for _ in range(4):
         wire.connection.offer("/t", FAT)

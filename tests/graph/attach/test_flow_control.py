@@ -1,4 +1,4 @@
-"""How much is sent ahead of a far side that holds nobody back."""
+"""Flow control towards a far bridge that has no back-pressure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def spend(credit: FlowControl, num_halves: int) -> None:
         credit.note_sent(HALF)
 
 
-def test_a_mark_is_wanted_after_half_a_window_and_nothing_more_is_sent_after_a_whole_one() -> None:
+def test_probe_is_due_after_half_a_window_and_sending_stops_after_a_whole_window() -> None:
     credit = FlowControl()
     assert not credit.wants_probe
     spend(credit, 1)
@@ -27,13 +27,13 @@ def test_a_mark_is_wanted_after_half_a_window_and_nothing_more_is_sent_after_a_w
     assert credit.is_blocked
 
 
-def test_small_frames_cost_more_than_their_bytes() -> None:
+def test_small_frames_count_more_than_their_bytes() -> None:
     credit = FlowControl()
     credit.note_sent([b"{}"] * (MAX_IN_FLIGHT // (FRAME_COST + 2) + 1))
     assert credit.is_blocked
 
 
-def test_an_answer_proves_what_was_sent_before_its_mark() -> None:
+def test_answer_confirms_all_bytes_sent_before_its_probe() -> None:
     credit = FlowControl()
     spend(credit, 1)
     number = credit.probe(0.0)
@@ -45,7 +45,7 @@ def test_an_answer_proves_what_was_sent_before_its_mark() -> None:
     assert credit.is_blocked
 
 
-def test_where_marks_are_refused_everything_may_be_sent_until_they_are_tried_again_ever_more_seldom() -> None:
+def test_refused_probes_allow_all_sending_and_are_retried_with_back_off() -> None:
     credit = FlowControl()
     now = 0.0
     waits: list[float] = []
@@ -72,7 +72,7 @@ def test_where_marks_are_refused_everything_may_be_sent_until_they_are_tried_aga
     assert credit.is_blocked
 
 
-def test_silence_lets_half_a_window_out_and_each_time_later() -> None:
+def test_silence_allows_half_a_window_with_growing_delays() -> None:
     credit = FlowControl()
     now, waits = 0.0, []
     spend(credit, 2)
@@ -109,7 +109,7 @@ def test_a_late_answer_counts_like_any_other() -> None:
 
 
 @pytest.mark.parametrize("number", [0, 7, 10**9])
-def test_an_answer_to_no_mark_proves_nothing(number: int) -> None:
+def test_answer_to_an_unknown_probe_confirms_nothing(number: int) -> None:
     credit = FlowControl()
     spend(credit, 2)
     credit.probe(0.0)
@@ -117,7 +117,7 @@ def test_an_answer_to_no_mark_proves_nothing(number: int) -> None:
     assert credit.is_blocked
 
 
-def test_marks_without_an_answer_are_bounded() -> None:
+def test_unanswered_probes_are_bounded() -> None:
     credit = FlowControl()
     now = 0.0
     for _ in range(1_000):

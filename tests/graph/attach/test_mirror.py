@@ -1,4 +1,4 @@
-"""A simulator behind somebody else's rosbridge, both sides in memory: what each hears, and when."""
+"""A simulator behind a foreign rosbridge, both in memory: messages in both directions, and their order."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tests.graph.bus_fixture import make_peer
 # What goes over it
 
 
-def test_messages_and_what_is_latched_reach_programs_there(harness: SimHarness) -> None:
+def test_plain_and_latched_messages_reach_programs_at_the_far_bridge(harness: SimHarness) -> None:
     program = Program(harness.far)
     program.send("subscribe", topic="/state")
     program.send("subscribe", topic="/plate")
@@ -38,7 +38,7 @@ def test_messages_and_what_is_latched_reach_programs_there(harness: SimHarness) 
     ]
 
 
-def test_bytes_are_shared_with_a_client_of_ours(harness: SimHarness) -> None:
+def test_encoded_bytes_are_shared_with_local_clients(harness: SimHarness) -> None:
     client, outbox = make_peer(harness.bus)
     client.receive(b'{"op":"subscribe","topic":"/state"}', 0.0)
     harness.car.show("/state", data=5)
@@ -46,7 +46,7 @@ def test_bytes_are_shared_with_a_client_of_ours(harness: SimHarness) -> None:
     assert harness.connection.take(2**30, 0.0)[-1] is ours
 
 
-def test_others_messages_on_a_topic_of_the_simulator_stay_here() -> None:
+def test_messages_of_local_clients_on_a_topic_of_the_simulator_are_not_mirrored() -> None:
     harness = SimHarness()
     shared = harness.bus.advertise(harness.car, "/shared", "std_msgs/Int32")
     harness.attach()
@@ -58,7 +58,7 @@ def test_others_messages_on_a_topic_of_the_simulator_stay_here() -> None:
     assert [frame["topic"] for frame in harness.far.ops("publish")] == ["/plate"]
 
 
-def test_a_command_there_drives_here(harness: SimHarness) -> None:
+def test_command_at_the_far_bridge_drives_the_car(harness: SimHarness) -> None:
     program = Program(harness.far)
     program.send("advertise", topic="/pedal", type="std_msgs/Float64")
     program.send("publish", topic="/pedal", msg={"data": 0.5})
@@ -66,7 +66,7 @@ def test_a_command_there_drives_here(harness: SimHarness) -> None:
     assert harness.car.heard == [0.5]
 
 
-def test_a_call_there_is_answered_after_what_it_has_moved(harness: SimHarness) -> None:
+def test_call_at_the_far_bridge_is_answered_after_the_topics_it_caused(harness: SimHarness) -> None:
     program = Program(harness.far)
     program.send("subscribe", topic="/state")
     program.send("call_service", service="/honk", id="7", args={"data": True})
@@ -77,7 +77,7 @@ def test_a_call_there_is_answered_after_what_it_has_moved(harness: SimHarness) -
     assert (answer["id"], answer["result"]) == ("7", True)
 
 
-def test_all_programs_there_are_one_caller_that_stays_when_the_bridge_is_lost(harness: SimHarness) -> None:
+def test_programs_at_the_far_bridge_are_one_caller_that_outlives_a_lost_bridge(harness: SimHarness) -> None:
     gone: list[Participant] = []
     harness.bus.on_leave.append(lambda owner, _now: gone.append(owner))
     for _ in range(2):
@@ -91,7 +91,7 @@ def test_all_programs_there_are_one_caller_that_stays_when_the_bridge_is_lost(ha
     assert gone == []
 
 
-def test_a_refusal_has_an_object_for_its_values_and_says_why_beside_it(harness: SimHarness) -> None:
+def test_refusal_has_an_empty_object_for_values_and_a_reason(harness: SimHarness) -> None:
     program = Program(harness.far)
     harness.car.refusal = "the horn is broken"
     program.send("call_service", service="/honk", id="7", args={})
@@ -105,9 +105,7 @@ def test_a_refusal_has_an_object_for_its_values_and_says_why_beside_it(harness: 
     ]
 
 
-def test_a_call_that_the_simulator_cannot_answer_is_a_line_and_no_mistake(
-    harness: SimHarness, lines: Callable[[], list[str]]
-) -> None:
+def test_call_that_cannot_be_answered_is_one_log_line(harness: SimHarness, lines: Callable[[], list[str]]) -> None:
     harness.bus.provide(harness.car, "/fail", "std_srvs/Empty", lambda call, _now: call.refuse("no more world"))
     harness.pump()
     Program(harness.far).send("call_service", service="/fail", id="7")
@@ -116,13 +114,13 @@ def test_a_call_that_the_simulator_cannot_answer_is_a_line_and_no_mistake(
     assert harness.noted == []
 
 
-def test_a_call_of_what_is_not_ours_is_refused(harness: SimHarness) -> None:
+def test_call_of_an_unknown_service_is_refused(harness: SimHarness) -> None:
     harness.receive({"op": "call_service", "service": "/rosapi/topics", "id": "service_request:x:1", "args": {}})
     harness.pump()
     assert harness.far.ops("service_response")[-1]["result"] is False
 
 
-def test_an_answer_is_not_sent_over_another_socket() -> None:
+def test_answer_is_not_sent_over_a_later_socket() -> None:
     harness = SimHarness()
     late: list[Call] = []
     harness.bus.provide(harness.car, "/slow", "std_srvs/Empty", lambda call, _now: late.append(call))
@@ -139,7 +137,7 @@ def test_an_answer_is_not_sent_over_another_socket() -> None:
 # A far side that is slow
 
 
-def test_no_more_is_sent_than_the_far_side_handles(harness: SimHarness) -> None:
+def test_sending_stops_at_the_window_of_the_far_bridge(harness: SimHarness) -> None:
     harness.far.mute.add(PROBE)
     harness.far.frames.clear()
     harness.flood()
@@ -151,7 +149,7 @@ def test_no_more_is_sent_than_the_far_side_handles(harness: SimHarness) -> None:
     assert not harness.connection.flow_control.is_late
 
 
-def test_a_far_side_that_stands_still_is_told_of_once_and_again_when_it_goes_on(
+def test_stalled_far_bridge_is_logged_once_and_once_when_it_resumes(
     harness: SimHarness, lines: Callable[[], list[str]]
 ) -> None:
     harness.far.mute.add(PROBE)
@@ -168,7 +166,7 @@ def test_a_far_side_that_stands_still_is_told_of_once_and_again_when_it_goes_on(
     assert f"it keeps up again; {harness.connection.outbox.dropped.total():,} messages" in line
 
 
-def test_an_answer_stays_behind_its_topics_when_both_wait(harness: SimHarness) -> None:
+def test_waiting_answer_stays_behind_its_topics(harness: SimHarness) -> None:
     harness.far.mute.add(PROBE)
     harness.flood()
     program = Program(harness.far)
@@ -183,7 +181,7 @@ def test_an_answer_stays_behind_its_topics_when_both_wait(harness: SimHarness) -
     assert answer["op"] == "service_response"
 
 
-def test_a_far_side_without_rosapi_gets_everything_at_once(lines: Callable[[], list[str]]) -> None:
+def test_far_bridge_without_rosapi_gets_all_announcements_at_once(lines: Callable[[], list[str]]) -> None:
     harness = SimHarness(has_rosapi=False)
     harness.attach()
     assert harness.num_attached == 1
@@ -193,7 +191,7 @@ def test_a_far_side_without_rosapi_gets_everything_at_once(lines: Callable[[], l
     assert sum("rosapi does not answer there" in line for line in lines()) == 1
 
 
-def test_rosapi_that_starts_after_its_bridge_is_asked_all_the_same(lines: Callable[[], list[str]]) -> None:
+def test_rosapi_that_starts_after_its_bridge_is_asked(lines: Callable[[], list[str]]) -> None:
     """It is a program of its own: a bridge that was started again is dialled before it is there."""
     harness = SimHarness(has_rosapi=False)
     make_deaf(harness, "/honk")
@@ -209,7 +207,7 @@ def test_rosapi_that_starts_after_its_bridge_is_asked_all_the_same(lines: Callab
     assert len(harness.far.ops("call_service")) > num_probes  # from now on it is known how far it is
 
 
-def test_a_far_side_that_answers_nothing_is_attached_all_the_same() -> None:
+def test_silent_far_bridge_is_attached() -> None:
     harness = SimHarness()
     harness.far.mute.update({PROBE, "/rosapi/services", "/rosapi/topics"})
     harness.attach()
@@ -231,7 +229,7 @@ def test_a_far_side_that_answers_nothing_is_attached_all_the_same() -> None:
         ({"op": "status", "level": "error", "msg": "hm"}, "it says: [error] hm"),
     ],
 )
-def test_nonsense_is_a_line_in_the_log(
+def test_malformed_frame_is_one_log_line(
     harness: SimHarness,
     lines: Callable[[], list[str]],
     frame: Any,  # noqa: ANN401 - bytes or an object
@@ -277,7 +275,7 @@ def test_nonsense_is_a_line_in_the_log(
         ),
     ],
 )
-def test_mistake_of_a_program_there_is_noted_as_that_of_a_client(
+def test_error_of_a_program_at_the_far_bridge_is_recorded_as_a_client_refusal(
     harness: SimHarness,
     frame: Any,  # noqa: ANN401 - bytes or an object
     expected: tuple[Reason, str, str],
@@ -292,7 +290,7 @@ def test_mistake_of_a_program_there_is_noted_as_that_of_a_client(
 @pytest.mark.parametrize(
     "values", [b"", b"null", b"3", b'"text"', b"{]", b'{"services":3}', b'{"time":4}', b'{"topics":[1]}']
 )
-def test_answers_that_make_no_sense_are_none(values: bytes) -> None:
+def test_malformed_answers_are_ignored(values: bytes) -> None:
     harness = SimHarness()
     harness.far.mute.update({PROBE, "/rosapi/services", "/rosapi/topics"})
     harness.attach()
@@ -307,7 +305,7 @@ def test_answers_that_make_no_sense_are_none(values: bytes) -> None:
     assert harness.num_attached == 1
 
 
-def test_a_flood_of_nonsense_is_a_few_lines(harness: SimHarness, lines: Callable[[], list[str]]) -> None:
+def test_flood_of_malformed_frames_is_a_few_log_lines(harness: SimHarness, lines: Callable[[], list[str]]) -> None:
     lines()
     for _ in range(1_000):
         harness.receive({"op": "publish", "topic": "/nobody", "msg": {}})
@@ -316,7 +314,7 @@ def test_a_flood_of_nonsense_is_a_few_lines(harness: SimHarness, lines: Callable
     assert f"and {1_000 - MAX_LINES} lines more" in lines()[0]
 
 
-def test_names_that_a_far_side_makes_up_fill_neither_memory_nor_log(
+def test_invented_names_of_a_far_bridge_fill_neither_memory_nor_log(
     harness: SimHarness, lines: Callable[[], list[str]]
 ) -> None:
     lines()
@@ -329,7 +327,7 @@ def test_names_that_a_far_side_makes_up_fill_neither_memory_nor_log(
     assert max(map(len, said)) < 600
 
 
-def test_pieces_that_nobody_asked_for_are_put_together(harness: SimHarness) -> None:
+def test_unrequested_fragments_are_joined(harness: SimHarness) -> None:
     """With a float for the total and the number 0 for the id, as rosbridge_suite sends them."""
     text = json.dumps({"op": "publish", "topic": "/pedal", "msg": {"data": 0.25}})
     for num, piece in enumerate((text[:20], text[20:40], text[40:])):
@@ -337,7 +335,9 @@ def test_pieces_that_nobody_asked_for_are_put_together(harness: SimHarness) -> N
     assert harness.car.heard == [0.25]
 
 
-def test_what_a_program_there_would_be_told_is_noted(harness: SimHarness, lines: Callable[[], list[str]]) -> None:
+def test_refusals_of_programs_at_the_far_bridge_are_recorded(
+    harness: SimHarness, lines: Callable[[], list[str]]
+) -> None:
     harness.receive({"op": "publish", "topic": "/pedal", "msg": {"data": -1.0}})
     told, _ = harness.noted
     assert (told.reason, told.subject, told.text) == (Reason.NOT_NOW, "/pedal", "the pedal goes down only")
@@ -349,7 +349,7 @@ def test_what_a_program_there_would_be_told_is_noted(harness: SimHarness, lines:
     assert len(harness.noted) == 4
 
 
-def test_what_is_told_later_is_noted_with_the_op_that_it_is_about(harness: SimHarness) -> None:
+def test_late_refusal_is_recorded_with_its_op(harness: SimHarness) -> None:
     tells: list[Notify] = []
     harness.car.on_call = lambda call: tells.append(notifier(call.caller))
     harness.receive(HONK)
@@ -363,7 +363,7 @@ def test_what_is_told_later_is_noted_with_the_op_that_it_is_about(harness: SimHa
 # What has to wait
 
 
-class Slow:
+class SlowService:
     """Holds whoever calls the car, until a test says that it is over."""
 
     def __init__(self, car: Car) -> None:
@@ -386,7 +386,7 @@ def pedal(value: float) -> Frame:
 
 
 def test_what_comes_behind_a_call_that_takes_its_time_waits_on_its_connection(harness: SimHarness) -> None:
-    slow = Slow(harness.car)
+    slow = SlowService(harness.car)
     released: list[BridgeConnection] = []
     harness.connection.on_released = lambda: released.append(harness.connection)
     harness.receive(pedal(0.1))
@@ -403,7 +403,7 @@ def test_what_comes_behind_a_call_that_takes_its_time_waits_on_its_connection(ha
 
 
 def test_held_connection_still_hears_how_far_the_far_side_has_got(harness: SimHarness) -> None:
-    slow = Slow(harness.car)
+    slow = SlowService(harness.car)
     harness.receive(HONK)
     harness.flood()
     harness.pump()
@@ -415,7 +415,7 @@ def test_held_connection_still_hears_how_far_the_far_side_has_got(harness: SimHa
 def test_other_connections_go_on_while_one_is_held() -> None:
     harness = SimHarness(has_connection_each=True)
     harness.attach()
-    slow = Slow(harness.car)
+    slow = SlowService(harness.car)
     horn, pedals = harness.mirror.connections["service /honk"], harness.mirror.connections["input /pedal"]
     harness.mirror.receive(horn, json.dumps(HONK).encode(), 0.0)
     assert (horn.is_held, pedals.is_held) == (True, False)
@@ -424,8 +424,8 @@ def test_other_connections_go_on_while_one_is_held() -> None:
     slow.end()
 
 
-def test_socket_that_is_lost_takes_with_it_what_waited_and_the_next_one_is_not_held(harness: SimHarness) -> None:
-    slow = Slow(harness.car)
+def test_lost_socket_drops_its_waiting_frames_and_the_next_one_is_not_held(harness: SimHarness) -> None:
+    slow = SlowService(harness.car)
     harness.receive(HONK)
     harness.receive(pedal(0.1))
     harness.cut()
@@ -441,8 +441,8 @@ def test_socket_that_is_lost_takes_with_it_what_waited_and_the_next_one_is_not_h
     assert harness.car.heard == [0.2, 0.3]
 
 
-def test_mirror_that_has_left_does_nothing_of_what_waited(harness: SimHarness) -> None:
-    slow = Slow(harness.car)
+def test_frames_that_waited_are_dropped_once_the_mirror_has_left(harness: SimHarness) -> None:
+    slow = SlowService(harness.car)
     harness.receive(HONK)
     harness.receive(pedal(0.1))
     harness.mirror.leave(0.0)
@@ -451,8 +451,8 @@ def test_mirror_that_has_left_does_nothing_of_what_waited(harness: SimHarness) -
     assert harness.car.heard == []
 
 
-def test_long_backlog_is_done_in_turns_and_stops_the_reading_before_it_grows_without_end(harness: SimHarness) -> None:
-    slow = Slow(harness.car)
+def test_long_backlog_is_handled_in_turns_and_pauses_reading(harness: SimHarness) -> None:
+    slow = SlowService(harness.car)
     harness.receive(HONK)
     num = 0
     while not harness.connection.is_full:

@@ -11,7 +11,7 @@ from tests.graph.attach.mirror_harness import Program, SimHarness
 # What comes and goes
 
 
-def test_what_comes_and_goes_here_comes_and_goes_there(harness: SimHarness) -> None:
+def test_advertisements_follow_the_topics_of_the_simulator(harness: SimHarness) -> None:
     harness.bus.advertise(harness.car, "/Ego-2/state", "std_msgs/Int32")
     pedal = harness.bus.subscribe(harness.car, "/Ego-2/pedal", lambda *_: None, type_name="std_msgs/Float64")
     harness.bus.provide(harness.car, "/Ego-2/honk", "std_srvs/Empty", lambda *_: None)
@@ -33,7 +33,7 @@ def test_what_comes_and_goes_here_comes_and_goes_there(harness: SimHarness) -> N
 
 
 @pytest.mark.parametrize("has_connection_each", [False, True])
-def test_a_service_that_gets_another_name_while_it_is_called_answers_first(*, has_connection_each: bool) -> None:
+def test_service_renamed_during_a_call_answers_first(*, has_connection_each: bool) -> None:
     harness = SimHarness(has_connection_each=has_connection_each)
     harness.attach()
     calls: list[Call] = []
@@ -53,7 +53,7 @@ def test_a_service_that_gets_another_name_while_it_is_called_answers_first(*, ha
     assert "/rename" not in harness.far.bus.services
 
 
-def test_leaving_takes_everything_away_on_both_sides(harness: SimHarness) -> None:
+def test_leaving_removes_all_advertisements_and_subscriptions(harness: SimHarness) -> None:
     harness.mirror.leave(0.0)
     harness.pump()
     assert "/honk" not in harness.far.bus.services

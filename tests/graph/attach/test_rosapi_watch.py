@@ -1,4 +1,4 @@
-"""The state of a far side's rosapi, call by call."""
+"""State of a far bridge's rosapi, call by call."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from rosbridge_sim.graph.attach.rosapi_watch import LOOK_PERIOD, LOST_PERIOD, Ro
         ("ynnyynny", "..LB..LB"),
     ],
 )
-def test_two_refusals_in_a_row_are_a_loss(calls: str, news: str) -> None:
+def test_two_refusals_in_a_row_count_as_a_lost_rosapi(calls: str, news: str) -> None:
     watch = RosapiWatch()
     seen = [watch.note_reply(0.0, is_answered=call == "y") for call in calls]
     letters = {RosapiChange.NOTHING_NEW: ".", RosapiChange.LOST: "L", RosapiChange.BACK: "B"}
     assert "".join(letters[one] for one in seen) == news
 
 
-def test_it_is_asked_more_often_once_it_has_refused() -> None:
+def test_rosapi_is_asked_more_often_after_a_refusal() -> None:
     watch = RosapiWatch()
     assert watch.due is None
     watch.start(10.0)
@@ -44,7 +44,7 @@ def test_it_is_asked_more_often_once_it_has_refused() -> None:
     assert watch.due == 18.0 + LOOK_PERIOD
 
 
-def test_next_connection_begins_with_nothing_known() -> None:
+def test_new_connection_starts_without_knowledge_of_rosapi() -> None:
     watch = RosapiWatch()
     watch.start(0.0)
     for is_answered in (True, False, False):

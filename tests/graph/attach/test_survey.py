@@ -11,7 +11,7 @@ from tests.graph.attach.mirror_harness import Car, Program, SimHarness, make_dea
 # What it lacks
 
 
-def test_services_that_it_has_already_are_one_line_and_are_taken_over(lines: Callable[[], list[str]]) -> None:
+def test_existing_services_are_taken_over_with_one_log_line(lines: Callable[[], list[str]]) -> None:
     harness = SimHarness()
     other = Program(harness.far)
     other.send("advertise_service", service="/honk", type="std_srvs/SetBool")
@@ -25,7 +25,7 @@ def test_services_that_it_has_already_are_one_line_and_are_taken_over(lines: Cal
     assert [line for line in lines() if "already" in line] == []
 
 
-def test_a_package_that_it_does_not_know_is_one_line_that_names_it(lines: Callable[[], list[str]]) -> None:
+def test_missing_package_at_the_far_bridge_is_one_log_line(lines: Callable[[], list[str]]) -> None:
     harness = SimHarness()
     make_deaf(harness, "/honk")
     harness.attach()
@@ -43,7 +43,7 @@ def test_a_package_that_it_does_not_know_is_one_line_that_names_it(lines: Callab
     assert harness.car.state.has_listener  # the others go on
 
 
-def test_a_topic_that_it_alone_does_not_have_may_be_denied(lines: Callable[[], list[str]]) -> None:
+def test_missing_topic_at_the_far_bridge_is_reported_as_possibly_denied(lines: Callable[[], list[str]]) -> None:
     harness = SimHarness()
     make_deaf(harness, "/state")
     harness.attach()
@@ -52,7 +52,7 @@ def test_a_topic_that_it_alone_does_not_have_may_be_denied(lines: Callable[[], l
     assert "it does not have /state (std_msgs/Int32): its std_msgs may be of another release" in line
 
 
-def test_a_topic_that_is_of_another_type_there_is_told(lines: Callable[[], list[str]]) -> None:
+def test_topic_of_another_type_at_the_far_bridge_is_reported(lines: Callable[[], list[str]]) -> None:
     harness = SimHarness()
     Program(harness.far).send("advertise", topic="/state", type="std_msgs/String")
     harness.attach()
@@ -60,7 +60,9 @@ def test_a_topic_that_is_of_another_type_there_is_told(lines: Callable[[], list[
     assert any("/state is std_msgs/String there and not std_msgs/Int32" in line for line in lines())
 
 
-def test_a_status_about_a_package_is_the_same_line(harness: SimHarness, lines: Callable[[], list[str]]) -> None:
+def test_status_about_a_missing_package_gives_the_same_log_line(
+    harness: SimHarness, lines: Callable[[], list[str]]
+) -> None:
     text = "Unable to import std_msgs.msg from package std_msgs. Caused by: no module"
     for name in ("/state", "/plate"):
         harness.receive({"op": "status", "level": "error", "msg": text, "id": f"advertise:{name}"})
@@ -68,7 +70,7 @@ def test_a_status_about_a_package_is_the_same_line(harness: SimHarness, lines: C
     assert "it does not know the package std_msgs, and so not /state, /plate, /pedal: build the package" in line
 
 
-def test_a_package_of_which_we_have_nothing_is_told_in_its_own_words(
+def test_status_about_an_unknown_package_is_logged_verbatim(
     harness: SimHarness, lines: Callable[[], list[str]]
 ) -> None:
     """What ours is made of, or something of somebody else's."""
@@ -78,7 +80,7 @@ def test_a_package_of_which_we_have_nothing_is_told_in_its_own_words(
     assert lines() == [f"ws://far:9090: it says of advertise:/state: [error] {text}"]
 
 
-def test_a_simulator_that_is_there_already_is_one_line(lines: Callable[[], list[str]]) -> None:
+def test_second_simulator_at_the_far_bridge_is_one_log_line(lines: Callable[[], list[str]]) -> None:
     harness = SimHarness()
     Car(harness.far.bus)
     harness.attach()
@@ -87,7 +89,7 @@ def test_a_simulator_that_is_there_already_is_one_line(lines: Callable[[], list[
     assert "it has a simulator of its own (/car)" in warnings[0]
 
 
-def test_the_other_generation_of_ros_is_told(lines: Callable[[], list[str]]) -> None:
+def test_far_bridge_of_the_other_ros_version_is_reported(lines: Callable[[], list[str]]) -> None:
     harness = SimHarness()
     harness.far.mute.add(PROBE)
     harness.attach()

@@ -1,4 +1,4 @@
-"""The tree of frames, judged by matrices."""
+"""The tree of frames, compared with matrices."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from tests.graph.bus_fixture import make_bus, make_peer, make_store
 Matrix = npt.NDArray[np.float64]
 
 
-class Teller:
+class TransformSource:
     """Whoever tells of transforms."""
 
     def __init__(self, name: str = "/notifier") -> None:
@@ -38,7 +38,7 @@ class Teller:
         raise AssertionError(f"{level}: {text}")
 
 
-TELLER = Teller()
+TELLER = TransformSource()
 
 
 def stamped(parent: str, child: str, pose: Transform = IDENTITY, frame: int = 0) -> Struct:
@@ -99,7 +99,7 @@ def matrix(pose: Transform) -> Matrix:
     return m
 
 
-def test_poses_multiply_as_their_matrices_do() -> None:
+def test_poses_multiply_like_matrices() -> None:
     rng = np.random.default_rng(1)
     for _ in range(100):
         a, b = random_pose(rng), random_pose(rng)
@@ -107,7 +107,7 @@ def test_poses_multiply_as_their_matrices_do() -> None:
         np.testing.assert_allclose(matrix(invert(a)), np.linalg.inv(matrix(a)), atol=1e-12)
 
 
-def test_the_turn_between_two_orientations_is_the_angle_of_their_matrices() -> None:
+def test_angle_between_two_orientations_equals_that_of_their_matrices() -> None:
     rng = np.random.default_rng(2)
     for _ in range(100):
         a, b = random_pose(rng), random_pose(rng)
@@ -120,7 +120,7 @@ def test_the_turn_between_two_orientations_is_the_angle_of_their_matrices() -> N
         assert turn(IDENTITY, turned) == pytest.approx(angle, rel=1e-9)
 
 
-def test_every_frame_of_a_tree_is_found_in_every_other() -> None:
+def test_transform_between_any_two_frames_of_a_tree_is_found() -> None:
     rng = np.random.default_rng(3)
     frames, in_root = TransformBuffer(), {"f0": np.eye(4)}
     for i in range(1, 25):
@@ -134,14 +134,14 @@ def test_every_frame_of_a_tree_is_found_in_every_other() -> None:
             assert math.hypot(*pose[3:]) == pytest.approx(1.0, abs=1e-12)
 
 
-def test_a_single_transform_comes_out_bit_for_bit() -> None:
+def test_single_transform_is_returned_bit_for_bit() -> None:
     frames, pose = TransformBuffer(), Transform(1e6 + 0.1, -2.3, 0.7, 0.0, 0.0, math.sin(0.15), math.cos(0.15))
     put(frames, "map", "base_link", pose, 7)
     assert find(frames, "map", "base_link").pose == pose
     assert find(frames, "base_link", "base_link").pose == IDENTITY
 
 
-def test_the_latest_transform_counts_and_the_oldest_time_on_the_way_is_told() -> None:
+def test_lookup_uses_latest_transforms_and_reports_the_oldest_stamp() -> None:
     frames = TransformBuffer()
     put(frames, "map", "odom", frame=100)
     put(frames, "odom", "base", frame=150)
@@ -154,7 +154,7 @@ def test_the_latest_transform_counts_and_the_oldest_time_on_the_way_is_told() ->
     assert (placed.pose.x, seconds(placed)) == (5.0, 3.0)
 
 
-def test_a_frame_has_one_parent_and_one_way_of_being() -> None:
+def test_frame_has_one_parent_and_is_static_or_moving() -> None:
     frames = TransformBuffer()
     put(frames, "a", "x", static=True)
     put(frames, "b", "x", frame=1)
@@ -165,7 +165,7 @@ def test_a_frame_has_one_parent_and_one_way_of_being() -> None:
     assert len(frames) == 1
 
 
-def test_what_does_not_hang_together_is_not_found() -> None:
+def test_unconnected_frames_have_no_transform() -> None:
     frames = TransformBuffer()
     assert frames.look_up("a", "b") is None
     put(frames, "root", "a")
@@ -175,7 +175,7 @@ def test_what_does_not_hang_together_is_not_found() -> None:
     assert frames.look_up("nobody", "a") is None
 
 
-def test_circles_and_endless_chains_end() -> None:
+def test_lookup_in_circles_and_long_chains_ends() -> None:
     frames = TransformBuffer()
     put(frames, "a", "b")
     put(frames, "b", "c")
@@ -188,7 +188,7 @@ def test_circles_and_endless_chains_end() -> None:
     assert frames.look_up("n0", f"n{MAX_TREE_DEPTH + 2}") is None
 
 
-def test_who_was_told_longest_ago_goes_first_and_static_frames_stay() -> None:
+def test_least_recently_updated_frame_is_evicted_first_and_static_frames_stay() -> None:
     frames = TransformBuffer()
     put(frames, "map", "fixed", static=True)
     put(frames, "map", "base")
@@ -202,7 +202,7 @@ def test_who_was_told_longest_ago_goes_first_and_static_frames_stay() -> None:
 
 
 @pytest.mark.parametrize("is_static", [True, False])
-def test_client_that_tells_too_many_frames_pushes_out_its_own_and_none_of_the_servers(*, is_static: bool) -> None:
+def test_client_with_too_many_frames_evicts_only_its_own(*, is_static: bool) -> None:
     client, _ = make_peer(make_bus())
     frames = TransformBuffer()
     put(frames, "map", "base", Transform(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0), static=is_static)
@@ -214,8 +214,8 @@ def test_client_that_tells_too_many_frames_pushes_out_its_own_and_none_of_the_se
     assert frames.look_up("map", f"client_{MAX_TF_FRAMES + 4}") is not None
 
 
-def test_moving_frames_of_some_can_be_forgotten() -> None:
-    frames, other = TransformBuffer(), Teller("/other")
+def test_moving_frames_of_one_source_can_be_forgotten() -> None:
+    frames, other = TransformBuffer(), TransformSource("/other")
     put(frames, "map", "mine")
     put(frames, "map", "fixed", static=True)
     frames.put(stamped("map", "theirs"), other, is_static=False)
@@ -245,15 +245,13 @@ def test_orientations_are_normalised() -> None:
         ("map", "x", Transform(math.inf, 0, 0, 0, 0, 0, 1), "no place"),
     ],
 )
-def test_what_is_no_transform_is_refused_and_nothing_is_kept(
-    parent: str, child: str, pose: Transform, text: str
-) -> None:
+def test_invalid_transform_is_refused_and_nothing_is_kept(parent: str, child: str, pose: Transform, text: str) -> None:
     frames = TransformBuffer()
     with pytest.raises(GraphError, match=text):
         put(frames, parent, child, pose)
     assert len(frames) == 0
 
 
-def test_a_slash_before_a_name_is_none() -> None:
+def test_leading_slash_of_a_frame_name_is_ignored() -> None:
     assert frame_name("/map") == frame_name("map") == "map"
     assert frame_name("/Ego-2/base_link") == "Ego-2/base_link"

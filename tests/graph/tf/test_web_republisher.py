@@ -1,4 +1,4 @@
-"""Transforms for those who ask, in all three ways; time and transforms come from the test's hand."""
+"""Transforms on request, by all three routes; the test sets time and transforms."""
 
 from __future__ import annotations
 
@@ -46,10 +46,10 @@ def written(parent: str, child: str, pose: Transform, secs: float = 0.0) -> dict
     }
 
 
-class Somebody:
+class RepublisherClient:
     """Somebody on the bus."""
 
-    def __init__(self, scene: Stage, name: str = "/somebody") -> None:
+    def __init__(self, scene: RepublisherFixture, name: str = "/somebody") -> None:
         self.name = name
         self.told: list[tuple[str, str]] = []
         self.heard: list[tuple[float, dict[str, Any]]] = []
@@ -112,18 +112,18 @@ class Somebody:
         return [seconds for seconds, _ in self.heard]
 
 
-class Stage:
+class RepublisherFixture:
     """A bus with a republisher, and somebody who publishes transforms."""
 
     def __init__(self) -> None:
         self.bus = make_bus()
         self.now = 1000.0
         self.is_stamp_standing = False
-        self.world = Somebody(self, "/world")
+        self.world = RepublisherClient(self, "/world")
         self.republisher = WebRepublisher(self.bus)
 
-    def somebody(self) -> Somebody:
-        return Somebody(self)
+    def somebody(self) -> RepublisherClient:
+        return RepublisherClient(self)
 
     @property
     def seconds(self) -> float:
@@ -166,8 +166,8 @@ class Stage:
 # What is told
 
 
-def test_rates_count_in_simulated_time_whatever_messages_are_stamped_with() -> None:
-    scene = Stage()
+def test_rate_counts_in_simulated_time_regardless_of_stamps() -> None:
+    scene = RepublisherFixture()
     scene.is_stamp_standing = True
     client = scene.somebody()
     client.listen(client.ask("base_link", rate=10.0))
@@ -176,8 +176,8 @@ def test_rates_count_in_simulated_time_whatever_messages_are_stamped_with() -> N
     assert len(client.heard) == 5, "once in each tenth of a second from 0.02 s to 0.40 s"
 
 
-def test_the_answer_names_a_topic_where_what_is_known_waits() -> None:
-    scene = Stage()
+def test_answer_names_a_topic_that_has_the_known_transforms_latched() -> None:
+    scene = RepublisherFixture()
     scene.frame(at(3.0, 0.5))
     scene.world.publish(written("/base_link", "/lidar", at(1.5)), topic="/tf_static")
     who = scene.somebody()
@@ -196,8 +196,8 @@ def test_the_answer_names_a_topic_where_what_is_known_waits() -> None:
     assert rotation == pytest.approx({"x": 0.0, "y": 0.0, "z": math.sin(0.25), "w": math.cos(0.25)})
 
 
-def test_transforms_go_both_ways() -> None:
-    scene = Stage()
+def test_transforms_are_looked_up_in_both_directions() -> None:
+    scene = RepublisherFixture()
     scene.frame(at(3.0, math.pi / 2))
     who = scene.somebody()
     who.listen(who.ask("map", target="base_link"))
@@ -205,8 +205,8 @@ def test_transforms_go_both_ways() -> None:
     assert shift == pytest.approx({"x": 0.0, "y": 3.0, "z": 0.0}, abs=1e-12)
 
 
-def test_only_what_has_changed_enough_is_told_again() -> None:
-    scene = Stage()
+def test_transform_is_sent_again_only_above_the_thresholds() -> None:
+    scene = RepublisherFixture()
     who = scene.somebody()
     who.send("base_link", "fixed", trans_thres=0.5, angular_thres=0.1)
     scene.world.publish(written("map", "fixed", at(7.0)), topic="/tf_static")
@@ -217,8 +217,8 @@ def test_only_what_has_changed_enough_is_told_again() -> None:
     assert turns == pytest.approx([0.0, 0.11, 0.22])
 
 
-def test_without_thresholds_every_change_is_told_and_nothing_else() -> None:
-    scene = Stage()
+def test_zero_thresholds_send_every_change_and_nothing_else() -> None:
+    scene = RepublisherFixture()
     who = scene.somebody()
     who.send("base_link")
     for x in (0.0, 0.0, 1e-9, 1e-9, 0.0):
@@ -227,8 +227,8 @@ def test_without_thresholds_every_change_is_told_and_nothing_else() -> None:
 
 
 @pytest.mark.parametrize(("rate", "frames"), [(10.0, (1, 5, 10, 15, 20)), (7.0, (1, 8, 15, 22)), (50.0, range(1, 24))])
-def test_the_rate_is_kept_in_the_time_of_the_world(rate: float, frames: range) -> None:
-    scene = Stage()
+def test_rate_is_kept_in_simulated_time(rate: float, frames: range) -> None:
+    scene = RepublisherFixture()
     who = scene.somebody()
     who.send("base_link", rate=rate)
     for i in range(23):
@@ -237,8 +237,8 @@ def test_the_rate_is_kept_in_the_time_of_the_world(rate: float, frames: range) -
     assert who.times() == pytest.approx([i * FRAME for i in frames])
 
 
-def test_a_frame_that_comes_into_being_later_is_told_then() -> None:
-    scene = Stage()
+def test_frame_that_appears_later_is_sent_then() -> None:
+    scene = RepublisherFixture()
     who = scene.somebody()
     who.send("camera", rate=1.0)
     scene.frame(at(1.0))
@@ -247,16 +247,16 @@ def test_a_frame_that_comes_into_being_later_is_told_then() -> None:
     assert who.places() == [("camera", 3.0)]
 
 
-def test_a_source_that_is_asked_for_twice_is_told_once() -> None:
-    scene = Stage()
+def test_source_requested_twice_is_sent_once() -> None:
+    scene = RepublisherFixture()
     scene.frame(at(1.0))
     who = scene.somebody()
     who.send("base_link", "/base_link")
     assert who.places() == [("base_link", 1.0)]
 
 
-def test_the_last_change_of_a_slot_is_told_in_the_next_even_if_nothing_more_is_heard() -> None:
-    scene = Stage()
+def test_last_change_of_an_interval_is_sent_in_the_next_one_without_new_input() -> None:
+    scene = RepublisherFixture()
     who = scene.somebody()
     who.send("base_link", rate=10.0)
     for x in (1.0, 2.0, 3.0):
@@ -268,8 +268,8 @@ def test_the_last_change_of_a_slot_is_told_in_the_next_even_if_nothing_more_is_h
     assert scene.republisher.next_due(scene.now) is None
 
 
-def test_where_time_stands_still_nothing_is_told_and_nothing_spins() -> None:
-    scene = Stage()
+def test_nothing_is_sent_and_no_timer_spins_while_time_stands_still() -> None:
+    scene = RepublisherFixture()
     who = scene.somebody()
     who.send("base_link", rate=10.0)
     scene.frame(at(1.0))
@@ -282,8 +282,8 @@ def test_where_time_stands_still_nothing_is_told_and_nothing_spins() -> None:
     assert who.places() == [("base_link", 1.0), ("base_link", 2.0)]
 
 
-def test_static_frames_that_were_told_before_it_came_are_known() -> None:
-    scene = Stage()
+def test_static_frames_published_earlier_are_known() -> None:
+    scene = RepublisherFixture()
     bus = make_bus()
     scene.bus = bus
     bus.advertise(scene.world, "/tf_static", TF, depth=1, key="latched")
@@ -294,8 +294,8 @@ def test_static_frames_that_were_told_before_it_came_are_known() -> None:
     assert who.places() == [("house", 4.0)]
 
 
-def test_what_is_no_transform_is_told_to_its_sender_and_the_others_count() -> None:
-    scene = Stage()
+def test_invalid_transform_is_reported_to_its_sender_and_valid_ones_are_used() -> None:
+    scene = RepublisherFixture()
     who = scene.somebody()
     who.send("a", "b", "c")
     broken = written("map", "b", Transform(0, 0, 0, 0, 0, 0, 0))
@@ -307,8 +307,8 @@ def test_what_is_no_transform_is_told_to_its_sender_and_the_others_count() -> No
 # For whom others publish
 
 
-def test_nothing_is_published_for_its_sake_while_nobody_asks() -> None:
-    scene = Stage()
+def test_idle_republisher_does_not_trigger_publishing() -> None:
+    scene = RepublisherFixture()
     who, other = scene.somebody(), scene.somebody()
     assert not scene.is_awake
     goal = who.send("base_link")
@@ -323,8 +323,8 @@ def test_nothing_is_published_for_its_sake_while_nobody_asks() -> None:
     assert scene.republisher.next_due(scene.now) is None
 
 
-def test_what_was_told_by_one_who_fell_silent_for_want_of_listeners_is_old() -> None:
-    scene = Stage()
+def test_transforms_of_an_on_demand_publisher_are_dropped_when_it_pauses() -> None:
+    scene = RepublisherFixture()
     scene.bus.advertise(scene.world, "/tf", TF, is_on_demand=True)
     other = scene.somebody()
     other.publish(written("map", "house", at(9.0)))  # once, and for whoever comes
@@ -342,8 +342,8 @@ def test_what_was_told_by_one_who_fell_silent_for_want_of_listeners_is_old() -> 
 # Topics of one's own
 
 
-def test_each_request_has_a_topic_of_its_own() -> None:
-    scene = Stage()
+def test_each_request_has_its_own_topic() -> None:
+    scene = RepublisherFixture()
     who = scene.somebody()
     names = [who.ask("base_link"), who.ask("base_link")]
     assert names == ["/tf2_web_republisher/tf_repub_1", "/tf2_web_republisher/tf_repub_2"]
@@ -351,8 +351,8 @@ def test_each_request_has_a_topic_of_its_own() -> None:
         scene.bus.advertise(who, names[0], "tf2_web_republisher/TFArray")
 
 
-def test_who_comes_to_a_topic_finds_all_that_is_known_now() -> None:
-    scene = Stage()
+def test_new_subscriber_of_a_topic_gets_all_known_transforms() -> None:
+    scene = RepublisherFixture()
     scene.world.publish(written("map", "house", at(9.0)), topic="/tf_static")
     first, second = scene.somebody(), scene.somebody()
     name = first.ask("house", "base_link")
@@ -368,8 +368,8 @@ def test_who_comes_to_a_topic_finds_all_that_is_known_now() -> None:
 
 
 @pytest.mark.parametrize(("asked", "seconds"), [({"secs": 2, "nsecs": 0}, 2.0), (None, DEFAULT_TIMEOUT)])
-def test_a_topic_that_nobody_hears_goes_after_its_timeout(asked: dict[str, int] | None, seconds: float) -> None:
-    scene = Stage()
+def test_topic_without_subscribers_ends_after_its_time_out(asked: dict[str, int] | None, seconds: float) -> None:
+    scene = RepublisherFixture()
     who = scene.somebody()
     name = who.ask("base_link", timeout=asked)
     scene.wait(seconds - 0.1)
@@ -380,8 +380,8 @@ def test_a_topic_that_nobody_hears_goes_after_its_timeout(asked: dict[str, int] 
     assert scene.republisher.next_due(scene.now) is None
 
 
-def test_a_topic_stays_while_it_is_heard_and_then_for_its_timeout() -> None:
-    scene = Stage()
+def test_subscribed_topic_stays_until_its_time_out_after_the_last_subscriber() -> None:
+    scene = RepublisherFixture()
     who, other = scene.somebody(), scene.somebody()
     name = who.ask("base_link", timeout={"secs": 1, "nsecs": 500_000_000})
     who.listen(name)
@@ -401,7 +401,7 @@ def test_a_topic_stays_while_it_is_heard_and_then_for_its_timeout() -> None:
 
 
 def test_a_goal_of_ros_2_gets_feedback_until_it_is_cancelled() -> None:
-    scene = Stage()
+    scene = RepublisherFixture()
     who = scene.somebody()
     goal = who.send("base_link")
     assert goal is not None
@@ -415,8 +415,8 @@ def test_a_goal_of_ros_2_gets_feedback_until_it_is_cancelled() -> None:
     assert len(who.outcomes) == 1
 
 
-def test_a_goal_of_one_who_left_is_over_and_tells_nobody() -> None:
-    scene = Stage()
+def test_goal_of_a_client_that_left_ends_without_messages() -> None:
+    scene = RepublisherFixture()
     who = scene.somebody()
     who.send("base_link")
     who.leave()
@@ -425,8 +425,8 @@ def test_a_goal_of_one_who_left_is_over_and_tells_nobody() -> None:
     assert not scene.is_awake
 
 
-def test_a_web_page_with_roslib_1_subscribes_by_the_topics_of_ros_1() -> None:
-    scene = Stage()
+def test_roslib_1_client_subscribes_by_the_action_topics_of_ros_1() -> None:
+    scene = RepublisherFixture()
     peer, outbox = make_peer(scene.bus)
 
     def send(**op: object) -> None:
@@ -471,8 +471,8 @@ def test_a_web_page_with_roslib_1_subscribes_by_the_topics_of_ros_1() -> None:
         ({"source": ""}, "without a name"),
     ],
 )
-def test_a_request_that_makes_no_sense_is_refused(fields: dict[str, Any], text: str) -> None:
-    scene = Stage()
+def test_malformed_request_is_refused(fields: dict[str, Any], text: str) -> None:
+    scene = RepublisherFixture()
     who = scene.somebody()
     source = fields.pop("source", "base_link")
     answer = who.call(source, **fields)
@@ -485,7 +485,7 @@ def test_a_request_that_makes_no_sense_is_refused(fields: dict[str, Any], text: 
 
 
 def test_the_number_of_requests_is_bounded_for_each_and_for_all() -> None:
-    scene = Stage()
+    scene = RepublisherFixture()
     who = scene.somebody()
     for _ in range(OWN_STREAMS):
         who.ask("base_link")
@@ -503,8 +503,8 @@ def test_the_number_of_requests_is_bounded_for_each_and_for_all() -> None:
     assert MAX_FRAME_PAIRS >= MAX_STREAMS
 
 
-def test_extreme_rates_arm_no_timer_that_cannot_be() -> None:
-    scene = Stage()
+def test_extreme_rates_give_valid_timers() -> None:
+    scene = RepublisherFixture()
     who = scene.somebody()
     for rate in (1e-45, 3e38):
         who.send("base_link", rate=rate)
@@ -516,9 +516,9 @@ def test_extreme_rates_arm_no_timer_that_cannot_be() -> None:
     assert len(who.places()) == 4
 
 
-def test_more_transforms_than_are_kept_are_refused_before_they_are_read() -> None:
-    scene = Stage()
-    sender, asker = Somebody(scene), Somebody(scene)
+def test_too_many_transforms_are_refused_before_they_are_read() -> None:
+    scene = RepublisherFixture()
+    sender, asker = RepublisherClient(scene), RepublisherClient(scene)
     name = asker.ask("a")
     asker.listen(name)
     good = written("map", "a", at(1.0))
@@ -529,19 +529,19 @@ def test_more_transforms_than_are_kept_are_refused_before_they_are_read() -> Non
     assert asker.places() == [("a", 1.0)]
 
 
-def test_more_frames_than_can_be_asked_for_are_refused_before_they_are_read() -> None:
-    scene = Stage()
-    answer = Somebody(scene).call(*[""] * (MAX_FRAME_PAIRS + 1))
+def test_too_many_requested_frames_are_refused_before_they_are_read() -> None:
+    scene = RepublisherFixture()
+    answer = RepublisherClient(scene).call(*[""] * (MAX_FRAME_PAIRS + 1))
     assert (answer.is_ok, answer.values) == (
         False,
         f"source_frames: expected at most {MAX_FRAME_PAIRS}, got {MAX_FRAME_PAIRS + 1}",
     )
 
 
-def test_first_listener_is_not_told_again_what_was_latched_for_it() -> None:
+def test_first_subscriber_does_not_get_its_latched_message_twice() -> None:
     """The flaw: between two slots what was told was forgotten, and told once more in the next slot, moved or not."""
     for num_frames in range(6):
-        scene = Stage()
+        scene = RepublisherFixture()
         scene.frame(at(40.0))
         client = scene.somebody()
         name = client.ask("base_link", rate=10.0, trans_thres=0.1)
@@ -554,10 +554,10 @@ def test_first_listener_is_not_told_again_what_was_latched_for_it() -> None:
         assert client.places() == [("base_link", 40.0)], f"{num_frames} frames later"
 
 
-def test_listener_that_follows_another_one_is_told_everything() -> None:
+def test_second_subscriber_gets_all_transforms() -> None:
     """Also where the first one leaves in the middle of a slot, and what is latched is a part."""
     for num_frames in range(12):
-        scene = Stage()
+        scene = RepublisherFixture()
         client, late = scene.somebody(), scene.somebody()
         name = client.ask("base_link", "post", rate=10.0, trans_thres=0.1)
         client.listen(name)

@@ -1,4 +1,4 @@
-"""What tests of bags share: a bag read back by the library's own reader."""
+"""Helper for tests of bags: read a bag back with the library's reader."""
 
 from __future__ import annotations
 

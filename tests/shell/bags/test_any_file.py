@@ -1,4 +1,4 @@
-"""Files with something wrong in them: bags, settings and definitions are read, or told in one line; no other end."""
+"""Damaged files: bags, settings and definitions are read, or refused in one error line."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def whole_db3() -> bytes:
         return (at / "a" / "a.db3").read_bytes()
 
 
-def test_what_they_start_from_is_good() -> None:
+def test_undamaged_files_are_valid() -> None:
     with folder() as at:
         for ros, suffix in SUFFIXES.items():
             recording = read(write(at / f"good{suffix}", tuple(TYPES)))
@@ -138,7 +138,9 @@ ros_generations = st.sampled_from([1, 2])
 @pytest.mark.slow
 @examples(40)
 @given(ros=ros_generations, topics=st.sampled_from(TOPICS), changes=flips())
-def test_a_damaged_bag_is_read_mended_or_told(ros: Generation, topics: tuple[str, ...], changes: list[Flip]) -> None:
+def test_damaged_bag_is_read_repaired_or_gives_one_error_line(
+    ros: Generation, topics: tuple[str, ...], changes: list[Flip]
+) -> None:
     with folder() as at:
         path = at / f"a{SUFFIXES[ros]}"
         path.write_bytes(damage(whole(ros, topics), changes))
@@ -156,7 +158,9 @@ def test_a_damaged_bag_is_read_mended_or_told(ros: Generation, topics: tuple[str
 @pytest.mark.slow
 @examples(20)
 @given(ros=ros_generations, topic=st.sampled_from(sorted(TYPES)), changes=flips())
-def test_messages_of_odd_bytes_are_read_or_told(ros: Generation, topic: str, changes: list[Flip]) -> None:
+def test_messages_of_odd_bytes_are_read_or_give_one_error_line(
+    ros: Generation, topic: str, changes: list[Flip]
+) -> None:
     def bend(name: str, raw: bytes) -> bytes:
         return damage(raw, changes) if name == topic else raw
 
@@ -172,7 +176,7 @@ def test_messages_of_odd_bytes_are_read_or_told(ros: Generation, topic: str, cha
 @pytest.mark.slow
 @examples(25)
 @given(ros=ros_generations, changes=flips(), lines=st.integers(0, 60))
-def test_a_definition_of_anothers_is_read_or_told(ros: Generation, changes: list[Flip], lines: int) -> None:
+def test_foreign_definition_is_read_or_gives_one_error_line(ros: Generation, changes: list[Flip], lines: int) -> None:
     topic = "/Ego_topic"
     text = store(ros).full_text(TYPES[topic])
     rows = text.splitlines()
@@ -192,7 +196,7 @@ def test_a_definition_of_anothers_is_read_or_told(ros: Generation, changes: list
 @pytest.mark.slow
 @examples(25)
 @given(changes=flips(), column=st.sampled_from(["messages.data", "topics.type", "topics.name", "messages.timestamp"]))
-def test_a_damaged_db3_is_read_or_told(changes: list[Flip], column: str) -> None:
+def test_damaged_db3_is_read_or_gives_one_error_line(changes: list[Flip], column: str) -> None:
     with folder() as at:
         path = at / "a.db3"
         path.write_bytes(damage(whole_db3(), changes))
@@ -275,7 +279,7 @@ def read_texts(content: bytes) -> None:
 @pytest.mark.slow
 @examples(60)
 @given(changes=flips(), pieces=st.lists(st.tuples(st.floats(0, 1), st.sampled_from(PIECES)), max_size=3))
-def test_odd_settings_are_read_or_told(changes: list[Flip], pieces: list[tuple[float, str]]) -> None:
+def test_odd_settings_are_read_or_give_one_error_line(changes: list[Flip], pieces: list[tuple[float, str]]) -> None:
     text = SETTINGS
     for where, piece in pieces:
         at = int(where * len(text))
@@ -289,7 +293,7 @@ def test_odd_settings_are_read_or_told(changes: list[Flip], pieces: list[tuple[f
     key=st.sampled_from([line.partition(" ")[0] for line in SETTINGS.splitlines() if " = " in line]),
     value=st.sampled_from(PIECES),
 )
-def test_a_setting_with_an_odd_value_is_read_or_told(key: str, value: str) -> None:
+def test_setting_with_an_odd_value_is_read_or_gives_one_error_line(key: str, value: str) -> None:
     lines = [f"{key} = {value}" if line.startswith(f"{key} = ") else line for line in SETTINGS.splitlines()]
     read_texts("\n".join(lines).encode())
 
@@ -297,7 +301,7 @@ def test_a_setting_with_an_odd_value_is_read_or_told(key: str, value: str) -> No
 @pytest.mark.parametrize(
     "value", ["9" * 5_000, "'''\nx = " + "[" * 3_000 + "\n'''", "'''\nx = " + "9" * 5_000 + "\n'''"]
 )
-def test_numbers_and_texts_without_end_are_told_in_one_line(value: str) -> None:
+def test_overlong_numbers_and_texts_give_one_error_line(value: str) -> None:
     read_texts(f"scenario = {value}\n".encode())
     with suppress(SettingError):
         lines_of(f"scenario = {value}\n")

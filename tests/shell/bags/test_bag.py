@@ -1,4 +1,4 @@
-"""Bags as they are written, read back by the library's own reader."""
+"""Written bags, read back by the library."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def fill(bag: Bag, store: Store, count: int, text: str = "hello", *, start: int 
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_what_is_written_is_read_back(tmp_path: Path, stores: dict[Generation, Store], name: str) -> None:
+def test_written_messages_are_read_back(tmp_path: Path, stores: dict[Generation, Store], name: str) -> None:
     bag = open_bag(tmp_path / name)
     fill(bag, stores[bag.ros], 3)
     bag.flush()
@@ -49,7 +49,7 @@ def test_what_is_written_is_read_back(tmp_path: Path, stores: dict[Generation, S
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_bag_without_messages_is_a_bag(tmp_path: Path, stores: dict[Generation, Store], name: str) -> None:
+def test_bag_without_messages_is_valid(tmp_path: Path, stores: dict[Generation, Store], name: str) -> None:
     bag = open_bag(tmp_path / name)
     bag.flush()
     fill(bag, stores[bag.ros], 0)
@@ -81,7 +81,7 @@ def test_long_bag_keeps_numbers_and_no_index_in_memory(tmp_path: Path, stores: d
     assert len(read_bag(tmp_path / "long.bag")) == 300
 
 
-def test_ros1_bag_has_the_digests_that_ros_knows(tmp_path: Path, stores: dict[Generation, Store]) -> None:
+def test_ros1_bag_has_the_md5_sums_of_ros(tmp_path: Path, stores: dict[Generation, Store]) -> None:
     bag = open_bag(tmp_path / "a.bag")
     for name in ("std_msgs/String", "geometry_msgs/PoseStamped"):
         bag.add("/" + name, name, stores[1].full_text(name), latching=name == "std_msgs/String")
@@ -96,7 +96,7 @@ def test_ros1_bag_has_the_digests_that_ros_knows(tmp_path: Path, stores: dict[Ge
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_topic_that_comes_twice_is_one(tmp_path: Path, stores: dict[Generation, Store], name: str) -> None:
+def test_repeated_topic_is_written_once(tmp_path: Path, stores: dict[Generation, Store], name: str) -> None:
     bag = open_bag(tmp_path / name)
     text = stores[bag.ros].full_text("std_msgs/String")
     assert bag.add("/a", "std_msgs/String", text) is bag.add("/a", "std_msgs/String", text)
@@ -107,7 +107,7 @@ def test_topic_that_comes_twice_is_one(tmp_path: Path, stores: dict[Generation, 
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_nothing_is_written_over(tmp_path: Path, name: str) -> None:
+def test_existing_file_is_not_overwritten(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(b"precious")
     with pytest.raises(DocumentError, match=f"{name}: exists already; no recording is written over"):
         open_bag(tmp_path / name)
@@ -115,12 +115,12 @@ def test_nothing_is_written_over(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["drive.bag", "drive.mcap"])
-def test_folder_that_is_not_there_is_told(tmp_path: Path, name: str) -> None:
+def test_missing_folder_is_an_error(tmp_path: Path, name: str) -> None:
     with pytest.raises(DocumentError, match=f"{name}: cannot be written: no such file or directory"):
         open_bag(tmp_path / "nowhere" / name)
 
 
-def test_format_that_is_not_written_is_told(tmp_path: Path) -> None:
+def test_unknown_format_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(DocumentError, match=r"a\.db3: expected NAME\.bag"):
         open_bag(tmp_path / "a.db3")
 
@@ -136,7 +136,7 @@ def small_disk() -> Iterator[int]:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_disk_that_takes_no_more_is_one_line(
+def test_full_disk_gives_one_error_line(
     tmp_path: Path, stores: dict[Generation, Store], small_disk: int, name: str
 ) -> None:
     bag = open_bag(tmp_path / name)
@@ -156,7 +156,7 @@ def file_of(path: Path) -> Path:
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("step", ["flush", "close"])
-def test_bag_that_was_deleted_says_so_and_is_closed(
+def test_deleted_bag_is_reported_and_closed(
     tmp_path: Path, stores: dict[Generation, Store], name: str, step: str
 ) -> None:
     path = tmp_path / name
@@ -174,7 +174,7 @@ def test_bag_that_was_deleted_says_so_and_is_closed(
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("step", ["flush", "close"])
 @pytest.mark.parametrize("is_replaced", [True, False])
-def test_bag_that_was_moved_gets_its_index_where_it_is_now(
+def test_moved_bag_gets_its_index_at_its_new_place(
     tmp_path: Path, stores: dict[Generation, Store], name: str, step: str, *, is_replaced: bool
 ) -> None:
     path = tmp_path / name
@@ -193,7 +193,7 @@ def test_bag_that_was_moved_gets_its_index_where_it_is_now(
     assert not is_replaced or original.read_text() == "somebody's notes"
 
 
-def test_folder_that_was_moved_has_its_index_too(tmp_path: Path, stores: dict[Generation, Store]) -> None:
+def test_moved_bag_folder_gets_its_index(tmp_path: Path, stores: dict[Generation, Store]) -> None:
     path = tmp_path / "drive"
     bag = open_bag(path)
     fill(bag, stores[2], 3)

@@ -86,7 +86,7 @@ def test_egos_and_objects_are_read(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["a.bag", "a.mcap"])
-def test_replay_info_fills_in_what_the_others_do_not_tell(tmp_path: Path, name: str) -> None:
+def test_replay_info_supplies_missing_topics(tmp_path: Path, name: str) -> None:
     info = {"ego_acc": 0.25, "npc_list": [{"unique_id": 4, "name": "Bus", "position": {"x": 9.0}}]}
     alone = read(write(tmp_path / name, {"/ReplayInfo_topic": (INFO, [info])}))
     assert not alone.egos[0].has_place
@@ -98,13 +98,13 @@ def test_replay_info_fills_in_what_the_others_do_not_tell(tmp_path: Path, name: 
     assert both.objects.values[0].tolist() == [9.0]
 
 
-def test_of_two_topics_of_a_type_the_usual_one_is_read(tmp_path: Path) -> None:
+def test_default_topic_is_read_of_two_with_one_type(tmp_path: Path) -> None:
     recording = read(write(tmp_path / "a.bag", {"/AAA": (EGO, ways(7.0)), "/Ego_topic": (EGO, ways(1.0))}))
     assert shown(recording) == [1.0]
     assert recording.notes == ("/AAA is left out: /Ego_topic is replayed",)
 
 
-def test_under_names_of_ones_own_the_messages_say_whose_they_are(tmp_path: Path) -> None:
+def test_custom_topic_names_are_assigned_by_message_ids(tmp_path: Path) -> None:
     second = [{**way, "unique_id": 2} for way in ways(7.0)]
     first = [{**way, "unique_id": -1} for way in ways(1.0)]
     recording = read(write(tmp_path / "a.bag", {"/a/second": (EGO, second), "/car/state": (EGO, first)}))
@@ -112,7 +112,7 @@ def test_under_names_of_ones_own_the_messages_say_whose_they_are(tmp_path: Path)
     assert recording.notes == ()
 
 
-def test_bag_without_anything_of_ours_is_empty(tmp_path: Path) -> None:
+def test_bag_without_morai_topics_is_empty(tmp_path: Path) -> None:
     assert read(write(tmp_path / "a.bag", {"/chatter": ("std_msgs/String", [{"data": "x"}])})).is_empty
     assert read(write(tmp_path / "b.bag", {"/Ego_topic": (EGO, [])})).is_empty
 
@@ -176,13 +176,13 @@ def test_other_layout_is_read_by_the_bags_own_definition(tmp_path: Path) -> None
     assert recording.objects.actors[0].uid == 5
 
 
-def test_message_without_the_fields_that_matter_is_told(tmp_path: Path) -> None:
+def test_message_without_required_fields_is_an_error(tmp_path: Path) -> None:
     path = write_strange(tmp_path / "a.bag", "float64 x\n", lambda _types: bytes(8), "/Ego_topic", "EgoVehicleStatus")
     with pytest.raises(DocumentError, match=r"a\.bag: a message does not fit its type: /Ego_topic: .*'header'"):
         read(path)
 
 
-def test_bag_without_definitions_is_read_by_those_in_use(tmp_path: Path) -> None:
+def test_bag_without_definitions_uses_the_built_in_ones(tmp_path: Path) -> None:
     store = Store(read_definitions("26.R1"), leniency=LENIENCY, ros=2)
     message_type = store.message(EGO)
     path = tmp_path / "old"
@@ -203,7 +203,7 @@ def test_bag_without_definitions_is_read_by_those_in_use(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("name", ["a.bag", "a.mcap"])
-def test_broken_bags_are_one_readable_line(tmp_path: Path, name: str) -> None:
+def test_broken_bag_gives_one_error_line(tmp_path: Path, name: str) -> None:
     whole = write(tmp_path / name, {"/Ego_topic": (EGO, ways(*range(200)))}).read_bytes()
     path = tmp_path / f"b-{name}"
     texts = []
@@ -217,7 +217,7 @@ def test_broken_bags_are_one_readable_line(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.slow
-def test_any_bytes_in_the_middle_give_a_recording_or_a_reason(tmp_path: Path) -> None:
+def test_any_damaged_bytes_give_a_recording_or_a_reason(tmp_path: Path) -> None:
     for name in ("a.bag", "a.mcap"):
         whole = write(tmp_path / name, {"/Ego_topic": (EGO, ways(*range(20)))}).read_bytes()
         for at in range(0, len(whole), len(whole) // 30):

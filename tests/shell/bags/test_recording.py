@@ -1,4 +1,4 @@
-"""A server that records: what is in the bag, and what does not end the server."""
+"""A server that records: content of the bag, and failures that do not end the server."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def stamps_of(seen: Seen, wanted: str) -> list[int]:
 
 @pytest.mark.parametrize("ros", [1, 2])
 @pytest.mark.parametrize("name", ["drive.bag", "drive.mcap", "drive"])
-async def test_drive_is_in_the_bag_as_the_listener_saw_it(
+async def test_bag_holds_the_drive_as_a_subscriber_received_it(
     tmp_path: Path, connect: Connect, name: str, ros: Literal[1, 2]
 ) -> None:
     heard = []
@@ -61,9 +61,7 @@ async def test_drive_is_in_the_bag_as_the_listener_saw_it(
     assert recorded[-1].velocity.x > 0
 
 
-async def test_bag_counts_in_simulated_time_whatever_messages_are_stamped_with(
-    tmp_path: Path, connect: Connect
-) -> None:
+async def test_bag_uses_simulated_time_regardless_of_stamps(tmp_path: Path, connect: Connect) -> None:
     async with Simulator(port=0, start="sync", stamps="wall", record=tmp_path / "a.mcap") as sim:
         await drive(await connect(sim.url), 5)
     seen = read_bag(tmp_path / "a.mcap")
@@ -73,7 +71,7 @@ async def test_bag_counts_in_simulated_time_whatever_messages_are_stamped_with(
     assert min(days) > 1_000_000_000
 
 
-async def test_paused_world_is_not_recorded_again_and_again(tmp_path: Path, connect: Connect) -> None:
+async def test_repeated_states_of_a_pause_are_not_recorded(tmp_path: Path, connect: Connect) -> None:
     async with Simulator(port=0, record=tmp_path / "a.mcap") as sim:
         client = await connect(sim.url)
         await client.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
@@ -83,7 +81,7 @@ async def test_paused_world_is_not_recorded_again_and_again(tmp_path: Path, conn
     assert len(set(stamps)) == len(stamps)
 
 
-async def test_replay_info_alone_can_be_recorded_of_a_drive(tmp_path: Path, connect: Connect) -> None:
+async def test_drive_can_be_recorded_as_replay_info_only(tmp_path: Path, connect: Connect) -> None:
     topics = ["/ReplayInfo_topic"]
     async with Simulator(port=0, start="sync", record=tmp_path / "a.bag", record_topics=topics) as sim:
         await drive(await connect(sim.url), 5)
@@ -91,7 +89,7 @@ async def test_replay_info_alone_can_be_recorded_of_a_drive(tmp_path: Path, conn
 
 
 @pytest.mark.parametrize("is_wanted", [False, True])
-async def test_recording_of_everything_has_replay_info_where_it_is_wanted(
+async def test_recording_of_all_topics_has_replay_info_if_set(
     tmp_path: Path, connect: Connect, *, is_wanted: bool
 ) -> None:
     async with Simulator(port=0, start="sync", record=tmp_path / "a.bag", replay_info=is_wanted) as sim:
@@ -99,7 +97,7 @@ async def test_recording_of_everything_has_replay_info_where_it_is_wanted(
     assert len(stamps_of(read_bag(tmp_path / "a.bag"), "/ReplayInfo_topic")) == 5 * is_wanted
 
 
-async def test_commands_are_recorded_with_the_time_at_which_they_came(tmp_path: Path, connect: Connect) -> None:
+async def test_commands_are_recorded_with_their_arrival_time(tmp_path: Path, connect: Connect) -> None:
     async with Simulator(port=0, start="sync", record=tmp_path / "a.bag") as sim:
         client = await connect(sim.url)
         await drive(client, 2)
@@ -113,7 +111,7 @@ async def test_commands_are_recorded_with_the_time_at_which_they_came(tmp_path: 
     assert stamps_of(seen, "/chatter") == []
 
 
-async def test_topics_that_are_recorded_are_bounded_and_the_log_says_so_once(
+async def test_number_of_recorded_topics_is_bounded_and_logged_once(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(recording, "MAX_TOPICS", 3)
@@ -133,7 +131,7 @@ async def test_topics_that_are_recorded_are_bounded_and_the_log_says_so_once(
     )
 
 
-async def test_patterns_choose_topics_of_anybody(tmp_path: Path, connect: Connect) -> None:
+async def test_patterns_select_topics_of_every_publisher(tmp_path: Path, connect: Connect) -> None:
     async with Simulator(port=0, start="sync", record=tmp_path / "a.mcap", record_topics=["/chat*", "/clock"]) as sim:
         client = await connect(sim.url)
         await drive(client, 2)
@@ -144,7 +142,7 @@ async def test_patterns_choose_topics_of_anybody(tmp_path: Path, connect: Connec
     assert [topic for topic, _, _ in seen] == ["/clock", "/clock", "/chatter"]
 
 
-async def test_gateway_without_a_world_records_all_that_is_said(tmp_path: Path, connect: Connect) -> None:
+async def test_gateway_without_a_world_records_all_messages(tmp_path: Path, connect: Connect) -> None:
     async with Simulator(port=0, world=False, record=tmp_path / "a.bag") as sim:
         client = await connect(sim.url)
         await client.send("advertise", topic="/chatter", type="std_msgs/String")
@@ -154,7 +152,7 @@ async def test_gateway_without_a_world_records_all_that_is_said(tmp_path: Path, 
 
 
 @pytest.mark.parametrize(("ros", "name"), [(1, "a.mcap"), (2, "a.bag")])
-async def test_types_that_differ_between_the_generations_are_recorded(
+async def test_types_that_differ_between_ros_versions_are_recorded(
     tmp_path: Path, connect: Connect, ros: Literal[1, 2], name: str
 ) -> None:
     async with Simulator(port=0, world=False, ros=ros, record=tmp_path / name) as sim:
@@ -171,7 +169,7 @@ async def test_types_that_differ_between_the_generations_are_recorded(
     assert ("/shape" in seen) == (ros == 1)
 
 
-async def test_type_that_nobody_knows_is_told_once_and_left_out(
+async def test_unknown_type_is_logged_once_and_left_out(
     tmp_path: Path, connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
     async with Simulator(port=0, start="sync", record=tmp_path / "a.bag", record_topics=["*"]) as sim:
@@ -187,7 +185,7 @@ async def test_type_that_nobody_knows_is_told_once_and_left_out(
     assert stamps_of(read_bag(tmp_path / "a.bag"), "/odd") == []
 
 
-async def test_type_of_a_topic_in_the_bag_is_its_first_publishers(
+async def test_topic_has_the_type_of_its_first_publisher_in_the_bag(
     tmp_path: Path, connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
     async with Simulator(port=0, world=False, record=tmp_path / "a.bag") as sim:
@@ -209,7 +207,7 @@ async def test_type_of_a_topic_in_the_bag_is_its_first_publishers(
     ]
 
 
-async def test_full_disk_ends_the_recording_and_nothing_else(
+async def test_full_disk_ends_only_the_recording(
     tmp_path: Path, connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
     old = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -233,7 +231,7 @@ async def test_full_disk_ends_the_recording_and_nothing_else(
 
 
 @pytest.mark.parametrize("name", ["a.bag", "a.mcap", "a"])
-async def test_file_that_was_deleted_ends_the_recording_and_nothing_else(
+async def test_deleted_file_ends_only_the_recording(
     tmp_path: Path, connect: Connect, caplog: pytest.LogCaptureFixture, name: str
 ) -> None:
     path = tmp_path / name
@@ -255,9 +253,7 @@ async def test_file_that_was_deleted_ends_the_recording_and_nothing_else(
     assert not path.exists()
 
 
-async def test_file_that_was_deleted_just_before_the_end_is_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_file_deleted_just_before_the_end_is_reported(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     path = tmp_path / "a.bag"
     async with Simulator(port=0, start="sync", record=path):
         path.unlink()
@@ -266,7 +262,7 @@ async def test_file_that_was_deleted_just_before_the_end_is_told(
     ]
 
 
-async def test_file_that_cannot_be_made_is_a_refused_start(tmp_path: Path) -> None:
+async def test_bag_file_that_cannot_be_created_prevents_the_start(tmp_path: Path) -> None:
     with pytest.raises(DocumentError, match=r"a\.bag: cannot be written: no such file or directory"):
         await Simulator(port=0, record=tmp_path / "nowhere" / "a.bag").start()
 
@@ -291,7 +287,7 @@ def failures(caplog: pytest.LogCaptureFixture) -> list[str]:
 
 
 @pytest.mark.parametrize(("ros", "name"), [(1, "a.bag"), (1, "a.mcap"), (2, "a.mcap")])
-async def test_message_that_cannot_be_written_into_the_bag_is_left_out_alone(
+async def test_unencodable_message_is_left_out_alone(
     tmp_path: Path, connect: Connect, caplog: pytest.LogCaptureFixture, ros: Literal[1, 2], name: str
 ) -> None:
     async with Simulator(port=0, world=False, record=tmp_path / name, ros=ros) as sim:
@@ -314,7 +310,7 @@ async def test_message_that_cannot_be_written_into_the_bag_is_left_out_alone(
     assert [line.partition(":")[0] for line in failures(caplog)] == ["/bad"]
 
 
-async def test_latched_message_that_cannot_be_written_keeps_no_topic_from_the_bag(tmp_path: Path) -> None:
+async def test_unencodable_latched_message_does_not_exclude_its_topic(tmp_path: Path) -> None:
     bus, path = make_bus(), tmp_path / "a.bag"
     speaker = Recorder.__new__(Recorder)  # any owner
     topic = bus.advertise(speaker, "/t", "std_msgs/String", depth=3)
@@ -328,7 +324,7 @@ async def test_latched_message_that_cannot_be_written_keeps_no_topic_from_the_ba
 
 
 @pytest.mark.parametrize("end", ["stop", "fail"])
-async def test_recording_that_has_ended_is_not_flushed_any_more(tmp_path: Path, end: str) -> None:
+async def test_ended_recording_is_not_flushed_again(tmp_path: Path, end: str) -> None:
     """A timer that goes on would keep the bag in memory and write to its closed file once a second, for ever."""
     bus, path = make_bus(), tmp_path / "a.bag"
     recorder = Recorder(bus, BagMessageWriter(open_bag(path), bus.store), path, loop=asyncio.get_running_loop())
@@ -341,7 +337,7 @@ async def test_recording_that_has_ended_is_not_flushed_any_more(tmp_path: Path, 
 
 
 @pytest.mark.parametrize("seam", ["write", "flush", "abort"])
-async def test_recording_that_fails_ends_and_the_world_goes_on(
+async def test_failed_recording_ends_and_the_world_goes_on(
     tmp_path: Path, connect: Connect, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, seam: str
 ) -> None:
     async with Simulator(port=0, start="sync", record=tmp_path / "a.bag") as sim:
@@ -367,7 +363,7 @@ async def test_recording_that_fails_ends_and_the_world_goes_on(
 
 
 @pytest.mark.parametrize("seam", ["recording", "server"])
-async def test_end_that_fails_leaves_nothing_else_undone(
+async def test_failed_end_of_a_recording_does_not_stop_other_cleanup(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, seam: str
 ) -> None:
     sim = Simulator(port=0, world=False, record=tmp_path / "a.bag")

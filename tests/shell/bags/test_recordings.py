@@ -28,7 +28,7 @@ EGO, OBJECTS, INFO = "morai_msgs/EgoVehicleStatus", "morai_msgs/ObjectStatusList
 # Names
 
 
-def test_names_are_looked_for_in_the_data_folder(tmp_path: Path) -> None:
+def test_recordings_are_found_in_the_data_folder(tmp_path: Path) -> None:
     data = tmp_path / "data"
     for place in ("Replay/a.bag", "b.mcap", "day/c.bag", "folder/metadata.yaml"):
         (data / place).parent.mkdir(parents=True, exist_ok=True)
@@ -53,7 +53,7 @@ def test_names_are_looked_for_in_the_data_folder(tmp_path: Path) -> None:
         find_recording(tmp_path / "nowhere", "x")
 
 
-def test_names_that_lead_elsewhere_are_refused(tmp_path: Path) -> None:
+def test_recording_name_outside_the_data_folder_is_refused(tmp_path: Path) -> None:
     data = tmp_path / "data"
     data.mkdir()
     secret = tmp_path / "secret.bag"
@@ -98,7 +98,7 @@ async def tick(client: Client) -> dict[str, Any]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["drive.bag", "drive.mcap", "drive"])
-async def test_what_a_server_records_another_one_replays(tmp_path: Path, connect: Connect, name: str) -> None:
+async def test_bag_of_one_server_is_replayed_by_another(tmp_path: Path, connect: Connect, name: str) -> None:
     async with Simulator(port=0, start="sync", data_dir=tmp_path / "data", record=tmp_path / "data" / name) as sim:
         client = await connect(sim.url)
         await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True)
@@ -118,7 +118,7 @@ async def test_what_a_server_records_another_one_replays(tmp_path: Path, connect
     assert driven[-1]["velocity"]["x"] > 1.0
 
 
-async def test_what_cannot_be_replayed_has_its_codes(
+async def test_unusable_recording_has_its_result_code(
     tmp_path: Path, connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
     (tmp_path / "broken.bag").write_bytes(b"no bag at all")
@@ -138,7 +138,7 @@ async def test_what_cannot_be_replayed_has_its_codes(
             await client.message_where(STATUS, lambda message, code=code: message["command_result"] == code)  # type: ignore[misc] # mypy cannot infer a default
 
 
-async def test_server_that_stops_meanwhile_waits_for_nothing(tmp_path: Path) -> None:
+async def test_stopping_server_does_not_wait_for_a_read(tmp_path: Path) -> None:
     path = write(tmp_path / "a.bag", {"/Ego_topic": (EGO, ways(*range(500)))})
     shutil.copy(path, tmp_path / "b.bag")
     texts = read_definitions("22.R2")
@@ -156,7 +156,7 @@ async def test_server_that_stops_meanwhile_waits_for_nothing(tmp_path: Path) -> 
     assert not taken
 
 
-async def test_what_follows_from_a_recording_may_fail_and_the_next_one_is_read(
+async def test_failed_use_of_a_recording_does_not_block_the_next_one(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     write(tmp_path / "a.bag", {"/Ego_topic": (EGO, ways(1.0))})

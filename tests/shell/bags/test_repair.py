@@ -57,7 +57,7 @@ HELLO = [f"hello {i}" for i in range(6)]
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_bag_without_an_end_gives_its_whole_chunks(tmp_path: Path, name: str) -> None:
+def test_bag_without_an_end_keeps_its_complete_chunks(tmp_path: Path, name: str) -> None:
     bag = open_bag(tmp_path / name)
     fill(bag, 3)
     bag.abort()
@@ -71,7 +71,7 @@ def test_bag_without_an_end_gives_its_whole_chunks(tmp_path: Path, name: str) ->
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_chunk_that_was_cut_is_lost_alone(tmp_path: Path, name: str) -> None:
+def test_truncated_chunk_is_lost_alone(tmp_path: Path, name: str) -> None:
     bag = open_bag(tmp_path / name)
     fill(bag, 3)
     bag.abort()
@@ -85,7 +85,7 @@ def test_chunk_that_was_cut_is_lost_alone(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_whole_bag_is_copied(tmp_path: Path, name: str) -> None:
+def test_intact_bag_is_copied(tmp_path: Path, name: str) -> None:
     bag = open_bag(tmp_path / name)
     fill(bag, 3)
     bag.close()
@@ -129,7 +129,7 @@ def test_compressed_mcap_is_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["drive.bag", "drive.mcap"])
-def test_chunk_that_is_damaged_is_passed_over(tmp_path: Path, name: str) -> None:
+def test_damaged_chunk_is_skipped(tmp_path: Path, name: str) -> None:
     bag = open_bag(tmp_path / name)
     fill(bag, 3)
     bag.abort()
@@ -153,7 +153,7 @@ def test_chunk_that_is_damaged_is_passed_over(tmp_path: Path, name: str) -> None
     at=st.integers(0, 10_000),
     junk=st.binary(min_size=1, max_size=12),
 )
-def test_any_damage_gives_a_bag_or_one_line(
+def test_any_damage_gives_a_bag_or_one_error_line(
     tmp_path_factory: pytest.TempPathFactory, name: str, at: int, junk: bytes
 ) -> None:
     folder = tmp_path_factory.mktemp("junk")
@@ -180,7 +180,7 @@ def complaint(*words: str) -> str:
     return result.complaint
 
 
-def test_what_is_no_bag_is_told(tmp_path: Path) -> None:
+def test_file_that_is_no_bag_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "a.bag").write_text("no bag at all, but a text")
     (tmp_path / "empty").mkdir()
     assert "a.bag: expected a ROS 1 bag (version 2.0) or MCAP; it begins as neither does" in complaint(
@@ -191,13 +191,13 @@ def test_what_is_no_bag_is_told(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.bag", "empty"]
 
 
-def test_bag_without_a_chunk_leaves_nothing_behind(tmp_path: Path) -> None:
+def test_bag_without_a_chunk_leaves_no_output_file(tmp_path: Path) -> None:
     open_bag(tmp_path / "a.bag").abort()
     assert "a.bag: there is no whole chunk with messages in it" in complaint(str(tmp_path / "a.bag"))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.bag"]
 
 
-def test_nothing_is_written_over_and_formats_are_kept(tmp_path: Path) -> None:
+def test_repair_overwrites_nothing_and_keeps_the_format(tmp_path: Path) -> None:
     bag = open_bag(tmp_path / "a.bag")
     fill(bag, 1)
     bag.abort()
@@ -214,7 +214,7 @@ def test_nothing_is_written_over_and_formats_are_kept(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
-async def test_what_a_killed_recorder_had_flushed_is_there(tmp_path: Path, connect: Connect, name: str) -> None:
+async def test_flushed_messages_of_a_killed_recorder_are_recovered(tmp_path: Path, connect: Connect, name: str) -> None:
     server = ServerProcess(tmp_path / "log.txt", ["--record", str(tmp_path / name)])
     try:
         client = await connect(server.url)

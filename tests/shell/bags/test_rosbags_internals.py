@@ -52,7 +52,7 @@ def users() -> Iterator[tuple[Path, ast.Module]]:
 
 
 @pytest.mark.slow  # some twenty files are parsed
-def test_other_modules_use_documented_names_alone() -> None:
+def test_other_modules_use_only_documented_names_of_rosbags() -> None:
     strange = []
     for path, tree in users():
         for node in ast.walk(tree):
@@ -64,7 +64,7 @@ def test_other_modules_use_documented_names_alone() -> None:
     assert strange == []
 
 
-def test_versions_that_may_be_installed_are_those_that_were_tried() -> None:
+def test_allowed_versions_are_the_tried_ones() -> None:
     wanted = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
     (line,) = (line for line in wanted if line.startswith("rosbags"))
     major, minor, _ = map(int, TRIED[-1].split("."))
@@ -72,7 +72,7 @@ def test_versions_that_may_be_installed_are_those_that_were_tried() -> None:
     assert version("rosbags").startswith(f"{major}.{minor}.")
 
 
-def test_chunks_of_ros_1_end_when_told_and_need_only_the_number_of_their_messages(tmp_path: Path) -> None:
+def test_ros_1_chunks_can_be_closed_with_message_counts_only(tmp_path: Path) -> None:
     path = tmp_path / "x.bag"
     writer = internals.new_writer1(path)
     assert internals.file_of1(writer) is None
@@ -99,7 +99,7 @@ def test_chunks_of_ros_1_end_when_told_and_need_only_the_number_of_their_message
 
 
 @pytest.mark.parametrize("name", ["x.mcap", "x"])
-def test_chunks_of_ros_2_end_when_told(tmp_path: Path, name: str) -> None:
+def test_ros_2_chunks_can_be_closed(tmp_path: Path, name: str) -> None:
     path = tmp_path / name
     writer = internals.new_writer2(path)
     assert internals.file_of2(writer) is None
@@ -132,7 +132,7 @@ def test_chunks_of_ros_2_end_when_told(tmp_path: Path, name: str) -> None:
     assert (tmp_path / "aside.yaml").exists() is (name == "x.mcap")
 
 
-def test_bag_of_ros_2_without_messages_has_times_of_zero(tmp_path: Path) -> None:
+def test_empty_ros_2_bag_has_zero_times(tmp_path: Path) -> None:
     path = tmp_path / "x"
     writer = internals.new_writer2(path)
     writer.open()
@@ -142,7 +142,7 @@ def test_bag_of_ros_2_without_messages_has_times_of_zero(tmp_path: Path) -> None
     assert read_bag(path) == []
 
 
-def test_definitions_are_the_tuples_that_the_standard_texts_are_made_of() -> None:
+def test_definition_tuples_give_the_standard_texts() -> None:
     found = get_typestore(Stores.ROS2_JAZZY).fielddefs
     assert found["std_msgs/msg/String"] == ([], [("data", (Nodetype.BASE, ("string", 0)))])
     assert found["geometry_msgs/msg/Polygon"] == (
@@ -177,7 +177,7 @@ except DocumentError as error:
         ("storage_mcap.decompress", "x.mcap"),
     ],
 )
-def test_library_that_does_not_fit_is_told_before_a_file_is_made(tmp_path: Path, gone: str, name: str) -> None:
+def test_unsupported_library_version_is_reported_before_a_file_is_created(tmp_path: Path, gone: str, name: str) -> None:
     path = tmp_path / name
     words = [sys.executable, "-c", OTHER.format(gone=gone), str(path)]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)

@@ -1,4 +1,4 @@
-"""Flags, environment, file, defaults: who wins, and what a mistake looks like."""
+"""Flags, environment, file and defaults: precedence and errors."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def mistake_in(tmp_path: Path, text: str | bytes) -> str:
     return mistake(["--config", str(path)]).replace(str(tmp_path) + os.sep, "")
 
 
-def test_other_values_cover_every_setting() -> None:
+def test_test_values_cover_every_setting() -> None:
     only_one_value = {"release", "config"}
     assert OTHER.keys() | only_one_value == {field.name for field in FIELDS.values()}
     defaults = Settings()
@@ -138,7 +138,7 @@ def test_other_values_cover_every_setting() -> None:
 
 
 @pytest.mark.parametrize("name", OTHER)
-def test_every_setting_is_a_flag_a_variable_a_key_and_an_option(name: str, tmp_path: Path) -> None:
+def test_every_setting_has_a_flag_a_variable_a_key_and_an_option(name: str, tmp_path: Path) -> None:
     key = name.replace("_", "-")
     value = OTHER[name]
     quiet = {"outbox_size": 1024} if name == "outbox_limit" else {}  # which must not be larger
@@ -171,18 +171,18 @@ def test_flag_beats_environment_beats_file_beats_default(tmp_path: Path) -> None
     assert (settings.port, settings.seed, settings.start, settings.host) == (3, 2, "sync", "127.0.0.1")
 
 
-def test_flag_names_another_file_than_the_environment(tmp_path: Path) -> None:
+def test_config_flag_overrides_the_variable(tmp_path: Path) -> None:
     file = tmp_path / "s.toml"
     file.write_text("port = 1\n")
     assert read_settings(["--config", str(file)], {"ROSBRIDGE_SIM_CONFIG": "/nowhere"}).port == 1
 
 
-def test_list_is_taken_whole_from_the_strongest_place() -> None:
+def test_list_comes_from_one_source_only() -> None:
     assert read_settings(["--schema-path", "a"], {"ROSBRIDGE_SIM_SCHEMA_PATH": "b"}).schema_path == ("a",)
 
 
 @pytest.mark.parametrize("key", [key for key in FIELDS if flag_of(key).kind is SWITCH])
-def test_switch_is_turned_off_by_its_no_form_everywhere(key: str, tmp_path: Path) -> None:
+def test_no_form_turns_a_switch_off_in_every_source(key: str, tmp_path: Path) -> None:
     name = FIELDS[key].name
     file = tmp_path / "s.toml"
     file.write_text(f"no-{key} = true\n")
@@ -196,7 +196,7 @@ def test_switch_is_turned_off_by_its_no_form_everywhere(key: str, tmp_path: Path
 
 
 @pytest.mark.parametrize("text", ["", " "])
-def test_empty_token_in_the_environment_does_not_open_the_server(text: str) -> None:
+def test_empty_token_variable_is_refused(text: str) -> None:
     with pytest.raises(SettingError, match="ROSBRIDGE_SIM_TOKEN: expected a token, or none; got an empty text"):
         read_settings([], {"ROSBRIDGE_SIM_TOKEN": text})
     assert read_settings([], {"ROSBRIDGE_SIM_TOKEN": "none"}).token is None
@@ -206,11 +206,11 @@ def test_empty_variable_counts_as_absent() -> None:
     assert read_settings([], {"ROSBRIDGE_SIM_PORT": "", "ROSBRIDGE_SIM_SCHEMA_PATH": " "}) == Settings()
 
 
-def test_port_variable_of_kubernetes_is_not_ours() -> None:
+def test_kubernetes_port_variable_is_ignored() -> None:
     assert read_settings([], {"ROSBRIDGE_SIM_PORT": "tcp://10.0.0.1:9090"}).port == 9090
 
 
-def test_keys_of_a_file_may_have_underscores_and_the_file_a_byte_order_mark(tmp_path: Path) -> None:
+def test_config_file_may_use_underscores_and_a_byte_order_mark(tmp_path: Path) -> None:
     file = tmp_path / "s.toml"
     file.write_bytes(b'\xef\xbb\xbfsync_lease = 3\r\n[services]\r\n"sim/reset" = {on=false}\r\n')
     settings = read_settings(["--config", str(file)], {})
@@ -218,7 +218,7 @@ def test_keys_of_a_file_may_have_underscores_and_the_file_a_byte_order_mark(tmp_
     assert settings.services == {"/sim/reset": InterfaceChoice(is_on=False)}
 
 
-def test_paths_in_a_file_are_taken_from_its_folder(tmp_path: Path) -> None:
+def test_paths_in_a_file_are_relative_to_its_folder(tmp_path: Path) -> None:
     file = tmp_path / "s.toml"
     file.write_text('schema-path = ["msgs", "/abs"]\nscenario = "mine.json"\nmap = "./city"\ndata-dir = "data"\n')
     settings = read_settings(["--config", str(file)], {})
@@ -228,7 +228,7 @@ def test_paths_in_a_file_are_taken_from_its_folder(tmp_path: Path) -> None:
     assert settings.data_dir == str(tmp_path / "data")
 
 
-def test_names_in_a_file_stay_names(tmp_path: Path) -> None:
+def test_built_in_names_in_a_file_stay_names(tmp_path: Path) -> None:
     file = tmp_path / "s.toml"
     file.write_text('scenario = "demo"\nmap = "track"\n')
     settings = read_settings(["--config", str(file)], {})
@@ -251,7 +251,7 @@ def test_printed_config_gives_the_settings_back(tmp_path: Path) -> None:
     )
 
 
-def test_printed_config_has_all_items_then_what_is_said_of_others(tmp_path: Path) -> None:
+def test_printed_config_lists_all_interfaces_then_other_entries(tmp_path: Path) -> None:
     items = [
         ListedInterface(InterfaceKind.PUBLISHER, "/Ego_topic", "/car", is_on=True, rate=12.5),
         ListedInterface(InterfaceKind.PUBLISHER, "/tf_static", "/tf_static", is_on=False, rate=None),
@@ -291,14 +291,14 @@ def test_network_settings_may_stand_in_a_whole_settings_file(tmp_path: Path, cap
         read_network(file)
 
 
-def test_bad_token_is_not_shown() -> None:
+def test_invalid_token_is_not_shown() -> None:
     said = "expected printable ASCII without blanks, or none; got something else"
     assert mistake(["--token", "my secret"]) == f"--token: {said}"
     assert mistake([], {"ROSBRIDGE_SIM_TOKEN": "geheimniß"}) == f"ROSBRIDGE_SIM_TOKEN: {said}"
     assert "geheim" not in repr(check_options({"token": "geheim"}))
 
 
-def test_printed_config_says_where_secrets_belong_and_shows_none(tmp_path: Path) -> None:
+def test_printed_config_names_the_place_of_secrets_and_shows_none(tmp_path: Path) -> None:
     urls = ["ws://a:9090", "wss://me:geheim@b/x?token=geheim"]
     text = format_config(check_options({"token": "geheim", "attach": urls}), [])
     assert "geheim" not in text
@@ -321,7 +321,7 @@ def test_printed_config_says_where_secrets_belong_and_shows_none(tmp_path: Path)
         ["--allow-publish", "token=geheim x"],
     ],
 )
-def test_mistake_beside_a_token_is_told_without_it(words: list[str]) -> None:
+def test_error_next_to_a_token_does_not_show_the_token(words: list[str]) -> None:
     assert "geheim" not in mistake(words)
 
 
@@ -332,7 +332,7 @@ def test_attach_takes_urls_and_flags_in_any_order_and_does_not_listen() -> None:
     )
 
 
-def test_urls_of_a_command_beat_those_of_the_environment_and_the_file(tmp_path: Path) -> None:
+def test_command_line_urls_override_environment_and_file(tmp_path: Path) -> None:
     file = tmp_path / "s.toml"
     file.write_text('attach = ["ws://one:1", "ws://two:2"]\n')
     config = ["--config", str(file)]
@@ -343,19 +343,19 @@ def test_urls_of_a_command_beat_those_of_the_environment_and_the_file(tmp_path: 
 
 
 @pytest.mark.parametrize("flag", ["--port", "--host", "--token", "--max-clients", "--attach"])
-def test_flags_about_clients_of_ours_are_none_of_attach(flag: str) -> None:
+def test_attach_has_no_server_flags(flag: str) -> None:
     with pytest.raises(SettingError, match=f"{flag}: is a flag of serve"):
         read_settings(["a", flag, "1"], {}, is_attaching=True)
 
 
-def test_bad_url_is_shown_without_its_token() -> None:
+def test_invalid_url_is_shown_without_its_token() -> None:
     text = "--attach: expected URLs of rosbridges, each once, such as ws://192.168.0.5:9090; got "
     assert mistake(["--attach", "ws://h:x/?token=geheim"]) == f"{text}['ws://h:x/?...']"
     assert mistake(["--attach", "a", "--attach", "a"]) == f"{text}['a', 'a']"
     assert "geheim" not in repr(check_options({"attach": "ws://h/?token=geheim"}))
 
 
-def test_help_names_every_flag_its_unit_and_where_else_it_can_be_set(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_shows_unit_variable_and_key_of_every_flag(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         read_settings(["--help"], {})
     assert not caught.value.code
@@ -391,16 +391,16 @@ def test_help_names_every_flag_its_unit_and_where_else_it_can_be_set(capsys: pyt
         (["--outbox-limit", "2KiB"], "outbox-limit: expected at least outbox-size, 4MiB; got 2KiB"),
     ],
 )
-def test_mistake_on_the_command_line_is_one_line(argv: list[str], text: str) -> None:
+def test_command_line_error_is_one_line(argv: list[str], text: str) -> None:
     assert mistake(argv) == text
 
 
-def test_mistake_in_the_environment_names_the_variable() -> None:
+def test_environment_error_names_the_variable() -> None:
     text = mistake([], {"ROSBRIDGE_SIM_SYNC_LEASE": "abc"})
     assert text == "ROSBRIDGE_SIM_SYNC_LEASE: expected seconds up to 86,400, or none; got 'abc'"
 
 
-def test_rate_as_a_flag_is_laid_over_what_the_file_says_of_that_publisher(tmp_path: Path) -> None:
+def test_rate_flag_overrides_the_file_for_one_publisher(tmp_path: Path) -> None:
     file = tmp_path / "s.toml"
     file.write_text('[publishers]\n"/tf" = { name = "/t", rate = 5 }\n"/clock" = { rate = 6 }\n')
     config = ["--config", str(file)]
@@ -418,7 +418,7 @@ def test_rate_as_a_flag_is_laid_over_what_the_file_says_of_that_publisher(tmp_pa
     assert choices["/tf"].where == f'{file}:2: publishers."/tf"'
 
 
-def test_switch_and_its_no_form_in_one_place_must_agree() -> None:
+def test_contradicting_switches_in_one_source_are_an_error() -> None:
     text = mistake([], {"ROSBRIDGE_SIM_WORLD": "1", "ROSBRIDGE_SIM_NO_WORLD": "1"})
     assert text == "ROSBRIDGE_SIM_NO_WORLD: world and no-world contradict each other"
     assert not read_settings([], {"ROSBRIDGE_SIM_WORLD": "0", "ROSBRIDGE_SIM_NO_WORLD": "1"}).world
@@ -456,7 +456,7 @@ def test_switch_and_its_no_form_in_one_place_must_agree() -> None:
         (b"#" * (2**20 + 1), "s.toml: expected a settings file; it is longer than 1MiB"),
     ],
 )
-def test_mistake_in_a_file_is_one_line_with_its_place(tmp_path: Path, text: str | bytes, said: str | None) -> None:
+def test_file_error_is_one_line_with_its_place(tmp_path: Path, text: str | bytes, said: str | None) -> None:
     line = mistake_in(tmp_path, text)
     assert line.startswith("s.toml")
     if said is not None:
@@ -475,22 +475,22 @@ def test_long_value_is_shortened() -> None:
 # Options of a Simulator
 
 
-def test_option_that_does_not_exist_is_named() -> None:
+def test_unknown_option_is_named() -> None:
     with pytest.raises(SettingError, match=r"no such option: prot \(did you mean port\?\)"):
         check_options({"prot": 0})
 
 
-def test_option_with_a_bad_value_is_named() -> None:
+def test_option_with_an_invalid_value_is_named() -> None:
     with pytest.raises(SettingError, match="port: expected a whole number"):
         check_options({"port": "x"})
 
 
-def test_options_know_nothing_of_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_options_ignore_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROSBRIDGE_SIM_PORT", "1")
     assert check_options({}).port == 9090
 
 
-def test_none_is_an_option_only_where_it_means_something() -> None:
+def test_none_is_accepted_only_for_optional_settings() -> None:
     assert check_options({"map": None, "sync_lease": None, "object_limit": None, "ping_interval": None}).map is None
     with pytest.raises(SettingError):
         check_options({"port": None})
@@ -499,20 +499,20 @@ def test_none_is_an_option_only_where_it_means_something() -> None:
 # Beside the settings
 
 
-def test_misspelt_variable_is_pointed_out_and_a_strange_one_is_not() -> None:
+def test_misspelt_variable_is_reported_and_an_unrelated_one_is_not() -> None:
     lines = strange_variables({"ROSBRIDGE_SIM_SYNC_LAESE": "1", "ROSBRIDGE_SIM_SERVICE_HOST": "x", "PATH": "/bin"})
     assert lines == [
         "the environment variable ROSBRIDGE_SIM_SYNC_LAESE means nothing here (did you mean ROSBRIDGE_SIM_SYNC_LEASE?)"
     ]
 
 
-def test_what_looks_like_a_path() -> None:
+def test_path_like_values_are_recognised() -> None:
     assert [looks_like_path(name) for name in ("demo", "demo.json", "./demo", "a/b", ".")] == [
         False, True, True, True, True,
     ]  # fmt: skip
 
 
-def test_all_mistakes_of_a_file_are_told_at_once_each_with_its_line(tmp_path: Path) -> None:
+def test_all_errors_of_a_file_are_reported_with_their_lines(tmp_path: Path) -> None:
     text = """\
 prot = 1
 host = 3
@@ -534,7 +534,7 @@ rate = 3
     assert lines[-1].endswith("servces: no such setting (did you mean services?)")
 
 
-def test_conflicts_between_settings_are_told_with_the_other_mistakes(tmp_path: Path) -> None:
+def test_conflicting_settings_are_reported_with_other_errors(tmp_path: Path) -> None:
     text = """\
 prot = 1
 outbox-size = "8MiB"
@@ -557,12 +557,12 @@ outbox-limit = "1MiB"
     assert lines[6].endswith("the simulator has no such publisher (did you mean /Ego_topic?)")
 
 
-def test_conflict_is_not_told_of_a_setting_that_cannot_be_read(tmp_path: Path) -> None:
+def test_conflict_with_an_unreadable_setting_is_not_reported(tmp_path: Path) -> None:
     (line,) = mistake_in(tmp_path, 'outbox-size = "big"\noutbox-limit = "1MiB"\n').split("\n")
     assert line.startswith("s.toml:1: outbox-size: expected")
 
 
-def test_a_file_full_of_mistakes_is_a_screen_of_lines(tmp_path: Path) -> None:
+def test_number_of_reported_errors_is_bounded(tmp_path: Path) -> None:
     lines = mistake_in(tmp_path, "".join(f"x{i} = 1\n" for i in range(5_000))).split("\n")
     assert len(lines) == 21
     assert lines[-1] == "s.toml: 4,980 more mistakes"

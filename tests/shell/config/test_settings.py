@@ -1,4 +1,4 @@
-"""What values each setting takes."""
+"""Accepted and refused values of each setting."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def read(key: str, value: object) -> object:
         ("max-rate", 50, 50),
     ],
 )
-def test_value_is_read(key: str, given_value: object, value: object) -> None:
+def test_valid_value_is_read(key: str, given_value: object, value: object) -> None:
     assert read(key, given_value) == value
 
 
@@ -116,7 +116,7 @@ def test_value_is_read(key: str, given_value: object, value: object) -> None:
         ("max-calls", "none"),
     ],
 )
-def test_value_is_refused(key: str, value: object) -> None:
+def test_invalid_value_is_refused(key: str, value: object) -> None:
     with pytest.raises((ValueError, TypeError, KeyError, OverflowError, AttributeError)):
         read(key, value)
 
@@ -129,7 +129,7 @@ def test_every_default_passes_its_own_check(key: str) -> None:
 
 
 @pytest.mark.parametrize("key", FIELDS)
-def test_every_setting_says_what_it_is_and_what_it_expects(key: str) -> None:
+def test_every_setting_has_a_help_text_and_a_value_description(key: str) -> None:
     flag = flag_of(key)
     assert flag.group
     assert flag.text
@@ -142,10 +142,10 @@ def test_settings_cannot_be_changed() -> None:
         Settings().port = 1  # type: ignore[misc]
 
 
-def test_two_settings_share_no_table() -> None:
+def test_settings_objects_share_no_mutable_default() -> None:
     assert Settings().publishers is not Settings().publishers
 
 
 @given(st.integers(1024, 2**30))
-def test_size_is_read_back_as_it_is_shown(size: int) -> None:
+def test_shown_size_is_read_back(size: int) -> None:
     assert read("max-frame-size", show_size(size)) == size

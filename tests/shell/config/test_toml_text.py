@@ -39,16 +39,16 @@ schema-path = [
         (("services", "schema-path"), 12),
     ],
 )
-def test_line_of_a_key(path: tuple[str, ...], line: int) -> None:
+def test_line_of_every_key_is_found(path: tuple[str, ...], line: int) -> None:
     lines = lines_of(TEXT)
     assert lines[path] == line
     assert place_of(lines, path) == f":{line}"
 
 
-def test_key_that_cannot_be_found_has_the_line_of_its_table_or_none() -> None:
+def test_missing_key_gives_the_line_of_its_table_or_none() -> None:
     assert place_of(lines_of(TEXT), ("services", "/f", "on")) == ":11"
     assert place_of(lines_of(TEXT), ("nowhere",)) == ""
 
 
-def test_line_of_a_key_in_a_list_of_tables() -> None:
+def test_line_of_a_key_in_a_list_of_tables_is_found() -> None:
     assert lines_of("[[a]]\nb = 1\n")["a", "b"] == 2

@@ -69,7 +69,7 @@ def refusal(text: str | bytes, tmp_path: Path, name: str) -> str:
     ],
     ids=["toml", "comma", "semicolon", "tab", "remark", "windows"],
 )
-def test_both_forms_say_the_same(text: str | bytes, name: str, tmp_path: Path) -> None:
+def test_toml_and_csv_give_the_same_catalogue(text: str | bytes, name: str, tmp_path: Path) -> None:
     catalogue = read(text, tmp_path, name)
     car, fridge = catalogue.own
     assert (car.name, car.kind, car.data_ids, car.mass) == ("Sonata", Kind.VEHICLE, (30200005,), 1500.0)
@@ -81,7 +81,7 @@ def test_both_forms_say_the_same(text: str | bytes, name: str, tmp_path: Path) -
     assert (fridge.body.wheelbase, fridge.body.front_overhang) == (0.0, 0.35)
 
 
-def test_it_wins_over_ours_and_leaves_the_rest(tmp_path: Path) -> None:
+def test_user_models_override_built_in_ones_and_keep_the_others(tmp_path: Path) -> None:
     catalogue = read("name,class,length,width,height,DataID\nkia k5,vehicle,9,2,3,40100001\n", tmp_path, "m.csv")
     (own,) = catalogue.own
     assert catalogue.find("2015_Kia_K5") is find_model("2015_Kia_K5"), "its full name is another one"
@@ -99,7 +99,7 @@ def test_it_wins_over_ours_and_leaves_the_rest(tmp_path: Path) -> None:
     assert ours.name == "Hyundai_Ioniq_5"
 
 
-def test_what_is_left_out_of_a_vehicle_has_the_usual_proportions(tmp_path: Path) -> None:
+def test_missing_vehicle_dimensions_are_scaled_from_the_default(tmp_path: Path) -> None:
     (truck,) = read("DataID,length,width,height\n30200099,12,2.5,3.5\n", tmp_path, "m.csv").own
     body = truck.body
     assert body.wheelbase == pytest.approx(7.248, abs=0.001)
@@ -134,7 +134,7 @@ HEAD = "DataID,name,class,length,width,height,wheelbase,rear_overhang,max_steer,
         ("", "m.csv: expected at least one model, below a first line DataID,name,class,length,width,height,...; found"),
     ],
 )
-def test_a_mistake_in_a_row_has_its_line_and_field(row: str, message: str, tmp_path: Path) -> None:
+def test_csv_error_names_line_and_field(row: str, message: str, tmp_path: Path) -> None:
     assert refusal(f"{HEAD}{row}\n", tmp_path, "m.csv").startswith(message)
 
 
@@ -165,18 +165,18 @@ def test_a_mistake_in_a_row_has_its_line_and_field(row: str, message: str, tmp_p
         (b" " * (2**20 + 1), "m.toml: expected a catalogue; it is longer than 1MiB"),
     ],
 )
-def test_a_mistake_in_toml_has_its_line_and_field(text: str | bytes, message: str, tmp_path: Path) -> None:
+def test_toml_error_names_line_and_field(text: str | bytes, message: str, tmp_path: Path) -> None:
     assert refusal(text, tmp_path, "m.toml").startswith(message)
 
 
-def test_columns_are_told_when_they_are_none_or_come_twice(tmp_path: Path) -> None:
+def test_unknown_and_duplicate_columns_are_errors(tmp_path: Path) -> None:
     text = refusal("DataID,lenght\n", tmp_path, "m.csv")
     assert text.startswith("m.csv:1: 'lenght': expected one of DataID, name,")
     assert text.endswith("(did you mean length?)")
     assert refusal("Data ID,data_id\n1,2\n", tmp_path, "m.csv") == "m.csv:1: DataID: stands there twice"
 
 
-def test_duplicates_name_both_places(tmp_path: Path) -> None:
+def test_duplicate_model_names_both_places(tmp_path: Path) -> None:
     rows = "1,A,vehicle,4,2,1,,,,\n2,a,vehicle,4,2,1,,,,\n1,B,vehicle,4,2,1,,,,\n1,C,obstacle,4,2,1,,,,\n"
     text = refusal(HEAD + rows, tmp_path, "m.csv")
     assert text == (
@@ -187,13 +187,13 @@ def test_duplicates_name_both_places(tmp_path: Path) -> None:
     assert text.startswith("m.toml:8: name: 'A' stands there already, at ")
 
 
-def test_many_mistakes_are_cut_short(tmp_path: Path) -> None:
+def test_number_of_reported_errors_is_bounded(tmp_path: Path) -> None:
     text = refusal(HEAD + "x\n" * 50, tmp_path, "m.csv")
     assert text.count("; m.csv:") == 19
     assert text.endswith(" more")
 
 
-def test_a_file_must_be_there_and_have_a_suffix(tmp_path: Path) -> None:
+def test_missing_file_and_unknown_suffix_are_errors(tmp_path: Path) -> None:
     with pytest.raises(DocumentError, match=r"gone\.csv: cannot be read: No such file or directory"):
         read_catalogue(tmp_path / "gone.csv")
     with pytest.raises(DocumentError, match=r"expected a catalogue in a file named \*\.toml or \*\.csv"):
@@ -209,7 +209,7 @@ def _folder(path: Path) -> Path:
 
 @settings(max_examples=60)
 @given(text=st.text(st.sampled_from("[]=,;\"'\n #model30.A-"), max_size=60), is_toml=st.booleans())
-def test_any_text_is_a_catalogue_or_one_line(
+def test_any_text_gives_a_catalogue_or_one_error_line(
     text: str,
     is_toml: bool,  # noqa: FBT001 - drawn
     tmp_path_factory: pytest.TempPathFactory,

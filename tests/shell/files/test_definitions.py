@@ -45,13 +45,13 @@ def test_built_in_definitions_are_those_of_the_release() -> None:
         "shop_msgs/22.R2/msg/Point.msg",
     ],
 )
-def test_folder_may_be_a_package_or_hold_packages_or_be_a_tree(lay: Lay, layout: str) -> None:
+def test_folder_may_be_a_package_a_set_of_packages_or_a_tree(lay: Lay, layout: str) -> None:
     root = lay({f"shop_msgs/{layout}" if layout.startswith("msg") else layout: "float64 x\n"})
     folder = root / "shop_msgs" if layout.startswith("msg") else root
     assert own(folder) == {("shop_msgs", "msg", "Point"): "float64 x\n"}
 
 
-def test_messages_and_services_are_both_read_and_other_files_are_not(lay: Lay) -> None:
+def test_messages_and_services_are_read_and_other_files_ignored(lay: Lay) -> None:
     root = lay({"p/msg/A.msg": "int8 a\n", "p/srv/B.srv": "---\n", "p/msg/README.md": "x", "p/CMakeLists.txt": ""})
     assert own(root) == {("p", "msg", "A"): "int8 a\n", ("p", "srv", "B"): "---\n"}
 
@@ -61,33 +61,33 @@ def test_manifest_names_the_package(lay: Lay) -> None:
     assert own(root) == {("shop_msgs", "msg", "A"): ""}
 
 
-def test_own_definition_replaces_a_built_in_one_and_the_last_folder_wins(lay: Lay) -> None:
+def test_user_definition_replaces_a_built_in_one_and_the_last_folder_wins(lay: Lay) -> None:
     root = lay({"a/morai_msgs/msg/CtrlCmd.msg": "int8 a\n", "b/morai_msgs/msg/CtrlCmd.msg": "int8 b\n"})
     texts = read_definitions("22.R2", [root / "a", root / "b"])
     assert texts["morai_msgs", "msg", "CtrlCmd"] == "int8 b\n"
     assert ("morai_msgs", "msg", "EgoVehicleStatus") in texts
 
 
-def test_own_types_can_be_used(lay: Lay) -> None:
+def test_user_types_can_be_used(lay: Lay) -> None:
     root = lay({"shop/msg/Basket.msg": "shop/Item[] items\n", "shop/msg/Item.msg": "string name\n"})
     store = Store(read_definitions("22.R2", [root]))
     assert store.message("shop/Basket").encode_json(store.message("shop/Basket").default()) == b'{"items":[]}'
 
 
-def test_marked_and_hidden_folders_are_passed_over(lay: Lay) -> None:
+def test_ignored_and_hidden_folders_are_skipped(lay: Lay) -> None:
     root = lay(
         {"p/msg/A.msg": "", "q/msg/A.msg": "", "q/CATKIN_IGNORE": "", "r/COLCON_IGNORE": "", ".git/s/msg/A.msg": ""}
     )
     assert own(root) == {("p", "msg", "A"): ""}
 
 
-def test_links_in_a_circle_end(lay: Lay) -> None:
+def test_circular_links_end(lay: Lay) -> None:
     root = lay({"p/msg/A.msg": ""})
     (root / "loop").symlink_to(root)
     assert own(root) == {("p", "msg", "A"): ""}
 
 
-def test_second_definition_of_a_type_in_one_tree_is_ignored_and_told(
+def test_second_definition_of_a_type_in_a_tree_is_ignored_and_logged(
     lay: Lay, caplog: pytest.LogCaptureFixture
 ) -> None:
     root = lay({"a/p/msg/A.msg": "int8 a\n", "b/p/msg/A.msg": "int8 b\n"})
@@ -105,7 +105,7 @@ def test_old_files_in_latin_1_and_with_a_byte_order_mark_are_read(tmp_path: Path
     assert own(tmp_path) == {("p", "msg", "A"): "float64 angle # [°]\n", ("p", "msg", "B"): "float64 b\n"}
 
 
-def test_mistake_in_a_definition_is_told_with_file_and_line(lay: Lay) -> None:
+def test_error_in_a_definition_names_file_and_line(lay: Lay) -> None:
     root = lay({"p/msg/A.msg": "int8 a\nint8 = 3 = 4\n"})
     with pytest.raises(DefinitionError) as caught:
         own(root)
@@ -113,12 +113,12 @@ def test_mistake_in_a_definition_is_told_with_file_and_line(lay: Lay) -> None:
     assert caught.value.line == 2
 
 
-def test_mistake_in_a_service_is_told_with_file_and_line(lay: Lay) -> None:
+def test_error_in_a_service_names_file_and_line(lay: Lay) -> None:
     root = lay({"p/srv/A.srv": "int8 a\n---\n\nrubbish\n"})
     assert mistake(root).startswith(f"{root}/p/srv/A.srv:4:")
 
 
-def test_folder_that_does_not_help_is_refused(lay: Lay) -> None:
+def test_folder_without_definitions_is_refused(lay: Lay) -> None:
     root = lay({"empty/README.md": "", "bad-name/msg/A.msg": "", "file": ""})
     assert mistake(root / "nowhere") == f"{root}/nowhere: expected a folder with ROS packages; there is none"
     assert mistake(root / "file") == f"{root}/file: expected a folder with ROS packages; there is none"
@@ -128,7 +128,7 @@ def test_folder_that_does_not_help_is_refused(lay: Lay) -> None:
     assert "'bad-name' is no name of a ROS package" in mistake(root)
 
 
-def test_definition_beyond_all_measure_is_refused(lay: Lay) -> None:
+def test_oversized_definition_is_refused(lay: Lay) -> None:
     root = lay({"p/msg/A.msg": "#" * (MAX_DEFINITION_SIZE + 1)})
     assert mistake(root) == f"{root}/p/msg/A.msg: expected at most 1,048,576 bytes; it is longer"
 

@@ -1,4 +1,4 @@
-"""Documents are read once, and anew as soon as a file of theirs is another one."""
+"""Documents are read once, and again when their files change."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def write(path: Path, text: str = "x", changed_ns: int = LONG_AGO) -> Path:
     return path
 
 
-def test_document_is_made_once_while_its_files_stay_as_they_are(tmp_path: Path) -> None:
+def test_unchanged_document_is_read_once(tmp_path: Path) -> None:
     cache, (made, make) = DocumentCache(), counted()
     file = write(tmp_path / "a")
     first = cache.get("map", file, [file], make)
@@ -59,7 +59,7 @@ def replace(file: Path) -> None:
     ],
     ids=["size", "time", "inode"],
 )
-def test_document_is_made_anew_after_a_change(tmp_path: Path, change: Callable[[Path], object]) -> None:
+def test_changed_document_is_read_again(tmp_path: Path, change: Callable[[Path], object]) -> None:
     cache, (made, make) = DocumentCache(), counted()
     files = [write(tmp_path / "a"), write(tmp_path / "b")]
     cache.get("map", tmp_path, files, make)
@@ -83,7 +83,7 @@ def test_file_that_changes_while_it_is_read_is_read_again(tmp_path: Path) -> Non
     assert len(made) == 2
 
 
-def test_young_file_is_read_again_where_that_is_asked_for(tmp_path: Path) -> None:
+def test_recently_written_file_is_read_again_if_requested(tmp_path: Path) -> None:
     cache, (made, make) = DocumentCache(), counted()
     file = tmp_path / "a"
     file.write_text("x")
@@ -96,7 +96,7 @@ def test_young_file_is_read_again_where_that_is_asked_for(tmp_path: Path) -> Non
     assert len(made) == 3
 
 
-def test_failure_is_passed_on_and_not_kept(tmp_path: Path) -> None:
+def test_failure_is_raised_and_not_cached(tmp_path: Path) -> None:
     cache, (made, make) = DocumentCache(), counted()
     file = write(tmp_path / "a")
 
@@ -112,7 +112,7 @@ def test_failure_is_passed_on_and_not_kept(tmp_path: Path) -> None:
     assert len(made) == 3
 
 
-def test_documents_that_were_not_used_for_longest_go_first(tmp_path: Path) -> None:
+def test_least_recently_used_documents_are_dropped_first(tmp_path: Path) -> None:
     made, make = counted()
     a, b, c = (write(tmp_path / name, "x" * 10) for name in "abc")
     for cache in (DocumentCache(max_documents=2), DocumentCache(max_bytes=20)):
@@ -129,7 +129,7 @@ def test_documents_that_were_not_used_for_longest_go_first(tmp_path: Path) -> No
     assert len(made) == 2
 
 
-def test_threads_that_want_the_same_document_at_once_share_one(tmp_path: Path) -> None:
+def test_threads_share_one_read_of_a_document(tmp_path: Path) -> None:
     cache, (made, make) = DocumentCache(), counted()
     file = write(tmp_path / "a")
     is_reading, may_end = threading.Event(), threading.Event()
@@ -153,7 +153,7 @@ def test_threads_that_want_the_same_document_at_once_share_one(tmp_path: Path) -
     assert got == made * 3
 
 
-def test_library_keeps_maps_and_scenarios(tmp_path: Path) -> None:
+def test_library_caches_maps_and_scenarios(tmp_path: Path) -> None:
     (tmp_path / "mine.json").write_bytes(PARKED)
     os.utime(tmp_path / "mine.json", ns=(LONG_AGO, LONG_AGO))
     library = DiskLibrary([tmp_path])
@@ -162,7 +162,7 @@ def test_library_keeps_maps_and_scenarios(tmp_path: Path) -> None:
     assert DiskLibrary().map("track") is not library.map("track")
 
 
-def test_library_reads_a_scenario_anew_that_a_program_has_just_written_again(tmp_path: Path) -> None:
+def test_library_reads_a_just_rewritten_scenario_again(tmp_path: Path) -> None:
     file = tmp_path / "episode.json"
     library = DiskLibrary([tmp_path])
     for x in range(1, 6):  # of one size, in one file, faster than a file system's clock ticks

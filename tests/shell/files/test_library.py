@@ -26,7 +26,7 @@ def test_built_in_scenario_is_found_with_and_without_suffix() -> None:
     assert "demo" in library.scenario_names()
 
 
-def test_scenario_is_found_in_the_folders_first_and_in_their_order(lay: Lay, demo: str) -> None:
+def test_user_folders_are_searched_first_and_in_order(lay: Lay, demo: str) -> None:
     root = lay({"a/mine.json": demo, "b/mine.json": "broken", "b/other.json": demo})
     library = DiskLibrary([root / "a", root / "b"])
     library.scenario("mine")
@@ -35,7 +35,7 @@ def test_scenario_is_found_in_the_folders_first_and_in_their_order(lay: Lay, dem
         DiskLibrary([root / "b", root / "a"]).scenario("mine")
 
 
-def test_scenario_is_found_below_its_map(lay: Lay, demo: str) -> None:
+def test_scenario_in_a_folder_of_its_map_is_found(lay: Lay, demo: str) -> None:
     root = lay({"Seoul/one.json": demo, "Busan [old]/two.json": demo})
     library = DiskLibrary([root])
     for name in ("one", "one.json", "Seoul/one", "Seoul\\one.json", "Busan [old]/two", "two"):
@@ -44,7 +44,7 @@ def test_scenario_is_found_below_its_map(lay: Lay, demo: str) -> None:
         library.scenario("Seoul/two")
 
 
-def test_scenario_of_two_maps_is_told(lay: Lay, demo: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_scenario_name_of_two_maps_is_reported(lay: Lay, demo: str, caplog: pytest.LogCaptureFixture) -> None:
     root = lay({"A/one.json": demo, "B/one.json": "broken"})
     DiskLibrary([root]).scenario("one")
     assert caplog.messages == [
@@ -74,14 +74,14 @@ def test_scenario_of_two_maps_is_told(lay: Lay, demo: str, caplog: pytest.LogCap
         "x" * 199 + "é" * 28 + ".json",
     ],
 )
-def test_name_that_leads_out_is_refused(lay: Lay, demo: str, name: str) -> None:
+def test_name_outside_the_folder_is_refused(lay: Lay, demo: str, name: str) -> None:
     root = lay({"in/mine.json": demo, "secret.json": demo})
     with pytest.raises(DocumentError, match="is no name of a scenario") as caught:
         DiskLibrary([root / "in"]).scenario(name)
     assert "\n" not in str(caught.value)
 
 
-def test_link_that_leads_out_is_refused(lay: Lay, demo: str) -> None:
+def test_link_outside_the_folder_is_refused(lay: Lay, demo: str) -> None:
     root = lay({"in/mine.json": demo, "out/secret.json": demo})
     (root / "in/link.json").symlink_to(root / "out/secret.json")
     (root / "in/linked").symlink_to(root / "out")
@@ -93,14 +93,14 @@ def test_link_that_leads_out_is_refused(lay: Lay, demo: str) -> None:
     library.scenario("alias")
 
 
-def test_unknown_scenario_is_told_with_the_known_ones(lay: Lay, demo: str) -> None:
+def test_unknown_scenario_error_lists_the_known_ones(lay: Lay, demo: str) -> None:
     root = lay({"mine.json": demo, "Seoul/one.json": demo})
     with pytest.raises(DocumentError, match="no scenario 'nothing'; known are Seoul/one, mine, demo") as caught:
         DiskLibrary([root]).scenario("nothing")
     assert str(caught.value).endswith(", town, and --scenario-path takes a folder")
 
 
-def test_person_who_starts_the_server_may_name_any_file(lay: Lay, demo: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_command_line_may_name_any_file(lay: Lay, demo: str, monkeypatch: pytest.MonkeyPatch) -> None:
     root = lay({"mine.json": demo, "sub/other": demo})
     monkeypatch.chdir(root)
     library = DiskLibrary()
@@ -144,12 +144,12 @@ def test_built_in_map_is_found() -> None:
 
 
 @pytest.mark.parametrize("name", ["", "..", "nothing", "../maps/track", "/etc", "한" * 86, "a\0b"])
-def test_unknown_map_is_told_with_the_known_ones(name: str) -> None:
+def test_unknown_map_error_lists_the_known_ones(name: str) -> None:
     with pytest.raises(DocumentError, match=r"no map .*; known are loop, town, track"):
         DiskLibrary().map(name)
 
 
-def test_own_map_stands_in_for_every_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_user_map_replaces_every_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copytree(DATA / "maps" / "track", tmp_path / "Seoul")
     monkeypatch.chdir(tmp_path)
     for own_map in (str(tmp_path / "Seoul"), "./Seoul", "Seoul"):
@@ -159,6 +159,6 @@ def test_own_map_stands_in_for_every_map(tmp_path: Path, monkeypatch: pytest.Mon
         DiskLibrary(own_map="Busan").map("track")
 
 
-def test_map_without_its_files_is_told(tmp_path: Path) -> None:
+def test_map_folder_without_its_files_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(DocumentError, match=r"global_info\.json is missing"):
         DiskLibrary(own_map=str(tmp_path)).map("track")

@@ -22,12 +22,12 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("name", ["rush hour", "rush hour.json", "town/rush hour", "town\\rush hour.json"])
-def test_they_are_found_by_the_last_part_of_the_scenarios_name(folder: Path, name: str) -> None:
+def test_network_files_are_found_by_the_last_part_of_the_scenario_name(folder: Path, name: str) -> None:
     (folder / "rush hour.toml").write_text(TEXT)
     assert DiskNetworks(folder.parent).network(name) == SETTINGS
 
 
-def test_most_scenarios_have_none_and_the_folder_need_not_be_there(folder: Path) -> None:
+def test_missing_network_file_and_missing_folder_are_fine(folder: Path) -> None:
     assert DiskNetworks(folder.parent).network("demo") is None
     assert DiskNetworks(folder / "nowhere").network("demo") is None
     (folder / "demo.toml").mkdir()
@@ -37,20 +37,20 @@ def test_most_scenarios_have_none_and_the_folder_need_not_be_there(folder: Path)
 @pytest.mark.parametrize(
     "name", ["", "..", "../x", "../../etc/x", "/etc/x", "a/b/c", "a\0b", "x" * 300, "한" * 84, "town/.."]
 )
-def test_a_name_that_leads_out_of_the_folder_is_refused(folder: Path, name: str) -> None:
+def test_name_outside_the_folder_is_refused(folder: Path, name: str) -> None:
     (folder.parent / "x.toml").write_text(TEXT)
     with pytest.raises(DocumentError, match="is no name of a scenario"):
         DiskNetworks(folder.parent).network(name)
 
 
-def test_a_link_that_leads_out_of_the_folder_is_refused(folder: Path) -> None:
+def test_link_outside_the_folder_is_refused(folder: Path) -> None:
     (folder.parent / "x.toml").write_text(TEXT)
     (folder / "x.toml").symlink_to(folder.parent / "x.toml")
     with pytest.raises(DocumentError, match=r"'x\.toml' leads out of .*Network"):
         DiskNetworks(folder.parent).network("x")
 
 
-def test_a_mistake_in_the_file_has_its_line(folder: Path) -> None:
+def test_error_in_a_network_file_names_its_line(folder: Path) -> None:
     (folder / "x.toml").write_text(TEXT + '"/SyncModeCmd" = { of = true }\n')
     with pytest.raises(DocumentError, match=r'x\.toml:3: services\."/SyncModeCmd"\.of: expected name or on'):
         DiskNetworks(folder.parent).network("x")

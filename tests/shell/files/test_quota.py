@@ -1,4 +1,4 @@
-"""The quota of the data folder: what counts, what is refused, when it is counted anew, and when the log warns."""
+"""Quota of the data folder: counting, refusals, recounts and warnings."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.conftest import Connect
 from tests.support import PATIENCE
 
 
-class Setting:
+class QuotaFixture:
     """A clock that the test moves, and work that waits until the test has it done."""
 
     def __init__(self) -> None:
@@ -45,7 +45,7 @@ def fits(quota: DataQuota, num_bytes: int, num_files: int) -> bool:
     return True
 
 
-def test_all_that_lies_there_counts_but_recordings_and_what_links_lead_to(tmp_path: Path) -> None:
+def test_all_files_count_except_recordings_and_link_targets(tmp_path: Path) -> None:
     root = tmp_path / "data"
     (root / "a" / "b").mkdir(parents=True)
     (root / "a" / "b" / "x.csv").write_bytes(b"12345")
@@ -55,20 +55,20 @@ def test_all_that_lies_there_counts_but_recordings_and_what_links_lead_to(tmp_pa
     (tmp_path / "outside").write_bytes(bytes(1_000))
     (root / "out").symlink_to(tmp_path)
     link_size = (root / "out").lstat().st_size
-    quota = Setting().quota(root, 8 + link_size + 10, 5 + 2)
+    quota = QuotaFixture().quota(root, 8 + link_size + 10, 5 + 2)
     assert fits(quota, 10, 2)
     assert not fits(quota, 11, 2)
     assert not fits(quota, 10, 3)
 
 
-def test_folder_that_is_not_there_is_empty(tmp_path: Path) -> None:
-    quota = Setting().quota(tmp_path / "nowhere", 10, 10)
+def test_missing_folder_is_empty(tmp_path: Path) -> None:
+    quota = QuotaFixture().quota(tmp_path / "nowhere", 10, 10)
     assert fits(quota, 10, 10)
     assert not fits(quota, 11, 1)
 
 
-def test_no_limit_admits_everything_and_counts_nothing(tmp_path: Path) -> None:
-    setting = Setting()
+def test_quota_without_a_limit_counts_nothing(tmp_path: Path) -> None:
+    setting = QuotaFixture()
     assert fits(setting.quota(tmp_path), 2**60, 2**60)
     assert setting.waiting == []
 
@@ -83,7 +83,7 @@ def test_no_limit_admits_everything_and_counts_nothing(tmp_path: Path) -> None:
 def test_refusal_names_the_quota_and_its_flag_and_is_logged_once_a_minute(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, limits: tuple[int | None, int | None], said: str
 ) -> None:
-    setting = Setting()
+    setting = QuotaFixture()
     quota = setting.quota(tmp_path, *limits)
     quota.check(10, 2)
     quota.add(10, 2, "/SaveSensorData")
@@ -97,8 +97,8 @@ def test_refusal_names_the_quota_and_its_flag_and_is_logged_once_a_minute(
     assert len(caplog.messages) == 2
 
 
-def test_quota_that_is_used_up_is_counted_anew_aside_and_at_most_once_a_minute(tmp_path: Path) -> None:
-    setting = Setting()
+def test_used_up_quota_is_recounted_in_a_thread_at_most_once_a_minute(tmp_path: Path) -> None:
+    setting = QuotaFixture()
     (tmp_path / "x").write_bytes(b"12345")
     quota = setting.quota(tmp_path, 5)
     (tmp_path / "x").unlink()
@@ -116,8 +116,8 @@ def test_quota_that_is_used_up_is_counted_anew_aside_and_at_most_once_a_minute(t
     assert setting.waiting == []
 
 
-def test_large_folder_is_counted_aside_and_what_is_written_meanwhile_is_added(tmp_path: Path) -> None:
-    setting = Setting()
+def test_large_folder_is_counted_in_a_thread_and_adds_later_writes(tmp_path: Path) -> None:
+    setting = QuotaFixture()
     for i in range(FILES_AT_ONCE + 5):
         (tmp_path / str(i)).touch()
     quota = setting.quota(tmp_path, None, FILES_AT_ONCE + 10)
@@ -136,7 +136,7 @@ def test_count_ends_when_it_is_stopped_or_beyond_the_quota(tmp_path: Path) -> No
         (FILES_AT_ONCE + 1, None, False, FILES_AT_ONCE + 2),
         (None, 2 * FILES_AT_ONCE, True, FILES_AT_ONCE + 1),
     ):
-        setting = Setting()
+        setting = QuotaFixture()
         quota = setting.quota(tmp_path, max_bytes, max_files)
         if is_stopped:
             quota.stop()
@@ -144,10 +144,10 @@ def test_count_ends_when_it_is_stopped_or_beyond_the_quota(tmp_path: Path) -> No
         assert work() == Usage(found, found)
 
 
-def test_many_files_in_a_minute_are_one_warning_that_names_who_and_which_flag(
+def test_many_files_in_a_minute_give_one_warning_with_client_and_flag(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    setting = Setting()
+    setting = QuotaFixture()
     quota = setting.quota(tmp_path, None, 200_000)
     for _ in range(5):  # a pace that is just not worth a word
         quota.add(0, MANY_FILES // 5 - 1, "/SaveSensorData")
@@ -164,7 +164,7 @@ def test_many_files_in_a_minute_are_one_warning_that_names_who_and_which_flag(
     assert {record.levelno for record in caplog.records} == {logging.WARNING}
 
 
-async def test_thread_counts_and_the_loop_hears_of_it() -> None:
+async def test_count_runs_in_a_thread_and_reports_to_the_loop() -> None:
     loop = asyncio.get_running_loop()
     counted: asyncio.Future[tuple[bool, Usage]] = loop.create_future()
     is_elsewhere: list[bool] = []
@@ -182,7 +182,7 @@ async def test_thread_counts_and_the_loop_hears_of_it() -> None:
     assert is_elsewhere == [True]
 
 
-async def test_client_is_told_that_the_quota_is_used_up(connect: Connect, tmp_path: Path) -> None:
+async def test_client_is_notified_of_a_used_up_quota(connect: Connect, tmp_path: Path) -> None:
     async with Simulator(port=0, start="sync", data_dir=tmp_path, data_quota_files=4) as sim:
         client = await connect(sim.url)
         for mark in ("a", "b"):

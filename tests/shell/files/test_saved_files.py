@@ -51,7 +51,7 @@ def make(folder: Path, name: str, release: str) -> tuple[SimulatorNode, Client]:
 
 @pytest.mark.parametrize("release", ["22.R2", "26.R1"])
 @pytest.mark.parametrize("name", FORMS)
-def test_a_saved_file_loads_whole(folder: Path, name: str, release: str) -> None:
+def test_saved_file_loads_completely(folder: Path, name: str, release: str) -> None:
     node, client = make(folder, name, release)
     document = FORMS[name]()
     assert client.ask("/Service_MoraiSL", file_name=name, **ALL) == {"result": True}
@@ -67,7 +67,7 @@ def test_a_saved_file_loads_whole(folder: Path, name: str, release: str) -> None
 
 
 @pytest.mark.parametrize("name", FORMS)
-def test_what_stands_in_a_saved_file_stands_where_it_is(folder: Path, name: str) -> None:
+def test_saved_obstacles_stand_at_their_positions(folder: Path, name: str) -> None:
     node, client = make(folder, name, "22.R2")
     client.start()
     for _ in range(100):
@@ -82,7 +82,7 @@ def test_what_stands_in_a_saved_file_stands_where_it_is(folder: Path, name: str)
 
 
 @pytest.mark.parametrize("name", FORMS)
-def test_vehicles_of_a_saved_file_drive_along_the_lanes(folder: Path, name: str) -> None:
+def test_saved_vehicles_drive_along_the_lanes(folder: Path, name: str) -> None:
     node, client = make(folder, name, "22.R2")
     cars = node.world.rows(Kind.VEHICLE)
     assert (node.world.speed[cars] * 3.6).tolist() == pytest.approx([36.0, 30.0, 0.0])
@@ -95,14 +95,14 @@ def test_vehicles_of_a_saved_file_drive_along_the_lanes(folder: Path, name: str)
 
 
 @pytest.mark.parametrize(("name", "phases"), [("saved", [0, 1, 2, 0]), ("edited", [0, 0, 0, 0])])
-def test_lights_of_a_saved_file_begin_by_position(folder: Path, name: str, phases: list[int]) -> None:
+def test_saved_light_phases_are_matched_by_position(folder: Path, name: str, phases: list[int]) -> None:
     signals = make(folder, name, "22.R2")[0].world.signals
     assert [one.name for one in signals.plan.controllers] == list(CONTROLLERS)
     assert signals.phase.tolist() == phases
     assert [signals.elapsed(i) for i in range(4)] == ([75] * 4 if name == "saved" else [0] * 4)
 
 
-def test_a_pedestrian_steps_out_when_the_ego_comes_near_and_waits_again_after_a_reset(folder: Path) -> None:
+def test_pedestrian_starts_when_the_ego_is_near_and_waits_again_after_a_reset(folder: Path) -> None:
     node, client = make(folder, "saved", "22.R2")
     world = node.world
     client.start()
@@ -137,7 +137,7 @@ def check(folder: Path, *words: str) -> JsonValue:
     return json.loads(done.out)
 
 
-def test_saved_files_have_no_mistake_and_remarks_on_what_is_not_known(folder: Path) -> None:
+def test_saved_files_have_no_errors_and_remarks_on_unknown_keys(folder: Path) -> None:
     for name in FORMS:
         account = check(folder, str(folder / "Scenario" / MAP_NAME / f"{name}.json"))
         assert account["mistakes"] == []
@@ -151,7 +151,7 @@ def test_saved_files_have_no_mistake_and_remarks_on_what_is_not_known(folder: Pa
         assert walker["way"] == "path of 2 waypoints, 9 m, when an ego is within 30 m"
 
 
-def test_tilts_and_sizes_of_their_own_are_shown(folder: Path) -> None:
+def test_saved_tilts_and_sizes_are_published(folder: Path) -> None:
     at = str(folder / "Scenario" / MAP_NAME / "edited.json")
     lines = run("scenario", "check", at, "--map", str(folder / "maps" / MAP_NAME)).lines
     (ego,) = [line for line in lines if line.startswith("egoVehicle  ")]
@@ -197,9 +197,7 @@ def spoilt(path: str, value: object) -> dict[str, Any]:
         ("pedestrianList.0.activeDistance", -5, False),
     ],
 )
-def test_a_mistake_is_what_a_load_refuses_and_a_remark_is_not(
-    folder: Path, path: str, value: object, *, is_refused: bool
-) -> None:
+def test_load_refuses_errors_and_accepts_remarks(folder: Path, path: str, value: object, *, is_refused: bool) -> None:
     (folder / "Scenario" / "other.json").write_text(json.dumps(spoilt(path, value)))
     account = check(folder, "other", "--scenario-path", str(folder / "Scenario"))
     assert bool(account["mistakes"]) is is_refused, account["mistakes"]
@@ -210,7 +208,7 @@ def test_a_mistake_is_what_a_load_refuses_and_a_remark_is_not(
     assert (node.world.digest() == before) is is_refused
 
 
-def test_an_unknown_map_is_a_mistake_of_both(folder: Path) -> None:
+def test_unknown_map_is_an_error_for_load_and_check(folder: Path) -> None:
     done = run("scenario", "check", "saved", "--scenario-path", str(folder / "Scenario"), "--json")
     (line,) = json.loads(done.out)["mistakes"]
     assert done.code == 1
@@ -222,7 +220,7 @@ def test_an_unknown_map_is_a_mistake_of_both(folder: Path) -> None:
         make_node(Bus(make_store()), World(), shelf, shelf.opening_scenario("saved"))
 
 
-def test_a_catalogue_of_the_users_ends_the_remarks_and_gives_the_sizes(folder: Path) -> None:
+def test_user_catalogue_removes_the_remarks_and_gives_the_sizes(folder: Path) -> None:
     file = folder / "models.csv"
     file.write_text(
         "DataID,name,class,length,width,height\n50100007,Runner,pedestrian,0.5,0.6,1.8\n30200005,Lorry,vehicle,9,2.4,3\n"

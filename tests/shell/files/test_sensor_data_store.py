@@ -1,4 +1,4 @@
-"""Captures on the disk: where they go, under which names, and what is refused."""
+"""Saved sensor data: folders, file names and refusals."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ def root(tmp_path: Path) -> Path:
         ("한국", "한국"),
     ],
 )
-def test_a_capture_goes_where_it_is_sent(root: Path, folder: str, place: str) -> None:
+def test_sensor_data_is_saved_in_the_named_folder(root: Path, folder: str, place: str) -> None:
     DiskArchive(root).save(folder, "shot", FILES)
     assert tree(root) == sorted(str(Path(place, name)) for name in ("GPS_shot.csv", "Ego-2/BOXES_shot.txt"))
     assert (root / place / "GPS_shot.csv").read_bytes() == b"a,b\n1,2\n"
 
 
-def test_a_full_path_within_is_fine_by_whichever_name(root: Path, tmp_path: Path) -> None:
+def test_absolute_path_inside_the_data_folder_is_accepted(root: Path, tmp_path: Path) -> None:
     (tmp_path / "alias").symlink_to(root.parent)
     archive = DiskArchive(tmp_path / "alias" / "data")
     archive.save(str(root / "x"), "one", FILES)
@@ -55,7 +55,7 @@ def test_a_full_path_within_is_fine_by_whichever_name(root: Path, tmp_path: Path
     assert [name for name in tree(root) if "GPS" in name] == ["x/GPS_one.csv", "y/GPS_two.csv"]
 
 
-def test_a_path_of_the_servers_own_folder_is_taken_from_where_it_runs(
+def test_path_with_the_servers_folder_name_is_relative_to_its_working_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -70,7 +70,7 @@ def test_a_path_of_the_servers_own_folder_is_taken_from_where_it_runs(
         *("C:\\MORAI\\SaveFile", "a\0b", "a\nb", "...", "x" * 2_000, "a/" * 3_000, "\ud800/../.."),
     ],
 )
-def test_a_folder_that_is_not_within_is_refused_and_nothing_is_written(root: Path, folder: str) -> None:
+def test_folder_outside_the_data_folder_is_refused(root: Path, folder: str) -> None:
     root.mkdir(parents=True)
     with pytest.raises(DocumentError, match=r"^expected a folder within --data-dir, got '"):
         DiskArchive(root).save(folder, "shot", FILES)
@@ -80,14 +80,14 @@ def test_a_folder_that_is_not_within_is_refused_and_nothing_is_written(root: Pat
 @pytest.mark.parametrize(
     "name", ["", ".", "..", "../x", "a/b", "a\\b", "a\0", "a\n", "C:x", "x*", "x" * 201, "/etc/passwd"]
 )
-def test_a_name_that_is_none_is_refused_and_nothing_is_written(root: Path, name: str) -> None:
+def test_invalid_file_name_is_refused(root: Path, name: str) -> None:
     with pytest.raises(DocumentError, match=r"^expected a plain file name without a folder, got '"):
         DiskArchive(root).save("", name, FILES)
     assert not root.exists()
 
 
 @pytest.mark.parametrize("link", ["out", "SensorData", "runs/Ego-2"])
-def test_links_lead_nowhere_else(root: Path, tmp_path: Path, link: str) -> None:
+def test_links_outside_the_data_folder_are_refused(root: Path, tmp_path: Path, link: str) -> None:
     outside = tmp_path / "outside"
     outside.mkdir()
     (root / link).parent.mkdir(parents=True)
@@ -99,7 +99,7 @@ def test_links_lead_nowhere_else(root: Path, tmp_path: Path, link: str) -> None:
     assert tree(root) == []
 
 
-def test_a_circle_of_links_is_no_folder(root: Path) -> None:
+def test_circular_link_is_refused(root: Path) -> None:
     root.mkdir(parents=True)
     (root / "a").symlink_to(root / "b")
     (root / "b").symlink_to(root / "a")
@@ -107,7 +107,7 @@ def test_a_circle_of_links_is_no_folder(root: Path) -> None:
         DiskArchive(root).save("a", "shot", FILES)
 
 
-def test_nothing_is_overwritten(root: Path) -> None:
+def test_existing_files_are_not_overwritten(root: Path) -> None:
     archive = DiskArchive(root)
     for i in range(9):
         archive.save("", "shot", {"GPS_{}.csv": str(i).encode()})
@@ -115,7 +115,7 @@ def test_nothing_is_overwritten(root: Path) -> None:
     assert texts == {f"GPS_shot{f'_{i + 1}' if i else ''}.csv": str(i) for i in range(9)}
 
 
-def test_the_files_of_a_capture_have_one_number_and_a_gap_does_no_harm(root: Path) -> None:
+def test_files_of_one_save_share_a_number(root: Path) -> None:
     folder = root / "SensorData"
     folder.mkdir(parents=True)
     (folder / "GPS_shot.csv").touch()
@@ -130,7 +130,7 @@ def test_the_files_of_a_capture_have_one_number_and_a_gap_does_no_harm(root: Pat
     assert not (root / "nowhere").exists()
 
 
-def test_a_full_disk_is_a_line_in_the_log_and_leaves_no_half_capture(
+def test_full_disk_is_one_log_line_and_leaves_no_partial_save(
     root: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     open_file = Path.open
@@ -152,7 +152,7 @@ def test_a_full_disk_is_a_line_in_the_log_and_leaves_no_half_capture(
 
 
 @pytest.mark.parametrize(("max_bytes", "max_files"), [(2 * 8 - 1, None), (None, 2 * 2 + 3)])
-def test_capture_beyond_the_quota_is_refused_whole(root: Path, max_bytes: int | None, max_files: int | None) -> None:
+def test_save_beyond_the_quota_is_refused_completely(root: Path, max_bytes: int | None, max_files: int | None) -> None:
     root.mkdir(parents=True)
     archive = DiskArchive(root, DataQuota(root, max_bytes, max_files, aside=never))
     files = {"Ego-2/GPS_{}.csv": b"12345678", "Ego-2/IMU_{}.csv": b""}
@@ -166,7 +166,7 @@ def never(_work: object, _done: object) -> None:
     """Nothing here takes longer."""
 
 
-def test_folders_of_a_capture_that_failed_are_taken_away_again(root: Path) -> None:
+def test_folders_of_a_failed_save_are_removed(root: Path) -> None:
     root.mkdir(parents=True)
     with pytest.raises(DocumentError, match="cannot be saved"):
         DiskArchive(root).save("a/b", "x" * 199, {"one/{}": b"", "two/" + "y" * 99 + "{}": b""})
@@ -174,7 +174,7 @@ def test_folders_of_a_capture_that_failed_are_taken_away_again(root: Path) -> No
 
 
 @pytest.mark.parametrize("name", ["\ud800", "x" * 200])
-def test_what_the_disk_cannot_be_told_is_refused(root: Path, name: str) -> None:
+def test_name_that_the_file_system_cannot_hold_is_refused(root: Path, name: str) -> None:
     blocker = root / "SensorData"
     root.mkdir(parents=True)
     blocker.write_text("a file where a folder should be")
@@ -183,7 +183,7 @@ def test_what_the_disk_cannot_be_told_is_refused(root: Path, name: str) -> None:
     assert tree(root) == ["SensorData"]
 
 
-def test_the_log_names_the_folder_once(root: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_folder_is_logged_once(root: Path, caplog: pytest.LogCaptureFixture) -> None:
     archive = DiskArchive(root)
     with caplog.at_level(logging.INFO):
         for name in ("a", "b", "c"):
@@ -191,7 +191,7 @@ def test_the_log_names_the_folder_once(root: Path, caplog: pytest.LogCaptureFixt
     assert caplog.messages == [f"sensor data saved in {root / 'a'}"]
 
 
-def test_a_part_that_a_killed_process_left_behind_is_no_hindrance(root: Path) -> None:
+def test_partial_file_of_a_killed_process_does_no_harm(root: Path) -> None:
     place = root / "SensorData"
     place.mkdir(parents=True)
     outside = root.parent / "outside"

@@ -1,4 +1,4 @@
-"""What is read beside the event loop comes back on it: once, in time, and not after the end."""
+"""Results of reads in threads return on the event loop: once, in time, and not after the end."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.support import PATIENCE
 Outcome = str | DocumentError
 
 
-class Desk:
+class ReaderFixture:
     """A reader, and what it has handed over.
 
     Attributes:
@@ -39,7 +39,7 @@ class Desk:
                 await self._changed.wait()
 
 
-class Gate:
+class BlockedWork:
     """Work that takes until it is let go."""
 
     def __init__(self, text: str) -> None:
@@ -53,8 +53,8 @@ class Gate:
         return self.text
 
 
-async def test_work_is_done_in_another_thread_and_its_outcome_comes_back_on_the_loop() -> None:
-    desk = Desk()
+async def test_work_runs_in_a_thread_and_its_result_returns_on_the_loop() -> None:
+    desk = ReaderFixture()
     threads: list[int] = []
     here = threading.get_ident()
 
@@ -69,8 +69,8 @@ async def test_work_is_done_in_another_thread_and_its_outcome_comes_back_on_the_
     assert threads != [here]
 
 
-async def test_what_is_wrong_with_a_document_is_its_outcome() -> None:
-    desk = Desk()
+async def test_document_error_is_returned_as_the_result() -> None:
+    desk = ReaderFixture()
 
     def work() -> str:
         raise DocumentError("torn.json: it ends too soon")
@@ -81,8 +81,8 @@ async def test_what_is_wrong_with_a_document_is_its_outcome() -> None:
     assert desk.reader.num_bugs == 0
 
 
-async def test_bug_in_the_thread_still_answers(caplog: pytest.LogCaptureFixture) -> None:
-    desk = Desk()
+async def test_internal_failure_in_the_thread_still_answers(caplog: pytest.LogCaptureFixture) -> None:
+    desk = ReaderFixture()
 
     def work() -> str:
         raise ZeroDivisionError
@@ -94,8 +94,8 @@ async def test_bug_in_the_thread_still_answers(caplog: pytest.LogCaptureFixture)
     assert "ZeroDivisionError" in caplog.text
 
 
-async def test_bug_in_what_follows_is_counted_and_others_go_on(caplog: pytest.LogCaptureFixture) -> None:
-    desk = Desk()
+async def test_internal_failure_of_a_callback_is_counted_and_others_go_on(caplog: pytest.LogCaptureFixture) -> None:
+    desk = ReaderFixture()
 
     def fail(_outcome: Outcome, _now: float) -> None:
         raise ZeroDivisionError
@@ -108,9 +108,9 @@ async def test_bug_in_what_follows_is_counted_and_others_go_on(caplog: pytest.Lo
     assert "ZeroDivisionError" in caplog.text
 
 
-async def test_few_threads_read_at_once_and_the_others_follow_in_order() -> None:
-    desk = Desk()
-    gates = [Gate(str(i)) for i in range(MAX_THREADS + 3)]
+async def test_number_of_threads_is_bounded_and_others_wait_in_order() -> None:
+    desk = ReaderFixture()
+    gates = [BlockedWork(str(i)) for i in range(MAX_THREADS + 3)]
     for gate in gates:
         desk.read(gate)
     first, waiting = gates[:MAX_THREADS], gates[MAX_THREADS:]
@@ -126,9 +126,9 @@ async def test_few_threads_read_at_once_and_the_others_follow_in_order() -> None
     await desk.until(len(gates))
 
 
-async def test_disk_that_does_not_answer_is_given_up_and_its_late_outcome_ignored() -> None:
-    desk = Desk(patience=0.01)
-    stuck = [Gate("late") for _ in range(MAX_THREADS)]
+async def test_stalled_read_times_out_and_its_late_result_is_ignored() -> None:
+    desk = ReaderFixture(patience=0.01)
+    stuck = [BlockedWork("late") for _ in range(MAX_THREADS)]
     for gate in stuck:
         desk.read(gate)
     desk.read(lambda: "in vain")  # its turn does not come in time
@@ -142,9 +142,9 @@ async def test_disk_that_does_not_answer_is_given_up_and_its_late_outcome_ignore
     assert desk.got[-1] == "in time"
 
 
-async def test_nothing_is_handed_over_or_begun_after_the_end() -> None:
-    desk = Desk()
-    gates = [Gate(str(i)) for i in range(MAX_THREADS + 1)]
+async def test_no_result_is_delivered_after_the_end() -> None:
+    desk = ReaderFixture()
+    gates = [BlockedWork(str(i)) for i in range(MAX_THREADS + 1)]
     for gate in gates:
         desk.read(gate)
     desk.reader.stop()
@@ -158,8 +158,8 @@ async def test_nothing_is_handed_over_or_begun_after_the_end() -> None:
     assert not gates[-1].has_begun.is_set()
 
 
-async def test_stop_interrupts_what_is_being_read_and_waits_for_nothing() -> None:
-    desk = Desk()
+async def test_stop_interrupts_reads_without_waiting() -> None:
+    desk = ReaderFixture()
     has_begun = threading.Event()
 
     def work() -> str:

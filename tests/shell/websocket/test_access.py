@@ -1,4 +1,4 @@
-"""Who may connect and how fast a client may talk: whoever is refused is told, and nobody else notices."""
+"""Access and rate limits: refused clients get a reason, other clients are unaffected."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ async def pairs() -> AsyncIterator[Pairs]:
 # The token
 
 
-async def test_a_wrong_token_in_the_handshake_is_told_and_nobody_else_notices(listen: Listen, pairs: Pairs) -> None:
+async def test_wrong_token_in_the_handshake_is_refused_without_effect_on_others(listen: Listen, pairs: Pairs) -> None:
     url, server = await listen(token=TOKEN)
     pair = await pairs(url, **BEARER)
     for refused in (
@@ -164,13 +164,13 @@ async def test_a_wrong_token_in_the_handshake_is_told_and_nobody_else_notices(li
         ("/?token=wrong", BEARER),
     ],
 )
-async def test_the_token_in_the_handshake_lets_in(listen: Listen, query: str, headers: dict[str, str]) -> None:
+async def test_token_in_the_handshake_is_accepted(listen: Listen, query: str, headers: dict[str, str]) -> None:
     url, _ = await listen(token=TOKEN)
     async with await enter(url + query, headers) as client:
         assert await client.settle() == []
 
 
-async def test_a_request_that_shows_many_tokens_shows_none(listen: Listen) -> None:
+async def test_request_with_too_many_tokens_is_refused(listen: Listen) -> None:
     url, _ = await listen(token=TOKEN, delay=0.0)
     right = f"token={quote(TOKEN)}"
     async with await enter(f"{url}/?token=wrong&{right}", BEARER) as client:
@@ -180,7 +180,7 @@ async def test_a_request_that_shows_many_tokens_shows_none(listen: Listen) -> No
     assert (await turned_away(f"{url}/?{right}&{guesses}"))[0] == 401
 
 
-async def test_where_no_token_is_wanted_any_is_welcome(listen: Listen) -> None:
+async def test_any_token_is_accepted_without_a_set_one(listen: Listen) -> None:
     url, _ = await listen()
     async with await enter(f"{url}/?token=x", {"Authorization": "Bearer y"}) as client:
         await client.send("auth", token="z")  # noqa: S106 - a test's own
@@ -190,7 +190,7 @@ async def test_where_no_token_is_wanted_any_is_welcome(listen: Listen) -> None:
 
 @pytest.mark.client
 @pytest.mark.slow
-async def test_roslibpy_shows_its_token_in_a_header(listen: Listen) -> None:
+async def test_token_header_of_roslibpy_is_accepted(listen: Listen) -> None:
     _, server = await listen(token=TOKEN)
     program = (
         "import roslibpy, sys\n"
@@ -208,7 +208,7 @@ async def test_roslibpy_shows_its_token_in_a_header(listen: Listen) -> None:
 # Pages
 
 
-async def test_a_page_that_may_not_is_told_and_nobody_else_notices(listen: Listen, pairs: Pairs) -> None:
+async def test_refused_page_gets_a_reason_without_effect_on_others(listen: Listen, pairs: Pairs) -> None:
     url, server = await listen(origins=OriginRules(("https://app.example",)))
     pair = await pairs(url, Origin="https://app.example")
     status, text, _ = await turned_away(url, Origin="https://evil.example")
@@ -233,7 +233,7 @@ async def shake_hands(port: int, *lines: str, path: str = "/") -> tuple[int, str
     return status, body
 
 
-async def test_a_handshake_that_shows_the_token_is_asked_for_neither_origin_nor_host(listen: Listen) -> None:
+async def test_handshake_with_the_token_needs_no_origin_or_host(listen: Listen) -> None:
     _, server = await listen(token=TOKEN)
     headers = ("Origin: http://rebound.example", "Host: rebound.example")
     bearer = f"Authorization: Bearer {TOKEN}"
@@ -245,13 +245,13 @@ async def test_a_handshake_that_shows_the_token_is_asked_for_neither_origin_nor_
         assert "--allow-host rebound.example" in text
 
 
-async def test_any_token_is_asked_for_its_page_where_none_is_set(listen: Listen) -> None:
+async def test_token_without_a_set_one_does_not_replace_the_origin_check(listen: Listen) -> None:
     url, _ = await listen()
     status, _, _ = await turned_away(f"{url}/?token=", Origin="http://page.example")
     assert status == 403
 
 
-async def test_a_refused_page_is_one_warning_with_the_flag_to_paste(
+async def test_refused_page_is_one_warning_with_the_flag_to_use(
     listen: Listen, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO, "rosbridge_sim.server")
@@ -264,7 +264,7 @@ async def test_a_refused_page_is_one_warning_with_the_flag_to_paste(
     assert "--allow-origin http://b.example " in refusals[3].getMessage()
 
 
-async def test_many_refused_origins_end_in_one_line_that_says_so(
+async def test_many_refused_origins_end_in_one_summary_line(
     listen: Listen, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("rosbridge_sim.shell.websocket.origins.MAX_REFUSED_ORIGINS", 3)
@@ -277,7 +277,7 @@ async def test_many_refused_origins_end_in_one_line_that_says_so(
     assert "further ones" in warnings[3]
 
 
-async def test_a_page_in_a_loop_does_not_hide_the_warning_of_another(
+async def test_retrying_page_does_not_hide_the_warning_for_another(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     caplog.set_level(logging.INFO, "rosbridge_sim.server")
@@ -291,7 +291,7 @@ async def test_a_page_in_a_loop_does_not_hide_the_warning_of_another(
     assert [f"--allow-origin http://{name}.example" in warnings[i] for i, name in enumerate("ab")] == [True, True]
 
 
-async def test_a_header_that_is_there_twice_or_not_at_all_is_told(listen: Listen) -> None:
+async def test_duplicate_or_missing_header_is_reported(listen: Listen) -> None:
     _, server = await listen()
 
     host, origin = "Host: localhost", "Origin: http://localhost:3000"
@@ -307,7 +307,7 @@ async def test_a_header_that_is_there_twice_or_not_at_all_is_told(listen: Listen
         assert await shake_hands(server.port, *lines) == (101, "")
 
 
-async def test_health_can_be_asked_by_any_name(listen: Listen) -> None:
+async def test_healthz_answers_under_any_host_name(listen: Listen) -> None:
     _, server = await listen()
     reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
     writer.write(b"GET /healthz HTTP/1.1\r\nHost: sim\r\nOrigin: http://sim\r\n\r\n")
@@ -316,14 +316,14 @@ async def test_health_can_be_asked_by_any_name(listen: Listen) -> None:
     writer.close()
 
 
-async def test_a_server_is_called_by_the_name_of_its_machine(listen: Listen) -> None:
+async def test_host_name_of_the_machine_is_accepted(listen: Listen) -> None:
     _, server = await listen()
     assert server.own_names == own_names(gethostname())
     name = min(server.own_names, key=len)
     assert await shake_hands(server.port, f"Origin: http://{name}", f"Host: {name}") == (101, "")
 
 
-async def test_loopback_is_known_by_where_the_server_really_listens() -> None:
+async def test_loopback_is_detected_from_the_bound_address() -> None:
     for host, is_loopback in (("127.0.0.1", True), ("localhost", True), ("127.0.0.3", True), ("0.0.0.0", False)):  # noqa: S104
         server = Server(Bus(make_store()), ServerLimits(), lambda: None)
         await server.start(host, 0)
@@ -334,7 +334,7 @@ async def test_loopback_is_known_by_where_the_server_really_listens() -> None:
 # Room
 
 
-async def test_one_too_many_is_told_and_comes_in_when_there_is_room(listen: Listen, pairs: Pairs) -> None:
+async def test_client_above_the_limit_is_refused_until_there_is_room(listen: Listen, pairs: Pairs) -> None:
     url, server = await listen(max_clients=3)
     pair = await pairs(url)
     third = await enter(url)
@@ -350,7 +350,7 @@ async def test_one_too_many_is_told_and_comes_in_when_there_is_room(listen: List
     await pair.go_on()
 
 
-async def test_who_all_come_at_once_are_counted_too(listen: Listen) -> None:
+async def test_simultaneous_clients_count_towards_the_limit(listen: Listen) -> None:
     url, server = await listen(max_clients=5)
     came = await asyncio.gather(*(enter(url) for _ in range(20)), return_exceptions=True)
     inside = [client for client in came if isinstance(client, Client)]
@@ -360,7 +360,7 @@ async def test_who_all_come_at_once_are_counted_too(listen: Listen) -> None:
         await client.close()
 
 
-async def test_health_is_told_without_a_token_and_when_all_is_full(listen: Listen) -> None:
+async def test_healthz_answers_without_a_token_and_when_full(listen: Listen) -> None:
     url, server = await listen(token=TOKEN, max_clients=1)
     async with await enter(url):
         reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
@@ -371,7 +371,7 @@ async def test_health_is_told_without_a_token_and_when_all_is_full(listen: Liste
         await writer.wait_closed()
 
 
-async def test_version_is_told_to_those_alone_who_show_the_token(listen: Listen) -> None:
+async def test_version_needs_the_token(listen: Listen) -> None:
     _, server = await listen(token=TOKEN)
     for target, header, status in (
         ("/version", "", 401),
@@ -393,7 +393,7 @@ async def test_version_is_told_to_those_alone_who_show_the_token(listen: Listen)
 # Pace
 
 
-def test_a_bucket_gives_its_burst_and_then_its_rate() -> None:
+def test_token_bucket_allows_its_burst_and_then_its_rate() -> None:
     bucket = TokenBucket(rate=2.0, burst=3.0, now=10.0)
     assert [bucket.take(10.0) for _ in range(4)] == [True, True, True, False]
     assert [bucket.take(10.5), bucket.take(10.5)] == [True, False]
@@ -401,7 +401,7 @@ def test_a_bucket_gives_its_burst_and_then_its_rate() -> None:
     assert [bucket.take(1e6) for _ in range(4)] == [True, True, True, False]
 
 
-class Guarded:
+class GuardedClient:
     """A client in memory behind a warden."""
 
     def __init__(self, max_rate: int) -> None:
@@ -425,8 +425,8 @@ class Guarded:
 HELLO: dict[str, object] = {"op": "publish", "topic": "/t", "type": "std_msgs/String", "id": "p"}
 
 
-def test_too_fast_is_told_once_a_second_and_what_is_above_is_refused() -> None:
-    client = Guarded(max_rate=200)
+def test_rate_limit_is_reported_once_a_second_and_excess_refused() -> None:
+    client = GuardedClient(max_rate=200)
     assert [client.says(0.0, HELLO) for _ in range(200)] == [[]] * 200
     why = "Too fast: at most 200 frames a second are taken from one client"
 
@@ -443,8 +443,8 @@ def test_too_fast_is_told_once_a_second_and_what_is_above_is_refused() -> None:
     assert client.bus.delivery.num_published == 400
 
 
-def test_a_frame_that_comes_too_fast_is_not_decoded() -> None:
-    client = Guarded(max_rate=1)
+def test_frame_above_the_rate_is_not_decoded() -> None:
+    client = GuardedClient(max_rate=1)
     for _ in range(LEAST_BURST):
         client.says(0.0, HELLO)
     num_received = client.peer.session.num_received
@@ -457,8 +457,8 @@ def test_a_frame_that_comes_too_fast_is_not_decoded() -> None:
     assert client.peer.session.num_received == num_received
 
 
-def test_answers_that_others_wait_for_are_never_refused() -> None:
-    client = Guarded(max_rate=1)
+def test_awaited_answers_are_never_refused_by_the_rate_limit() -> None:
+    client = GuardedClient(max_rate=1)
     caller_outbox = Outbox(OutboxLimits(), lambda: None, lambda: None)
     caller = Peer(client.bus, Session(caller_outbox, lambda _due: None))
     client.says(0.0, {"op": "advertise_service", "service": "/s", "type": "std_srvs/Trigger"})
@@ -473,15 +473,15 @@ def test_answers_that_others_wait_for_are_never_refused() -> None:
     assert client.says(0.0, HELLO)[0]["msg"].startswith("Too fast")  # but they count
 
 
-def test_pieces_and_rubbish_count() -> None:
-    client = Guarded(max_rate=1)
+def test_fragments_and_rubbish_count_towards_the_rate() -> None:
+    client = GuardedClient(max_rate=1)
     for _ in range(LEAST_BURST):
         client.hear(b"rubbish", 0.0)
     client.outbox.take(2**40)
     assert client.says(0.0, HELLO)[0]["msg"].startswith("Too fast")
 
 
-async def test_who_talks_too_fast_stays_connected_and_nobody_else_notices(listen: Listen, pairs: Pairs) -> None:
+async def test_client_above_the_rate_stays_connected_without_effect_on_others(listen: Listen, pairs: Pairs) -> None:
     url, server = await listen(max_rate=200)
     pair = await pairs(url)
     async with await enter(url) as noisy:
@@ -502,11 +502,11 @@ async def test_who_talks_too_fast_stays_connected_and_nobody_else_notices(listen
 
 
 @pytest.mark.parametrize("token", ["", "ö", "\udcff", "s3cret/+", TOKEN + "\0", TOKEN.upper()])
-def test_what_is_not_the_token(token: str) -> None:
+def test_other_values_are_not_the_token(token: str) -> None:
     assert not Access(token=TOKEN).is_token(token)
 
 
-def test_a_token_does_not_show_itself() -> None:
+def test_token_has_no_readable_repr() -> None:
     assert TOKEN not in repr(Access(token=TOKEN))
 
 
@@ -550,7 +550,7 @@ def certificate(tmp_path_factory: pytest.TempPathFactory) -> Certificate:
     return Certificate(tmp_path_factory.mktemp("certificate"))
 
 
-async def test_with_a_certificate_it_is_wss(certificate: Certificate) -> None:
+async def test_server_with_a_certificate_speaks_wss(certificate: Certificate) -> None:
     options: SimulatorOptions = {"certfile": certificate.certfile, "keyfile": certificate.keyfile, "token": TOKEN}
     options |= {"port": 0, "world": False}
     async with Simulator(**options) as sim:
@@ -572,9 +572,7 @@ async def test_python_client_trusts_the_certificate_that_it_is_given(certificate
             await AsyncClient(sim.url, token=TOKEN).open()
 
 
-async def test_a_simulator_dials_a_bridge_with_a_certificate(
-    certificate: Certificate, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_simulator_dials_a_wss_bridge(certificate: Certificate, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SSL_CERT_FILE", certificate.certfile)
     options: SimulatorOptions = {"certfile": certificate.certfile, "keyfile": certificate.keyfile, "token": TOKEN}
     options |= {"port": 0, "world": False}
@@ -587,7 +585,7 @@ async def test_a_simulator_dials_a_bridge_with_a_certificate(
         assert "/SyncModeCmd" in bridge.bus.services
 
 
-async def test_who_speaks_plainly_to_a_port_with_a_certificate_disturbs_nobody(
+async def test_plain_request_to_a_tls_port_affects_no_other_client(
     certificate: Certificate, caplog: pytest.LogCaptureFixture
 ) -> None:
     async with Simulator(port=0, world=False, certfile=certificate.certfile, keyfile=certificate.keyfile) as sim:
@@ -604,7 +602,7 @@ async def test_who_speaks_plainly_to_a_port_with_a_certificate_disturbs_nobody(
 
 @pytest.mark.parametrize("is_tls", [True, False])
 @EACH_LOOP
-def test_connection_that_does_not_get_to_its_request_is_closed_in_time(
+def test_connection_without_a_request_is_closed_in_time(
     certificate: Certificate, make_loop: MakeLoop, *, is_tls: bool
 ) -> None:
     limits = ServerLimits(tls_timeout=0.05, open_timeout=0.05)
@@ -631,7 +629,7 @@ def test_connection_that_does_not_get_to_its_request_is_closed_in_time(
 
 
 @EACH_LOOP
-def test_tls_handshakes_that_stall_are_bounded_and_keep_nobody_out(
+def test_stalled_tls_handshakes_are_bounded_and_block_no_client(
     certificate: Certificate, make_loop: MakeLoop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(connections, "MAX_OPENING", 3)
@@ -662,24 +660,24 @@ def test_tls_handshakes_that_stall_are_bounded_and_keep_nobody_out(
         runner.run(check())
 
 
-def test_handshakes_have_seconds_and_not_a_minute() -> None:
+def test_handshake_time_out_is_a_few_seconds() -> None:
     assert ServerLimits().tls_timeout == ServerLimits().open_timeout == 5.0
 
 
 @pytest.mark.slow
-def test_the_first_line_says_wss(serve: Serve, certificate: Certificate) -> None:
+def test_first_line_has_a_wss_url(serve: Serve, certificate: Certificate) -> None:
     server = serve("--no-world", "--certfile", certificate.certfile, "--keyfile", certificate.keyfile)
     assert server.url == f"wss://127.0.0.1:{server.port}"
 
 
-def test_key_and_certificate_may_share_a_file(certificate: Certificate, tmp_path: Path) -> None:
+def test_key_and_certificate_may_be_in_one_file(certificate: Certificate, tmp_path: Path) -> None:
     both = tmp_path / "both.pem"
     both.write_bytes(certificate.key_text + certificate.text)
     assert load_certificate(str(both), None) is not None
     assert load_certificate(None, None) is None
 
 
-def test_a_certificate_that_cannot_be_used_is_one_readable_line(certificate: Certificate, tmp_path: Path) -> None:
+def test_unusable_certificate_gives_one_error_line(certificate: Certificate, tmp_path: Path) -> None:
     def said(certfile: str | None, keyfile: str | None) -> str:
         with pytest.raises(DocumentError) as caught:
             load_certificate(certfile, keyfile)
@@ -710,7 +708,7 @@ def test_a_certificate_that_cannot_be_used_is_one_readable_line(certificate: Cer
 # The whole
 
 
-async def test_a_denied_topic_service_and_parameter_are_told_and_nobody_else_notices(
+async def test_denied_topic_service_and_parameter_are_reported_without_effect_on_others(
     connect: Connect, pairs: Pairs
 ) -> None:
     async with Simulator(
@@ -753,7 +751,7 @@ async def test_a_denied_topic_service_and_parameter_are_told_and_nobody_else_not
         await pair.go_on()
 
 
-async def test_what_is_open_without_a_token_is_warned_of_once(caplog: pytest.LogCaptureFixture) -> None:
+async def test_open_access_without_a_token_is_warned_of_once(caplog: pytest.LogCaptureFixture) -> None:
     for options, num_lines in (
         ({"host": "0.0.0.0"}, 1),  # noqa: S104 - what the warning is about
         ({"host": "0.0.0.0", "token": TOKEN}, 0),  # noqa: S104

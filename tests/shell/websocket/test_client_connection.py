@@ -1,4 +1,4 @@
-"""A dialled socket hands over what comes, whole, in order and at once; and says why it ended."""
+"""A dialled connection delivers messages complete, in order and at once, and reports why it ended."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ async def dialled(
         await socket.close()
 
 
-class Heard:
+class ReceivedMessages:
     """Messages that came, and a way to wait for so many of them."""
 
     def __init__(self) -> None:
@@ -61,7 +61,7 @@ class Heard:
         return self.messages
 
 
-async def test_messages_come_whole_and_in_order_whatever_they_came_in() -> None:
+async def test_messages_arrive_complete_and_in_order_for_any_framing() -> None:
     async def say(connection: ServerConnection) -> None:
         await connection.send("one")
         await connection.send(b"\x02\x03")
@@ -75,12 +75,12 @@ async def test_messages_come_whole_and_in_order_whatever_they_came_in() -> None:
         await connection.wait_closed()
 
     async with dialled(say) as socket:
-        heard = Heard()
+        heard = ReceivedMessages()
         socket.listen(heard)
         assert await heard.count(4) == [b"one", b"\x02\x03", b"three", b"four"]
 
 
-async def test_what_comes_before_somebody_listens_is_kept() -> None:
+async def test_messages_before_the_first_receiver_are_kept() -> None:
     async def say(connection: ServerConnection) -> None:
         await connection.send("early")
         await (await connection.ping())
@@ -89,12 +89,12 @@ async def test_what_comes_before_somebody_listens_is_kept() -> None:
 
     async with dialled(say) as socket:
         await (await socket.ping())  # by then the first has come
-        heard = Heard()
+        heard = ReceivedMessages()
         socket.listen(heard)
         assert await heard.count(2) == [b"early", b"late"]
 
 
-async def test_messages_go_out_in_order_as_text_and_binary() -> None:
+async def test_messages_are_sent_in_order_as_text_and_binary() -> None:
     got: asyncio.Queue[str | bytes] = asyncio.Queue()
 
     async def listen(connection: ServerConnection) -> None:
@@ -119,7 +119,7 @@ async def test_messages_go_out_in_order_as_text_and_binary() -> None:
         (b"\x01\x01a" + b"\x00\x7e\x0f\xff" + bytes(4_095), "the connection was given up: frame"),
     ],
 )
-async def test_a_server_that_breaks_off_and_hangs_on_is_left(last: bytes, said: str) -> None:
+async def test_server_that_stops_responding_is_disconnected(last: bytes, said: str) -> None:
     is_left = asyncio.Event()
 
     async def hang(connection: ServerConnection) -> None:
@@ -137,7 +137,7 @@ async def test_a_server_that_breaks_off_and_hangs_on_is_left(last: bytes, said: 
 
 
 @pytest.mark.slow
-async def test_pings_from_a_server_that_reads_nothing_do_not_pile_up(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_pongs_to_a_server_that_does_not_read_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(websocket_internals, "MAX_UNREAD", 2**20)
 
     async def ping(connection: ServerConnection) -> None:
@@ -150,7 +150,7 @@ async def test_pings_from_a_server_that_reads_nothing_do_not_pile_up(monkeypatch
         await socket.wait_closed()
 
 
-async def test_room_is_told_of_once_the_other_side_reads_again() -> None:
+async def test_free_room_is_reported_when_the_server_reads_again() -> None:
     may_read = asyncio.Event()
 
     async def listen(connection: ServerConnection) -> None:
@@ -178,7 +178,7 @@ async def test_room_is_told_of_once_the_other_side_reads_again() -> None:
         ("long", "the connection was given up: "),
     ],
 )
-async def test_it_is_told_why_it_ended(end: str, said: str) -> None:
+async def test_connection_reports_why_it_ended(end: str, said: str) -> None:
     async def leave(connection: ServerConnection) -> None:
         if end == "reset":
             connection.transport.abort()
@@ -209,13 +209,13 @@ SECRET_URL = "ws://me:pass%20word@far:1/?token=s3same/%2B"  # noqa: S105 - a tes
         InvalidHandshake(f"strange: {SECRET_URL}"),
     ],
 )
-def test_reason_for_no_connection_shows_no_secret_that_was_sent(error: Exception) -> None:
+def test_connect_error_shows_no_secret(error: Exception) -> None:
     said = why_not(SECRET_URL, error, 1.0, flag="--url", token="--token", secrets=("b3arer",))  # noqa: S106 - a flag
     assert said.startswith(("ws://far:1: ", "--url: "))
     assert not [secret for secret in ("s3same", "pass", "b3arer") if secret in said]
 
 
-def test_reason_for_a_lost_connection_shows_no_secret_that_was_sent() -> None:
+def test_close_reason_shows_no_secret() -> None:
     closed = ConnectionClosedError(Close(1008, "bad token s3same/+ or b3arer"), None)
     said = why_gone(SECRET_URL, closed, secrets=("b3arer",))
     assert said == "ws://far:1: the server has closed the connection (1008): bad token ... or ..."

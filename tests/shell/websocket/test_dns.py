@@ -1,4 +1,4 @@
-"""Where a host is: its addresses, or why there are none, and nobody waits for a name server that does not answer."""
+"""Host lookup: addresses or an error, without waiting for a silent name server."""
 
 from __future__ import annotations
 
@@ -39,17 +39,17 @@ def name_server(monkeypatch: pytest.MonkeyPatch) -> Iterator[NameServer]:
 
 
 @pytest.mark.parametrize("address", ["127.0.0.1", "::1", "fe80::1%2"])
-async def test_an_address_is_not_looked_up(address: str, name_server: NameServer) -> None:
+async def test_ip_address_is_not_looked_up(address: str, name_server: NameServer) -> None:
     assert await HostLookup(address).addresses(PATIENCE) == [address]
     assert name_server.num_asked == 0
 
 
 @pytest.mark.parametrize("name", ["localhost", "127.1"])
-async def test_a_name_is(name: str) -> None:
+async def test_host_name_is_looked_up(name: str) -> None:
     assert "127.0.0.1" in await HostLookup(name).addresses(PATIENCE)
 
 
-async def test_all_who_ask_meanwhile_share_an_answer(name_server: NameServer) -> None:
+async def test_concurrent_lookups_share_one_answer(name_server: NameServer) -> None:
     lookup = HostLookup("robot")
     asked = [asyncio.ensure_future(lookup.addresses(PATIENCE)) for _ in range(3)]
     await asyncio.sleep(0)
@@ -61,12 +61,12 @@ async def test_all_who_ask_meanwhile_share_an_answer(name_server: NameServer) ->
 
 
 @pytest.mark.parametrize("name", ["no-such-host.invalid", "a..b", "x" * 300])
-async def test_no_such_host(name: str) -> None:
+async def test_unknown_host_is_an_error(name: str) -> None:
     with pytest.raises((socket.gaierror, UnicodeError)):
         await HostLookup(name).addresses(PATIENCE)
 
 
-async def test_no_answer_is_waited_for_a_while(name_server: NameServer) -> None:
+async def test_silent_name_server_times_out(name_server: NameServer) -> None:
     with pytest.raises(socket.gaierror) as caught:
         await HostLookup("robot").addresses(0.01)
     assert "no name server answers" in why_not("ws://robot", caught.value, 5.0, flag="attach", token="")
@@ -85,7 +85,7 @@ sys.exit(main())
 
 
 @pytest.mark.slow
-def test_a_process_ends_while_it_looks_for_its_bridge(tmp_path: Path) -> None:
+def test_process_stops_during_a_lookup(tmp_path: Path) -> None:
     words = ("serve", "--port", "0", "--attach", "ws://robot:9090")
     process = Process(tmp_path / "log.txt", ["-c", FOR_EVER, *words], "rosbridge-sim listening on ")
     process.stop_cleanly()

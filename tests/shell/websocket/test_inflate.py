@@ -36,7 +36,7 @@ def deflated(client: PerMessageDeflate, server: LateDeflate, message: bytes) -> 
 
 
 @given(st.lists(st.binary(max_size=300), max_size=5), st.booleans())
-def test_messages_come_back_in_order_with_and_without_a_shared_window(messages: list[bytes], is_fresh: bool) -> None:  # noqa: FBT001
+def test_messages_inflate_in_order_with_and_without_context_takeover(messages: list[bytes], is_fresh: bool) -> None:  # noqa: FBT001
     client, server = pair(is_fresh=is_fresh)
     for message in messages:
         data = deflated(client, server, message)
@@ -53,7 +53,7 @@ def test_messages_of_any_size_are_inflated_in_slices(size: int, *, is_random: bo
     assert finish(inflate(server, deflated(client, server, b"next"), MB)) == b"next"
 
 
-def test_a_message_that_inflates_beyond_the_bound_is_given_up_on_the_way() -> None:
+def test_message_that_inflates_beyond_the_limit_is_refused_midway() -> None:
     client, server = pair(is_fresh=False)
     data = deflated(client, server, bytes(100 * MB))
     assert len(data) < MB
@@ -63,19 +63,19 @@ def test_a_message_that_inflates_beyond_the_bound_is_given_up_on_the_way() -> No
     assert sum(1 for _ in inflate(server, deflated(client, server, bytes(100 * MB)), MB)) < 10
 
 
-def test_rubbish_is_an_error_of_zlib() -> None:
+def test_rubbish_is_a_zlib_error() -> None:
     _, server = pair(is_fresh=False)
     with pytest.raises(zlib.error):
         finish(inflate(server, Deflated(b"\xff" * 100), MB))
 
 
-def test_control_frames_and_plain_messages_stay_as_they_are() -> None:
+def test_control_frames_and_plain_messages_are_not_inflated() -> None:
     _, server = pair(is_fresh=False)
     for frame in (Frame(Opcode.PING, b"?"), Frame(Opcode.TEXT, b"plain"), Frame(Opcode.CONT, b"more")):
         assert server.decode(frame) is frame
 
 
-def test_fragments_of_a_compressed_message_are_marked_and_one_may_not_be_marked_by_its_sender() -> None:
+def test_compressed_fragments_are_marked_and_a_sender_may_not_mark_one() -> None:
     _, server = pair(is_fresh=False)
     assert isinstance(server.decode(Frame(Opcode.TEXT, b"a", fin=False, rsv1=True)).data, Deflated)
     assert isinstance(server.decode(Frame(Opcode.CONT, b"b", fin=False)).data, Deflated)
@@ -96,7 +96,7 @@ async def talk(socket: ClientConnection, *ops: dict[str, Any]) -> list[dict[str,
     return frames[:-1]
 
 
-async def test_a_client_that_compresses_is_served_in_its_order() -> None:
+async def test_compressing_client_is_served_in_order() -> None:
     async with (
         Simulator(port=0, compression=True, world=False) as sim,
         connect(sim.url, compression="deflate", max_size=None, proxy=None) as socket,
@@ -113,7 +113,7 @@ async def test_a_client_that_compresses_is_served_in_its_order() -> None:
         assert [frame["msg"]["data"] for frame in heard] == [text, "after"]
 
 
-async def test_a_bomb_closes_its_sender_alone() -> None:
+async def test_decompression_bomb_disconnects_only_its_sender() -> None:
     async with (
         Simulator(port=0, compression=True, world=False) as sim,
         connect(sim.url, compression="deflate", max_size=None, proxy=None) as bomber,
@@ -128,7 +128,9 @@ async def test_a_bomb_closes_its_sender_alone() -> None:
 
 @pytest.mark.parametrize("length", [0, 300_000])
 @pytest.mark.parametrize("in_fragments", [False, True])
-async def test_a_compressed_text_that_is_not_utf_8_closes_its_sender_alone(length: int, *, in_fragments: bool) -> None:
+async def test_compressed_text_that_is_not_utf_8_disconnects_only_its_sender(
+    length: int, *, in_fragments: bool
+) -> None:
     async with (
         Simulator(port=0, compression=True, world=False) as sim,
         connect(sim.url, compression="deflate", max_size=None, proxy=None) as bad,

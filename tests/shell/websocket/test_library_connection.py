@@ -1,4 +1,4 @@
-"""A connection that reads the library's own way serves as the direct one does, but for what its module names.
+"""The connection by the library's own reader behaves like the direct one, except for documented differences.
 
 `ROSBRIDGE_SIM_WEBSOCKET_IO=library ./scripts/test tests/end_to_end` runs other tests so, whose servers are processes.
 """
@@ -31,7 +31,7 @@ from tests.shell.websocket.test_server_connection import (
     REQUEST,
     SIZES,
     TEXTS,
-    Ear,
+    PausingReceiver,
     converse,
     frame,
 )
@@ -42,7 +42,7 @@ AUTH = json.dumps({"op": "auth", "token": TOKEN})
 CLOSE = frame(Opcode.CLOSE, b"\x03\xe8")
 
 
-class Told(Ear):
+class NotifyingReceiver(PausingReceiver):
     """An `Ear` that tells when it has heard something."""
 
     def __init__(self, socket: LibraryConnection, heard: list[bytes], num_a_turn: int) -> None:
@@ -64,7 +64,7 @@ async def talk(data: bytes, num_a_turn: int, *, hangs_up: bool) -> tuple[list[by
 
     async def handler(socket: ServerConnection) -> None:
         assert isinstance(socket, LibraryConnection)
-        ear = Told(socket, heard, num_a_turn)
+        ear = NotifyingReceiver(socket, heard, num_a_turn)
         socket.listen(ear)
         await socket.wait_closed()
         is_over.set()
@@ -95,7 +95,7 @@ async def talk(data: bytes, num_a_turn: int, *, hangs_up: bool) -> tuple[list[by
 
 @pytest.mark.parametrize("num_a_turn", [1, 64])
 @pytest.mark.parametrize("name", [*CONVERSATIONS, *TEXTS])
-async def test_what_is_heard_and_said_is_what_the_library_hears_and_says(name: str, num_a_turn: int) -> None:
+async def test_received_and_sent_bytes_equal_those_of_the_library(name: str, num_a_turn: int) -> None:
     data = {**CONVERSATIONS, **TEXTS}[name]
     expected, expected_said = await converse([data], is_direct=False)
     heard, said = await talk(data, num_a_turn, hangs_up=INVALID_DATA not in expected_said)
@@ -103,10 +103,10 @@ async def test_what_is_heard_and_said_is_what_the_library_hears_and_says(name: s
     assert heard == expected
 
 
-async def test_messages_are_told_apart_as_text_and_binary() -> None:
+async def test_text_and_binary_messages_are_distinguished() -> None:
     async def handler(socket: ServerConnection) -> None:
         assert isinstance(socket, LibraryConnection)
-        ear = Told(socket, [], 1)
+        ear = NotifyingReceiver(socket, [], 1)
         socket.listen(ear)
         await socket.wait_closed()
         kinds.set_result(ear.kinds)
@@ -121,12 +121,12 @@ async def test_messages_are_told_apart_as_text_and_binary() -> None:
 
 
 @pytest.mark.parametrize("compression", [None, "deflate"])
-async def test_what_goes_out_comes_whole_as_text_and_binary(compression: Any) -> None:  # noqa: ANN401 - a literal of the library's
+async def test_sent_messages_arrive_complete_as_text_and_binary(compression: Any) -> None:  # noqa: ANN401 - a literal of the library's
     sent = [b"x" * n for n in SIZES] + [BinaryFrame(b"y" * n) for n in SIZES]
 
     async def handler(socket: ServerConnection) -> None:
         assert isinstance(socket, LibraryConnection)
-        socket.listen(Ear(socket, [], 1))
+        socket.listen(PausingReceiver(socket, [], 1))
         assert socket.send_messages(sent) > 0
         while socket.unsent:
             socket.send_more()
@@ -139,8 +139,8 @@ async def test_what_goes_out_comes_whole_as_text_and_binary(compression: Any) ->
     assert heard == [bytes(one) if isinstance(one, BinaryFrame) else one.decode() for one in sent]
 
 
-async def test_receiver_that_fails_by_a_bug_ends_its_connection_and_is_told() -> None:
-    class Broken(Ear):
+async def test_receiver_that_raises_ends_its_connection_and_is_logged() -> None:
+    class Broken(PausingReceiver):
         def receive(self, message: bytes) -> bool:
             raise LookupError(message)
 
@@ -161,11 +161,11 @@ async def test_receiver_that_fails_by_a_bug_ends_its_connection_and_is_told() ->
             await told
 
 
-async def test_message_that_nobody_releases_does_not_keep_a_lost_connection(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_unreleased_message_does_not_keep_a_lost_connection(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(library_connection, "LAST_TURNS", 0.01)
     heard: list[bytes] = []
 
-    class Stuck(Ear):
+    class Stuck(PausingReceiver):
         def wait(self, *, had_turn: bool) -> None:
             del had_turn
 
@@ -190,7 +190,7 @@ async def test_message_that_nobody_releases_does_not_keep_a_lost_connection(monk
 # The whole server
 
 
-async def test_clients_publish_and_hear_and_are_answered() -> None:
+async def test_clients_publish_subscribe_and_call() -> None:
     async with (
         Simulator(port=0, world=False, websocket_io="library") as sim,
         await Client.open(sim.url) as first,
@@ -204,7 +204,7 @@ async def test_clients_publish_and_hear_and_are_answered() -> None:
         assert not sim.num_bugs
 
 
-async def test_what_was_sent_right_before_a_clean_end_is_done() -> None:
+async def test_messages_right_before_a_clean_close_are_handled() -> None:
     async with Simulator(port=0, world=False, websocket_io="library") as sim, await Client.open(sim.url) as other:
         await other.send("subscribe", topic="/t", type="std_msgs/String")
         await other.settle()
@@ -218,7 +218,7 @@ async def test_what_was_sent_right_before_a_clean_end_is_done() -> None:
         writer.close()
 
 
-async def test_token_in_the_first_message_lets_in_and_a_wrong_one_does_not() -> None:
+async def test_token_in_the_first_message_is_accepted_and_a_wrong_one_refused() -> None:
     async with Simulator(port=0, world=False, websocket_io="library", token=TOKEN) as sim:
         async with await Client.open(sim.url) as client:
             await client.send("auth", token=TOKEN)
@@ -236,7 +236,7 @@ async def test_token_in_the_first_message_lets_in_and_a_wrong_one_does_not() -> 
                 pass
 
 
-async def test_rubbish_glued_behind_a_token_in_a_binary_frame_is_refused_and_no_bug() -> None:
+async def test_rubbish_glued_behind_a_binary_token_is_refused() -> None:
     async with Simulator(port=0, world=False, websocket_io="library", token=TOKEN) as sim:
         async with await Client.open(sim.url) as client:
             await client.send_raw(AUTH.encode() + b"\xff\xfe")
@@ -247,7 +247,7 @@ async def test_rubbish_glued_behind_a_token_in_a_binary_frame_is_refused_and_no_
 
 
 @pytest.mark.slow  # a second for the closing
-async def test_pings_of_a_stranger_count() -> None:
+async def test_pings_of_an_unauthenticated_client_count() -> None:
     async with Simulator(port=0, world=False, websocket_io="library", token=TOKEN) as sim:
         reader, writer = await open_raw(int(sim.url.rsplit(":", 1)[1]))
         ping = frame(Opcode.PING, b"x" * 100)
@@ -260,12 +260,12 @@ async def test_pings_of_a_stranger_count() -> None:
         writer.close()
 
 
-async def test_client_that_sends_pings_and_reads_nothing_is_cut_off(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_client_that_pings_and_does_not_read_is_disconnected(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(websocket_internals, "MAX_UNREAD", 2**16)
 
     async def handler(socket: ServerConnection) -> None:
         assert isinstance(socket, LibraryConnection)
-        socket.listen(Ear(socket, [], 64))
+        socket.listen(PausingReceiver(socket, [], 64))
         await socket.wait_closed()
 
     async with serve(handler, "127.0.0.1", 0, create_connection=LibraryConnection, compression=None) as server:
@@ -280,7 +280,7 @@ async def test_client_that_sends_pings_and_reads_nothing_is_cut_off(monkeypatch:
         writer.close()
 
 
-async def test_client_that_compresses_is_served() -> None:
+async def test_compressing_client_is_served() -> None:
     async with (
         Simulator(port=0, world=False, websocket_io="library", compression=True) as sim,
         connect(sim.url, compression="deflate", max_size=None, proxy=None) as socket,
@@ -291,7 +291,7 @@ async def test_client_that_compresses_is_served() -> None:
             assert json.loads(await socket.recv())["msg"] == {"data": text}
 
 
-async def test_too_long_a_message_closes_with_1009() -> None:
+async def test_oversized_message_closes_with_1009() -> None:
     async with (
         Simulator(port=0, world=False, websocket_io="library", max_frame_size=4096) as sim,
         await Client.open(sim.url) as client,
@@ -302,7 +302,7 @@ async def test_too_long_a_message_closes_with_1009() -> None:
         assert client.socket.close_code == 1009
 
 
-async def test_server_with_clients_stops() -> None:
+async def test_server_with_clients_can_stop() -> None:
     async with Simulator(port=0, world=False, websocket_io="library") as sim:
         clients = [await Client.open(sim.url) for _ in range(3)]
         for client in clients:

@@ -1,4 +1,4 @@
-"""The library's log lines come through at debug, and no secret with them: on the server, at a bridge and in a tool."""
+"""Log lines of the library appear at debug level without secrets: on the server, at a bridge and in a tool."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ REQUESTS = {"< %s %s %s", "< GET %s HTTP/1.1"}
 
 
 @pytest.mark.parametrize("line", sorted(_SHOWN.keys() - REQUESTS))
-def test_each_line_that_is_shown_is_one_of_the_library(line: str) -> None:
+def test_known_log_lines_are_those_of_the_library(line: str) -> None:
     assert json.dumps(line) in SOURCES
 
 
-def test_the_line_of_a_request_is_one_of_the_library() -> None:
+def test_request_log_line_is_that_of_the_library() -> None:
     assert any(json.dumps(line) in SOURCES for line in REQUESTS)
 
 
@@ -45,7 +45,7 @@ def lines(caplog: pytest.LogCaptureFixture) -> pytest.LogCaptureFixture:
     return caplog
 
 
-def test_request_lines_headers_and_frames_are_shown_without_what_is_secret(lines: pytest.LogCaptureFixture) -> None:
+def test_request_lines_headers_and_frames_are_shown_without_secrets(lines: pytest.LogCaptureFixture) -> None:
     quiet.debug("< %s %s %s", "GET", "/?token=s3same", "HTTP/1.1")
     quiet.debug("< %s %s %s", "s3same", "/", "HTTP/1.1")
     quiet.debug("< GET %s HTTP/1.1", "/?token=s3same")
@@ -71,7 +71,7 @@ def test_request_lines_headers_and_frames_are_shown_without_what_is_secret(lines
     assert {record.levelno for record in lines.records} == {logging.DEBUG}
 
 
-def test_a_line_that_is_not_known_loses_its_values_and_an_exception_its_text(lines: pytest.LogCaptureFixture) -> None:
+def test_unknown_log_line_loses_its_values_and_an_exception_its_text(lines: pytest.LogCaptureFixture) -> None:
     quiet.warning("100 %% new: %s of %s", "s3same", 5)
     try:
         int("s3same")
@@ -81,7 +81,7 @@ def test_a_line_that_is_not_known_loses_its_values_and_an_exception_its_text(lin
     assert "s3same" not in lines.text
 
 
-def test_lines_count_for_their_place_in_the_library(lines: pytest.LogCaptureFixture) -> None:
+def test_library_log_lines_count_by_their_source(lines: pytest.LogCaptureFixture) -> None:
     logging.LoggerAdapter(quiet, {"websocket": "a connection"}).debug("= connection is %s", "OPEN")
     quiet.debug("= connection is %s", "OPEN")
     assert {record.filename for record in lines.records} == {Path(__file__).name}

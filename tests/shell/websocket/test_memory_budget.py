@@ -1,4 +1,4 @@
-"""What clients make the server hold: bounded for each one, and for all of them together."""
+"""Memory held for clients: bounded for each, and for all together."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ async def test_calls_in_flight_of_one_client_are_bounded_in_bytes(listen: Listen
     assert bus.total.num_bytes == 0
 
 
-async def test_goals_and_pieces_of_one_client_are_bounded_in_bytes(listen: Listen) -> None:
+async def test_goals_and_fragments_of_one_client_are_bounded_in_bytes(listen: Listen) -> None:
     server, bus = await listen(ServerLimits(client_memory=4 * MB))
     async with await Client.open(url_of(server)) as provider, await Client.open(url_of(server)) as caller:
         await provider.send("advertise_action", action="/a", type="tf2_web_republisher/TFSubscription")
@@ -118,7 +118,7 @@ async def test_goals_and_pieces_of_one_client_are_bounded_in_bytes(listen: Liste
     assert bus.total.num_bytes == 0
 
 
-async def test_beyond_the_budget_the_largest_client_is_closed_and_told_why(listen: Listen) -> None:
+async def test_largest_client_is_disconnected_beyond_the_budget(listen: Listen) -> None:
     server, bus = await listen(ServerLimits(client_memory=100 * MB, memory_budget=20 * MB))
     async with AsyncExitStack() as stack:
         large, small = [await stack.enter_async_context(await Client.open(url_of(server))) for _ in range(2)]
@@ -139,7 +139,7 @@ async def test_beyond_the_budget_the_largest_client_is_closed_and_told_why(liste
         assert bus.total.num_bytes <= 8 * MB
 
 
-class Holder:
+class HoldingClient:
     """A client that holds what a test says."""
 
     def __init__(self, name: str, own: int, shared: dict[int, int] | None = None) -> None:
@@ -159,7 +159,7 @@ class Holder:
         self.evicted.append(reason)
 
 
-async def closed(budget: int, *holders: Holder) -> list[str]:
+async def closed(budget: int, *holders: HoldingClient) -> list[str]:
     bus = Bus(Store({}))
     watch = MemoryBudget(asyncio.get_running_loop(), bus, lambda: holders, budget)
     watch.look()
@@ -167,20 +167,20 @@ async def closed(budget: int, *holders: Holder) -> list[str]:
     return [holder.name for holder in holders if holder.evicted]
 
 
-async def test_the_largest_go_first_until_the_rest_fits() -> None:
-    holders = [Holder(str(i), i * MB) for i in (3, 9, 1, 7, 2)]
+async def test_largest_clients_are_disconnected_until_the_rest_fits() -> None:
+    holders = [HoldingClient(str(i), i * MB) for i in (3, 9, 1, 7, 2)]
     assert await closed(22 * MB, *holders) == []
     assert await closed(21 * MB, *holders) == ["9"]
-    holders = [Holder(str(i), i * MB) for i in (3, 9, 1, 7, 2)]
+    holders = [HoldingClient(str(i), i * MB) for i in (3, 9, 1, 7, 2)]
     assert await closed(6 * MB, *holders) == ["9", "7"]
 
 
-async def test_bytes_that_many_wait_for_are_counted_once() -> None:
+async def test_shared_bytes_count_once() -> None:
     image = {1: 16 * MB}
-    assert await closed(40 * MB, *[Holder(str(i), MB, image) for i in range(20)]) == []
-    own = [Holder(str(i), MB, {i: 16 * MB}) for i in range(20)]
+    assert await closed(40 * MB, *[HoldingClient(str(i), MB, image) for i in range(20)]) == []
+    own = [HoldingClient(str(i), MB, {i: 16 * MB}) for i in range(20)]
     assert len(await closed(40 * MB, *own)) == 18
 
 
-def test_the_default_is_a_part_of_the_memory_that_there_is() -> None:
+def test_default_budget_is_a_part_of_the_machines_memory() -> None:
     assert 64 * MB <= default_budget() < 2**50

@@ -1,4 +1,4 @@
-"""Origins and hosts of handshakes: which web pages may connect, and what the others are told."""
+"""Origins and hosts of handshakes: allowed web pages, and refusals of others."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ both = pytest.mark.parametrize("is_loopback", [True, False])
 
 @both
 @pytest.mark.parametrize("host", ["sim:9090", "localhost:9090", "192.168.1.5:9090", "evil.example", "", "\0"])
-def test_without_an_origin_no_host_is_asked_for(host: str, *, is_loopback: bool) -> None:
+def test_request_without_an_origin_needs_no_host(host: str, *, is_loopback: bool) -> None:
     for rules in (OriginRules(), OriginRules(("https://a.example",), ("b",))):
         assert rules.judge([], [host], frozenset(), is_loopback=is_loopback) is None
         assert rules.judge([], [], frozenset(), is_loopback=is_loopback) is None
@@ -52,7 +52,7 @@ def test_without_an_origin_no_host_is_asked_for(host: str, *, is_loopback: bool)
         "sim.localhost:9090",
     ],
 )
-def test_origin_equal_to_the_host_passes_where_the_host_proves_something(address: str, *, is_loopback: bool) -> None:
+def test_origin_equal_to_the_host_passes_for_a_trusted_host(address: str, *, is_loopback: bool) -> None:
     """As Python's websocket-client sends it: directly, through a published Docker port, through an SSH tunnel."""
     for scheme in ("http", "https"):
         assert judge(f"{scheme}://{address}", address, is_loopback=is_loopback) is None
@@ -74,7 +74,7 @@ def test_origin_equal_to_the_host_passes_where_the_host_proves_something(address
         ("http://robot:", "robot"),
     ],
 )
-def test_one_address_in_two_spellings_is_one(origin: str, host: str, *, is_loopback: bool) -> None:
+def test_two_spellings_of_an_address_are_equal(origin: str, host: str, *, is_loopback: bool) -> None:
     assert judge(origin, host, is_loopback=is_loopback) is None
 
 
@@ -102,7 +102,7 @@ def test_one_address_in_two_spellings_is_one(origin: str, host: str, *, is_loopb
     ],
 )
 @pytest.mark.parametrize("host", [LOOPBACK, "localhost:9090", "localhost:19090", "[::1]:9090", "192.168.1.5:9090"])
-def test_pages_that_no_website_can_be_pass(origin: str, host: str, *, is_loopback: bool) -> None:
+def test_local_pages_pass(origin: str, host: str, *, is_loopback: bool) -> None:
     assert judge(origin, host, is_loopback=is_loopback) is None
 
 
@@ -126,7 +126,7 @@ def test_pages_that_no_website_can_be_pass(origin: str, host: str, *, is_loopbac
         "ftp://evil.example",
     ],
 )
-def test_other_pages_are_refused_with_the_flag_to_paste(origin: str, *, is_loopback: bool) -> None:
+def test_other_pages_are_refused_with_the_flag_to_use(origin: str, *, is_loopback: bool) -> None:
     why = judge(origin, LOOPBACK, is_loopback=is_loopback)
     assert why is not None
     flag, _, end = why.partition("--allow-origin ")[2].partition(" would")
@@ -135,7 +135,7 @@ def test_other_pages_are_refused_with_the_flag_to_paste(origin: str, *, is_loopb
 
 
 @both
-def test_null_is_refused_until_the_flag_names_it(*, is_loopback: bool) -> None:
+def test_null_origin_is_refused_until_the_flag_names_it(*, is_loopback: bool) -> None:
     for origin in ("null", "NULL"):
         why = judge(origin, LOOPBACK, is_loopback=is_loopback)
         assert why is not None
@@ -193,7 +193,7 @@ def test_malformed_origin_is_refused_and_no_flag_is_offered(
     assert "--allow" not in why
 
 
-def test_two_origins_are_none() -> None:
+def test_two_origin_headers_are_refused() -> None:
     for rules in (OriginRules(), OriginRules(("*",))):
         why = rules.judge(["http://localhost"] * 2, [LOOPBACK], NAMES, is_loopback=True)
         assert why == "Expected one Origin header; got 2"
@@ -216,7 +216,7 @@ def test_two_origins_are_none() -> None:
         ("https://evil.example", "robot.local:9090", False),
     ],
 )
-def test_off_loopback_other_ports_of_the_same_host_are_let_in(origin: str, host: str, *, is_let_in: bool) -> None:
+def test_other_ports_of_the_same_host_pass_off_loopback(origin: str, host: str, *, is_let_in: bool) -> None:
     assert (judge(origin, host, is_loopback=False) is None) is is_let_in
     assert judge(origin, host, is_loopback=True) is not None, "what a tunnel shows is another machine"
 
@@ -240,7 +240,7 @@ REBOUND = "rebound.example:9090"
         "127.1:9090",
     ],
 )
-def test_host_equal_to_the_origin_is_no_proof(host: str, *, is_loopback: bool) -> None:
+def test_host_equal_to_the_origin_is_not_enough(host: str, *, is_loopback: bool) -> None:
     """A name that was made to point here, and a service's name in Docker Compose, which looks the same."""
     why = judge(f"http://{host}", host, is_loopback=is_loopback)
     name = host.partition(":")[0]
@@ -253,7 +253,7 @@ def test_host_equal_to_the_origin_is_no_proof(host: str, *, is_loopback: bool) -
 
 @both
 @pytest.mark.parametrize("origin", ["http://localhost:3000", "vscode-webview://x", "file://"])
-def test_host_is_judged_for_every_page_that_passes_by_default(origin: str, *, is_loopback: bool) -> None:
+def test_host_is_checked_for_every_default_page(origin: str, *, is_loopback: bool) -> None:
     assert "--allow-host sim " in (judge(origin, "sim:9090", is_loopback=is_loopback) or "")
     assert judge(origin, "sim:9090", is_loopback=is_loopback, hosts=("sim",)) is None
     assert judge(origin, "sim.lab.example", is_loopback=is_loopback, hosts=("*.lab.example",)) is None
@@ -273,7 +273,7 @@ def test_malformed_host_beside_an_origin_is_refused(host: str, *, is_loopback: b
 
 
 @pytest.mark.parametrize("hosts", [[], ["localhost", "localhost"]])
-def test_host_beside_an_origin_is_there_once(hosts: list[str]) -> None:
+def test_duplicate_host_beside_an_origin_is_refused(hosts: list[str]) -> None:
     why = OriginRules(hosts=("*",)).judge(["http://localhost"], hosts, NAMES, is_loopback=True)
     assert why == f"Expected one Host header beside an Origin; got {len(hosts)}"
 
@@ -289,7 +289,7 @@ def test_host_beside_an_origin_is_there_once(hosts: list[str]) -> None:
         (".example", set()),
     ],
 )
-def test_machine_is_known_by_its_name_alone_and_in_the_local_network(hostname: str, names: set[str]) -> None:
+def test_machine_name_is_accepted_alone_and_with_a_local_domain(hostname: str, names: set[str]) -> None:
     assert own_names(hostname) == names
 
 
@@ -315,7 +315,7 @@ def test_machine_is_known_by_its_name_alone_and_in_the_local_network(hostname: s
         ("null", False),
     ],
 )
-def test_a_page_that_the_user_names_passes_by_any_host(origin: str, *, is_let_in: bool, is_loopback: bool) -> None:
+def test_page_named_by_the_flag_passes_with_any_host(origin: str, *, is_let_in: bool, is_loopback: bool) -> None:
     origins = (
         "https://app.example.org/",
         "https://*.tools.example",
@@ -330,19 +330,19 @@ def test_a_page_that_the_user_names_passes_by_any_host(origin: str, *, is_let_in
 
 
 @both
-def test_a_page_that_the_user_names_comes_beside_the_default(*, is_loopback: bool) -> None:
+def test_page_named_by_the_flag_passes_beside_the_default_ones(*, is_loopback: bool) -> None:
     for origin in ("http://localhost:3000", "file://", f"http://{LOOPBACK}"):
         assert judge(origin, LOOPBACK, is_loopback=is_loopback, origins=("https://app.example.org",)) is None
 
 
 @both
 @pytest.mark.parametrize("origin", ["https://evil.example", "null", f"http://{REBOUND}", "file://", "http://[::1", ""])
-def test_a_star_lets_in_every_page(origin: str, *, is_loopback: bool) -> None:
+def test_star_allows_every_page(origin: str, *, is_loopback: bool) -> None:
     for host in (LOOPBACK, REBOUND):
         assert judge(origin, host, is_loopback=is_loopback, origins=("*",)) is None
 
 
-def test_flags_for_every_website_are_known() -> None:
+def test_flags_that_allow_every_website_are_detected() -> None:
     tight = ("https://*.example.org", "http://localhost:*", "http://*.lan:*", "http://10.0.0.*")
     rules = OriginRules((*tight, "*", "http://*", "https://?*", "null", "nul?"), ("*.lab.example", "sim", "*", "*.*"))
     assert rules.open_flags() == [
@@ -361,7 +361,7 @@ def test_flags_for_every_website_are_known() -> None:
 
 
 @given(st.text(max_size=20) | st.from_regex(r"(http|https|app)://[a-z.\[\]:@%*0-9-]{0,20}", fullmatch=True), st.text())
-def test_any_headers_are_judged(origin: str, host: str) -> None:
+def test_any_headers_give_a_verdict(origin: str, host: str) -> None:
     for is_loopback in (True, False):
         why = judge(origin, host, is_loopback=is_loopback, origins=("http://x*",), hosts=("y*",))
         assert why is None or (len(why) < 600 and why.isprintable())
@@ -370,7 +370,7 @@ def test_any_headers_are_judged(origin: str, host: str) -> None:
 # Memory
 
 
-def test_refused_origins_are_remembered_once_and_not_without_end() -> None:
+def test_remembered_refused_origins_are_unique_and_bounded() -> None:
     known = RefusedOrigins()
     assert [known.add(origin) for origin in ("http://a", "HTTP://A", "http://b", "x" * 10_000)] == [
         True,

@@ -1,4 +1,4 @@
-"""The port: limits of a connection, plain HTTP beside it, and many clients that do not disturb each other."""
+"""The port: limits of a connection, plain HTTP, and many independent clients."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def test_many_throttle_rates_at_once_keep_the_server_alive(
         runner.run(hear_at_many_rates())
 
 
-async def test_a_clean_stop_tells_every_client_that_we_go_away(listen: Listen) -> None:
+async def test_clean_stop_closes_every_client_with_going_away(listen: Listen) -> None:
     port = await listen()
     clients = [await Client.open(port.url) for _ in range(3)]
     for client in clients:
@@ -113,7 +113,7 @@ async def test_a_clean_stop_tells_every_client_that_we_go_away(listen: Listen) -
         assert client.socket.close_code == 1001
 
 
-async def test_small_frames_leave_at_once(listen: Listen) -> None:
+async def test_small_frames_are_sent_at_once(listen: Listen) -> None:
     port = await listen()
     async with await Client.open(port.url) as client:
         await client.settle()
@@ -137,7 +137,7 @@ async def test_a_frame_over_the_limit_closes_with_1009_and_one_at_the_limit_does
         assert await other.settle() == []
 
 
-async def test_the_limits_we_start_with() -> None:
+async def test_default_limits_are_the_documented_ones() -> None:
     limits = ServerLimits()
     assert limits.max_frame_size == 16 * 2**20
     assert limits.ping_interval is not None
@@ -146,7 +146,7 @@ async def test_the_limits_we_start_with() -> None:
 
 
 @pytest.mark.slow
-async def test_a_client_that_answers_no_ping_is_dropped_and_what_it_held_with_it(listen: Listen) -> None:
+async def test_client_without_a_pong_is_disconnected_and_its_names_freed(listen: Listen) -> None:
     port = await listen(ServerLimits(ping_interval=0.05, ping_timeout=1.0))
     async with await Client.open(port.url) as watcher:
         # a socket that shakes hands, advertises a topic, and then is as dead as behind a pulled cable
@@ -161,7 +161,7 @@ async def test_a_client_that_answers_no_ping_is_dropped_and_what_it_held_with_it
         await writer.wait_closed()
 
 
-async def test_no_compression_unless_asked(listen: Listen) -> None:
+async def test_compression_is_off_by_default(listen: Listen) -> None:
     for is_compressing in (False, True):
         port = await listen(ServerLimits(is_compressing=is_compressing))
         async with connect(port.url, compression="deflate", proxy=None) as offering:
@@ -169,14 +169,14 @@ async def test_no_compression_unless_asked(listen: Listen) -> None:
             assert ("permessage-deflate" in extensions) is is_compressing
 
 
-async def test_json_in_binary_frames_is_json(listen: Listen) -> None:
+async def test_json_in_binary_frames_is_read(listen: Listen) -> None:
     port = await listen()
     async with await Client.open(port.url) as client:
         await client.send_raw(b'{"op":"call_service","service":"rosapi/topics","id":"b"}')
         assert (await client.take("service_response", id="b"))["result"] is True
 
 
-async def test_objects_glued_in_one_frame_are_done_in_order(listen: Listen) -> None:
+async def test_ops_glued_in_one_frame_are_handled_in_order(listen: Listen) -> None:
     port = await listen()
     async with await Client.open(port.url) as client:
         ops = [
@@ -188,7 +188,7 @@ async def test_objects_glued_in_one_frame_are_done_in_order(listen: Listen) -> N
         assert [await client.message("/t") for _ in range(2)] == [{"data": 1}, {"data": 2}]
 
 
-async def test_bare_nan_is_taken_and_null_is_sent(listen: Listen) -> None:
+async def test_bare_nan_is_accepted_and_sent_as_null(listen: Listen) -> None:
     port = await listen()
     async with await Client.open(port.url) as client:
         await client.subscribe("/t", type="std_msgs/Float64")
@@ -197,7 +197,7 @@ async def test_bare_nan_is_taken_and_null_is_sent(listen: Listen) -> None:
             assert await client.message("/t") == {"data": None}
 
 
-async def test_unicode_goes_through(listen: Listen) -> None:
+async def test_unicode_passes_unchanged(listen: Listen) -> None:
     port = await listen()
     text = '안녕하세요 é \u2028 🚗 \x7f \\ "'
     async with await Client.open(port.url) as client, await Client.open(port.url) as other:
@@ -209,7 +209,7 @@ async def test_unicode_goes_through(listen: Listen) -> None:
         assert [await other.message("/말") for _ in range(2)] == [{"data": text}] * 2
 
 
-async def test_two_clients_do_not_mix(listen: Listen) -> None:
+async def test_messages_of_two_clients_do_not_mix(listen: Listen) -> None:
     port = await listen()
     async with await Client.open(port.url) as a, await Client.open(port.url) as b:
         await a.subscribe("/t", type="std_msgs/String", id="same")
@@ -223,7 +223,7 @@ async def test_two_clients_do_not_mix(listen: Listen) -> None:
         assert await a.settle() == []
 
 
-async def test_what_a_client_held_is_gone_with_it(listen: Listen) -> None:
+async def test_names_of_a_client_are_freed_when_it_leaves(listen: Listen) -> None:
     port = await listen()
     async with await Client.open(port.url) as watcher:
         client = await Client.open(port.url)
@@ -235,7 +235,7 @@ async def test_what_a_client_held_is_gone_with_it(listen: Listen) -> None:
         assert len(port.server.clients) == 1
 
 
-async def test_who_does_not_read_costs_bounded_memory_and_nobody_else_a_message(listen: Listen) -> None:
+async def test_stalled_client_costs_bounded_memory_and_no_other_client_a_message(listen: Listen) -> None:
     limits = OutboxLimits(burst=10, topic_bytes=2**20, hard_bytes=8 * 2**20)
     port = await listen(ServerLimits(outbox=limits))
     num_messages, size = 600, 20_000  # 12 MB: far more than the limit and a loopback socket's buffers together
@@ -277,7 +277,7 @@ async def ask_and_never_read(port: Port) -> ClientConnection:
 UNREAD = ServerLimits(outbox=OutboxLimits(burst=10, topic_bytes=2**16, hard_bytes=2**20), ping_interval=None)
 
 
-async def test_who_leaves_answers_unread_beyond_the_limit_is_told_why_and_closed(listen: Listen) -> None:
+async def test_client_with_too_many_unread_answers_is_disconnected_with_a_reason(listen: Listen) -> None:
     port = await listen(UNREAD)
     lazy = await ask_and_never_read(port)
     async with await Client.open(port.url) as good:
@@ -290,7 +290,7 @@ async def test_who_leaves_answers_unread_beyond_the_limit_is_told_why_and_closed
 
 
 @pytest.mark.slow
-async def test_who_does_not_even_read_that_is_cut_off(listen: Listen) -> None:
+async def test_client_that_does_not_read_its_close_is_cut_off(listen: Listen) -> None:
     port = await listen(UNREAD)
     lazy = await ask_and_never_read(port)
     async with await Client.open(port.url) as good, asyncio.timeout(PATIENCE):
@@ -300,7 +300,7 @@ async def test_who_does_not_even_read_that_is_cut_off(listen: Listen) -> None:
 
 
 @pytest.mark.slow
-async def test_a_stop_does_not_wait_for_who_does_not_read(listen: Listen) -> None:
+async def test_stop_does_not_wait_for_a_stalled_client(listen: Listen) -> None:
     port = await listen(ServerLimits(ping_interval=None))
     lazy = await ask_and_never_read(port)
     async with asyncio.timeout(PATIENCE):
@@ -310,7 +310,7 @@ async def test_a_stop_does_not_wait_for_who_does_not_read(listen: Listen) -> Non
 
 
 @pytest.mark.slow
-async def test_a_stop_does_not_wait_for_who_never_says_what_he_wants(listen: Listen) -> None:
+async def test_stop_does_not_wait_for_a_connection_without_a_request(listen: Listen) -> None:
     port = await listen()
     mute = [await asyncio.open_connection("127.0.0.1", port.server.port) for _ in range(2)]
     mute[1][1].write(b"GET / HTTP/1.1\r\nHost: localhost\r\n")  # and no more
@@ -328,7 +328,7 @@ async def read_to_the_end(socket: ClientConnection) -> None:
             await socket.recv()
 
 
-async def test_a_text_that_is_not_utf_8_closes_its_sender_after_what_it_asked_before(listen: Listen) -> None:
+async def test_text_that_is_not_utf_8_disconnects_after_earlier_requests_are_answered(listen: Listen) -> None:
     port = await listen()
     reader, writer = await open_raw(port.server.port)
     call = mask('{"op":"call_service","service":"/none","id":"before"}')
@@ -344,7 +344,7 @@ async def test_a_text_that_is_not_utf_8_closes_its_sender_after_what_it_asked_be
 
 
 @pytest.mark.parametrize("character", ["a", "가"])
-async def test_a_client_that_half_closes_behind_a_long_text_has_its_answers(listen: Listen, character: str) -> None:
+async def test_half_closing_client_gets_its_answers(listen: Listen, character: str) -> None:
     port = await listen()
     reader, writer = await open_raw(port.server.port)
     text = json.dumps({"op": "status", "level": "info", "msg": character * 3_000_000}, ensure_ascii=False).encode()
@@ -454,7 +454,7 @@ async def test_page_of_metrics_is_there_where_it_is_rendered(listen: Listen, cap
     assert "ZeroDivisionError" in caplog.text
 
 
-async def test_version_is_told_as_json(listen: Listen) -> None:
+async def test_version_is_json(listen: Listen) -> None:
     port = await listen()
     for target in ("/version", "/version?token=needless"):
         status, body = await port.http(target)
@@ -462,7 +462,7 @@ async def test_version_is_told_as_json(listen: Listen) -> None:
         assert json.loads(body) == {"name": "rosbridge-sim", "version": __version__, "protocol": "rosbridge v2.0"}
 
 
-async def test_plain_http_elsewhere_is_told_what_lives_here(listen: Listen) -> None:
+async def test_plain_http_request_on_another_path_gets_an_explanation(listen: Listen) -> None:
     port = await listen()
     status, body = await port.http("/nothing")
     assert status == 404
@@ -473,13 +473,15 @@ async def test_plain_http_elsewhere_is_told_what_lives_here(listen: Listen) -> N
     assert re.search("websocket", body, re.IGNORECASE)
 
 
-async def test_a_query_string_is_no_other_place(listen: Listen) -> None:
+async def test_query_string_does_not_change_the_path(listen: Listen) -> None:
     port = await listen()
     async with await Client.open(port.url + "/?token=abc") as client:
         assert await client.settle() == []
 
 
-async def test_a_bug_of_ours_is_told_counted_and_survived(listen: Listen, caplog: pytest.LogCaptureFixture) -> None:
+async def test_internal_failure_is_logged_counted_and_survived(
+    listen: Listen, caplog: pytest.LogCaptureFixture
+) -> None:
     port = await listen()
 
     def fail(*_: object) -> None:
@@ -500,7 +502,7 @@ async def test_a_bug_of_ours_is_told_counted_and_survived(listen: Listen, caplog
     assert "ZeroDivisionError" in caplog.text
 
 
-async def test_a_port_that_is_taken_is_an_os_error(listen: Listen) -> None:
+async def test_port_in_use_is_an_os_error(listen: Listen) -> None:
     port = await listen()
     second = Server(port.bus, ServerLimits(), lambda: None)
     with pytest.raises(OSError, match="address already in use"):
@@ -515,7 +517,7 @@ def break_down(*_: object) -> NoReturn:
     raise ZeroDivisionError
 
 
-class Speaker:
+class PublishingComponent:
     """A part of the server that publishes, and remembers what it is told."""
 
     name = "/speaker"
@@ -559,10 +561,12 @@ def failures(caplog: pytest.LogCaptureFixture) -> list[str]:
     return [record.getMessage() for record in caplog.records if record.exc_info]
 
 
-async def test_client_that_fails_on_a_message_is_closed_alone(listen: Listen, caplog: pytest.LogCaptureFixture) -> None:
+async def test_client_that_fails_on_a_message_is_disconnected_alone(
+    listen: Listen, caplog: pytest.LogCaptureFixture
+) -> None:
     port = await listen()
     (bad, served), (good, _) = await connect_two(port)
-    speaker = Speaker(port)
+    speaker = PublishingComponent(port)
     await bad.subscribe("/t")
     await good.subscribe("/t")
     served.peer.topics._subscriptions["/t"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
@@ -577,10 +581,10 @@ async def test_client_that_fails_on_a_message_is_closed_alone(listen: Listen, ca
     await good.close()
 
 
-async def test_message_that_cannot_be_written_closes_nobody(listen: Listen, caplog: pytest.LogCaptureFixture) -> None:
+async def test_unencodable_message_disconnects_no_client(listen: Listen, caplog: pytest.LogCaptureFixture) -> None:
     port = await listen()
     (first, _), (second, _) = await connect_two(port)
-    speaker = Speaker(port)
+    speaker = PublishingComponent(port)
     await first.subscribe("/t")
     await second.subscribe("/t", compression="cbor")
     for data in ("a", object(), "b", object()):
@@ -595,12 +599,12 @@ async def test_message_that_cannot_be_written_closes_nobody(listen: Listen, capl
     await second.close()
 
 
-async def test_picture_that_cannot_be_made_closes_nobody(
+async def test_failed_png_disconnects_no_client(
     listen: Listen, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     port = await listen()
     (first, _), (second, _) = await connect_two(port)
-    speaker = Speaker(port)
+    speaker = PublishingComponent(port)
     for client in (first, second):
         await client.subscribe("/t", compression="png")
     with monkeypatch.context() as patch:
@@ -615,10 +619,10 @@ async def test_picture_that_cannot_be_made_closes_nobody(
     assert [line.partition(":")[0] for line in failures(caplog)] == ["/t"]
 
 
-async def test_client_that_fails_on_messages_that_waited_is_closed_alone(listen: Listen) -> None:
+async def test_client_that_fails_on_queued_messages_is_disconnected_alone(listen: Listen) -> None:
     port = await listen()
     (bad, served), (good, _) = await connect_two(port)
-    speaker = Speaker(port)
+    speaker = PublishingComponent(port)
     for client in (bad, good):
         await client.subscribe("/t", throttle_rate=1, queue_length=10)
     served.peer.topics._subscriptions["/t"].feed._head = 5  # type: ignore[assignment] # as above
@@ -650,12 +654,12 @@ def break_outbox(served: Served) -> None:
 
 
 @pytest.mark.parametrize("plant", [break_writing, break_leaving, break_outbox])
-async def test_client_that_fails_is_closed_alone_wherever_that_is(
+async def test_failing_client_is_disconnected_alone_at_every_place(
     listen: Listen, plant: Callable[[Served], None]
 ) -> None:
     port = await listen()
     (bad, served), (good, _) = await connect_two(port)
-    speaker = Speaker(port)
+    speaker = PublishingComponent(port)
     for client in (bad, good):
         await client.subscribe("/t")
     await bad.send("advertise_service", service="/s", type="std_srvs/Trigger")
@@ -672,7 +676,7 @@ async def test_client_that_fails_is_closed_alone_wherever_that_is(
     await good.close()
 
 
-async def test_provider_that_fails_is_closed_and_its_caller_is_answered(listen: Listen) -> None:
+async def test_failing_provider_is_disconnected_and_its_caller_answered(listen: Listen) -> None:
     port = await listen()
     (bad, served), (good, _) = await connect_two(port)
     await bad.send("advertise_service", service="/s", type="std_srvs/Trigger")
@@ -686,10 +690,10 @@ async def test_provider_that_fails_is_closed_and_its_caller_is_answered(listen: 
     await good.close()
 
 
-async def test_client_that_fails_on_a_message_of_its_own_does_nothing_more(listen: Listen) -> None:
+async def test_client_that_fails_on_its_own_message_is_handled_no_further(listen: Listen) -> None:
     port = await listen()
     (bad, served), (good, _) = await connect_two(port)
-    Speaker(port)
+    PublishingComponent(port)
     for client in (bad, good):
         await client.subscribe("/t")
     served.peer.topics._subscriptions["/t"].feed._head = 5  # type: ignore[assignment] # as above
@@ -702,7 +706,7 @@ async def test_client_that_fails_on_a_message_of_its_own_does_nothing_more(liste
     await good.close()
 
 
-async def test_client_that_cannot_be_told_of_a_failure_is_closed(
+async def test_client_that_cannot_be_notified_of_a_failure_is_disconnected(
     listen: Listen, caplog: pytest.LogCaptureFixture
 ) -> None:
     port = await listen()
@@ -717,7 +721,7 @@ async def test_client_that_cannot_be_told_of_a_failure_is_closed(
 
 
 @pytest.mark.slow  # what it has not read yet keeps its closing waiting
-async def test_client_that_fails_in_its_turn_does_not_take_those_of_others(listen: Listen) -> None:
+async def test_client_that_fails_in_its_turn_does_not_take_the_turns_of_others(listen: Listen) -> None:
     port = await listen()
     (bad, served), (good, served_good) = await connect_two(port)
     releases = [one.peer.hold() for one in (served, served_good)]
@@ -737,12 +741,12 @@ async def test_client_that_fails_in_its_turn_does_not_take_those_of_others(liste
 
 
 @pytest.mark.parametrize("seam", ["close", "forget"])
-async def test_client_that_cannot_even_be_closed_is_cut_off(
+async def test_client_that_cannot_be_closed_is_cut_off(
     listen: Listen, monkeypatch: pytest.MonkeyPatch, seam: str
 ) -> None:
     port = await listen()
     (bad, served), (good, _) = await connect_two(port)
-    speaker = Speaker(port)
+    speaker = PublishingComponent(port)
     for client in (bad, good):
         await client.subscribe("/t")
     served.peer.topics._subscriptions["/t"].feed._head = 5  # type: ignore[assignment] # as good a bug as any
@@ -754,7 +758,7 @@ async def test_client_that_cannot_even_be_closed_is_cut_off(
     await good.close()
 
 
-async def test_client_whose_token_cannot_be_judged_is_closed(listen: Listen) -> None:
+async def test_client_whose_token_check_fails_is_disconnected(listen: Listen) -> None:
     port = await listen(ServerLimits(access=Access(token=5)))  # type: ignore[arg-type] # as good a bug as any
     client = await Client.open(port.url)
     await client.send("auth", token="5")  # noqa: S106 - opens nothing
@@ -763,7 +767,7 @@ async def test_client_whose_token_cannot_be_judged_is_closed(listen: Listen) -> 
 
 
 @pytest.mark.slow  # as above
-async def test_connection_that_cannot_be_served_is_told_counted_and_logged(
+async def test_connection_that_cannot_be_served_is_refused_counted_and_logged(
     listen: Listen, caplog: pytest.LogCaptureFixture
 ) -> None:
     port = await listen()
@@ -778,7 +782,7 @@ async def test_connection_that_cannot_be_served_is_told_counted_and_logged(
     assert [line.rpartition(" could ")[2] for line in failures(caplog)] == ["not be served"]
 
 
-async def test_request_that_fails_and_a_watcher_that_fails_are_counted_and_survived(
+async def test_failing_request_and_failing_watcher_are_counted_and_survived(
     listen: Listen, caplog: pytest.LogCaptureFixture
 ) -> None:
     port = await listen()
@@ -792,7 +796,7 @@ async def test_request_that_fails_and_a_watcher_that_fails_are_counted_and_survi
 
 
 @pytest.mark.slow
-async def test_hundred_clients_that_fail_at_once_are_closed_and_the_log_stays_short(
+async def test_hundred_failing_clients_are_disconnected_with_a_short_log(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     async with Simulator(port=0, world=False) as sim, AsyncExitStack() as stack:

@@ -1,4 +1,4 @@
-"""The shortcut reads what the library reads, whichever way the bytes arrive."""
+"""The direct connection reads what the library reads, for any split of the bytes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def frame(opcode: Opcode, data: bytes, *, fin: bool = True) -> bytes:
     return Frame(opcode, data, fin).serialize(mask=True)
 
 
-class Ear:
+class PausingReceiver:
     """Takes messages of one connection, a few in each turn, and now and then wants a pause behind one."""
 
     def __init__(self, socket: ReceivingConnection, heard: list[bytes], num_a_turn: int) -> None:
@@ -73,7 +73,7 @@ async def listening(
 
     async def handler(connection: ServerConnection) -> None:
         if isinstance(connection, DirectConnection):
-            connection.listen(Ear(connection, heard, num_a_turn))
+            connection.listen(PausingReceiver(connection, heard, num_a_turn))
             await connection.wait_closed()
         else:
             while True:
@@ -190,19 +190,19 @@ async def test_texts_that_the_library_refuses_are_refused(name: str, num_a_turn:
 
 
 @pytest.mark.parametrize("name", [name for name, data in TEXTS.items() if len(data) < 1000])
-async def test_texts_are_checked_byte_by_byte_as_at_once(name: str) -> None:
+async def test_texts_are_checked_equally_byte_by_byte_and_at_once(name: str) -> None:
     data = TEXTS[name]
     heard, said = await converse([data[i : i + 1] for i in range(len(data))], is_direct=True)
     expected, expected_said = await converse([data], is_direct=False)
     assert (heard, without_reason(said)) == (expected, without_reason(expected_said))
 
 
-async def test_a_refused_text_is_told_where_it_is_wrong() -> None:
+async def test_refused_text_is_reported_with_the_wrong_position() -> None:
     _, said = await converse([frame(Opcode.TEXT, b"abc" + BAD)], is_direct=True)
     assert said.endswith(INVALID_DATA + b"text is not UTF-8: invalid start byte at byte 3")
 
 
-async def test_a_client_that_does_not_hang_up_after_a_refused_text_is_cut_off() -> None:
+async def test_client_that_stays_after_a_refused_text_is_cut_off() -> None:
     heard: list[bytes] = []
     async with listening(heard, is_direct=True, close_timeout=0.01) as port:
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
@@ -226,7 +226,7 @@ async def test_a_client_that_does_not_hang_up_after_a_refused_text_is_cut_off() 
         *("a continuation of nothing", "too long in fragments"),
     ],
 )
-async def test_a_client_that_stays_after_the_end_of_the_protocol_is_cut_off(name: str) -> None:
+async def test_client_that_stays_after_the_closing_handshake_is_cut_off(name: str) -> None:
     fault = CONVERSATIONS[name]
     gone = asyncio.Event()
 
@@ -246,7 +246,7 @@ async def test_a_client_that_stays_after_the_end_of_the_protocol_is_cut_off(name
         writer.close()
 
 
-async def test_a_request_that_is_none_is_cut_off() -> None:
+async def test_malformed_request_is_cut_off() -> None:
     async with listening([], kind=DirectConnection, close_timeout=0.01) as port:
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
         writer.write(b"no HTTP\r\n")
@@ -261,9 +261,7 @@ async def test_a_request_that_is_none_is_cut_off() -> None:
 
 
 @pytest.mark.parametrize("ending", ["close", "eof"])
-async def test_a_client_that_ends_its_side_and_reads_nothing_is_cut_off(
-    monkeypatch: pytest.MonkeyPatch, ending: str
-) -> None:
+async def test_half_closed_client_that_does_not_read_is_cut_off(monkeypatch: pytest.MonkeyPatch, ending: str) -> None:
     monkeypatch.setattr(websocket_internals, "LAST_ANSWERS", 0.01)
     gone, begun = asyncio.Event(), asyncio.Event()
 
@@ -290,13 +288,13 @@ async def test_a_client_that_ends_its_side_and_reads_nothing_is_cut_off(
 
 
 @pytest.mark.parametrize("name", CONVERSATIONS)
-async def test_what_is_heard_and_said_is_what_the_library_hears_and_says(name: str) -> None:
+async def test_received_and_sent_bytes_equal_those_of_the_library(name: str) -> None:
     data = CONVERSATIONS[name]
     assert await converse([data], is_direct=True) == await converse([data], is_direct=False)
 
 
 @pytest.mark.parametrize("name", [name for name, data in CONVERSATIONS.items() if len(data) < 1000])
-async def test_byte_by_byte_is_the_same_as_at_once(name: str) -> None:
+async def test_bytes_one_by_one_give_the_same_messages_as_at_once(name: str) -> None:
     data = CONVERSATIONS[name]
     assert await converse([data[i : i + 1] for i in range(len(data))], is_direct=True) == await converse(
         [data], is_direct=False
@@ -308,7 +306,7 @@ async def test_byte_by_byte_is_the_same_as_at_once(name: str) -> None:
     cuts=st.lists(st.integers(0, 6_000), max_size=6).map(sorted),
     names=st.lists(st.sampled_from(["many", "binary", "ping and pong", "fragments with a ping between"]), max_size=4),
 )
-def test_any_cut_is_the_same_as_none(cuts: list[int], names: list[str]) -> None:
+def test_any_split_gives_the_same_messages_as_none(cuts: list[int], names: list[str]) -> None:
     data = b"".join(CONVERSATIONS[name] for name in names)
     pieces = [data[a:b] for a, b in zip([0, *cuts], [*cuts, len(data)], strict=True) if b > a]
     heard, _ = asyncio.run(converse(pieces, is_direct=True))
@@ -316,7 +314,7 @@ def test_any_cut_is_the_same_as_none(cuts: list[int], names: list[str]) -> None:
 
 
 @pytest.mark.parametrize("cut", [len(REQUEST) - n for n in range(6)] + [len(REQUEST) + 3])
-async def test_frames_right_behind_the_handshake_are_heard(cut: int) -> None:
+async def test_frames_right_after_the_handshake_are_received(cut: int) -> None:
     heard: list[bytes] = []
     data = REQUEST + frame(Opcode.TEXT, b"early") + frame(Opcode.TEXT, b"bird")
     async with listening(heard, is_direct=True) as port:
@@ -331,7 +329,7 @@ async def test_frames_right_behind_the_handshake_are_heard(cut: int) -> None:
     assert heard == [b"early", b"bird"]
 
 
-async def test_frames_right_behind_the_handshake_are_heard_even_if_nothing_follows() -> None:
+async def test_frames_right_after_the_handshake_are_received_without_further_bytes() -> None:
     heard: list[bytes] = []
     async with listening(heard, is_direct=True) as port:
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
@@ -342,7 +340,7 @@ async def test_frames_right_behind_the_handshake_are_heard_even_if_nothing_follo
     assert heard == [b"early"] * 100
 
 
-async def test_others_have_their_turn_during_a_long_run() -> None:
+async def test_connection_yields_during_a_long_run_of_frames() -> None:
     turns: list[int] = []
     heard: list[bytes] = []
     async with listening(heard, is_direct=True, num_a_turn=50) as port:
@@ -358,12 +356,12 @@ async def test_others_have_their_turn_during_a_long_run() -> None:
     assert max(steps) <= 50
 
 
-async def test_what_goes_out_is_what_the_library_would_send() -> None:
+async def test_sent_bytes_equal_those_of_the_library() -> None:
     sent = [b"x" * n for n in SIZES] + [BinaryFrame(b"y" * n) for n in SIZES]
 
     async def handler(socket: ServerConnection) -> None:
         assert isinstance(socket, DirectConnection)
-        socket.listen(Ear(socket, [], 1))
+        socket.listen(PausingReceiver(socket, [], 1))
         for message in sent:
             socket.send_messages([message])
         size = socket.send_messages(sent)
@@ -385,12 +383,12 @@ async def test_what_goes_out_is_what_the_library_would_send() -> None:
 
 
 @pytest.mark.parametrize("num_pings", [1, 3])
-async def test_the_newest_ping_is_answered_when_there_is_room(num_pings: int) -> None:
+async def test_newest_ping_is_answered_when_there_is_room(num_pings: int) -> None:
     sockets: list[DirectConnection] = []
     heard: list[bytes] = []
     is_heard = asyncio.Event()
 
-    class Once(Ear):
+    class Once(PausingReceiver):
         def receive(self, message: bytes) -> bool:
             is_heard.set()
             return super().receive(message)
@@ -424,7 +422,7 @@ async def test_long_messages_are_compressed_slice_by_slice() -> None:
 
     async def handler(socket: ServerConnection) -> None:
         assert isinstance(socket, DirectConnection)
-        socket.listen(Ear(socket, [], 1))
+        socket.listen(PausingReceiver(socket, [], 1))
         sizes.append(socket.send_messages(sent))
         while socket.unsent:
             sizes.append(socket.send_more())

@@ -1,4 +1,4 @@
-"""Texts are checked in slices as Python checks them whole."""
+"""Texts checked in slices give the same result as Python's whole check."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def expected_fault(message: bytes) -> str:
     st.sampled_from([0, 1, 2, 3, 4, 5, 2 * SLICE]),
     st.sampled_from(["", "é", "가", "\U0001f697"]),
 )
-def test_bytes_at_the_border_of_a_slice_are_judged_as_by_python(odd: bytes, before: int, text: str) -> None:
+def test_bytes_at_a_slice_border_are_checked_as_by_python(odd: bytes, before: int, text: str) -> None:
     message = b"x" * max(SLICE - before, 0) + text.encode() + odd + text.encode()
     assert fault_of(message) == expected_fault(message)
 
@@ -42,7 +42,7 @@ def test_long_texts_pass(character: str) -> None:
     assert fault_of(b"") == ""
 
 
-def test_half_a_character_at_the_end_is_a_fault() -> None:
+def test_incomplete_character_at_the_end_is_an_error() -> None:
     for length in (0, SLICE - 1, SLICE, 3 * SLICE):
         message = b"x" * length + "가".encode()[:2]
         assert fault_of(message) == expected_fault(message) != ""

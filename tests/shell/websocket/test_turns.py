@@ -1,4 +1,4 @@
-"""Turns: who works when, and that nobody is passed over."""
+"""Turns of clients: order and fairness."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ async def rounds(num: int) -> None:
         await asyncio.sleep(0)
 
 
-async def test_one_client_may_work_for_a_turn_and_all_for_a_round(clock: Clock) -> None:
+async def test_turn_of_one_client_and_round_of_all_are_bounded(clock: Clock) -> None:
     ended: list[float] = []
     these = Turns(asyncio.get_running_loop(), lambda: ended.append(clock.now))
     assert these.begin() == clock.now + TURN_TIME
@@ -78,7 +78,7 @@ async def test_a_small_request_waits_for_one_turn_of_a_large_one(clock: Clock) -
     assert large.num_ops == 0
 
 
-async def test_large_requests_take_turns_and_none_is_passed_over(clock: Clock) -> None:
+async def test_large_requests_take_turns_without_starving_one(clock: Clock) -> None:
     log: list[str] = []
     these = Turns(asyncio.get_running_loop(), lambda: None)
     for name in "abc":
@@ -87,7 +87,7 @@ async def test_large_requests_take_turns_and_none_is_passed_over(clock: Clock) -
     assert log == list("abc") * 10
 
 
-async def test_however_many_new_ones_come_an_old_one_has_its_turn_in_each_round(clock: Clock) -> None:
+async def test_waiting_client_has_its_turn_in_each_round_despite_new_ones(clock: Clock) -> None:
     log: list[str] = []
     these = Turns(asyncio.get_running_loop(), lambda: None)
     these.wait(Client("old", clock, log, 20, TURN_TIME), had_turn=True)
@@ -98,7 +98,7 @@ async def test_however_many_new_ones_come_an_old_one_has_its_turn_in_each_round(
     assert log.count("old") >= 9
 
 
-async def test_who_leaves_is_not_called_any_more(clock: Clock) -> None:
+async def test_client_that_left_is_not_called_again(clock: Clock) -> None:
     log: list[str] = []
     these = Turns(asyncio.get_running_loop(), lambda: None)
     gone = Client("gone", clock, log, 5, TURN_TIME)
@@ -109,7 +109,7 @@ async def test_who_leaves_is_not_called_any_more(clock: Clock) -> None:
     assert log == []
 
 
-async def test_a_quiet_server_has_no_rounds(clock: Clock) -> None:
+async def test_idle_server_runs_no_rounds(clock: Clock) -> None:
     num_rounds = 0
 
     def count() -> None:

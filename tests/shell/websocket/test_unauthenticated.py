@@ -1,4 +1,4 @@
-"""A connection without a token may hold little, asks nothing of the server, and keeps out nobody who has the token."""
+"""A connection without a token holds little, gets no service, and blocks no client with the token."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ async def listen() -> AsyncIterator[Listen]:
 # What is said before the token
 
 
-async def test_until_the_token_is_shown_each_op_is_refused_with_an_answer(listen: Listen) -> None:
+async def test_each_op_before_the_token_is_refused_with_an_answer(listen: Listen) -> None:
     port = await listen()
     async with await enter(port.url, BEARER) as owner, await enter(port.url) as client:
         await owner.send("advertise", topic="/pair", type="std_msgs/Int32")
@@ -138,7 +138,7 @@ async def test_until_the_token_is_shown_each_op_is_refused_with_an_answer(listen
         assert len(port.server.clients) == 2
 
 
-async def test_what_is_glued_behind_the_token_is_done(listen: Listen) -> None:
+async def test_ops_glued_behind_the_token_are_handled(listen: Listen) -> None:
     port = await listen()
     async with await enter(port.url) as client:
         ops = [
@@ -153,7 +153,7 @@ async def test_what_is_glued_behind_the_token_is_done(listen: Listen) -> None:
 
 
 @pytest.mark.parametrize("size", [None, 1_000])
-async def test_what_comes_with_the_token_in_one_burst_is_done_in_order(listen: Listen, size: int | None) -> None:
+async def test_ops_in_one_burst_with_the_token_are_handled_in_order(listen: Listen, size: int | None) -> None:
     port = await listen()
     reader, writer = await open_raw(port.server.port)
     big = "x" * (2 * MAX_UNPROVEN_SIZE)
@@ -169,7 +169,7 @@ async def test_what_comes_with_the_token_in_one_burst_is_done_in_order(listen: L
     await port.is_serving()
 
 
-async def test_a_token_byte_by_byte_and_in_fragments_lets_in(listen: Listen) -> None:
+async def test_token_byte_by_byte_and_in_websocket_fragments_is_accepted(listen: Listen) -> None:
     port = await listen()
     frames = (
         Frame(Opcode.TEXT, AUTH[:9].encode(), fin=False),
@@ -191,7 +191,7 @@ async def test_a_token_byte_by_byte_and_in_fragments_lets_in(listen: Listen) -> 
 
 
 @pytest.mark.parametrize("ending", ["close", "cut", "eof"])
-async def test_a_token_and_an_end_at_once_leave_nothing_behind(listen: Listen, ending: str) -> None:
+async def test_token_followed_by_a_close_leaves_nothing_behind(listen: Listen, ending: str) -> None:
     port = await listen()
     _, writer = await open_raw(port.server.port)
     writer.write(mask(AUTH) + mask('{"op": "advertise", "topic": "/t", "type": "std_msgs/Int32"}'))
@@ -215,7 +215,7 @@ def fragments_of(text: str) -> list[str]:
     return [json.dumps({"op": "fragment", "id": "f", "data": p, "num": i, "total": 2}) for i, p in enumerate(pieces)]
 
 
-async def test_a_token_in_pieces_in_cbor_or_in_a_long_frame_is_not_looked_for(listen: Listen) -> None:
+async def test_token_in_fragments_cbor_or_a_long_frame_is_not_accepted(listen: Listen) -> None:
     port = await listen()
     async with await enter(port.url) as client:
         kinds: tuple[list[str] | list[bytes], ...] = (
@@ -236,7 +236,7 @@ async def test_a_token_in_pieces_in_cbor_or_in_a_long_frame_is_not_looked_for(li
         assert len(port.server.clients) == 1
 
 
-async def test_the_ids_of_small_plain_frames_are_told_and_those_of_others_are_not(listen: Listen) -> None:
+async def test_refusal_has_the_id_of_a_small_plain_frame_only(listen: Listen) -> None:
     port = await listen()
     async with await enter(port.url) as client:
         for op in ("fragment", "png", "subscribe", "publish"):
@@ -246,7 +246,7 @@ async def test_the_ids_of_small_plain_frames_are_told_and_those_of_others_are_no
         assert "id" not in await client.take("status")
 
 
-async def test_compression_is_agreed_upon_with_a_client_that_shows_its_token_and_with_no_stranger(
+async def test_compression_needs_the_token_in_the_handshake(
     listen: Listen,
 ) -> None:
     port = await listen(is_compressing=True)
@@ -259,7 +259,7 @@ async def test_compression_is_agreed_upon_with_a_client_that_shows_its_token_and
         assert await client.settle() == []
 
 
-async def test_a_compressed_frame_of_a_stranger_is_not_inflated(listen: Listen) -> None:
+async def test_compressed_frame_before_the_token_is_not_inflated(listen: Listen) -> None:
     port = await listen(is_compressing=True)
     reader, writer = await open_raw(port.server.port)
     packer = zlib.compressobj(wbits=-12)
@@ -275,7 +275,7 @@ async def test_a_compressed_frame_of_a_stranger_is_not_inflated(listen: Listen) 
 # What is not even kept
 
 
-async def test_a_frame_that_is_announced_too_long_is_refused_before_it_comes(listen: Listen) -> None:
+async def test_frame_with_too_large_a_length_is_refused_by_its_header(listen: Listen) -> None:
     port = await listen()
     reader, writer = await open_raw(port.server.port)
     writer.write(b"\x81\xfe" + (MAX_UNPROVEN_SIZE + 1).to_bytes(2, "big") + bytes(4))
@@ -287,7 +287,7 @@ async def test_a_frame_that_is_announced_too_long_is_refused_before_it_comes(lis
     await port.is_serving()
 
 
-async def test_fragments_that_add_up_to_too_much_are_refused(listen: Listen) -> None:
+async def test_websocket_fragments_beyond_the_limit_are_refused(listen: Listen) -> None:
     port = await listen()
     client = await enter(port.url)
 
@@ -308,7 +308,7 @@ async def test_a_client_with_the_token_may_send_long_frames(listen: Listen) -> N
         assert await client.settle() == []
 
 
-async def test_too_many_frames_without_a_token_close(listen: Listen) -> None:
+async def test_too_many_frames_before_the_token_close_the_connection(listen: Listen) -> None:
     port = await listen()
     client = await enter(port.url)
     for i in range(MAX_REFUSED + 5):
@@ -319,7 +319,7 @@ async def test_too_many_frames_without_a_token_close(listen: Listen) -> None:
 
 
 @pytest.mark.slow  # a second for the closing
-async def test_a_flood_of_pings_without_a_token_closes(listen: Listen) -> None:
+async def test_ping_flood_before_the_token_closes_the_connection(listen: Listen) -> None:
     port = await listen()
     reader, writer = await open_raw(port.server.port)
     ping = Frame(Opcode.PING, b"x" * 100).serialize(mask=True)
@@ -334,7 +334,7 @@ async def test_a_flood_of_pings_without_a_token_closes(listen: Listen) -> None:
 
 
 @pytest.mark.slow  # a second for the closing
-async def test_a_client_that_reads_none_of_its_refusals_is_closed(listen: Listen) -> None:
+async def test_client_that_reads_no_refusals_is_closed(listen: Listen) -> None:
     port = await listen()
     _, writer = await open_raw(port.server.port)
     await until(lambda: len(port.server._tables.sockets) == 1)
@@ -345,7 +345,7 @@ async def test_a_client_that_reads_none_of_its_refusals_is_closed(listen: Listen
     writer.close()
 
 
-async def test_a_request_that_does_not_end_is_refused(listen: Listen) -> None:
+async def test_endless_request_is_refused(listen: Listen) -> None:
     port = await listen()
     for head in (
         b"GET / HTTP/1.1\r\n" + b"X: y\r\n" * MAX_EARLY,
@@ -361,7 +361,7 @@ async def test_a_request_that_does_not_end_is_refused(listen: Listen) -> None:
     await port.is_serving()
 
 
-async def test_a_request_with_long_cookies_is_taken(listen: Listen) -> None:
+async def test_request_with_long_cookies_is_accepted(listen: Listen) -> None:
     port = await listen()
     async with await enter(port.url, {**BEARER, "Cookie": "x" * 7_000, "X-Other": "y" * 7_000}) as client:
         assert await client.settle() == []
@@ -370,7 +370,7 @@ async def test_a_request_with_long_cookies_is_taken(listen: Listen) -> None:
 # Time
 
 
-async def test_a_connection_that_shows_no_token_is_told_and_closed_after_a_while(listen: Listen) -> None:
+async def test_connection_without_a_token_is_closed_after_a_time_out_with_a_reason(listen: Listen) -> None:
     port = await listen(patience=0.05)
     client = await enter(port.url)
     (status,) = await read_to_the_end(client)
@@ -379,7 +379,7 @@ async def test_a_connection_that_shows_no_token_is_told_and_closed_after_a_while
     await port.is_serving()
 
 
-async def test_a_connection_that_keeps_guessing_is_closed(listen: Listen) -> None:
+async def test_connection_with_many_wrong_tokens_is_closed(listen: Listen) -> None:
     port = await listen()
     client = await enter(port.url)
     for guess in range(MAX_TRIES + 2):
@@ -391,7 +391,7 @@ async def test_a_connection_that_keeps_guessing_is_closed(listen: Listen) -> Non
     assert not port.server.clients
 
 
-async def test_each_wrong_token_of_a_connection_is_answered_later(
+async def test_each_wrong_token_is_answered_with_a_longer_delay(
     listen: Listen, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     port = await listen(delay=0.015625, patience=FOR_EVER)
@@ -432,7 +432,7 @@ async def test_a_wrong_token_delays_its_own_connection_and_no_other_of_the_same_
         socket.transport.abort()
 
 
-async def test_what_waits_behind_a_wrong_token_is_done_once_it_is_answered(listen: Listen) -> None:
+async def test_ops_after_a_wrong_token_are_handled_after_its_answer(listen: Listen) -> None:
     port = await listen(delay=0.01)
     reader, writer = await open_raw(port.server.port)
     frames = ['{"op": "auth", "token": "wrong"}', AUTH, '{"op": "call_service", "service": "/rosapi/get_time"}']
@@ -443,7 +443,7 @@ async def test_what_waits_behind_a_wrong_token_is_done_once_it_is_answered(liste
     writer.close()
 
 
-async def test_much_that_waits_behind_a_wrong_token_closes(listen: Listen) -> None:
+async def test_too_much_input_after_a_wrong_token_closes_the_connection(listen: Listen) -> None:
     port = await listen(delay=FOR_EVER)
     reader, writer = await open_raw(port.server.port)
     frame = mask(json.dumps({"op": "publish", "topic": "/t", "msg": {"data": "x" * 3_000}}))
@@ -453,7 +453,7 @@ async def test_much_that_waits_behind_a_wrong_token_closes(listen: Listen) -> No
     writer.close()
 
 
-async def test_little_is_read_of_a_flood_behind_a_wrong_token(listen: Listen) -> None:
+async def test_flood_after_a_wrong_token_is_read_in_small_part(listen: Listen) -> None:
     port = await listen(delay=FOR_EVER, patience=FOR_EVER)
     _, writer = await open_raw(port.server.port)
     writer.write(mask('{"op": "auth", "token": "wrong"}'))
@@ -469,7 +469,7 @@ async def test_little_is_read_of_a_flood_behind_a_wrong_token(listen: Listen) ->
 # Room
 
 
-def test_the_oldest_leaves_for_a_new_one() -> None:
+def test_oldest_unauthenticated_connection_makes_room_for_a_new_one() -> None:
     class One:
         is_gone = False
 
@@ -489,7 +489,7 @@ def test_the_oldest_leaves_for_a_new_one() -> None:
     assert len(places) == 3
 
 
-async def test_strangers_take_no_place_of_a_client_with_the_token(listen: Listen) -> None:
+async def test_unauthenticated_connections_take_no_place_of_a_client_with_the_token(listen: Listen) -> None:
     port = await listen(max_clients=5)
     strangers = [await enter(port.url) for _ in range(5)]
     owners = [await enter(port.url, BEARER) for _ in range(4)]
@@ -514,7 +514,7 @@ async def test_strangers_take_no_place_of_a_client_with_the_token(listen: Listen
         await client.close()
 
 
-async def test_strangers_have_places_of_their_own_and_the_oldest_leaves_for_a_new_one(listen: Listen) -> None:
+async def test_unauthenticated_connections_have_their_own_places_and_the_oldest_makes_room(listen: Listen) -> None:
     port = await listen(max_strangers=3)
     strangers = [await enter(port.url) for _ in range(10)]
     for gone in strangers[:7]:
@@ -531,7 +531,7 @@ async def test_strangers_have_places_of_their_own_and_the_oldest_leaves_for_a_ne
         await client.close()
 
 
-async def test_handshakes_that_wait_with_a_wrong_token_are_bounded(listen: Listen) -> None:
+async def test_delayed_handshakes_with_a_wrong_token_are_bounded(listen: Listen) -> None:
     port = await listen(delay=FOR_EVER, max_strangers=3, open_timeout=FOR_EVER)
     tries = [asyncio.ensure_future(enter(f"{port.url}/?token=wrong", open_timeout=None)) for _ in range(10)]
     async with asyncio.timeout(PATIENCE):
@@ -546,7 +546,7 @@ async def test_handshakes_that_wait_with_a_wrong_token_are_bounded(listen: Liste
 
 
 @pytest.mark.slow
-async def test_connections_that_ask_for_nothing_are_bounded_and_keep_nobody_out(listen: Listen) -> None:
+async def test_connections_without_a_request_are_bounded_and_block_no_client(listen: Listen) -> None:
     port = await listen(open_timeout=FOR_EVER)
     tables = port.server._tables
     idle = [await asyncio.open_connection("127.0.0.1", port.server.port) for _ in range(MAX_OPENING + 10)]
@@ -562,7 +562,7 @@ async def test_connections_that_ask_for_nothing_are_bounded_and_keep_nobody_out(
     assert len(tables.opening) == 0
 
 
-async def test_a_stranger_that_is_gone_leaves_its_place_and_nothing_else(listen: Listen) -> None:
+async def test_closed_unauthenticated_connection_frees_its_place(listen: Listen) -> None:
     port = await listen(patience=FOR_EVER)
     for _ in range(20):
         client = await enter(port.url)
@@ -574,9 +574,7 @@ async def test_a_stranger_that_is_gone_leaves_its_place_and_nothing_else(listen:
 
 
 @pytest.mark.parametrize("query", ["", "?token=wrong"])
-async def test_a_handshake_that_is_judged_after_its_connection_was_lost_takes_no_place(
-    listen: Listen, query: str
-) -> None:
+async def test_handshake_checked_after_a_lost_connection_takes_no_place(listen: Listen, query: str) -> None:
     port = await listen(patience=FOR_EVER)
     client = await enter(port.url)
     await until(lambda: port.num_strangers == 1)
@@ -592,7 +590,7 @@ async def test_a_handshake_that_is_judged_after_its_connection_was_lost_takes_no
 
 
 @pytest.mark.slow  # a second for the closing
-async def test_a_stop_does_not_wait_for_strangers(listen: Listen) -> None:
+async def test_stop_does_not_wait_for_unauthenticated_connections(listen: Listen) -> None:
     port = await listen(delay=FOR_EVER, patience=FOR_EVER, open_timeout=FOR_EVER)
     idle = await enter(port.url)
     guessing = await enter(port.url)
@@ -611,7 +609,7 @@ async def test_a_stop_does_not_wait_for_strangers(listen: Listen) -> None:
 # What the log says of it
 
 
-async def test_refusals_of_strangers_are_one_line_a_reason_whatever_their_number(
+async def test_refusals_before_the_token_are_one_log_line_per_reason(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     async with Simulator(port=0, world=False, token=TOKEN) as sim:
@@ -641,7 +639,7 @@ async def test_refusals_of_strangers_are_one_line_a_reason_whatever_their_number
             assert {one["reason"] for one in told["refusals"]} == {"no_token", "wrong_token"}
 
 
-async def test_a_wrong_token_in_the_handshake_is_a_line_too(listen: Listen) -> None:
+async def test_wrong_token_in_the_handshake_is_logged(listen: Listen) -> None:
     port = await listen()
     noted: list[RefusedRequest] = []
     port.bus.on_refusal = noted.append
@@ -651,7 +649,7 @@ async def test_a_wrong_token_in_the_handshake_is_a_line_too(listen: Listen) -> N
     assert "guess" not in str(noted)
 
 
-async def test_much_that_comes_before_the_handshake_is_answered_closes(listen: Listen) -> None:
+async def test_too_much_input_before_the_handshake_answer_closes_the_connection(listen: Listen) -> None:
     port = await listen(delay=FOR_EVER, open_timeout=FOR_EVER)
     reader, writer = await asyncio.open_connection("127.0.0.1", port.server.port)
     writer.write(

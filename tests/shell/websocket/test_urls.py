@@ -1,4 +1,4 @@
-"""Addresses as people write them, and as a log shows them."""
+"""URLs as users write them, and as the log shows them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rosbridge_sim.shell.websocket.urls import check_url, hide, hide_in_words, p
         ("https://host", "wss://host"),
     ],
 )
-def test_url_is_made_full(text: str, url: str) -> None:
+def test_url_is_completed(text: str, url: str) -> None:
     assert check_url(text) == url
 
 
@@ -40,7 +40,7 @@ def test_url_is_made_full(text: str, url: str) -> None:
         "ws://me@h",
     ],
 )
-def test_what_is_no_url_is_refused(text: str) -> None:
+def test_malformed_url_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"|.*"):
         check_url(text)
 
@@ -60,12 +60,12 @@ def test_what_is_no_url_is_refused(text: str) -> None:
         ("no url", "no url"),
     ],
 )
-def test_secrets_are_not_shown(url: str, shown: str) -> None:
+def test_secrets_in_a_url_are_hidden(url: str, shown: str) -> None:
     assert shown_url(url) == shown
 
 
 @pytest.mark.parametrize(("url", "port"), [("ws://h:1/x", 1), ("ws://h", 80), ("wss://[::1]?token=:2", 443)])
-def test_port_of_a_url(url: str, port: int) -> None:
+def test_port_of_a_url_is_found(url: str, port: int) -> None:
     assert port_of(url) == port
 
 
@@ -80,14 +80,14 @@ def test_port_of_a_url(url: str, port: int) -> None:
         "hello pass word, pass%20word, me:pass%20word@host",
     ],
 )
-def test_what_others_repeat_of_a_url_is_hidden(text: str) -> None:
+def test_secrets_of_a_url_repeated_in_error_texts_are_hidden(text: str) -> None:
     hidden = hide(text, secrets_of("ws://me:pass%20word@host/?token=s3cret/+%3D"))
     assert "..." in hidden
     assert "s3cret" not in hidden
     assert "word" not in hidden
 
 
-def test_nothing_else_is_hidden() -> None:
+def test_other_parts_of_a_text_are_not_hidden() -> None:
     text = "HTTP 404: there is no such page as /x"
     assert hide(text, secrets_of("ws://host/x")) == text
     assert hide(text, secrets_of("ws://host/x?a=1&b")) == text

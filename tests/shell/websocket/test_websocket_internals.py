@@ -68,7 +68,7 @@ def sources() -> Iterator[tuple[Path, ast.Module]]:
             yield path, ast.parse(path.read_text())
 
 
-def test_other_modules_import_documented_names_alone() -> None:
+def test_other_modules_import_only_documented_names() -> None:
     strange = []
     for path, tree in sources():
         for node in ast.walk(tree):
@@ -92,7 +92,7 @@ def test_other_modules_use_no_undocumented_attribute() -> None:
     assert strange == []
 
 
-def test_versions_that_may_be_installed_are_those_that_were_tried() -> None:
+def test_allowed_versions_are_the_tried_ones() -> None:
     wanted = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
     (line,) = (line for line in wanted if line.startswith("websockets"))
     first, last = TRIED[0].partition(".")[0], TRIED[-1].partition(".")[0]
@@ -104,7 +104,7 @@ def test_versions_that_may_be_installed_are_those_that_were_tried() -> None:
 
 
 @given(st.binary(max_size=300), st.binary(min_size=4, max_size=4))
-def test_masking_is_that_of_the_rfc_with_and_without_the_c_extension(data: bytes, key: bytes) -> None:
+def test_masking_follows_the_rfc_with_and_without_the_c_extension(data: bytes, key: bytes) -> None:
     expected = bytes(byte ^ key[i % 4] for i, byte in enumerate(data))
     for mask in (apply_mask, utils.apply_mask):
         for given_data in (data, bytearray(data), memoryview(bytearray(b"xx" + data))[2:]):
@@ -182,7 +182,7 @@ async def two_ends(**options: object) -> AsyncIterator[tuple[AtClient, AtServer]
             yield socket, await served
 
 
-async def test_frames_come_to_process_event_in_order_and_at_once() -> None:
+async def test_process_event_gets_frames_in_order_and_at_once() -> None:
     async with two_ends() as (client, served):
         frames = [
             Frame(Opcode.TEXT, b"", fin=False),
@@ -201,7 +201,7 @@ async def test_frames_come_to_process_event_in_order_and_at_once() -> None:
         await (await client.ping())  # the connection is as good as before
 
 
-async def test_messages_may_become_longer_and_shorter_than_agreed_upon() -> None:
+async def test_message_size_limit_can_be_changed_later() -> None:
     async with two_ends(max_size=1_000) as (client, served):
         assert served.max_message_size == 1_000
         served.limit_message_size(2_000)
@@ -215,7 +215,7 @@ async def test_messages_may_become_longer_and_shorter_than_agreed_upon() -> None
         assert len(served.heard) == 2
 
 
-async def test_connection_that_fails_is_told_why_and_cut_off() -> None:
+async def test_failed_connection_gets_a_reason_and_is_cut_off() -> None:
     async with two_ends(close_timeout=0.01) as (client, served):
         assert served.is_open
         assert not served.lost.done()
@@ -230,7 +230,7 @@ async def test_connection_that_fails_is_told_why_and_cut_off() -> None:
         assert served.state is State.CLOSED
 
 
-async def test_other_side_that_does_not_close_is_cut_off() -> None:
+async def test_peer_that_does_not_close_is_cut_off() -> None:
     async with two_ends(close_timeout=0.01) as (client, served):
         client.transport.pause_reading()
         served.fail(CloseCode.INVALID_DATA, "because")
@@ -239,7 +239,7 @@ async def test_other_side_that_does_not_close_is_cut_off() -> None:
         client.transport.resume_reading()
 
 
-async def test_end_tells_a_closing_in_order() -> None:
+async def test_normal_close_is_detected() -> None:
     async with two_ends() as (client, served):
         await client.close()
         await served.wait_closed()
@@ -247,7 +247,7 @@ async def test_end_tells_a_closing_in_order() -> None:
         assert isinstance(socket.end, ConnectionClosedOK)
 
 
-async def test_what_the_core_says_goes_out_by_flush() -> None:
+async def test_flush_sends_the_output_of_the_core() -> None:
     async with two_ends() as (client, served):
         is_heard = asyncio.Event()
         client.on_message = is_heard.set
@@ -263,7 +263,7 @@ async def test_what_the_core_says_goes_out_by_flush() -> None:
         assert [message for message, _, _ in client.heard] == [b"a", b"bcd"]
 
 
-async def test_room_is_what_the_transport_says() -> None:
+async def test_free_room_follows_the_transport() -> None:
     async with two_ends() as (client, served):
         told: asyncio.Future[bool] = asyncio.get_running_loop().create_future()
         served.on_room = lambda: told.set_result(served.is_full)
