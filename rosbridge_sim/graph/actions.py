@@ -283,7 +283,7 @@ class Actions:
             if isinstance(error, EncodingError):
                 self._state.guard.note_encoding(action.name, error)
             goal.fail(str(error))
-        except Exception as error:  # noqa: BLE001 - a bug of ours in the provider's own state
+        except Exception as error:  # noqa: BLE001 - an internal error in the provider's own state
             goal.fail("The provider failed; the server's log says why")
             self._state.guard.blame(action.owner, error)
         return None if goal.is_done else goal
@@ -314,7 +314,7 @@ class Actions:
             goal.on_feedback(values)
         except EncodingError as error:
             self._note_encoding(goal.action, error)
-        except Exception as error:  # noqa: BLE001 - a bug of ours in the caller's own state
+        except Exception as error:  # noqa: BLE001 - an internal error in the caller's own state
             self._state.guard.contain(goal.caller, error)
 
     def hand_over(self, goal: Goal, outcome: GoalOutcome) -> None:
@@ -341,7 +341,7 @@ class Actions:
         """
         try:
             goal.action.cancel(goal)
-        except Exception as error:  # noqa: BLE001 - a bug of ours in the provider's own state
+        except Exception as error:  # noqa: BLE001 - an internal error in the provider's own state
             self._state.guard.contain(goal.action.owner, error)
 
     def leave(self, owner: Participant) -> None:

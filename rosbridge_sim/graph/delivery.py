@@ -63,7 +63,7 @@ class Delivery:
                 problem = problem or error
             except PeerError as error:
                 problem = problem or error
-            except Exception as error:  # noqa: BLE001 - a bug of ours in one listener's own state
+            except Exception as error:  # noqa: BLE001 - an internal error in one subscriber's own state
                 failure = self._end_alone(subscription.owner, error, failure)
         if failure is not None:
             raise failure
@@ -111,7 +111,7 @@ class Delivery:
                 self._guard.note_encoding(topic.name, error)
             except PeerError as error:
                 _log.warning("a listener of %s refused a message: %s", topic.name, error)
-            except Exception as error:  # noqa: BLE001 - a bug of ours in one listener's own state
+            except Exception as error:  # noqa: BLE001 - an internal error in one subscriber's own state
                 self._guard.contain(subscription.owner, error)
 
     def _end_alone(self, owner: Participant, error: Exception, before: Exception | None) -> Exception | None:

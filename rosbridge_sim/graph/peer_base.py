@@ -179,7 +179,7 @@ class PeerBase:
         """
         try:
             self.session.remark(level, text, op_id)
-        except Exception as error:  # noqa: BLE001 - a bug of ours in this client's own state
+        except Exception as error:  # noqa: BLE001 - an internal error in this client's own state
             self.bus.guard.blame(self, error)
 
     def notifier(self) -> Notify:
@@ -217,7 +217,7 @@ class PeerBase:
                 if not self.num_holds:
                     try:
                         self.on_released()
-                    except Exception as error:  # noqa: BLE001 - a bug of ours in this client's own state
+                    except Exception as error:  # noqa: BLE001 - an internal error in this client's own state
                         self.bus.guard.blame(self, error)
 
         return release

@@ -155,7 +155,7 @@ class ServiceTable:
             if isinstance(error, EncodingError):
                 state.guard.note_encoding(service.name, error)
             call.refuse(str(error), error.reason)
-        except Exception as error:  # noqa: BLE001 - a bug of ours in the provider's own state
+        except Exception as error:  # noqa: BLE001 - an internal error in the provider's own state
             call.refuse("The provider failed; the server's log says why")
             state.guard.blame(service.owner, error)
         if timeout is not None and timeout > 0 and not call.is_done:
@@ -187,7 +187,7 @@ class ServiceTable:
         """
         try:
             call.on_answer(answer)
-        except Exception as error:  # noqa: BLE001 - a bug of ours
+        except Exception as error:  # noqa: BLE001 - an internal error
             if isinstance(error, EncodingError) and answer.is_ok:
                 name, owner = call.service.name, call.service.owner
                 self._state.guard.note_encoding(name, error)

@@ -201,7 +201,7 @@ class Mirror(FarSide):
         def release() -> None:
             try:
                 let_go()
-            except Exception as error:  # noqa: BLE001 - a bug of ours in this bridge's own state
+            except Exception as error:  # noqa: BLE001 - an internal error in this bridge's own state
                 self.bus.guard.blame(self, error)
 
         return release
