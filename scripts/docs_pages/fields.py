@@ -117,7 +117,7 @@ def write_fields(release: Release) -> str:
         "",
         "- *Frame* **map** is east, north, up in metres from the map's origin. **vehicle** and **object** are",
         "  x forward, y left, z up at the reference point: the middle of the rear axle of a vehicle, else the centre.",
-        "  **projection** is the map's projection, **WGS 84** the earth. A dash means that a frame has no meaning there.",
+        "  **projection** is the map's projection, **WGS 84** the earth. A dash: no frame.",
         "- Headings are degrees, 0 is east, counter-clockwise is positive.",
         "- *Rate* is the default in real time; `--rate TOPIC=HZ` sets another one. In synchronous mode, state topics",
         "  come with every frame, and sensors keep their rate in simulated time.",
