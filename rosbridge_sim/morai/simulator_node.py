@@ -52,6 +52,7 @@ class NodeSettings:
         anyone_may_stop: let others than the master stop synchronous mode.
         catalogue: the models that clients name.
         replay_info: publish ReplayInfo of any drive for everybody, and not only for who listens to it in particular.
+        score: keep scores of the egos from frame 0 on, whether anybody asks or not.
         on_world_failure: raise an exception of a step to the caller of `advance`, or stand still and refuse everything.
     """
 
@@ -66,6 +67,7 @@ class NodeSettings:
     anyone_may_stop: bool = False
     catalogue: Catalogue = BUILT_IN
     replay_info: bool = False
+    score: bool = False
     on_world_failure: Literal["exit", "serve"] = "exit"
 
 
