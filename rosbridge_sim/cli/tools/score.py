@@ -98,16 +98,15 @@ def _scores(values: Frame) -> list[Frame]:
 def _put_score(score: Frame) -> None:
     put(f"ego {_text(score, 'unique_id')}, since frame {_text(score, 'since_frame')}")
     for title, field, unit in LINES:
-        more = ""
-        if field == "collisions" and score.get("collision_ids"):
-            more = f"  with {safe(', '.join(map(str, score['collision_ids'])))}"
-        put(f"  {title:20}  {_text(score, field)} {unit}{more}".rstrip())
+        ids = score.get("collision_ids") if field == "collisions" else None
+        more = f"  the last with {safe(', '.join(map(str, ids)))}" if isinstance(ids, list) and ids else ""
+        put(f"  {title:20}  {_text(score, field)}{f' [{unit}]' if unit else ''}{more}")
     for title, now, most, mean, unit in NOW_AND_MOST:
         least = "least" if now == "time_to_collision" else "most"
         parts = [f"now {_text(score, now)}", f"{least} {_text(score, most)}"]
         if mean:
             parts.append(f"{'rms' if mean.startswith('rms') else 'mean'} {_text(score, mean)}")
-        put(f"  {title:20}  {', '.join(parts)} {unit}")
+        put(f"  {title:20}  {', '.join(parts)} [{unit}]")
 
 
 def _line(score: Frame) -> str:
