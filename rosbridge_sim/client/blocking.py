@@ -208,6 +208,12 @@ class Client:
         """Number of the frame that the next tick leads to. See `AsyncClient.next_frame`."""
         return self._client.next_frame
 
+    # Time as a tool
+
+    def score(self, *, reset: bool = False, timeout: float | None = None) -> list[Frame]:
+        """See `AsyncClient.score`."""
+        return self.run(self._client.score(reset=reset, timeout=timeout))
+
 
 class Subscription:
     """Messages of a topic, from `Client.subscribe`.

@@ -26,6 +26,7 @@ from rosbridge_sim.morai.scene_changes import SceneChanges
 from rosbridge_sim.morai.sensor_files import SensorDataStore
 from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.services import Services
+from rosbridge_sim.morai.sim_services.score import Scores
 from rosbridge_sim.morai.simulation_time import SimulationTime
 from rosbridge_sim.morai.simulator_node import NodeSettings, SimulatorNode
 from rosbridge_sim.morai.state_publishers import StatePublishers
@@ -80,6 +81,7 @@ def make_node(
         Services(context, sensors),
         CommandTopics(context),
         Replay(context, recordings, is_showing_drives=chosen.replay_info),
+        Scores(context, is_always=chosen.score),
     ]
     return SimulatorNode(context, components)
 

@@ -52,6 +52,7 @@ class NodeSettings:
         anyone_may_stop: let other clients than the master stop synchronous mode.
         catalogue: the models that clients name.
         replay_info: publish ReplayInfo of any drive for all subscribers, also for those that subscribe to every topic.
+        score: keep scores of the egos from frame 0 on, with and without a listener.
         on_world_failure: `exit` raises the exception of a failed step to the caller of `advance`; `serve` stops the
             world and refuses every call.
     """
@@ -67,6 +68,7 @@ class NodeSettings:
     anyone_may_stop: bool = False
     catalogue: Catalogue = BUILT_IN
     replay_info: bool = False
+    score: bool = False
     on_world_failure: Literal["exit", "serve"] = "exit"
 
 

@@ -462,6 +462,7 @@ def _make_node(
         anyone_may_stop=settings.anyone_may_stop,
         catalogue=library.catalogue,
         replay_info=settings.replay_info,
+        score=settings.score,
         on_world_failure=settings.on_world_failure,
     )
     scenario = library.opening_scenario(settings.scenario)

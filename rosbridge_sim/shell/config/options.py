@@ -50,6 +50,7 @@ class SimulatorOptions(TypedDict, total=False):
     data_quota_files: int | None
     start: Literal["run", "sync"]
     seed: int
+    score: bool
     on_world_failure: Literal["exit", "serve"]
     publishers: Mapping[str, object]
     subscribers: Mapping[str, object]

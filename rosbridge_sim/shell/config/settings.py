@@ -239,6 +239,12 @@ class Settings:
         "at the start, run in real time, or stand at frame 0 until a client starts synchronous mode",
     )
     seed: int = _flag(0, _WORLD, whole_number(0, 2**32 - 1), "random seed of the simulation")
+    score: bool = _flag(
+        default=False,
+        group=_WORLD,
+        kind=SWITCH,
+        text="keep scores of the egos from frame 0 on, and not only once somebody asks for /sim/score",
+    )
     on_world_failure: Literal["exit", "serve"] = _flag(
         "exit",
         _WORLD,
