@@ -57,7 +57,7 @@ from rosbridge_sim.morai.sync_table import (
     SyncState,
 )
 
-__all__ = ["SceneCommand", "Sync", "SyncHooks"]
+__all__ = ["Sync", "SyncHooks"]
 
 _LOSS: Final = {"run": SyncEvent.LOSS_TO_RUN, "pause": SyncEvent.LOSS_TO_PAUSE, "wait": SyncEvent.LOSS_TO_WAIT}
 
@@ -68,9 +68,6 @@ _HAS_ENDED: Final = f"synchronous mode has ended, or its master was lost, {_WHIL
 
 _WHY_REFUSED: Final = {SyncEvent.PAUSE: _WAS_PAUSED, SyncEvent.RESET: _WAS_RESET}
 """The events that refuse the ticks that wait, and the text for their callers; for all others it is `_HAS_ENDED`."""
-
-SceneCommand = Callable[[float], None]
-"""A command of the simulator, which waits for its frame in synchronous mode; called with monotonic time [s]."""
 
 C = TypeVar("C")
 """What a command is; the caller's business."""

@@ -22,7 +22,8 @@ from rosbridge_sim.morai.frame_stepper import FrameStepper
 from rosbridge_sim.morai.hooks import Hooks
 from rosbridge_sim.morai.interfaces.publishers import Publishers
 from rosbridge_sim.morai.real_time_pacer import RealTimePacer
-from rosbridge_sim.morai.sync import SceneCommand, Sync
+from rosbridge_sim.morai.scene_commands import SceneCommand
+from rosbridge_sim.morai.sync import Sync
 from rosbridge_sim.morai.sync_table import SyncOutcome, SyncState
 from rosbridge_sim.morai.world_failure import WorldFailure
 from rosbridge_sim.world.state import World
