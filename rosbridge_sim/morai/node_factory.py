@@ -28,6 +28,7 @@ from rosbridge_sim.morai.scene_commands import SceneCommand
 from rosbridge_sim.morai.sensor_files import SensorDataStore
 from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.services import Services
+from rosbridge_sim.morai.sim_services.step import StepService
 from rosbridge_sim.morai.simulation_time import SimulationTime
 from rosbridge_sim.morai.simulator_node import NodeSettings, SimulatorNode
 from rosbridge_sim.morai.state_publishers import StatePublishers
@@ -83,6 +84,7 @@ def make_node(
         Services(context),
         CommandTopics(context),
         Replay(context, recordings, is_showing_drives=chosen.replay_info),
+        StepService(context),
     ]
     return SimulatorNode(context, components)
 

@@ -308,9 +308,16 @@ class Publishers:
             if publisher.is_latched:
                 self.show_now(publisher, now)
 
+    @property
+    def names(self) -> list[str]:
+        """Return the names of all topics that are there."""
+        publishers: tuple[_Publisher, ...] = (*self._periodic, *self._latched)
+        return [publisher.topic.name for publisher in publishers if publisher.topic is not None]
+
     def find(self, name: str) -> PeriodicPublisher | LatchedPublisher | None:
         """Return what publishes the topic of that absolute name; None where it is not one of these, or not there."""
-        for publisher in (*self._periodic, *self._latched):
+        publishers: tuple[PeriodicPublisher | LatchedPublisher, ...] = (*self._periodic, *self._latched)
+        for publisher in publishers:
             if publisher.topic is not None and publisher.topic.name == name:
                 return publisher
         return None
