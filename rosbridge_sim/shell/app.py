@@ -259,6 +259,7 @@ class Simulator:
                 settings.data_dir, settings.data_quota, settings.data_quota_files, aside=in_thread(loop)
             )
             node = _make_node(bus, settings, recordings, reader, self._quota)
+            node.limit_turns(time.perf_counter)
         _complete_policy(limits.policy, node, is_attaching=bool(settings.attach))
         stamps = None if node is None else _choose_stamps(settings, node)
         clocks: list[Clock] = [republisher] if node is None else [node, republisher]
@@ -449,6 +450,7 @@ def _make_node(
         sync_on_loss=settings.sync_on_loss,
         anyone_may_stop=settings.anyone_may_stop,
         catalogue=library.catalogue,
+        real_time_factor=settings.real_time_factor,
         replay_info=settings.replay_info,
         on_world_failure=settings.on_world_failure,
     )
@@ -582,6 +584,11 @@ def _check_sense(settings: Settings) -> None:
     """
     if settings.attach and not settings.world:
         raise DocumentError("attach: expected a world; without one there is nothing to advertise at a bridge")
+    if settings.stamps == "wall" and settings.real_time_factor != 1.0:
+        raise DocumentError(
+            f"real-time-factor: expected 1 with --stamps wall; got {settings.real_time_factor:g};"
+            " --stamps sim allows any factor"
+        )
     if settings.port_file is not None and not settings.listen:
         raise DocumentError("port-file: expected a server that listens; one that only attaches has no port")
     if not settings.attach and not settings.listen:
