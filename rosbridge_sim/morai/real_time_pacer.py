@@ -11,19 +11,17 @@ frame is due at any time: as fast as possible.
 from __future__ import annotations
 
 import math
-from fractions import Fraction
 from typing import Final
 
+from rosbridge_sim.morai.interfaces.publishers import MAX_WALL_RATE
 from rosbridge_sim.world.state import DT
 
 __all__ = [
     "MAX_FACTOR",
-    "MAX_WALL_RATE",
     "MIN_FACTOR",
     "STALL",
     "RealTimePacer",
     "ShowLimit",
-    "max_rate",
     "why_no_factor",
 ]
 
@@ -31,9 +29,6 @@ MIN_FACTOR: Final = 0.1
 MAX_FACTOR: Final = 20.0
 """Least and greatest real-time factor: from five frames a second, which a person can follow one by one, to a thousand,
 which a small scene reaches."""
-
-MAX_WALL_RATE: Final = 120
-"""Messages of a topic in a second of wall time at most: more than a screen shows, and the highest rate in settings."""
 
 WINDOW: Final = 1.0
 """Least time over which the factor is measured [s]."""
@@ -47,11 +42,6 @@ def why_no_factor(factor: float) -> str:
     if factor == 0.0 or MIN_FACTOR <= factor <= MAX_FACTOR:
         return ""
     return f"expected {MIN_FACTOR:g} to {MAX_FACTOR:g}, or 0 for as fast as possible; got {factor:g}"
-
-
-def max_rate(factor: float) -> Fraction | None:
-    """Return how often a topic may go out in a second of simulated time; None where wall time alone says it."""
-    return MAX_WALL_RATE / Fraction(factor).limit_denominator(10_000) if factor else None
 
 
 class ShowLimit:

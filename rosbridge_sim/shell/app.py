@@ -259,7 +259,6 @@ class Simulator:
                 settings.data_dir, settings.data_quota, settings.data_quota_files, aside=in_thread(loop)
             )
             node = _make_node(bus, settings, recordings, reader, self._quota)
-            node.limit_turns(time.perf_counter)
         _complete_policy(limits.policy, node, is_attaching=bool(settings.attach))
         stamps = None if node is None else _choose_stamps(settings, node)
         clocks: list[Clock] = [republisher] if node is None else [node, republisher]
@@ -474,6 +473,7 @@ def _make_node(
         raise DocumentError("\n".join([*mistakes, str(error)])) from None
     if mistakes:
         raise DocumentError("\n".join(mistakes))
+    node.limit_turns(time.perf_counter)
     return node
 
 

@@ -1,4 +1,4 @@
-"""`tick` and `step`: drive synchronous mode from a shell; and the reason why a topic is silent, which is often that mode."""
+"""`tick` and `step`: drive synchronous mode from a shell; and why a topic is silent, which is often that mode."""
 
 from __future__ import annotations
 
@@ -150,7 +150,8 @@ async def tick(bridge: Bridge, count: int, user_id: str, step_ms: int, *, is_sta
         RefusedError: the simulator says no, or there is none.
         BridgeError: there is no answer.
     """
-    async with _leading(bridge, user_id, step_ms if is_starting else None) as frame:
+    async with _leading(bridge, user_id, step_ms if is_starting else None) as first:
+        frame = first
         for _ in range(count):
             request = {"user_id": user_id, "frame": frame + step_ms // FRAME_MS}
             response = await _ask(bridge, "/SyncModeWaitForTick", request)

@@ -35,13 +35,15 @@ from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.interfaces.network_settings import USUAL_RATE, InterfaceKind, split_prefix
 from rosbridge_sim.morai.interfaces.registry import Interface, InterfaceRegistry, why_no_topic
-from rosbridge_sim.morai.real_time_pacer import MAX_WALL_RATE, max_rate
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.world.state import DT
 
-__all__ = ["LatchedPublisher", "PeriodicPublisher", "Publishers"]
+__all__ = ["MAX_WALL_RATE", "LatchedPublisher", "PeriodicPublisher", "Publishers"]
 
 _FRAME_RATE: Final = 50
+
+MAX_WALL_RATE: Final = 120
+"""Messages of a topic in a second of wall time at most: more than a screen shows, and the highest rate in settings."""
 
 PAUSE_PERIOD: Final = 1.0
 """Between two showings in a pause [s]: soon enough for a person who looks on, and no load."""
@@ -239,7 +241,7 @@ class Publishers:
             is_shown_in_pause=is_shown_in_pause,
             depth=depth,
         )
-        publisher.limit(max_rate(self._factor))
+        publisher.limit(_max_rate(self._factor))
         self._items.add(publisher, is_everywhere=is_everywhere)
         self._periodic.append(publisher)
         return publisher
@@ -283,7 +285,7 @@ class Publishers:
         self._factor = factor
         self.forget_repeats()
         for publisher in self._periodic:
-            publisher.limit(max_rate(factor))
+            publisher.limit(_max_rate(factor))
 
     def show_every(self, frame: int, now: float) -> None:
         """Publish the world as it stands on every topic that somebody listens to; what is sampled when its turn comes.
@@ -450,6 +452,11 @@ class Publishers:
     def forget_repeats(self) -> None:
         """Real time has stopped: nothing is repeated."""
         self._repeats.clear()
+
+
+def _max_rate(factor: float) -> Fraction | None:
+    """Return how often a topic may go out in a second of simulated time; None where wall time alone says it."""
+    return MAX_WALL_RATE / Fraction(factor).limit_denominator(10_000) if factor else None
 
 
 def _listeners_in_pause(publisher: PeriodicPublisher) -> list[Subscription]:
