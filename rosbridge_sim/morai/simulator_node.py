@@ -204,7 +204,7 @@ class SimulatorNode:
         context = self.context
         if not (context.sync.is_free and context.pacer.is_started) or self.failure is not None:
             return 0.0
-        return max(0.0, now - context.pacer.due_at)
+        return max(0.0, now - context.pacer.due_at) if context.pacer.factor else 0.0
 
     def measure_frames(self, meter: FrameMeter) -> None:
         """Have a meter called at the begin and at the end of each frame."""
