@@ -325,7 +325,7 @@ def _run_record(options: Options) -> int:
     )
 
 
-# tick, step, wait
+# tick, step, score, wait
 
 
 def _tick(argv: Sequence[str]) -> int:
@@ -450,6 +450,34 @@ def _read_place(text: str | None) -> tuple[float, float, float]:
     return x, y, radius
 
 
+def _score(argv: Sequence[str]) -> int:
+    parser = Parser(
+        prog="rosbridge-sim score",
+        description="Show what the driver of each ego is judged by: distance, collisions, red lights, lanes, comfort.",
+        epilog="A simulator keeps scores from the first question on, or from its start with serve --score.",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    parser.add_argument("--follow", action="store_true", help="go on, with a line for each ego once a second")
+    parser.add_argument("-n", "--count", type=_count, help="end after so many messages; with --follow")
+    parser.add_argument("--reset", action="store_true", help="begin all counts anew, after showing them")
+    _add_bridge(parser)
+    parser.set_defaults(run=_run_score, end=0)
+    return run_command(parser, argv)
+
+
+def _run_score(options: Options) -> int:
+    from rosbridge_sim.cli.tools import score  # noqa: PLC0415
+
+    if options.follow and options.reset:
+        raise SettingError("--reset: expected alone; --follow shows the scores as they come")
+    if options.follow:
+        return _with_bridge(options, lambda bridge: score.follow(bridge, options.count, is_json=options.json))
+    if options.count is not None:
+        raise SettingError("--count: expected with --follow")
+    return _with_bridge(options, lambda bridge: score.show(bridge, is_reset=options.reset, is_json=options.json))
+
+
 def _wait(argv: Sequence[str]) -> int:
     parser = Parser(
         prog="rosbridge-sim wait",
@@ -486,6 +514,7 @@ TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "record": _record,
     "tick": _tick,
     "step": _step,
+    "score": _score,
     "wait": _wait,
 }
 """Name -> what runs it with the words behind the name."""

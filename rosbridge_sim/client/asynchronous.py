@@ -786,6 +786,23 @@ class AsyncClient:
             raise ServiceRefusedError(service, reasons[-1] if reasons else "", response)
         return response
 
+    # Time as a tool
+
+    async def score(self, *, reset: bool = False, timeout: float | None = None) -> list[Frame]:
+        """Return the scores of all egos, each a `rosbridge_sim_msgs/EgoScore`; the first call begins to keep them.
+
+        Args:
+            reset: all counts begin anew now; what is returned was counted until now.
+            timeout: longest wait [s].
+
+        Raises:
+            ServiceRefusedError: the simulator says no; the error has the reason.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        values = await self.call("/sim/score", {"reset": reset}, timeout=timeout)
+        return list(values.get("scores", ()))
+
 
 def _sync_command(user_id: str, step_ms: int, *, is_on: bool = False) -> Frame:
     return {"user_id": user_id, "start_sync_mode": is_on, "time_step": step_ms}

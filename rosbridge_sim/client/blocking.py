@@ -220,6 +220,12 @@ class Client:
         """See `AsyncClient.next_frame`."""
         return self._client.next_frame
 
+    # Time as a tool
+
+    def score(self, *, reset: bool = False, timeout: float | None = None) -> list[Frame]:
+        """See `AsyncClient.score`."""
+        return self.run(self._client.score(reset=reset, timeout=timeout))
+
 
 class Subscription:
     """The messages of a topic, from `Client.subscribe`.

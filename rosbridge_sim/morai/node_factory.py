@@ -30,6 +30,7 @@ from rosbridge_sim.morai.sensor_files import SensorDataStore
 from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.services import Services
 from rosbridge_sim.morai.sim_services.real_time_factor import RealTimeFactor
+from rosbridge_sim.morai.sim_services.score import Scores
 from rosbridge_sim.morai.sim_services.step import StepService
 from rosbridge_sim.morai.simulation_time import SimulationTime
 from rosbridge_sim.morai.simulator_node import NodeSettings, SimulatorNode
@@ -88,6 +89,7 @@ def make_node(
         Replay(context, recordings, is_showing_drives=chosen.replay_info),
         StepService(context),
         RealTimeFactor(context),
+        Scores(context, is_always=chosen.score),
     ]
     set_real_time_factor(context, chosen.real_time_factor, 0.0)
     return SimulatorNode(context, components)

@@ -57,6 +57,7 @@ class NodeSettings:
         catalogue: the models that clients name.
         real_time_factor: how fast the world runs while real time moves it; see `RealTimePacer`.
         replay_info: publish ReplayInfo of any drive for everybody, and not only for who listens to it in particular.
+        score: keep scores of the egos from frame 0 on, whether anybody asks or not.
         on_world_failure: raise an exception of a step to the caller of `advance`, or stand still and refuse everything.
     """
 
@@ -72,6 +73,7 @@ class NodeSettings:
     catalogue: Catalogue = BUILT_IN
     real_time_factor: float = 1.0
     replay_info: bool = False
+    score: bool = False
     on_world_failure: Literal["exit", "serve"] = "exit"
 
 

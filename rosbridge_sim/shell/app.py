@@ -451,6 +451,7 @@ def _make_node(
         catalogue=library.catalogue,
         real_time_factor=settings.real_time_factor,
         replay_info=settings.replay_info,
+        score=settings.score,
         on_world_failure=settings.on_world_failure,
     )
     scenario = library.opening_scenario(settings.scenario)

@@ -51,6 +51,7 @@ class SimulatorOptions(TypedDict, total=False):
     start: Literal["run", "sync"]
     real_time_factor: float
     seed: int
+    score: bool
     on_world_failure: Literal["exit", "serve"]
     publishers: Mapping[str, object]
     subscribers: Mapping[str, object]

@@ -246,6 +246,12 @@ class Settings:
         "simulated seconds in a second while real time moves the world; 0 is as fast as possible",
     )
     seed: int = _flag(0, _WORLD, whole_number(0, 2**32 - 1), "random seed of the simulation")
+    score: bool = _flag(
+        default=False,
+        group=_WORLD,
+        kind=SWITCH,
+        text="keep scores of the egos from frame 0 on, and not only once somebody asks for /sim/score",
+    )
     on_world_failure: Literal["exit", "serve"] = _flag(
         "exit",
         _WORLD,

@@ -64,6 +64,7 @@ OTHER: dict[str, object] = {
     "start_mode": "keyboard",
     "stamps": "wall",
     "replay_info": True,
+    "score": True,
     "sync_frames": "strict",
     "sync_lease": 2.5,
     "sync_on_loss": "wait",
