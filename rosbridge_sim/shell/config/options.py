@@ -49,6 +49,7 @@ class SimulatorOptions(TypedDict, total=False):
     data_quota: int | str | None
     data_quota_files: int | None
     start: Literal["run", "sync"]
+    real_time_factor: float
     seed: int
     score: bool
     on_world_failure: Literal["exit", "serve"]

@@ -23,6 +23,7 @@ OTHER: dict[str, object] = {
     "client_memory": 32 * 2**20,
     "memory_budget": 2**30,
     "ros": 2,
+    "real_time_factor": 2.5,
     "certfile": "a.pem",
     "keyfile": "b c.pem",
     "token": "s3cret+/=",
