@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import shutil
 from collections.abc import Sequence
 from typing import NoReturn
@@ -29,10 +30,20 @@ class Parser(argparse.ArgumentParser):
         Raises:
             SettingError: always.
         """
-        raise SettingError(_without_values(message.removeprefix("argument ")))
+        message = _without_values(message.removeprefix("argument "))
+        if unknown := _UNKNOWN_COMMAND.fullmatch(message):
+            known = re.findall(r"[\w-]+", unknown["known"])
+            message = f"no such command: {unknown['name']}{hint(unknown['name'], known)}; expected {', '.join(known)}"
+        elif message.startswith((_STRANGE_WORDS, _MISSING_WORDS)):
+            message += f"; {self.prog} --help says more"
+        raise SettingError(message)
 
+
+_UNKNOWN_COMMAND = re.compile(r"COMMAND: invalid choice: '?(?P<name>.*?)'? \(choose from (?P<known>.+)\)", re.DOTALL)
+"""Text of the library for a word that is no command; its quotes differ between releases of Python."""
 
 _STRANGE_WORDS = "unrecognized arguments: "
+_MISSING_WORDS = "the following arguments are required: "
 
 
 def _without_values(message: str) -> str:
@@ -115,8 +126,8 @@ def _make_parser(*, is_attaching: bool) -> argparse.ArgumentParser:
 _SERVE_TEXT = (
     "A rosbridge v2 server that needs no ROS, with a driving world inside that answers like MORAI SIM: Drive."
     " rosbridge-sim attach URL connects the simulator to an existing rosbridge, as MORAI SIM does. Other commands talk"
-    " to any rosbridge: rosbridge-sim topic, service, tick, wait, schema, record; or read files: bag, scenario, map."
-    " Each has its own --help."
+    " to any rosbridge: rosbridge-sim topic, service, tick, step, score, wait, schema, record; or read files: bag,"
+    " scenario, map. Each has its own --help."
 )
 
 _ATTACH_TEXT = (

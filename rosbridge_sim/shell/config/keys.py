@@ -70,7 +70,7 @@ def read_value(key: str, value: object, where: str) -> object:
     except DocumentError as error:
         raise SettingError(str(error)) from None
     except (ValueError, TypeError, KeyError, OverflowError, AttributeError):
-        shown = "something else" if kind is SECRET else show_value(value)
+        shown = show_value(value) if kind is not SECRET else "an empty text" if value == "" else "something else"
         raise SettingError(f"{where}: expected {kind.expects}; got {shown}") from None
 
 
