@@ -152,7 +152,7 @@ async def test_wait_that_is_in_vain_says_how_many_came(client: AsyncClient) -> N
         with pytest.raises(AnswerTimeoutError, match=r"0\.01 s; in synchronous mode the world stands until tick\(\)$"):
             await egos.next(timeout=NO_TIME)
         await client.tick(3)
-        with pytest.raises(AnswerTimeoutError, match=r"no message within 0\.01 s; of 3 that came none fits$"):
+        with pytest.raises(AnswerTimeoutError, match=r"no message within 0\.01 s; 3 came, but none of them fits$"):
             await egos.wait_for(lambda _: False, timeout=NO_TIME)
     assert client._subscriptions == {}
 

@@ -49,7 +49,7 @@ def test_subscriber_of_an_unpublished_topic_is_told_once_after_five_seconds(capl
     bus.expire(UNPUBLISHED_AFTER)
     assert told(outbox) == []
     bus.expire(1.0 + UNPUBLISHED_AFTER)
-    text = "/chater (std_msgs/String) is subscribed to, and nobody publishes it"
+    text = "/chater (std_msgs/String) is subscribed to, but has no publisher"
     assert told(outbox) == [{"op": "status", "level": "info", "msg": text}]
     bus.expire(1e9)
     assert (told(outbox), bus.next_deadline()) == ([], None)

@@ -299,7 +299,7 @@ def test_invalid_transform_is_reported_to_its_sender_and_valid_ones_are_used() -
     who = scene.somebody()
     who.send("a", "b", "c")
     broken = written("map", "b", Transform(0, 0, 0, 0, 0, 0, 0))
-    with pytest.raises(GraphError, match=r"map -> b: rotation \(0.0, 0.0, 0.0, 0.0\) is no orientation"):
+    with pytest.raises(GraphError, match=r"map -> b: rotation \(0.0, 0.0, 0.0, 0.0\) is not an orientation"):
         scene.world.publish(written("map", "a", at(1.0)), broken, written("map", "c", at(2.0)))
     assert who.places() == [("a", 1.0), ("c", 2.0)]
 
