@@ -82,7 +82,7 @@ def test_second_simulator_at_the_far_bridge_is_one_log_line(lines: Callable[[], 
     harness.attach()
     warnings = [line for line in lines() if "attached" not in line]
     assert len(warnings) == 1
-    assert "it has a simulator of its own (/car)" in warnings[0]
+    assert "it runs its own simulator (/car)" in warnings[0]
 
 
 def test_far_bridge_of_the_other_ros_version_is_reported(lines: Callable[[], list[str]]) -> None:
@@ -94,4 +94,4 @@ def test_far_bridge_of_the_other_ros_version_is_reported(lines: Callable[[], lis
     harness.receive(
         {"op": "service_response", "service": PROBE, "id": question["id"], "values": values, "result": True}
     )
-    assert any("it is of ROS 2" in line and "--ros 2" in line for line in lines())
+    assert any("it runs ROS 2" in line and "--ros 2" in line for line in lines())

@@ -234,8 +234,8 @@ def test_orientations_are_normalised() -> None:
 @pytest.mark.parametrize(
     ("parent", "child", "pose", "text"),
     [
-        ("", "x", IDENTITY, "without a name"),
-        ("map", "/", IDENTITY, "without a name"),
+        ("", "x", IDENTITY, "needs a name"),
+        ("map", "/", IDENTITY, "needs a name"),
         ("map", "/map", IDENTITY, "map -> map: a frame cannot be its own parent"),
         ("map", "x" * 257, IDENTITY, "at most 256"),
         ("map", "x", Transform(0, 0, 0, 0, 0, 0, 0), r"map -> x: rotation \(0, 0, 0, 0\) is not an orientation"),

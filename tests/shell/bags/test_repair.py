@@ -205,7 +205,7 @@ def test_repair_overwrites_nothing_and_keeps_the_format(tmp_path: Path) -> None:
     path = str(tmp_path / "a.bag")
     assert "b.bag: exists already" in complaint(path, "--output", str(tmp_path / "b.bag"))
     assert (tmp_path / "b.bag").read_text() == "precious"
-    assert "expected a name of the same format" in complaint(path, "-o", str(tmp_path / "c.mcap"))
+    assert "expected the suffix of the broken bag" in complaint(path, "-o", str(tmp_path / "c.mcap"))
     assert not (tmp_path / "c.mcap").exists()
 
 

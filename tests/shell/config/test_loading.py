@@ -456,7 +456,7 @@ def test_contradicting_switches_in_one_source_are_an_error() -> None:
         ),
         ("subscribers = 3\n", 's.toml:1: subscribers: expected a table such as "/NAME" = { on = true }; got 3'),
         ("[host]\nx = 1\n", "s.toml:1: host: expected a host name or address; got {'x': 1}"),
-        ('config = "b.toml"\n', "s.toml:1: config: a settings file cannot name another one"),
+        ('config = "b.toml"\n', "s.toml:1: config: a settings file cannot name another settings file"),
         ("world = true\nno-world = true\n", "s.toml:2: no-world: world and no-world contradict each other"),
         (b"# \xe9\nport = 1\n# \xff", "s.toml:1: expected UTF-8 text"),
         ("a = " + "[" * 100_000, "s.toml: nested too deeply"),

@@ -36,7 +36,7 @@ def test_refusal_names_folder_user_owner_and_what_helps(tmp_path: Path, error: O
     uid = os.geteuid()
     assert why_not_writable(tmp_path / "new", error) == (
         f"user {uid} has no write access to {tmp_path} (owner {uid}, mode 755); change the owner"
-        f" (chown {uid} {tmp_path}; for a container, on the host) or name another one"
+        f" (chown {uid} {tmp_path}; for a container, on the host) or name another folder"
     )
 
 
@@ -94,7 +94,7 @@ def test_an_ordinary_user_is_told_the_folder_that_it_may_not_write(place: Path) 
     assert done.returncode == 0, done.stderr
     why = (
         f"user {ORDINARY_USER} has no write access to {place} (owner 0, mode 755); change the owner"
-        f" (chown {ORDINARY_USER} {place}; for a container, on the host) or name another one"
+        f" (chown {ORDINARY_USER} {place}; for a container, on the host) or name another folder"
     )
     assert done.stdout.splitlines() == [
         "False False",

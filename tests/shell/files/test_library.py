@@ -48,7 +48,7 @@ def test_scenario_name_of_two_maps_is_reported(lay: Lay, demo: str, caplog: pyte
     root = lay({"A/one.json": demo, "B/one.json": "broken"})
     DiskLibrary([root]).scenario("one")
     assert caplog.messages == [
-        f"took {root}/A/one.json, one of several scenarios named one.json; name one with MAP/NAME"
+        f"took {root}/A/one.json, but several scenarios are named one.json; use MAP/NAME to choose one"
     ]
 
 
