@@ -31,6 +31,7 @@ class Hooks:
             tried to.
         on_scene_change: `(now)` before a scenario is loaded, or the world is reset: give back what was taken.
         on_reset: `()` when the world has begun anew, at frame 0.
+        on_restore: `()` when the world has become that of a snapshot: drop what was meant for the world before.
         on_new_ego: `(ego, its topics and services)` when a further ego has come: give it what each ego has of its own.
         on_leave: `(participant, now)` when a participant has left the bus.
     """
@@ -42,5 +43,6 @@ class Hooks:
     on_mode_change: list[Callable[[float], object]] = field(default_factory=list)
     on_scene_change: list[Callable[[float], object]] = field(default_factory=list)
     on_reset: list[Callable[[], object]] = field(default_factory=list)
+    on_restore: list[Callable[[], object]] = field(default_factory=list)
     on_new_ego: list[Callable[[Ego, SubscribersServices], object]] = field(default_factory=list)
     on_leave: list[Callable[[Participant, float], object]] = field(default_factory=list)

@@ -37,7 +37,7 @@ from rosbridge_sim.world.lane_conflicts import LaneConflicts
 
 __all__ = ["Loads"]
 
-_WAS_RESET = "the simulation was reset before the scenario was read; load it again"
+_WAS_RESET = "the simulation was reset before the scenario was read, or restored; load it again"
 _FAILED = "the server failed on the scenario; its log says why"
 
 _log = logging.getLogger("rosbridge_sim.morai")
@@ -73,8 +73,9 @@ class Loads(Component):
         self._reader = reader
         self._networks = networks
         self._opening_network = context.interfaces.settings
-        self._epoch = 0  # how often the world has begun anew
-        context.hooks.on_reset.append(self._reset)
+        self._epoch = 0  # how often the world has begun anew, or was restored
+        context.hooks.on_reset.append(self._drop_reading)
+        context.hooks.on_restore.append(self._drop_reading)
         store = context.bus.store
         self._make_result = maker(store, "morai_msgs/SyncModeResultResponse", "result")
         self._make_load_result = maker(store, "morai_msgs/MoraiSrvResponse", "result")
@@ -85,8 +86,8 @@ class Loads(Component):
         bindings.provide("Service_MoraiSL", "MoraiScenarioLoadSrv", self._load_now)
         bindings.listen("ScenarioLoad", "ScenarioLoad", partial(self._hear_load, bindings))
 
-    def _reset(self) -> None:
-        """Have loads from before fail: they must not change the world that has begun anew."""
+    def _drop_reading(self) -> None:
+        """Have loads from before fail: they must not change the world that has begun anew, or was restored."""
         self._epoch += 1
 
     # At a frame

@@ -24,7 +24,7 @@ from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.releases import SpeedLimits
 from rosbridge_sim.morai.scenarios.reader import PhaseStart, Scenario, Spawn, place_on_roads, sort_phases
 from rosbridge_sim.world.lane_position import keep_lane
-from rosbridge_sim.world.state import DT, Body, Gear, Kind, World
+from rosbridge_sim.world.state import DT, Body, Gear, Kind, Snapshot, World
 
 __all__ = [
     "DEFAULT_MAP",
@@ -211,6 +211,26 @@ class Scene:
         self.world.reset(seed)
         self._next_uid = FIRST_UID
         self.carry_out(self._opening)
+
+    def restore(self, world: Snapshot, *, loaded: Load, found: FoundMap, next_uid: int) -> None:
+        """Become what was saved.
+
+        Args:
+            world: on the roads of `found`.
+            loaded: the attribute.
+            found: the map.
+            next_uid: see `next_uid`.
+        """
+        self.world.restore(world)
+        self.loaded = loaded
+        self.road_map, self._map_name = found.road_map, found.name
+        self._next_uid = next_uid
+        self.is_replaying = False
+
+    @property
+    def next_uid(self) -> int:
+        """The next id that is given to an object."""
+        return self._next_uid
 
     @property
     def found_map(self) -> FoundMap:

@@ -1,0 +1,1 @@
+"""Services of our own under `/sim`: time and the world as a tool for programs."""
