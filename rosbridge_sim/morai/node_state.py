@@ -31,6 +31,7 @@ from rosbridge_sim.morai.saved_loads import (
     MapKey,
     Maps,
     digest_map,
+    key_of_map,
     pack_action,
     pack_load,
     unpack_action,
@@ -38,7 +39,7 @@ from rosbridge_sim.morai.saved_loads import (
 )
 from rosbridge_sim.morai.scene import FIRST_EGO, MAX_EGOS, MAX_ENTITIES, FoundMap, Load
 from rosbridge_sim.morai.scene_changes import LAST_RESERVED
-from rosbridge_sim.morai.scene_commands import LoadScenario, SceneCommand
+from rosbridge_sim.morai.scene_commands import LoadScenario, SceneAction, SceneCommand
 from rosbridge_sim.morai.sync_table import MAX_AHEAD, MAX_WAITING_COMMANDS
 from rosbridge_sim.morai.typed_plain import as_plain, check_finite, read_as
 from rosbridge_sim.world.entity_arrays import INTS
@@ -47,7 +48,7 @@ from rosbridge_sim.world.signal_plan import SignalPlan
 from rosbridge_sim.world.state import MAX_UID, Kind, Snapshot, World
 from rosbridge_sim.world.step import step
 
-__all__ = ["NodeState"]
+__all__ = ["NodeState", "SavedState"]
 
 MAX_LAMPS: Final = (2, 1)
 """Greatest turn and emergency signal, see `Ego`."""
@@ -55,19 +56,25 @@ MAX_LAMPS: Final = (2, 1)
 NUM_TRIALS: Final = 2
 """Steps that a world from outside is tried out with: the first one makes what is derived, the second one uses it."""
 
+ROW_SIZE: Final = 100
+"""What a row takes beside the arrays [bytes]: a name, a body and an id, most of them shared."""
+
+BASE_SIZE: Final = 4_000
+"""What any state takes [bytes]: its objects, the generator of chance, the egos."""
+
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
-@dataclass(frozen=True, slots=True)
-class _Parsed:
-    """A state that has been checked, as far as that is possible before it is in place.
+@dataclass(frozen=True, slots=True, eq=False)
+class SavedState:
+    """A state of the simulator; nothing in it changes any longer, and it can be restored any number of times.
 
     Attributes:
         world: on the roads of `found`.
         found: the map.
         loaded, next_uid: of the scene.
         egos: in order, the first one first.
-        waiting: commands with their frames.
+        waiting: what waits, each with its frame and the name of its source.
         components: by name.
     """
 
@@ -76,8 +83,42 @@ class _Parsed:
     loaded: Load
     next_uid: int
     egos: tuple[EgoState, ...]
-    waiting: list[tuple[int, SceneCommand]]
+    waiting: tuple[tuple[int, str, SceneAction], ...]
     components: dict[str, PlainData]
+
+    @property
+    def maps(self) -> dict[MapKey, RoadMap]:
+        """Return the maps that it needs: that in use, and those of scenarios."""
+        loads = [self.loaded, *(action.load for _, _, action in self.waiting if isinstance(action, LoadScenario))]
+        needed = {key_of_map(self.found.name, self.found.road_map): self.found.road_map}
+        return needed | {key_of_map(load.map_name, load.road_map): load.road_map for load in loads}
+
+    @property
+    def size(self) -> int:
+        """Return about how much memory it takes [bytes]."""
+        world = self.world
+        blocks = (world.floats, world.ints, world.bools, world.paths.segments, world.paths.keys, *world.routes.values())
+        waiting = sum(len(encode(pack_action(action))) for _, _, action in self.waiting)
+        return (
+            sum(block.nbytes for block in blocks)
+            + ROW_SIZE * len(world.names)
+            + len(pack_load(self.loaded).data)
+            + len(encode(self.components))
+            + waiting
+            + BASE_SIZE
+        )
+
+    def to_plain(self) -> PlainData:
+        """Return it as plain data; see `NodeState.parse`."""
+        return {
+            "world": to_plain(self.world),
+            "map": tuple(key_of_map(self.found.name, self.found.road_map)),
+            "loaded": tuple(pack_load(self.loaded)),
+            "next_uid": self.next_uid,
+            "egos": as_plain(self.egos),
+            "waiting": [(frame, source, pack_action(action)) for frame, source, action in self.waiting],
+            "components": self.components,
+        }
 
 
 class NodeState:
@@ -95,85 +136,81 @@ class NodeState:
 
     # Out
 
-    def save(self) -> dict[str, PlainData]:
+    def save(self) -> SavedState:
         """Return the state; call it between two frames, and with no command that is not ready."""
-        context = self._context
-        scene = context.scene
-        return {
-            "world": to_plain(context.world.snapshot()),
-            "map": tuple(self.map_key()),
-            "loaded": pack_load(scene.loaded).data,
-            **self._save_rest(),
-        }
+        context, scene = self._context, self._context.scene
+        return SavedState(
+            world=context.world.snapshot(),
+            found=scene.found_map,
+            loaded=scene.loaded,
+            next_uid=scene.next_uid,
+            egos=tuple([ego.save_state() for ego in context.egos]),
+            waiting=tuple(
+                [
+                    (frame, command.source, command.action)
+                    for frame, command in context.sync.waiting()
+                    if command.action is not None
+                ]
+            ),
+            components=self._save_components(),
+        )
 
     def hash(self) -> str:
         """Return 32 hexadecimal digits: equal states have equal ones, in any process."""
-        context = self._context
+        context, scene = self._context, self._context.scene
         state = blake2b(context.world.digest().encode(), digest_size=16)
-        state.update(self.map_key().digest + pack_load(context.scene.loaded).digest)
-        state.update(encode(self._save_rest()))
+        state.update(digest_map(scene.road_map) + pack_load(scene.loaded).digest)
+        waiting = [
+            (frame, command.source, None if command.action is None else pack_action(command.action))
+            for frame, command in context.sync.waiting()
+        ]
+        egos = as_plain([ego.save_state() for ego in context.egos])
+        state.update(encode([scene.found_map.name, scene.next_uid, egos, waiting, self._save_components()]))
         return state.hexdigest()
 
-    def map_key(self) -> MapKey:
-        """Return the map in use."""
-        found = self._context.scene.found_map
-        return MapKey(found.name, digest_map(found.road_map))
-
-    def _save_rest(self) -> dict[str, PlainData]:
-        context = self._context
-        return {
-            "next_uid": context.scene.next_uid,
-            "egos": [as_plain(ego.save_state()) for ego in context.egos],
-            "waiting": [
-                (frame, command.source, None if command.action is None else pack_action(command.action))
-                for frame, command in context.sync.waiting()
-            ],
-            "components": {type(one).__name__: one.save_state() for one in self._components},
-        }
+    def _save_components(self) -> dict[str, PlainData]:
+        return {type(one).__name__: one.save_state() for one in self._components}
 
     # In
 
-    @property
-    def maps(self) -> dict[MapKey, RoadMap]:
-        """Return the maps that the present state needs: that in use, and those of scenarios."""
-        context = self._context
-        actions = [command.action for _, command in context.sync.waiting()]
-        loads = [context.scene.loaded, *(action.load for action in actions if isinstance(action, LoadScenario))]
-        needed = {self.map_key(): context.scene.road_map}
-        return needed | {MapKey(load.map_name, digest_map(load.road_map)): load.road_map for load in loads}
-
-    def restore(self, state: PlainData, maps: Maps, state_hash: str, now: float, *, is_trusted: bool) -> None:
+    def restore(self, saved: SavedState, now: float, *, expected_hash: str = "") -> None:
         """Become what was saved: the same calls from here on give the same messages.
 
         Args:
-            state: from `save`, perhaps of another process.
-            maps: gives the maps that it needs.
-            state_hash: of the state.
+            saved: from `save`, or from `parse`.
             now: monotonic time [s].
-            is_trusted: this process has saved it: it need not be tried out.
+            expected_hash: what `hash` must be then; empty for a state of this process, which need not be checked.
 
         Raises:
-            DocumentError: it is no state, or one that this simulator cannot have. Nothing has changed.
+            DocumentError: it is a state that this simulator cannot have. Nothing has changed.
             GraphError: a client has a topic that an ego of the state needs. The same.
         """
-        parsed = self._parse(state, maps)
-        if not is_trusted:
-            _try_out(parsed.world)
-        before = None if is_trusted else self._parse(self.save(), self.maps.__getitem__)
-        new = self._bind_egos(parsed, now)
+        before = self.save()
+        if expected_hash:
+            _try_out(saved.world)
+        new = self._bind_egos(saved, now)
         try:
-            self._apply(parsed, new, now)
-            if not is_trusted and self.hash() != state_hash:
+            self._apply(saved, new, now)
+            if expected_hash and self.hash() != expected_hash:
                 raise DocumentError("state_hash: it is that of another state")  # noqa: TRY301 - undone as all failures
         except Exception as error:
-            if before is None:
-                raise
             self._apply(before, self._bind_egos(before, now), now)
+            if not expected_hash:
+                raise
             if not isinstance(error, (ValueError, DocumentError, PeerError)):
                 _log.info("a snapshot was refused: a component fails on it", exc_info=error)
             raise DocumentError(f"state: {error!s:.200}") from None
 
-    def _parse(self, state: PlainData, maps: Maps) -> _Parsed:
+    def parse(self, state: PlainData, maps: Maps) -> SavedState:
+        """Return the state that `SavedState.to_plain` was given.
+
+        Args:
+            state: from anywhere.
+            maps: gives the maps that it needs.
+
+        Raises:
+            DocumentError: it is no state of a simulator like this one.
+        """
         fields = read_as(dict[str, Any], state, "state")
         key = MapKey(*read_as(tuple[str, bytes], fields.get("map"), "map"))
         road_map = maps(key)
@@ -182,8 +219,7 @@ class NodeState:
         except (ValueError, TypeError) as error:
             raise DocumentError(f"{error!s:.200}") from None
         next_uid = read_as(int, fields.get("next_uid"), "next_uid")
-        egos = _read_egos(fields.get("egos"), world)
-        entries = read_as(list[tuple[int, str, tuple[Any, ...]]], fields.get("waiting"), "waiting")
+        entries = read_as(tuple[tuple[int, str, tuple[Any, ...]], ...], fields.get("waiting"), "waiting")
         if (
             len(entries) > MAX_WAITING_COMMANDS
             or len(world.uids) > MAX_ENTITIES
@@ -191,16 +227,19 @@ class NodeState:
             or not all(0 <= frame <= world.frame + MAX_AHEAD for frame, _, _ in entries)
         ):
             raise DocumentError(f"state: expected at most {MAX_WAITING_COMMANDS} commands, and an id to go on with")
-        waiting = [
-            (frame, SceneCommand(unpack_action(action, maps), source, _notify_nobody))
-            for frame, source, action in entries
-        ]
         components = read_as(dict[str, Any], fields.get("components"), "components")
         names = [type(one).__name__ for one in self._components]
         if list(components) != names:
             raise DocumentError(f"components: expected {', '.join(names)}")
-        loaded = unpack_load(fields.get("loaded"), maps)
-        return _Parsed(world, FoundMap(key.name, road_map), loaded, next_uid, egos, waiting, components)
+        return SavedState(
+            world=world,
+            found=FoundMap(key.name, road_map),
+            loaded=unpack_load(fields.get("loaded"), maps),
+            next_uid=next_uid,
+            egos=_read_egos(fields.get("egos"), world),
+            waiting=tuple([(frame, source, unpack_action(action, maps)) for frame, source, action in entries]),
+            components=components,
+        )
 
     def _plan_of(self, road_map: RoadMap) -> SignalPlan:
         world = self._context.world
@@ -208,7 +247,7 @@ class NodeState:
             return world.signals.plan
         return road_map.plan or SignalPlan(road_map.roads)
 
-    def _bind_egos(self, parsed: _Parsed, now: float) -> list[Ego]:
+    def _bind_egos(self, saved: SavedState, now: float) -> list[Ego]:
         """Give those egos their topics and services that are not here; return all of them, in order.
 
         Raises:
@@ -217,7 +256,7 @@ class NodeState:
         context = self._context
         egos, added = [context.egos.first], []
         try:
-            for state in parsed.egos[1:]:
+            for state in saved.egos[1:]:
                 ego = context.egos.find(state.index)
                 if ego is None:
                     ego = context.egos.create(state.index, state.uid)
@@ -230,21 +269,23 @@ class NodeState:
             raise
         return egos
 
-    def _apply(self, parsed: _Parsed, egos: Sequence[Ego], now: float) -> None:
+    def _apply(self, saved: SavedState, egos: Sequence[Ego], now: float) -> None:
         """Put a state in place of the present one."""
         context = self._context
         for ego in list(context.egos):
             if ego not in egos:
                 context.ego_interfaces.drop(ego, now)
-        context.scene.restore(parsed.world, loaded=parsed.loaded, found=parsed.found, next_uid=parsed.next_uid)
-        for ego, state in zip(egos, parsed.egos, strict=True):
+        context.scene.restore(saved.world, loaded=saved.loaded, found=saved.found, next_uid=saved.next_uid)
+        for ego, state in zip(egos, saved.egos, strict=True):
             ego.load_state(state)
         context.egos.replace(egos)
-        context.sync.replace_waiting(parsed.waiting)
+        context.sync.replace_waiting(
+            [(frame, SceneCommand(action, source, _notify_nobody)) for frame, source, action in saved.waiting]
+        )
         context.publishers.forget_repeats()
         context.time.follow()
         for component in self._components:
-            component.load_state(parsed.components[type(component).__name__], now)
+            component.load_state(saved.components[type(component).__name__], now)
         for forget in context.hooks.on_restore:
             forget()
         context.egos.forget_statuses()

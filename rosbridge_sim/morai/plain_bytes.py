@@ -150,19 +150,19 @@ class _Reader:
         """Read a value that stands in so many others."""
         if depth > MAX_DEPTH:
             raise self.error(f"expected at most {MAX_DEPTH} levels")
-        kind = self.take(1)
+        kind = bytes(self.take(1))
         read = _READERS.get(kind)
         if read is None:
             self.at -= 1
             raise self.error(f"expected the letter of a kind, got {kind!r}")
         return read(self, depth)
 
-    def take(self, num: int) -> bytes:
+    def take(self, num: int) -> memoryview:
         """Read so many bytes."""
         end = self.at + num
         if end > len(self.data):
             raise self.error(f"expected {num:,} bytes more")
-        taken = self.data[self.at : end].tobytes()
+        taken = self.data[self.at : end]
         self.at = end
         return taken
 
@@ -175,7 +175,7 @@ class _Reader:
 
     def text(self) -> str:
         """Read a text behind its letter."""
-        content = self.take(self.count(1))
+        content = bytes(self.take(self.count(1)))
         try:
             return content.decode("utf-8", "surrogatepass")
         except UnicodeDecodeError:
@@ -183,13 +183,13 @@ class _Reader:
 
     def array(self) -> PlainData:
         """Read an array behind its letter."""
-        kind = _KINDS.get(self.take(1))
+        kind = _KINDS.get(bytes(self.take(1)))
         num_axes = self.take(1)[0]
         if kind is None or num_axes > MAX_AXES:
             raise self.error("expected an array's type and number of axes before this")
         shape = [_COUNT.unpack(self.take(_COUNT.size))[0] for _ in range(num_axes)]
         content = self.take(math.prod(shape) * kind.itemsize)
-        if kind == np.bool_ and content.translate(None, b"\x00\x01"):
+        if kind == np.bool_ and bytes(content).translate(None, b"\x00\x01"):
             raise self.error("expected bytes 0 and 1 before this")
         return np.frombuffer(content, dtype=kind).reshape(shape).copy()
 
@@ -211,7 +211,7 @@ _READERS: Final[dict[bytes, Callable[[_Reader, int], PlainData]]] = {
     b"i": lambda reader, _depth: int.from_bytes(reader.take(reader.take(1)[0]), "little", signed=True),
     b"d": lambda reader, _depth: _FLOAT.unpack(reader.take(_FLOAT.size))[0],
     b"s": lambda reader, _depth: reader.text(),
-    b"b": lambda reader, _depth: reader.take(reader.count(1)),
+    b"b": lambda reader, _depth: bytes(reader.take(reader.count(1))),
     b"a": lambda reader, _depth: reader.array(),
     b"l": lambda reader, depth: [reader.value(depth + 1) for _ in range(reader.count(1))],
     b"t": lambda reader, depth: tuple([reader.value(depth + 1) for _ in range(reader.count(1))]),

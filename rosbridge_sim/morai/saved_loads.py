@@ -35,6 +35,7 @@ __all__ = [
     "Maps",
     "PackedLoad",
     "digest_map",
+    "key_of_map",
     "pack_action",
     "pack_load",
     "unpack_action",
@@ -82,6 +83,10 @@ class PackedLoad(NamedTuple):
     digest: bytes
 
 
+_unpacked: dict[bytes, Load] = {}
+"""Loads by digest, the last ones: each is the same value for ever, so they may be shared."""
+
+
 @lru_cache(maxsize=MAX_KEPT)
 def digest_map(road_map: RoadMap) -> bytes:
     """Return 16 bytes that stand for all of a map that decides what a simulator does."""
@@ -105,29 +110,40 @@ def pack_load(load: Load) -> PackedLoad:
             "phases": [as_plain(start) for start in load.phases],
         }
     )
-    return PackedLoad(data, blake2b(data, digest_size=16).digest())
+    packed = PackedLoad(data, blake2b(data, digest_size=16).digest())
+    _remember(packed.digest, load)
+    return packed
+
+
+def key_of_map(name: str, road_map: RoadMap) -> MapKey:
+    """Return how snapshots name a map."""
+    return MapKey(name, digest_map(road_map))
 
 
 def unpack_load(data: object, maps: Maps) -> Load:
-    """Return the load that `pack_load` was given.
+    """Return the load that `pack_load` was given; one of the last few is not read again.
 
     Args:
-        data: the bytes; from anywhere.
+        data: the fields of a `PackedLoad`; from anywhere.
         maps: gives its map.
 
     Raises:
         DocumentError: they are no load, or the map is not at hand.
     """
-    if not isinstance(data, bytes):
-        raise DocumentError("load: expected bytes")
-    plain = decode(data)
-    fields = read_as(dict[str, Any], plain, "load")
-    name, map_name, digest = read_as(tuple[str, str, bytes], (fields.get("name"), *_pair(fields.get("map"))), "load")
-    is_clearing = read_as(bool, fields.get("is_clearing"), "load.is_clearing")
-    egos, others = (read_as(tuple[Spawn, ...], fields.get(key), f"load.{key}") for key in ("egos", "others"))
+    packed = PackedLoad(*read_as(tuple[bytes, bytes], data, "load"))
+    known = _unpacked.get(packed.digest)
+    if known is not None and maps(key_of_map(known.map_name, known.road_map)) is known.road_map:
+        return known
+    if blake2b(packed.data, digest_size=16).digest() != packed.digest:
+        raise DocumentError("load: the digest is that of another one")
+    fields = read_as(dict[str, Any], decode(packed.data), "load")
+    name, is_clearing = read_as(tuple[str, bool], (fields.get("name"), fields.get("is_clearing")), "load")
+    key = MapKey(*read_as(tuple[str, bytes], fields.get("map"), "load.map"))
+    egos, others = (read_as(tuple[Spawn, ...], fields.get(part), f"load.{part}") for part in ("egos", "others"))
     phases = read_as(tuple[PhaseStart, ...], fields.get("phases"), "load.phases")
-    load = Load(name, egos, others, is_clearing, map_name, maps(MapKey(map_name, digest)), phases)
+    load = Load(name, egos, others, is_clearing, key.name, maps(key), phases)
     _check(load)
+    _remember(packed.digest, load)
     return load
 
 
@@ -135,7 +151,7 @@ def pack_action(action: SceneAction) -> PlainData:
     """Return what a waiting command does as plain data."""
     if isinstance(action, LoadScenario):
         network = None if action.network is None else _plain_network(action.network)
-        return (_LOAD, pack_load(action.load).data, network, action.is_pausing)
+        return (_LOAD, tuple(pack_load(action.load)), network, action.is_pausing)
     return (_KIND_OF[type(action)], as_plain(action))
 
 
@@ -161,8 +177,12 @@ def unpack_action(data: object, maps: Maps) -> SceneAction:
     return action
 
 
-def _pair(value: object) -> tuple[object, object]:
-    return value if isinstance(value, tuple) and len(value) == 2 else (None, None)  # noqa: PLR2004 - two
+def _remember(digest: bytes, load: Load) -> None:
+    """Keep a load with those that were packed or read last."""
+    _unpacked.pop(digest, None)
+    _unpacked[digest] = load
+    if len(_unpacked) > MAX_KEPT:
+        del _unpacked[next(iter(_unpacked))]
 
 
 def _plain_network(settings: NetworkSettings) -> PlainData:

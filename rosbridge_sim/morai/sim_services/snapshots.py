@@ -27,8 +27,8 @@ from rosbridge_sim.morai.convert import maker
 from rosbridge_sim.morai.interfaces.publishers import Publishers
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
 from rosbridge_sim.morai.maps.mgeo import RoadMap
-from rosbridge_sim.morai.node_state import NodeState
-from rosbridge_sim.morai.plain_bytes import PlainData, decode
+from rosbridge_sim.morai.node_state import NodeState, SavedState
+from rosbridge_sim.morai.plain_bytes import decode
 from rosbridge_sim.morai.reading import Reader
 from rosbridge_sim.morai.replays.recording import Recording, digest_of
 from rosbridge_sim.morai.replays.recording_builder import RecordingBuilder, Recordings
@@ -60,14 +60,14 @@ class _Kept:
     """A snapshot that is kept.
 
     Attributes:
-        head: what stands in it.
-        data: all of it.
-        maps: those that it needs, so that they need not be read again.
+        state: all of it.
+        head: what stands before it when it becomes bytes.
+        size: about how much memory it takes [bytes].
     """
 
+    state: SavedState
     head: SnapshotHead
-    data: bytes
-    maps: dict[MapKey, RoadMap]
+    size: int
 
 
 class _Refusal(Exception):  # noqa: N818 - it is no failure
@@ -164,8 +164,9 @@ class Snapshots(Component):
             self._explain(call, refusal)
             call.answer(make(False, str(refusal), "", self._context.world.frame, "", 0, b""))  # noqa: FBT003 - `result`
             return
-        head, data = kept.head, kept.data
-        call.answer(make(True, "", name, head.frame, head.state_hash, len(data), data if request.with_data else b""))  # noqa: FBT003 - `result`
+        head = kept.head
+        data = pack(head, kept.state.to_plain()) if request.with_data else b""
+        call.answer(make(True, "", name, head.frame, head.state_hash, kept.size, data))  # noqa: FBT003 - `result`
 
     def _take(self, wanted: str) -> tuple[str, _Kept]:
         """Save the state under a name.
@@ -184,19 +185,18 @@ class Snapshots(Component):
             raise _Refusal(
                 f"{MAX_SNAPSHOTS} snapshots are kept already: remove some by /sim/snapshots", Reason.TOO_MUCH
             )
-        maps, recording = self._state.maps, self._replay.recording_key
+        recording, state = self._replay.recording_key, self._state.save()
         head = SnapshotHead(
             LAYOUT,
             self._definitions,
             repr(context.convert.profile),
-            tuple([(key.name, key.digest) for key in maps]),
+            tuple([(key.name, key.digest) for key in state.maps]),
             None if recording is None else (recording.name, recording.digest),
             context.world.frame,
             self._state.hash(),
         )
-        kept = _Kept(head, pack(head, self._state.save()), maps)
-        account, size = context.bus.account_of(context.participant), len(kept.data)
-        size_before = 0 if old is None else len(old.data)
+        size = state.size
+        size_before = 0 if old is None else old.size
         if self._num_bytes - size_before + size > MAX_BYTES:
             raise _Refusal(
                 f"the snapshots hold {self._num_bytes:,} of {MAX_BYTES:,} bytes, and this one has {size:,}:"
@@ -204,8 +204,9 @@ class Snapshots(Component):
                 Reason.TOO_MUCH,
             )
         self._drop(name)
-        account.take(size)
+        context.bus.account_of(context.participant).take(size)
         self._num_bytes += size
+        kept = _Kept(state, head, size)
         self._kept[name] = kept
         return name, kept
 
@@ -229,8 +230,8 @@ class Snapshots(Component):
         """Keep a snapshot no longer; none of this name is no error."""
         kept = self._kept.pop(name, None)
         if kept is not None:
-            self._num_bytes -= len(kept.data)
-            self._context.bus.account_of(self._context.participant).give(len(kept.data))
+            self._num_bytes -= kept.size
+            self._context.bus.account_of(self._context.participant).give(kept.size)
 
     def _list(self, call: Call, _now: float) -> None:
         request: Any = call.request
@@ -243,8 +244,7 @@ class Snapshots(Component):
             for name in request.remove:
                 self._drop(name)
         infos = [
-            self._make_info(name, kept.head.frame, len(kept.data), kept.head.state_hash)
-            for name, kept in self._kept.items()
+            self._make_info(name, kept.head.frame, kept.size, kept.head.state_hash) for name, kept in self._kept.items()
         ]
         call.answer(call.service.type.response.struct_type(not strange, message, infos, MAX_BYTES - self._num_bytes))
 
@@ -258,32 +258,21 @@ class Snapshots(Component):
         request: Any = call.request
         try:
             self._check_may_restore(request.user_id)
-            kept, data = self._find(request.id, request.data)
-            head, packed = unpack(data)
-            self._check_fits(head)
-            restoration = _Restoration(call, request.user_id, head, packed, is_trusted=kept is not None)
-            restoration.maps = dict(self._state.maps)
-            if kept is not None:
-                restoration.maps |= kept.maps
+            if bool(request.id) == bool(request.data):
+                raise _Refusal("expected either id or data", Reason.WRONG_VALUE)  # noqa: TRY301 - as the others
+            restoration = _Restoration(call, request.user_id)
+            if request.id:
+                kept = self._kept.get(request.id)
+                if kept is None:
+                    raise _Refusal(self._no_such(request.id), Reason.WRONG_VALUE)  # noqa: TRY301 - as the others
+                restoration.head, restoration.state = kept.head, kept.state
+            else:
+                restoration.head, restoration.packed = unpack(bytes(request.data))
+                self._check_fits(restoration.head)
+                restoration.maps = self._state.save().maps
             self._gather(restoration, now)
         except (_Refusal, PeerError, DocumentError) as error:
             self._refuse(call, error)
-
-    def _find(self, name: str, data: bytes) -> tuple[_Kept | None, bytes]:
-        """Return the snapshot of a name, and its bytes; or those that the client has sent.
-
-        Raises:
-            _Refusal: there is none, or both were sent, or none of them.
-        """
-        data = bytes(data)
-        if bool(name) == bool(data):
-            raise _Refusal("expected either id or data", Reason.WRONG_VALUE)
-        if data:
-            return None, data
-        kept = self._kept.get(name)
-        if kept is None:
-            raise _Refusal(self._no_such(name), Reason.WRONG_VALUE)
-        return kept, kept.data
 
     def _check_may_restore(self, user_id: str) -> None:
         """Check that nothing stands in the way of a restore by this client.
@@ -326,17 +315,17 @@ class Snapshots(Component):
             DocumentError: the snapshot is not a good one.
             GraphError: a client has a topic that an ego of it needs.
         """
-        missing = [key for key in restoration.needed if key not in restoration.maps]
-        recording = restoration.recording_key
-        if recording is not None and restoration.recording is None:
-            restoration.recording = self._replay.find_recording(recording)
-        if not missing and (recording is None or restoration.recording is not None):
+        missing = restoration.missing_maps
+        key = restoration.recording_key
+        if key is not None and restoration.recording is None:
+            restoration.recording = self._replay.find_recording(key)
+        if not missing and (key is None or restoration.recording is not None):
             self._carry_out(restoration, now)
             return
-        if self._is_reading and restoration.release is None:
-            raise _Refusal("another restore waits for a map or a recording that is being read", Reason.NOT_NOW)
         if not missing and self._recordings is None:
             raise _Refusal("recording: no recordings are kept here", Reason.WRONG_VALUE)
+        if self._is_reading:
+            raise _Refusal("another restore waits for a map or a recording that is being read", Reason.NOT_NOW)
         self._is_reading = True
         if restoration.release is None:
             restoration.release = self._context.sync_driver.hold(restoration.call.caller)
@@ -345,9 +334,9 @@ class Snapshots(Component):
             self._reader.read(lambda: _read_maps(library, missing), partial(self._take_maps, restoration), now)
         else:
             assert self._recordings is not None
-            assert recording is not None, "else nothing is missing"
-            reading = RecordingBuilder(recording.name, self._context.convert)
-            self._recordings.read(recording.name, reading, partial(self._take_recording, restoration, recording))
+            assert key is not None, "else nothing is missing"
+            reading = RecordingBuilder(key.name, self._context.convert)
+            self._recordings.read(key.name, reading, partial(self._take_recording, restoration, key))
 
     def _take_maps(self, restoration: _Restoration, outcome: dict[MapKey, RoadMap] | DocumentError, now: float) -> None:
         def add() -> None:
@@ -380,23 +369,20 @@ class Snapshots(Component):
         except (_Refusal, PeerError, DocumentError) as error:
             self._refuse(restoration.call, error)
         finally:
-            if not self._is_reading and restoration.release is not None:
-                restoration.release(now)
+            if restoration.release is not None and (restoration.call.is_done or not self._is_reading):
+                release, restoration.release = restoration.release, None
+                release(now)
 
     def _carry_out(self, restoration: _Restoration, now: float) -> None:
+        head, call, state = restoration.head, restoration.call, restoration.state
+        assert head is not None
+        is_foreign = state is None
+        if state is None:
+            state = self._state.parse(decode(restoration.packed), restoration.find_map)
         if restoration.recording is not None:
             self._replay.hand_over(restoration.recording)
-        head = restoration.head
-        maps = restoration.maps
-
-        def find(key: MapKey) -> RoadMap:
-            if key not in maps:
-                raise DocumentError(f"map {key.name[:80]!r}: it is not among those that the snapshot names")
-            return maps[key]
-
-        state: PlainData = decode(restoration.packed)
-        self._state.restore(state, find, head.state_hash, now, is_trusted=restoration.is_trusted)
-        frame, call = self._context.world.frame, restoration.call
+        self._state.restore(state, now, expected_hash=head.state_hash if is_foreign else "")
+        frame = self._context.world.frame
         _log.info("restored by %s, frame %d", call.caller.name, frame)
         call.answer(call.service.type.response.struct_type(True, "", frame, head.state_hash))  # noqa: FBT003 - `result`
 
@@ -418,31 +404,44 @@ class _Restoration:
     Attributes:
         call: answered in the end.
         user_id: that the client has named.
-        head, packed: the snapshot.
-        is_trusted: it was made by this process.
+        head: of the snapshot.
+        state: of a snapshot that is kept here; None for one that came as bytes.
+        packed: the state of one that came as bytes.
         maps, recording: what is at hand of the things that it needs.
         release: lets go of the client that is held; None while it is not.
     """
 
-    def __init__(self, call: Call, user_id: str, head: SnapshotHead, packed: bytes, *, is_trusted: bool) -> None:
+    def __init__(self, call: Call, user_id: str) -> None:
         self.call = call
         self.user_id = user_id
-        self.head = head
-        self.packed = packed
-        self.is_trusted = is_trusted
+        self.head: SnapshotHead | None = None
+        self.state: SavedState | None = None
+        self.packed = b""
         self.maps: dict[MapKey, RoadMap] = {}
         self.recording: Recording | None = None
         self.release: Callable[[float], None] | None = None
 
     @property
-    def needed(self) -> list[MapKey]:
-        """Return the maps that the snapshot needs."""
-        return [MapKey(*key) for key in self.head.maps]
+    def missing_maps(self) -> list[MapKey]:
+        """Return the maps that are not at hand; a state that is kept here has its own."""
+        if self.head is None or self.state is not None:
+            return []
+        return [key for key in map(MapKey._make, self.head.maps) if key not in self.maps]
 
     @property
     def recording_key(self) -> RecordingKey | None:
         """Return the recording that the snapshot needs; None for none."""
-        return None if self.head.recording is None else RecordingKey(*self.head.recording)
+        return None if self.head is None or self.head.recording is None else RecordingKey(*self.head.recording)
+
+    def find_map(self, key: MapKey) -> RoadMap:
+        """Return a map that is at hand.
+
+        Raises:
+            DocumentError: it is not, because the head of the snapshot does not name it.
+        """
+        if key not in self.maps:
+            raise DocumentError(f"map {key.name[:80]!r}: it is not among those that the snapshot names")
+        return self.maps[key]
 
 
 def _read_maps(library: Library, keys: Sequence[MapKey]) -> dict[MapKey, RoadMap]:
