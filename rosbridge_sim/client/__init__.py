@@ -12,7 +12,7 @@ once: a test holds the two to the same signatures. The `websockets` library carr
 
 from __future__ import annotations
 
-from rosbridge_sim.client.asynchronous import DEFAULT_URL, AsyncClient, AsyncSubscription, Status, Tick
+from rosbridge_sim.client.asynchronous import DEFAULT_URL, AsyncClient, AsyncSubscription, Snapshot, Status, Tick
 from rosbridge_sim.client.blocking import Client, Subscription
 from rosbridge_sim.client.frames import Frame
 from rosbridge_sim.errors import (
@@ -36,6 +36,7 @@ __all__ = [
     "Frame",
     "OpRefusedError",
     "ServiceRefusedError",
+    "Snapshot",
     "Status",
     "Subscription",
     "Tick",

@@ -7,7 +7,7 @@ reading when a few messages wait, so a second one would be needed; and each meth
 from __future__ import annotations
 
 import ssl
-from collections.abc import Coroutine, Mapping
+from collections.abc import Coroutine, Mapping, Sequence
 from contextlib import suppress
 from types import TracebackType
 from typing import Any, Self, TypeVar
@@ -21,6 +21,7 @@ from rosbridge_sim.client.asynchronous import (
     AsyncClient,
     AsyncSubscription,
     Predicate,
+    Snapshot,
     Status,
     StatusLevel,
     Tick,
@@ -182,6 +183,24 @@ class Client:
     def tick(self, n: int = 1, *, timeout: float | None = None) -> Tick:
         """See `AsyncClient.tick`."""
         return self.run(self._client.tick(n, timeout=timeout))
+
+    # Snapshots
+
+    def snapshot(self, name: str = "", *, with_data: bool = False, timeout: float | None = None) -> Snapshot:
+        """See `AsyncClient.snapshot`."""
+        return self.run(self._client.snapshot(name, with_data=with_data, timeout=timeout))
+
+    def restore(self, saved: str | bytes | Snapshot, *, timeout: float | None = None) -> int:
+        """See `AsyncClient.restore`."""
+        return self.run(self._client.restore(saved, timeout=timeout))
+
+    def snapshots(self, *, remove: Sequence[str] = (), timeout: float | None = None) -> list[Snapshot]:
+        """See `AsyncClient.snapshots`."""
+        return self.run(self._client.snapshots(remove=remove, timeout=timeout))
+
+    def state_hash(self, *, timeout: float | None = None) -> str:
+        """See `AsyncClient.state_hash`."""
+        return self.run(self._client.state_hash(timeout=timeout))
 
     @property
     def next_frame(self) -> int:
