@@ -26,6 +26,8 @@ from rosbridge_sim.morai.scene_changes import SceneChanges
 from rosbridge_sim.morai.sensor_files import SensorDataStore
 from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.services import Services
+from rosbridge_sim.morai.sim_services.population import Population
+from rosbridge_sim.morai.sim_services.road_services import RoadServices
 from rosbridge_sim.morai.simulation_time import SimulationTime
 from rosbridge_sim.morai.simulator_node import NodeSettings, SimulatorNode
 from rosbridge_sim.morai.state_publishers import StatePublishers
@@ -72,14 +74,17 @@ def make_node(
     chosen = settings or NodeSettings()
     context = _make_context(bus, world, library, scenario, chosen)
     sensors = Sensors(context, archive)
+    used_reader = reader or AtOnce()
     components = [
         StatePublishers(context),
         TrafficLightTopics(context),
         sensors,
-        Loads(context, reader or AtOnce(), networks),
+        Loads(context, used_reader, networks),
         Services(context, sensors),
         CommandTopics(context),
         Replay(context, recordings, is_showing_drives=chosen.replay_info),
+        Population(context),
+        RoadServices(context, used_reader),
     ]
     return SimulatorNode(context, components)
 

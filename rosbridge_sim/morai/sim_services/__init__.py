@@ -1,0 +1,1 @@
+"""Services of our own under `/sim/`, which MORAI SIM does not have."""
