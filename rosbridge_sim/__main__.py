@@ -186,7 +186,7 @@ _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
     "attach": _attach,
     **{
         name: _tool(name)
-        for name in ("topic", "service", "tick", "wait", "schema", "bag", "scenario", "map", "record", "docs")
+        for name in ("topic", "service", "tick", "spawn", "wait", "schema", "bag", "scenario", "map", "record", "docs")
     },
 }
 

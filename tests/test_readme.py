@@ -253,6 +253,7 @@ def test_every_flag_that_a_page_names_exists() -> None:
         ["service", "call"],
         ["record"],
         ["tick"],
+        ["spawn"],
         ["map", "info"],
         ["docs"],
     ]

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.morai.catalogue import BUILT_IN, Catalogue
@@ -34,6 +34,8 @@ from rosbridge_sim.schema.message import Message
 from rosbridge_sim.world.state import World
 
 __all__ = ["NodeSettings", "SimulatorNode"]
+
+C = TypeVar("C", bound=Component)
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,6 +204,10 @@ class SimulatorNode:
     def current_messages(self) -> list[tuple[Topic, Message]]:
         """Return the message that each topic of the simulator would publish now, with and without subscribers."""
         return list(self.context.publishers.current())
+
+    def component(self, kind: type[C]) -> C:
+        """Return the component of a class, of which there is one."""
+        return next(each for each in self.components if isinstance(each, kind))
 
     def _open_ego(self, ego: Ego, bindings: SubscribersServices) -> None:
         """Give a further ego its topics and services."""

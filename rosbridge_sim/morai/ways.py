@@ -42,6 +42,8 @@ _REPLAYS: Final = (*_publishing("/ReplayInfo_topic"), *_calling("/Morai_SimProc"
 _RESET: Final = _calling("/sim/reset")
 _EVENT: Final = _calling("/Service_MoraiEventCmd")
 _PLACE: Final = _publishing("/ego_setting")
+_SET: Final = _calling("/sim/set")
+_COME_AND_GO: Final = _calling("/sim/spawn", "/sim/remove")
 _TICK: Final = _calling("/SyncModeWaitForTick")
 
 _SAME: Final = (
@@ -58,17 +60,19 @@ _SAME_AS: Final = {way: row for row in _SAME for way in row}
 _EFFECTS: Final = (
     PolicyEffect(
         "move an ego",
-        (*_publishing("/ctrl_cmd", "/ctrl_cmd_0", "/ghost_ctrl_cmd"), *_PLACE, *_calling("/SyncModeCtrlCmd")),
+        (*_publishing("/ctrl_cmd", "/ctrl_cmd_0", "/ghost_ctrl_cmd"), *_PLACE, *_calling("/SyncModeCtrlCmd"), *_SET),
         (*_EVENT, *_REPLAYS, *_LOADS, *_RESET),  # by the event service an ego is told to drive itself
     ),
-    PolicyEffect("shift an ego's gear", (*_calling("/SyncModeSetGear"), *_EVENT), _PLACE),
-    PolicyEffect("choose who drives an ego", _EVENT, _PLACE),
-    PolicyEffect("switch an ego's lamps", (*_publishing("/lamps"), *_EVENT), _PLACE),
+    PolicyEffect("shift an ego's gear", (*_calling("/SyncModeSetGear"), *_EVENT), (*_PLACE, *_SET)),
+    PolicyEffect("choose who drives an ego", _EVENT, (*_PLACE, *_SET)),
+    PolicyEffect("switch an ego's lamps", (*_publishing("/lamps"), *_EVENT), (*_PLACE, *_SET)),
     PolicyEffect(
         "add, move or remove others",
         (
             *_publishing("/NpcGhost_Topic", "/SyncModeAddObj", "/SyncModeRemoveObj"),
             *_calling("/SyncModeAddObject", "/SyncModeRemoveObject"),
+            *_COME_AND_GO,
+            *_SET,
         ),
         (*_PLACE, *_REPLAYS, *_LOADS, *_RESET),
     ),

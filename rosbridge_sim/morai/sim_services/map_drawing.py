@@ -53,6 +53,9 @@ _LISTS: Final = {
 }
 """Field of the response -> its type, in the order of the pages."""
 
+_PARTS: Final = ("MapArea", "MapPhase", "MapWalk")
+"""Types of parts of these."""
+
 
 class MapDrawing:
     """The drawing of one map.
@@ -70,13 +73,14 @@ class MapDrawing:
             road_map: never changed.
             page_points: see `PAGE_POINTS`.
         """
-        self._store = store
         self._map = road_map
         plan = road_map.plan or SignalPlan(road_map.roads)
         self._plan = plan
         self._stops = np.flatnonzero(road_map.roads.is_stop).tolist()
         self._groups = _groups_of(plan)
-        self._types = {field: store.message(f"rosbridge_sim_msgs/{name}") for field, name in _LISTS.items()}
+        # All types are looked up here: `write_json` runs in a thread, and the store may make a type when it is asked.
+        self._response = store.service("rosbridge_sim_msgs/Map").response
+        self._types = {name: store.message(f"rosbridge_sim_msgs/{name}") for name in (*_LISTS.values(), *_PARTS)}
         self._makers: dict[str, tuple[int, Callable[[int], Struct]]] = {
             "lanes": (len(road_map.roads), self._lane),
             "borders": (len(road_map.borders), lambda i: self._border(road_map.borders[i])),
@@ -103,7 +107,7 @@ class MapDrawing:
 
     def write_json(self) -> Iterator[bytes]:
         """Yield the whole map as one JSON text, piece by piece: the values of the service, as if it had one page."""
-        response = self._store.service("rosbridge_sim_msgs/Map").response
+        response = self._response
         head = response.encode_json(response.struct_type(**self._head(0, 1)))
         # The lists come last in the definition, and are empty here.
         empty = b",".join(b'"%s":[]' % field.encode() for field in _LISTS)
@@ -112,7 +116,7 @@ class MapDrawing:
         for k, field in enumerate(_LISTS):
             yield (b"," if k else b"") + b'"%s":[' % field.encode()
             num, make = self._makers[field]
-            encode = self._types[field].encode_json
+            encode = self._types[_LISTS[field]].encode_json
             for i in range(num):
                 yield (b"," if i else b"") + encode(make(i))
             yield b"]"
@@ -179,7 +183,7 @@ class MapDrawing:
     # Things
 
     def _make(self, type_name: str, /, **fields: object) -> Struct:
-        return self._store.message(f"rosbridge_sim_msgs/{type_name}").struct_type(**fields)
+        return self._types[type_name].struct_type(**fields)
 
     def _lane(self, lane: int) -> Struct:
         roads, plan = self._map.roads, self._plan

@@ -17,6 +17,7 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.component import Component
 from rosbridge_sim.morai.context import SimulatorContext
 from rosbridge_sim.morai.convert import maker
+from rosbridge_sim.morai.interfaces.network_settings import InterfaceKind
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
 from rosbridge_sim.morai.reading import Reader
 from rosbridge_sim.morai.sim_services.map_drawing import MapDrawing
@@ -68,6 +69,11 @@ class RoadServices(Component):
         bindings.provide("sim/nearest_lane", "rosbridge_sim_msgs/NearestLane", self._tell_nearest_lane)
 
     # The map
+
+    @property
+    def is_offered(self) -> bool:
+        """Whether the network settings have `/sim/map` on."""
+        return bool(self._context.interfaces.settings.choice(InterfaceKind.SERVICE, "/sim/map").is_on)
 
     @property
     def drawing(self) -> MapDrawing:
