@@ -19,6 +19,7 @@ from rosbridge_sim.morai.interfaces.registry import InterfaceRegistry
 from rosbridge_sim.morai.loads import Loads
 from rosbridge_sim.morai.participant import SimulatorParticipant
 from rosbridge_sim.morai.reading import AtOnce, Reader
+from rosbridge_sim.morai.real_time import set_real_time_factor
 from rosbridge_sim.morai.real_time_pacer import RealTimePacer
 from rosbridge_sim.morai.replays.recording_builder import Recordings
 from rosbridge_sim.morai.replays.replay import Replay
@@ -29,7 +30,10 @@ from rosbridge_sim.morai.scene_commands import SceneCommand
 from rosbridge_sim.morai.sensor_files import SensorDataStore
 from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.services import Services
+from rosbridge_sim.morai.sim_services.real_time_factor import RealTimeFactor
+from rosbridge_sim.morai.sim_services.score import Scores
 from rosbridge_sim.morai.sim_services.snapshots import Snapshots
+from rosbridge_sim.morai.sim_services.step import StepService
 from rosbridge_sim.morai.simulation_time import SimulationTime
 from rosbridge_sim.morai.simulator_node import NodeSettings, SimulatorNode
 from rosbridge_sim.morai.state_publishers import StatePublishers
@@ -87,9 +91,13 @@ def make_node(
         Services(context),
         CommandTopics(context),
         replay,
+        StepService(context),
+        RealTimeFactor(context),
+        Scores(context, is_always=chosen.score),
     ]
     # The last one: its hash covers what all others do behind a frame.
     components.append(Snapshots(context, components, replay, reader, recordings))
+    set_real_time_factor(context, chosen.real_time_factor, 0.0)
     return SimulatorNode(context, components)
 
 

@@ -13,7 +13,7 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
-from rosbridge_sim.world.entity_arrays import BOOLS, FLOATS, INTS, NO_BODY
+from rosbridge_sim.world.entity_arrays import BOOLS, FLOATS, INTS, NO_BODY, NUM_CORE
 from rosbridge_sim.world.entity_types import MAX_COORDINATE, Body, Gear, Kind, Mode
 from rosbridge_sim.world.geometry import FloatArray, IntArray
 from rosbridge_sim.world.paths import END, NUM_COLUMNS, PathsSnapshot
@@ -35,7 +35,12 @@ MAX_FIGURE: Final = 1e15
 MAX_COUNT: Final = 2**62
 """Bound of frames, ids and counters, so that sums stay within int64."""
 
-_MAY_BE_INFINITE: Final = frozenset({"leg_end", "desired_speed", "accel_max", "accel_min", "throttle_max", "target"})
+_MAY_BE_INFINITE: Final = frozenset(
+    {
+        *("leg_end", "desired_speed", "accel_max", "accel_min", "throttle_max", "target"),
+        *("time_to_collision", "min_time_to_collision"),
+    }
+)
 _LANE_COLUMNS: Final = ("claim", "held", "exit_lane", "behind", "lane", *(f"ahead_{i}" for i in range(1, 6)))
 _PCG64: Final = "PCG64"
 
@@ -69,6 +74,7 @@ def to_plain(saved: Snapshot) -> Plain:
         "forced": signals.forced,
         "until": signals.until,
         "routes": dict(saved.routes),
+        "is_scoring": int(saved.is_scoring),
         "rng": _plain_rng(saved.rng_state),
     }
 
@@ -150,6 +156,7 @@ class _Reader:
             signals=self._signals(frame),
             routes=routes,
             rng_state=self._rng(),
+            is_scoring=self._int("is_scoring", 0, 1) == 1,
         )
 
     # Parts
@@ -201,6 +208,12 @@ class _Reader:
             within(name, -1, len(self._roads) - 1, has_lane)
             within(name, -1, max(0, len(self._roads) - 1))
         within("lane", 0, len(self._roads) - 1, has_lane)
+        for name in ("near_lane", "open_line"):
+            within(name, 0, len(self._roads))
+        for name in INTS[NUM_CORE[1] : INTS.index("near_lane")]:
+            within(name, 0, MAX_COUNT)
+        for name in INTS[INTS.index("contact_1") :]:
+            within(name, 0, MAX_UID + 1)
         within("point", 0, max(0, len(self._roads.points) - 1))
         followers = set(column("uid")[has_path].tolist())
         _expect(set(paths.spans) == followers, "spans", "a path for each entity on one")
