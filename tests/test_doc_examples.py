@@ -55,6 +55,7 @@ OTHERS = (
     "network",
     "tools",
     "catalogue",
+    "population",
 )
 """Examples that have a test of their own here."""
 
@@ -137,6 +138,12 @@ def run_node(mark: str, port: int, folder: Path) -> str:
 @pytest.mark.parametrize("mark", EXACT)
 def test_program_prints_what_the_page_says_to_the_last_digit(serve: Serve, tmp_path: Path, mark: str) -> None:
     assert run_python(mark, serve().port, tmp_path) == shown(mark)
+
+
+@pytest.mark.slow
+def test_objects_come_and_go_in_the_town_as_the_page_says(serve: Serve, tmp_path: Path) -> None:
+    port = serve("--scenario", "town", "--start", "sync").port
+    assert run_python("population", port, tmp_path) == shown("population")
 
 
 @pytest.mark.client
