@@ -12,11 +12,11 @@ __all__ = ["Playback"]
 
 
 class Playback:
-    """A recording shown in the world, from a position on, at a speed.
+    """A recording that is shown in the world, from a position on, at a speed.
 
     Attributes:
         recording: an empty one while none moves the world.
-        targets: who is moved by it: a sum of EGO, VEHICLES and PEDESTRIANS.
+        targets: entities that it moves: a sum of EGO, VEHICLES and PEDESTRIANS.
         speed: recorded time for each simulated time.
         is_over: its last moment has been shown.
     """
@@ -38,7 +38,7 @@ class Playback:
 
         Args:
             recording: shown from now on.
-            targets: who is moved by it.
+            targets: entities that it moves.
             start_ns: first position, since the recording's first stamp [ns].
             speed: recorded time for each simulated time.
         """
@@ -48,19 +48,23 @@ class Playback:
         self.seek(start_ns)
 
     def seek(self, start_ns: int) -> None:
-        """Go on from this position [ns], and come back to it with `rewind`."""
+        """Set the position; `rewind` comes back to it.
+
+        Args:
+            start_ns: position, since the recording's first stamp [ns].
+        """
         self._start_ns = self._position_ns = start_ns
         self.is_over = False
 
     # The world; `show_frame` within a step, all others between two frames
 
     def enter(self) -> None:
-        """Have the recording move its targets; `leave` gives them back."""
+        """Let the recording move its targets; `leave` gives them back."""
         self._actors.enter(self.recording.egos, self.targets, has_objects=self.recording.objects is not None)
         self.show()
 
     def leave(self) -> None:
-        """Give the world back as it was before `enter`."""
+        """Restore the world as it was before `enter`."""
         self._actors.leave()
         self._egos.forget_statuses()
 
@@ -91,21 +95,37 @@ class Playback:
     # Questions before a recording is chosen
 
     def why_unusable(self, recording: Recording, targets: int) -> str:
-        """Return why a recording cannot move any of the targets; an empty text if it can."""
+        """Return the reason why a recording cannot move any of the targets.
+
+        Args:
+            recording: the recording.
+            targets: a sum of EGO, VEHICLES and PEDESTRIANS.
+
+        Returns:
+            A text for the client; empty if it can.
+        """
         if recording.is_empty:
-            return "there is nothing in it that can be replayed: no ego, no objects"
+            return "it holds no ego and no objects that can be replayed"
         has_ego = any(self._egos.find(index) is not None for index in recording.egos)
         held = (EGO if has_ego else 0) | (ALL_TARGETS & ~EGO if recording.objects is not None else 0)
-        return "" if held & targets else "it holds none of those that are to be replayed"
+        return "" if held & targets else "it holds none of the chosen targets"
 
     def notes_on(self, recording: Recording, targets: int) -> list[str]:
-        """Return what the user should know about the egos of a recording."""
+        """Return remarks for the user about the egos of a recording.
+
+        Args:
+            recording: the recording.
+            targets: a sum of EGO, VEHICLES and PEDESTRIANS.
+
+        Returns:
+            A line each; empty if there are none.
+        """
         if not targets & EGO:
             return []
         if not recording.egos:
             return ["it holds no ego: only the objects are replayed"]
         notes = [
-            f"it holds an ego {index} and the world has none: that one is left out"
+            f"it holds an ego {index}, but the world has none with this number: it is left out"
             for index in recording.egos
             if self._egos.find(index) is None
         ]

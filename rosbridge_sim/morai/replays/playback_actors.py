@@ -27,7 +27,7 @@ EGO: Final = 1
 VEHICLES: Final = 2
 PEDESTRIANS: Final = 4
 ALL_TARGETS: Final = EGO | VEHICLES | PEDESTRIANS
-"""Targets of a replay, a sum. Obstacles belong to the vehicles, because MORAI has no bit for them."""
+"""All targets of a replay. Obstacles belong to the vehicles, because MORAI has no bit for them."""
 
 _TARGETS: Final = {Kind.VEHICLE: VEHICLES, Kind.OBSTACLE: VEHICLES, Kind.PEDESTRIAN: PEDESTRIANS}
 
@@ -82,7 +82,7 @@ class PlaybackActors:
         """Change the targets; the arguments are those of `enter`.
 
         An ego that is moved neither before nor after drives on. All other entities that are not moved from now on
-        return to where they were at the first `enter`.
+        return to the places that they had at the first `enter`.
         """
         if targets == self._targets:
             return
@@ -95,7 +95,11 @@ class PlaybackActors:
             world.restore_driven(uid, now)
 
     def show(self, moment: RecordedMoment) -> None:
-        """Place all entities as they are at a recorded moment; add and remove objects as needed."""
+        """Place all entities as they are at a recorded moment; add and remove objects as needed.
+
+        Args:
+            moment: the state of all replayed entities.
+        """
         world = self._world
         for index, ego in self._egos.items():
             show_ghosts(world, np.array([ego.row]), EGO_COLUMNS, moment.egos[index][:, None])
@@ -132,12 +136,14 @@ class PlaybackActors:
         if len(self._world) >= MAX_ENTITIES:
             if not self._is_full:
                 self._is_full = True
-                _log.warning("the world holds %d at most: some of the recording are left out", MAX_ENTITIES)
+                _log.warning(
+                    "the world is full (%d entities): some objects of the recording are left out", MAX_ENTITIES
+                )
             return
         body = _body_of(actor, self._scene.catalogue)
         uid = self._scene.add_actor(actor.uid, actor.kind, body, actor.name, x=x, y=y)
         if uid != actor.uid:
-            _log.info("%s, number %d of the recording, is %d here", actor.name, actor.uid, uid)
+            _log.info("%s: unique_id %d of the recording is in use, it gets %d", actor.name, actor.uid, uid)
         self._uids[actor] = uid
 
 

@@ -1,6 +1,6 @@
 """The state of a replay, and the effects of its table carried out on the playback and on the simulator's pause.
 
-`state_machine` decides what follows from an event, and says why. Nothing else changes the state.
+`state_machine` defines the effects of each event, with the reasons. Only this module changes the state.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class ReplayProcess:
 
     Attributes:
         state: where in the table it is.
-        effects: what carries out each effect; takes monotonic time [s]. IGNORE is to be registered.
+        effects: function for each effect; takes monotonic time [s]. `NetworkReplay` registers the one for IGNORE.
         on_event: called after each event with monotonic time [s].
     """
 
@@ -85,7 +85,11 @@ class ReplayProcess:
         return outcome
 
     def check_end(self, now: float) -> None:
-        """Pause at the end of a bag, and again whenever something has ended that pause. Called after each frame."""
+        """Pause at the end of a bag, and again if another command has ended that pause. Called after each frame.
+
+        Args:
+            now: monotonic time [s].
+        """
         if self.state is ReplayState.REPLAYING and self._playback.is_over:
             _log.info("%s: the end is reached", self._playback.recording.name)
             self.happen(ReplayEvent.RUN_OUT, now)
@@ -93,7 +97,11 @@ class ReplayProcess:
             self.happen(ReplayEvent.RUN_OUT, now)
 
     def evict(self, now: float) -> None:
-        """End the replay, because a scenario or a reset is about to change the world."""
+        """End the replay, because a scenario or a reset is about to change the world.
+
+        Args:
+            now: monotonic time [s].
+        """
         if self.state is not ReplayState.SIMULATING:
             _log.info("the replay has ended: a scenario or a reset changes the world")
         # A client that has pressed play since then wants the new scene to run.

@@ -72,11 +72,18 @@ class EgoTrack:
 
     @property
     def has_place(self) -> bool:
-        """Return whether it holds the position of the ego."""
+        """True if it holds the position of the ego."""
         return not bool(np.isnan(self.values[0]).any())
 
     def at(self, stamp_ns: int) -> FloatArray:
-        """Return the state at a moment, (columns,)."""
+        """Return the state at a moment.
+
+        Args:
+            stamp_ns: the moment, on the clock of the stamps [ns].
+
+        Returns:
+            (columns,) float64, as in `EGO_COLUMNS`.
+        """
         i, part = _find(self.stamps, stamp_ns)
         if not part:
             return self.values[:, i]
@@ -103,7 +110,14 @@ class ObjectTrack:
     actors: tuple[Actor, ...]
 
     def at(self, stamp_ns: int) -> tuple[IntArray, FloatArray]:
-        """Return the objects of a moment, (m,) indices into `actors`, and their states, (columns, m)."""
+        """Return the objects at a moment.
+
+        Args:
+            stamp_ns: the moment, on the clock of the stamps [ns].
+
+        Returns:
+            (m,) indices into `actors`, and (columns, m) float64 states, as in `OBJECT_COLUMNS`.
+        """
         i, part = _find(self.stamps, stamp_ns)
         present, values = self._sample(i)
         if not part:
@@ -153,7 +167,7 @@ class Recording:
 
     @property
     def is_empty(self) -> bool:
-        """Return whether there is nothing to show."""
+        """True if there is nothing to show."""
         return not self.egos and self.objects is None
 
     @property
@@ -167,7 +181,14 @@ class Recording:
         return int(max(stamps[-1] for stamps in self._stamps())) - self.start_ns
 
     def moment(self, since_ns: int) -> RecordedMoment:
-        """Return the state at a time after the first stamp [ns]; a track that begins later shows its first entry."""
+        """Return the state at a moment. A track that begins later shows its first entry.
+
+        Args:
+            since_ns: time since the first stamp of the recording [ns].
+
+        Returns:
+            The state of all replayed entities.
+        """
         stamp_ns = self.start_ns + since_ns
         egos = {index: track.at(stamp_ns) for index, track in self.egos.items()}
         if self.objects is None:
@@ -192,7 +213,7 @@ def _find(stamps: IntArray, stamp_ns: int) -> tuple[int, float]:
 
 
 def _max_way(stamps: IntArray, i: int) -> float:
-    """Return the longest way from a stamp to the next one that is no jump [m]."""
+    """Return the longest distance from a stamp to the next one that is not a jump [m]."""
     return MAX_RECORDED_SPEED * (int(stamps[i + 1]) - int(stamps[i])) / 1e9
 
 

@@ -1,6 +1,6 @@
 """The simulator's component for replays, put together from its subjects.
 
-- `state_machine`: which event is allowed when, and what follows from it
+- `state_machine`: the allowed events of each state, and their effects
 - `process`: the state, and the effects carried out
 - `playback`: the recording that moves the world, and the position in it
 - `process_service`: `/Morai_SimProc`: commands
@@ -72,8 +72,8 @@ class Replay(Component):
             self._playback.show_frame()
 
     def _settle(self, now: float) -> None:
-        """Follow the end of a frame, of a pause, or its begin."""
-        if self._process.state is not ReplayState.SIMULATING:  # asked first: this is called at every frame
+        """Act on the end of a frame, and on the begin or end of a pause."""
+        if self._process.state is not ReplayState.SIMULATING:  # checked first, because this is called at every frame
             self._process.check_end(now)
         self._network.settle(now)
         self._status.settle(now)
