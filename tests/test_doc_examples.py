@@ -38,7 +38,7 @@ PROGRAM = re.compile(r"^```(?:python|js|html|toml|csv)$", re.MULTILINE)
 
 NUMBER = re.compile(r"-?\d+\.\d+")
 
-EXACT = ("python", "tutorial", "drive", "messages")
+EXACT = ("python", "tutorial", "drive", "messages", "score", "step")
 """Programs in Python that print the same on every machine, since the world waits for them or no figure is printed."""
 
 TESTS = ("first-test", "fixtures", "unittest", "brakes")
@@ -47,6 +47,7 @@ TESTS = ("first-test", "fixtures", "unittest", "brakes")
 OTHERS = (
     "node",
     "page",
+    "step-node",
     "roslibpy-drive",
     "status-python",
     "status-node",
@@ -153,6 +154,12 @@ def test_javascript_drive_brakes_and_prints_lines_as_the_page_says(serve: Serve,
     assert figures_masked(printed) == figures_masked(shown("node"))
     driving, standing = (float(NUMBER.findall(line)[-1]) for line in printed.splitlines())
     assert (driving > 10.0, standing) == (True, 0.0)
+
+
+@pytest.mark.client
+@pytest.mark.slow
+def test_steps_from_javascript_print_what_the_page_says(serve: Serve, tmp_path: Path) -> None:
+    assert run_node("step-node", serve().port, tmp_path) == shown("step-node")
 
 
 SHOWN = "error: Message type morai_msgs/CtrlCmd does not have a field acel (did you mean accel?); it has longlCmdType, "

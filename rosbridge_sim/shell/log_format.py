@@ -44,8 +44,8 @@ class _OneLine(logging.Formatter):
 class _JsonLine(logging.Formatter):
     r"""JSON objects such as `{"date": "2026-01-31T12:34:56.789Z", "level": "INFO", "logger": "...", "message": "..."}`.
 
-    The date has the form of RFC 3339, in UTC. A line about a client has its address in `client`. One about a failure has
-    the traceback in `exception`, with `\n` in it. Everything is ASCII, so no terminal or collector can fail on it.
+    The date has the form of RFC 3339, in UTC. A line about a client has its address in `client`. A line about a failure
+    has the traceback in `exception`, with `\n` in it. Everything is ASCII, so no terminal or collector can fail on it.
     """
 
     def format(self, record: logging.LogRecord) -> str:

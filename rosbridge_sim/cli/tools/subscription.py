@@ -29,22 +29,24 @@ class Listener:
         self._num_messages = 0
 
     @classmethod
-    async def open(cls, bridge: Bridge, topic: str, type_name: str | None) -> Listener:
+    async def open(cls, bridge: Bridge, topic: str, type_name: str | None, *, throttle_ms: int = 0) -> Listener:
         """Subscribe to a topic.
 
         Args:
             bridge: the rosbridge.
             topic: absolute name of the topic.
             type_name: its type; None means that of an existing topic.
+            throttle_ms: least time between two messages [ms].
 
         Returns:
             The subscription.
         """
         listener = cls(bridge, topic)
+        rate = {"throttle_rate": throttle_ms} if throttle_ms else {}
         if type_name is not None:
-            await bridge.send("subscribe", topic=topic, type=type_name)
+            await bridge.send("subscribe", topic=topic, type=type_name, **rate)
             return listener
-        await bridge.send("subscribe", topic=topic)
+        await bridge.send("subscribe", topic=topic, **rate)
         listener._question = await bridge.send("call_service", service="/rosapi/topic_type", args={"topic": topic})
         listener._question_ends = bridge.now() + bridge.patience
         return listener
