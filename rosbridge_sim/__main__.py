@@ -192,6 +192,8 @@ _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
             "tick",
             "step",
             "score",
+            "snapshot",
+            "restore",
             "wait",
             "schema",
             "bag",

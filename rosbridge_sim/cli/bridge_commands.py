@@ -6,6 +6,7 @@ import asyncio
 import math
 import os
 from collections.abc import Awaitable, Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rosbridge_sim.cli.command_line import (
@@ -328,7 +329,7 @@ def _run_record(options: Options) -> int:
     )
 
 
-# tick, step, score, wait
+# tick, step, score, snapshot, restore, wait
 
 
 def _tick(argv: Sequence[str]) -> int:
@@ -482,6 +483,54 @@ def _run_score(options: Options) -> int:
     return _with_bridge(options, lambda bridge: score.show(bridge, is_reset=options.reset, is_json=options.json))
 
 
+def _snapshot(argv: Sequence[str]) -> int:
+    parser = Parser(
+        prog="rosbridge-sim snapshot",
+        description="Save the state of a simulator, so that `restore` can go back to it; or list what is saved.",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    parser.add_argument("--id", default="", metavar="ID", help="name of the snapshot [one that the server chooses]")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write it into a file, too, such as start.rbsim")
+    parser.add_argument("--list", action="store_true", help="show the snapshots that are kept, and take none")
+    parser.add_argument("--remove", action="append", default=[], metavar="ID", help="remove one, then list; repeatable")
+    _add_bridge(parser, CALL_PATIENCE)
+    parser.set_defaults(run=_run_snapshot)
+    return run_command(parser, argv)
+
+
+def _run_snapshot(options: Options) -> int:
+    from rosbridge_sim.cli.tools.snapshot import list_snapshots, take_snapshot  # noqa: PLC0415
+
+    if options.list or options.remove:
+        if options.id or options.out:
+            raise SettingError("--list, --remove: expected without --id and --out, which take a snapshot")
+        return _with_bridge(options, lambda bridge: list_snapshots(bridge, options.remove, is_json=options.json))
+    return _with_bridge(options, lambda bridge: take_snapshot(bridge, options.id, options.out, is_json=options.json))
+
+
+def _restore(argv: Sequence[str]) -> int:
+    parser = Parser(
+        prog="rosbridge-sim restore",
+        description="Return a simulator to a snapshot. In synchronous mode only its master may do so.",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    parser.add_argument(
+        "snapshot", metavar="ID|FILE", help="name of a snapshot that the server keeps, or a file of `snapshot --out`"
+    )
+    parser.add_argument("--user", default=TICK_ID, metavar="ID", help=f"user id of the master [{TICK_ID}]")
+    _add_bridge(parser, CALL_PATIENCE)
+    parser.set_defaults(run=_run_restore)
+    return run_command(parser, argv)
+
+
+def _run_restore(options: Options) -> int:
+    from rosbridge_sim.cli.tools.snapshot import restore  # noqa: PLC0415
+
+    return _with_bridge(options, lambda bridge: restore(bridge, options.snapshot, options.user, is_json=options.json))
+
+
 def _wait(argv: Sequence[str]) -> int:
     parser = Parser(
         prog="rosbridge-sim wait",
@@ -519,6 +568,8 @@ TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "tick": _tick,
     "step": _step,
     "score": _score,
+    "snapshot": _snapshot,
+    "restore": _restore,
     "wait": _wait,
 }
 """Name -> function that runs the command with the words behind the name."""

@@ -7,6 +7,7 @@ subscriptions. So pings are answered while the program does something else, and 
 from __future__ import annotations
 
 import asyncio
+import base64
 import itertools
 import logging
 import math
@@ -14,7 +15,7 @@ import ssl
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any, ClassVar, Final, Literal, Self
 
@@ -43,6 +44,7 @@ __all__ = [
     "AsyncSubscription",
     "Command",
     "RealTimeFactor",
+    "Snapshot",
     "Status",
     "Steps",
     "StopCondition",
@@ -160,6 +162,25 @@ class RealTimeFactor:
 
     factor: float
     measured: float
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """A saved state of the simulator.
+
+    Attributes:
+        name: under which the server keeps it.
+        frame: of the state that was saved.
+        size: memory that it takes in the server [bytes].
+        state_hash: of that state.
+        data: all of it, for another process; empty if it was not asked for.
+    """
+
+    name: str
+    frame: int
+    size: int
+    state_hash: str
+    data: bytes = field(default=b"", repr=False)
 
 
 @dataclass(slots=True)
@@ -816,6 +837,91 @@ class AsyncClient:
             raise ServiceRefusedError("/sim/real_time_factor", str(values.get("message", "")), values)
         return RealTimeFactor(values["factor"], values["measured"])
 
+    # Snapshots
+
+    async def snapshot(self, name: str = "", *, with_data: bool = False, timeout: float | None = None) -> Snapshot:
+        """Save the state of the whole simulator; return what was saved.
+
+        Args:
+            name: of the snapshot; a name that is taken gets the new one; empty lets the server choose.
+            with_data: return its bytes, too, which another process can restore.
+            timeout: longest wait [s].
+
+        Raises:
+            ServiceRefusedError: there is no room, or it cannot be saved now; the error has the reason.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        answer = await self._ask_sim("/sim/snapshot", {"id": name, "with_data": with_data}, timeout)
+        return _snapshot_of(answer, base64.b64decode(str(answer.get("data", ""))))
+
+    async def restore(self, saved: str | bytes | Snapshot, *, timeout: float | None = None) -> int:
+        """Return the simulator to a snapshot; return the frame that the world stands at.
+
+        In synchronous mode only its master may do so: the client that has called `start_sync`.
+
+        Args:
+            saved: what `snapshot` returned, or its name or bytes. A snapshot with bytes is sent as these.
+            timeout: longest wait [s].
+
+        Raises:
+            ServiceRefusedError: there is no such snapshot, or it cannot be restored; the error has the reason, and
+                nothing has changed.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        if isinstance(saved, Snapshot):
+            saved = saved.data or saved.name
+        sync = self._sync
+        request: dict[str, object] = {"user_id": DEFAULT_USER_ID if sync is None else sync.user_id}
+        if isinstance(saved, bytes):
+            request["data"] = base64.b64encode(saved).decode()
+        else:
+            request["id"] = saved
+        frame = int((await self._ask_sim("/sim/restore", request, timeout)).get("frame", 0))
+        if sync is not None:
+            sync.frame = frame
+        return frame
+
+    async def snapshots(self, *, remove: Sequence[str] = (), timeout: float | None = None) -> list[Snapshot]:
+        """Return the snapshots that the server keeps, oldest first, without their bytes.
+
+        Args:
+            remove: names of snapshots that it shall keep no longer.
+            timeout: longest wait [s].
+
+        Raises:
+            ServiceRefusedError: one of these names is not there; none was removed.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        answer = await self._ask_sim("/sim/snapshots", {"remove": list(remove)}, timeout)
+        return [_snapshot_of(one) for one in answer.get("snapshots", ())]
+
+    async def state_hash(self, *, timeout: float | None = None) -> str:
+        """Return a hash of all that decides what the simulator will do: equal states have equal hashes.
+
+        Args:
+            timeout: longest wait [s].
+
+        Raises:
+            ServiceRefusedError: there is no such service.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        return str((await self.call("/sim/state_hash", timeout=timeout)).get("hash", ""))
+
+    async def _ask_sim(self, service: str, request: Mapping[str, object], timeout: float | None) -> Frame:
+        """Return the values of a service of ours that can refuse.
+
+        Raises:
+            ServiceRefusedError: it does.
+        """
+        answer = await self.call(service, request, timeout=timeout)
+        if answer.get("result") is not True:
+            raise ServiceRefusedError(service, str(answer.get("message", "")), answer)
+        return answer
+
     @property
     def next_frame(self) -> int:
         """Number of the frame that the next tick leads to, for requests that name a frame; 0 without `start_sync`."""
@@ -855,6 +961,16 @@ class AsyncClient:
         """
         values = await self.call("/sim/score", {"reset": reset}, timeout=timeout)
         return list(values.get("scores", ()))
+
+
+def _snapshot_of(values: Frame, data: bytes = b"") -> Snapshot:
+    return Snapshot(
+        str(values.get("id", "")),
+        int(values.get("frame", 0)),
+        int(values.get("size", 0)),
+        str(values.get("state_hash", "")),
+        data,
+    )
 
 
 def _sync_command(user_id: str, step_ms: int, *, is_on: bool = False) -> Frame:

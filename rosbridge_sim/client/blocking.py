@@ -23,6 +23,7 @@ from rosbridge_sim.client.asynchronous import (
     Command,
     Predicate,
     RealTimeFactor,
+    Snapshot,
     Status,
     StatusLevel,
     Steps,
@@ -234,6 +235,24 @@ class Client:
     def real_time_factor(self, factor: float | None = None, *, timeout: float | None = None) -> RealTimeFactor:
         """See `AsyncClient.real_time_factor`."""
         return self.run(self._client.real_time_factor(factor, timeout=timeout))
+
+    # Snapshots
+
+    def snapshot(self, name: str = "", *, with_data: bool = False, timeout: float | None = None) -> Snapshot:
+        """See `AsyncClient.snapshot`."""
+        return self.run(self._client.snapshot(name, with_data=with_data, timeout=timeout))
+
+    def restore(self, saved: str | bytes | Snapshot, *, timeout: float | None = None) -> int:
+        """See `AsyncClient.restore`."""
+        return self.run(self._client.restore(saved, timeout=timeout))
+
+    def snapshots(self, *, remove: Sequence[str] = (), timeout: float | None = None) -> list[Snapshot]:
+        """See `AsyncClient.snapshots`."""
+        return self.run(self._client.snapshots(remove=remove, timeout=timeout))
+
+    def state_hash(self, *, timeout: float | None = None) -> str:
+        """See `AsyncClient.state_hash`."""
+        return self.run(self._client.state_hash(timeout=timeout))
 
     @property
     def next_frame(self) -> int:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final
 
@@ -21,7 +22,7 @@ from rosbridge_sim.world.self_driving import start_self_driving
 from rosbridge_sim.world.sensors import Mounting
 from rosbridge_sim.world.state import Gear, Mode, World
 
-__all__ = ["GPS", "IMU", "SENSORS", "CtrlMode", "Ego"]
+__all__ = ["GPS", "IMU", "SENSORS", "CtrlMode", "Ego", "EgoState"]
 
 GPS: Final = "gps_link"
 IMU: Final = "imu_link"
@@ -39,6 +40,23 @@ class CtrlMode(IntEnum):
     GAME_PAD = 2
     EXTERNAL = 3  # /ctrl_cmd
     AUTONOMOUS = 6  # self-driving: it follows the lanes as other vehicles do
+
+
+@dataclass(frozen=True, slots=True)
+class EgoState:
+    """State of an ego beside its row in the world.
+
+    Attributes:
+        index, uid, ctrl_mode, lamps, mountings: as in `Ego`.
+        refused_gear: the gear that it was last refused, so that the log names each refusal once.
+    """
+
+    index: int
+    uid: int
+    ctrl_mode: CtrlMode
+    lamps: tuple[int, int]
+    refused_gear: Gear | None
+    mountings: tuple[tuple[str, Mounting], ...]
 
 
 class Ego:
@@ -127,6 +145,20 @@ class Ego:
         self._refused_gear = None
         if self.ctrl_mode is CtrlMode.AUTONOMOUS:
             self.shift(Gear.DRIVE)
+        self.forget_status()
+
+    def save_state(self) -> EgoState:
+        """Return what decides what it will do, beside its row in the world."""
+        mountings = tuple(self.mountings.items())
+        return EgoState(self.index, self.uid, self.ctrl_mode, self.lamps, self._refused_gear, mountings)
+
+    def load_state(self, state: EgoState) -> None:
+        """Become what was saved; the world has been restored. A recording does not move it."""
+        self.uid, self.ctrl_mode = state.uid, state.ctrl_mode
+        self.turn_signal, self.emergency_signal = state.lamps
+        self._refused_gear = state.refused_gear
+        self.mountings = dict(state.mountings)
+        self.is_replayed = False
         self.forget_status()
 
     def control(self, control: Control) -> None:

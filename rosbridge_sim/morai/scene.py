@@ -24,7 +24,7 @@ from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.releases import SpeedLimits
 from rosbridge_sim.morai.scenarios.reader import PhaseStart, Scenario, Spawn, place_on_roads, sort_phases
 from rosbridge_sim.world.lane_position import keep_lane
-from rosbridge_sim.world.state import DT, Body, Gear, Kind, World
+from rosbridge_sim.world.state import DT, Body, Gear, Kind, Snapshot, World
 
 __all__ = [
     "DEFAULT_MAP",
@@ -218,6 +218,7 @@ class Scene:
         egos = tuple([replace(ego, gear=ego_gear) for ego in opening.egos or (_AT_ORIGIN,)])
         self._opening = self.loaded = replace(opening, egos=egos)
         self.carry_out(self._opening)
+        self._note_begin()
 
     def reset(self, seed: int | None) -> None:
         """Load the opening scene again, on its own map, at frame 0, with ids from the first one on.
@@ -225,9 +226,39 @@ class Scene:
         Args:
             seed: random seed; None keeps the current one.
         """
-        self.world.reset(seed)
+        world, begin = self.world, self._begin
+        if (world.seed if seed is None else seed) == begin.seed:
+            # Spawning costs ten times as much, and programs reset thousands of times.
+            self.restore(begin, loaded=self._opening, found=self._begin_map, next_uid=self._begin_uid)
+            return
+        world.reset(seed)
         self._next_uid = FIRST_UID
         self.carry_out(self._opening)
+        self._note_begin()
+
+    def restore(self, world: Snapshot, *, loaded: Load, found: FoundMap, next_uid: int) -> None:
+        """Become what was saved.
+
+        Args:
+            world: on the roads of `found`.
+            loaded: the attribute.
+            found: the map.
+            next_uid: see `next_uid`.
+        """
+        self.world.restore(world)
+        self.loaded = loaded
+        self.road_map, self._map_name = found.road_map, found.name
+        self._next_uid = next_uid
+        self.is_replaying = False
+
+    def _note_begin(self) -> None:
+        """Keep the scene as the one that a reset leads to."""
+        self._begin, self._begin_map, self._begin_uid = self.world.snapshot(), self.found_map, self._next_uid
+
+    @property
+    def next_uid(self) -> int:
+        """The next id that is given to an object."""
+        return self._next_uid
 
     @property
     def found_map(self) -> FoundMap:
