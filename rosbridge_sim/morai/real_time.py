@@ -14,7 +14,7 @@ from rosbridge_sim.morai.context import SimulatorContext
 __all__ = ["MAX_FRAMES_AT_ONCE", "RealTime"]
 
 MAX_FRAMES_AT_ONCE: Final = 5
-"""Frames that one `advance` computes at most, so that catching up does not keep everybody else waiting."""
+"""Frames that one `advance` computes at most, so that catching up does not keep clients waiting."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
@@ -47,7 +47,7 @@ class RealTime:
         failure.raise_unless_serving()
 
     def next_due(self, now: float) -> float | None:
-        """When `advance` has something to do next [s]; None while only a call can move the world."""
+        """Return the time of the next call of `advance` [s]; None while only a service call can move the world."""
         failure, sync, publishers, pacer = (
             self._context.failure,
             self._context.sync,

@@ -1,7 +1,7 @@
-"""Which frames real time owes: 50 a second from an anchor, without drift, and without racing after a stall.
+"""Frames that real time owes: 50 a second from an anchor, without drift, and without a race after a stall.
 
 Frame n since the anchor is due at anchor + n * 20 ms, whatever happened before, so a late step is made up for and no
-rounding adds up. Who has fallen behind by more than `STALL` is not to race through what was missed (a laptop that slept
+rounding adds up. A world that is behind by more than `STALL` must not race through missed frames (a laptop that slept
 for a night owes two million frames): the anchor moves instead, and the world goes on from where it stands.
 """
 
@@ -14,11 +14,11 @@ from rosbridge_sim.world.state import DT
 __all__ = ["STALL", "RealTimePacer"]
 
 STALL: Final = 0.5
-"""How far behind the world may fall and still catch up [s]."""
+"""Largest delay that the world still catches up with [s]."""
 
 
 class RealTimePacer:
-    """The clockwork of real time.
+    """Counter of the frames of real time.
 
     Attributes:
         num_stalls: how often the anchor had to move.
@@ -38,23 +38,23 @@ class RealTimePacer:
 
     @property
     def is_started(self) -> bool:
-        """Whether time has ever been counted."""
+        """True once `start` has been called."""
         return self._anchor is not None
 
     @property
     def shown_at(self) -> float:
-        """When the last frame was due, late or not [s]."""
+        """Time at which the last frame was due, late or not [s]."""
         assert self._anchor is not None
         return self._anchor + self._num_done * DT
 
     @property
     def due_at(self) -> float:
-        """When the next frame is due [s]. It is owed from this very number on: no busy waiting, no early step."""
+        """Time at which the next frame is due [s]. It is owed from exactly then on: no busy waiting, no early step."""
         assert self._anchor is not None
         return self._anchor + (self._num_done + 1) * DT
 
     def count(self) -> None:
-        """The next frame has been computed."""
+        """Note that the next frame has been computed."""
         self._num_done += 1
 
     def forgive(self, now: float) -> float:

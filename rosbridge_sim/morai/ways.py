@@ -59,7 +59,7 @@ _EFFECTS: Final = (
     PolicyEffect(
         "move an ego",
         (*_publishing("/ctrl_cmd", "/ctrl_cmd_0", "/ghost_ctrl_cmd"), *_PLACE, *_calling("/SyncModeCtrlCmd")),
-        (*_EVENT, *_REPLAYS, *_LOADS, *_RESET),  # the event service can make an ego drive itself
+        (*_EVENT, *_REPLAYS, *_LOADS, *_RESET),  # by the event service an ego is told to drive itself
     ),
     PolicyEffect("shift an ego's gear", (*_calling("/SyncModeSetGear"), *_EVENT), _PLACE),
     PolicyEffect("choose who drives an ego", _EVENT, _PLACE),
