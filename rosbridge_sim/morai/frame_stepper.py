@@ -6,14 +6,16 @@ functions after a frame. Real time and synchronous mode differ only in the topic
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 from rosbridge_sim.morai.egos import EgoRegistry
 from rosbridge_sim.morai.hooks import Hooks
 from rosbridge_sim.morai.interfaces.publishers import Publishers
-from rosbridge_sim.morai.real_time_pacer import RealTimePacer
+from rosbridge_sim.morai.real_time_pacer import RealTimePacer, ShowLimit
+from rosbridge_sim.morai.scene_commands import SceneCommand
 from rosbridge_sim.morai.simulation_time import SimulationTime
-from rosbridge_sim.morai.sync import SceneCommand, Sync
+from rosbridge_sim.morai.sync import Sync
 from rosbridge_sim.morai.sync_info import SyncInfo
 from rosbridge_sim.world.state import World
 from rosbridge_sim.world.step import step
@@ -38,6 +40,7 @@ class FrameStepper:
         is_moving: frames are being computed now; set by the caller that computes several.
         num_frames: frames computed since the start; a reset of the world does not set it back.
         meter: measures each frame; None for no measurement.
+        carry_out: `(command, now)`: carries out a command that has waited for the frame.
     """
 
     def __init__(
@@ -67,6 +70,7 @@ class FrameStepper:
         self.is_moving = False
         self.num_frames = 0
         self.meter: FrameMeter | None = None
+        self.carry_out: Callable[[SceneCommand, float], object] = _no_executor
         self._world = world
         self._sync = sync
         self._egos = egos
@@ -75,6 +79,7 @@ class FrameStepper:
         self._pacer = pacer
         self._publishers = publishers
         self._sync_info = sync_info
+        self._info_limit = ShowLimit(pacer)
 
     def compute(self, now: float, *, is_tick: bool, is_last: bool) -> None:
         """Move the world by one frame and publish it.
@@ -88,16 +93,18 @@ class FrameStepper:
         if meter is not None:
             meter.begin()
         for command in self._sync.due(world.frame + 1):
-            command(now)
+            self.carry_out(command, now)
         step(world, self._place)
         self._egos.forget_statuses()
         self._time.follow()
         if is_tick:
             self._publishers.show_every(world.frame, now)
+            self._sync_info.announce(now, may_tick=is_last)
         else:
             self._pacer.count()
             self._publishers.show_due(world.frame, self._pacer.shown_at, now)
-        self._sync_info.announce(now, may_tick=is_last)
+            if self._info_limit.is_open(world.frame, now):
+                self._sync_info.announce(now, may_tick=is_last)
         while hooks.once_after_frame:
             hooks.once_after_frame.pop(0)(now)
         for act in hooks.after_frame:
@@ -110,3 +117,8 @@ class FrameStepper:
         """Let the components place entities within a step."""
         for place in self._hooks.place:
             place()
+
+
+def _no_executor(command: SceneCommand, _now: float) -> None:
+    """Stand for the executor that the node factory puts in place."""
+    raise AssertionError(f"nothing carries out {command.action!r}")

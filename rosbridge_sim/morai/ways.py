@@ -43,6 +43,7 @@ _RESET: Final = _calling("/sim/reset")
 _EVENT: Final = _calling("/Service_MoraiEventCmd")
 _PLACE: Final = _publishing("/ego_setting")
 _TICK: Final = _calling("/SyncModeWaitForTick")
+_STEP: Final = _calling("/sim/step")
 
 _SAME: Final = (
     _publishing("/ctrl_cmd", "/ctrl_cmd_0"),
@@ -58,8 +59,8 @@ _SAME_AS: Final = {way: row for row in _SAME for way in row}
 _EFFECTS: Final = (
     PolicyEffect(
         "move an ego",
-        (*_publishing("/ctrl_cmd", "/ctrl_cmd_0", "/ghost_ctrl_cmd"), *_PLACE, *_calling("/SyncModeCtrlCmd")),
-        (*_EVENT, *_REPLAYS, *_LOADS, *_RESET),  # by the event service an ego is told to drive itself
+        (*_publishing("/ctrl_cmd", "/ctrl_cmd_0", "/ghost_ctrl_cmd"), *_PLACE, *_calling("/SyncModeCtrlCmd"), *_STEP),
+        (*_EVENT, *_REPLAYS, *_LOADS, *_RESET),  # the event service can make an ego drive itself
     ),
     PolicyEffect("shift an ego's gear", (*_calling("/SyncModeSetGear"), *_EVENT), _PLACE),
     PolicyEffect("choose who drives an ego", _EVENT, _PLACE),
@@ -77,7 +78,7 @@ _EFFECTS: Final = (
     PolicyEffect("set traffic lights", _publishing("/SetTrafficLight", "/InsnControl"), (*_LOADS, *_RESET)),
     PolicyEffect(
         "stop time or let it go on",
-        (*_EVENT, *_calling("/SyncModeCmd"), *_TICK),
+        (*_EVENT, *_calling("/SyncModeCmd"), *_TICK, *_STEP, *_calling("/sim/real_time_factor")),
         (*_LOADS, *_calling("/Morai_SimProc")),
     ),
     PolicyEffect("save sensor data", _publishing("/SaveSensorData"), _calling("/SyncModeCtrlCmd")),
@@ -87,22 +88,24 @@ _EFFECTS: Final = (
         (
             *_hearing("/Object_topic", "/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"),
             *_TICK,
+            *_STEP,
         ),
     ),
     PolicyEffect(
         "learn where others are",
         _hearing("/Object_topic"),
-        _hearing("/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"),
+        (*_hearing("/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"), *_STEP),
     ),
-    PolicyEffect("learn of collisions", _hearing("/CollisionData", "/VehicleCollisionData")),
+    PolicyEffect("learn of collisions", _hearing("/CollisionData", "/VehicleCollisionData"), _STEP),
     PolicyEffect(
         "learn what traffic lights show",
         (*_hearing("/GetTrafficLightStatus", "/InsnStatus", "/IntscnTL_topic"), *_calling("/Morai_TLSrv")),
+        _STEP,
     ),
     PolicyEffect(
         "learn the simulated time",
         (*_hearing("/clock"), *_calling("/rosapi/get_time")),
-        (*_hearing("/SyncModeInfo"), *_calling("/SyncModeCmd"), *_TICK),
+        (*_hearing("/SyncModeInfo"), *_calling("/SyncModeCmd"), *_TICK, *_STEP),
     ),
 )
 """Effects, and knowledge, that several topics or services give; by default names."""

@@ -9,6 +9,9 @@ Above 50 Hz the first is published with the frame; the others are the same messa
 evenly over the 20 ms of the frame. In synchronous mode the state of every frame is published once, at any rate, because
 a tick is made for that. *Sampled* topics, such as sensors, keep their rate there too, with at most one message a frame.
 
+Where simulated time runs faster than the clock, a topic goes out at most 120 times in a second of wall time: rates are
+lowered to that, evenly over the frames; where the world runs as fast as possible, the clock chooses the frames.
+
 While a pause stops real time nothing moves, and a client that joins would get no messages. So some topics are *shown in
 a pause*: once a second, and at once to a new subscriber, with the current state and the number of the last frame. While
 the world waits for ticks they are not shown, because each message there belongs to a tick. Recordings do not get them.
@@ -20,6 +23,7 @@ set their rates.
 from __future__ import annotations
 
 import heapq
+import math
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from itertools import count
@@ -34,9 +38,12 @@ from rosbridge_sim.morai.interfaces.registry import Interface, InterfaceRegistry
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.world.state import DT
 
-__all__ = ["LatchedPublisher", "PeriodicPublisher", "Publishers"]
+__all__ = ["MAX_WALL_RATE", "LatchedPublisher", "PeriodicPublisher", "Publishers"]
 
 _FRAME_RATE: Final = 50
+
+MAX_WALL_RATE: Final = 120
+"""Messages of a topic in a second of wall time at most: more than a screen shows, and the highest rate in settings."""
 
 PAUSE_PERIOD: Final = 1.0
 """Period of the messages in a pause [s]: short enough for a person who watches, and no load."""
@@ -47,6 +54,7 @@ class _Publisher(Interface):
 
     Attributes:
         topic: on the bus; None while it is not there.
+        last: the last message that went out with a frame, and how many frames were published by then; for `Publishers`.
     """
 
     kind = InterfaceKind.PUBLISHER
@@ -55,6 +63,7 @@ class _Publisher(Interface):
         prefix, default = split_prefix(name)
         super().__init__(default, prefix, type_name, rate)
         self.topic: Topic | None = None
+        self.last: tuple[int, Message] | None = None
         self._is_exclusive = is_exclusive
         self._depth = depth
 
@@ -105,7 +114,11 @@ class PeriodicPublisher(_Publisher):
         self.make = make
         self.is_sampled = is_sampled
         self.is_shown_in_pause = is_shown_in_pause
+        self.free_at = -math.inf  # where wall time limits the rate: when the next message may go out [s]
+        self._rate = Fraction(1)
+        self._most: Fraction | None = None
         self._up, self._down = 1, 1
+        self._real_up, self._real_down = 1, 1
 
     def bind(self, owner: Participant, bus: Bus, name: str, now: float) -> None:
         """Put the topic on the bus; a latched message is published at once. See `Interface.bind`."""
@@ -125,8 +138,15 @@ class PeriodicPublisher(_Publisher):
         Args:
             rate: publications a second [Hz].
         """
-        per_frame = Fraction(rate).limit_denominator(10_000) / _FRAME_RATE
-        self._up, self._down = per_frame.numerator, per_frame.denominator
+        self._rate = Fraction(rate).limit_denominator(10_000) / _FRAME_RATE
+        self._up, self._down = self._rate.numerator, self._rate.denominator
+        self.limit(self._most)
+
+    def limit(self, most: Fraction | None) -> None:
+        """Go out at most so often while real time moves the world, in simulated time [Hz]; None for no limit."""
+        self._most = most
+        rate = self._rate if most is None else min(self._rate, most / _FRAME_RATE)
+        self._real_up, self._real_down = rate.numerator, rate.denominator
 
     def num_due(self, frame: int) -> int:
         """Return the number of publications of a frame at the topic's rate.
@@ -138,6 +158,10 @@ class PeriodicPublisher(_Publisher):
             0, 1 or, above 50 Hz, more.
         """
         return frame * self._up // self._down - (frame - 1) * self._up // self._down
+
+    def num_due_in_real_time(self, frame: int) -> int:
+        """How many publications this frame brings while real time moves the world, which may set a limit."""
+        return frame * self._real_up // self._real_down - (frame - 1) * self._real_up // self._real_down
 
 
 class LatchedPublisher(_Publisher):
@@ -174,8 +198,11 @@ class Publishers:
         self._bus = bus
         self._items = items
         self._periodic: list[PeriodicPublisher] = []
+        self._latched: list[LatchedPublisher] = []
+        self._num_shown = 0  # frames published; unlike the world's frame it never goes back
         self._repeats: list[tuple[float, int, PeriodicPublisher, Message]] = []
         self._ticket = count()
+        self._factor = 1.0
         # In a pause: time of the next message, subscriptions that got the last one, and whether one was added since.
         self._pause_at: float | None = None
         self._shown_to: set[Subscription] = set()
@@ -226,6 +253,7 @@ class Publishers:
             is_shown_in_pause=is_shown_in_pause,
             depth=depth,
         )
+        publisher.limit(_max_rate(self._factor))
         self._items.add(publisher, is_everywhere=is_everywhere)
         self._periodic.append(publisher)
         return publisher
@@ -246,6 +274,7 @@ class Publishers:
         """
         publisher = LatchedPublisher(name, type_name, is_exclusive=is_exclusive)
         self._items.add(publisher)
+        self._latched.append(publisher)
         return publisher
 
     def update(self, publisher: LatchedPublisher, value: Struct, now: float) -> None:
@@ -273,6 +302,17 @@ class Publishers:
         heapq.heapify(self._repeats)
         self._items.remove(gone, now)
 
+    def set_factor(self, factor: float) -> None:
+        """Take note of the real-time factor, and forget what was to be repeated.
+
+        Args:
+            factor: see `RealTimePacer`.
+        """
+        self._factor = factor
+        self.forget_repeats()
+        for publisher in self._periodic:
+            publisher.limit(_max_rate(factor))
+
     def show_every(self, frame: int, now: float) -> None:
         """Publish the world's current state on every topic with subscribers; sampled topics only if they are due.
 
@@ -280,6 +320,7 @@ class Publishers:
             frame: the world's.
             now: monotonic time [s].
         """
+        self._num_shown += 1
         for publisher in self._periodic:
             topic = publisher.topic
             if topic is None or not topic.subscriptions:  # true for most topics at each frame: saves the calls
@@ -288,7 +329,9 @@ class Publishers:
                 continue
             value = publisher.make()
             if value is not None:
-                self._bus.announce(self._owner, topic, Message(topic.type, value), now)
+                message = Message(topic.type, value)
+                publisher.last = self._num_shown, message
+                self._bus.announce(self._owner, topic, message, now)
 
     def show_due(self, frame: int, shown_at: float, now: float) -> None:
         """Publish the world's current state on the topics that are due, and schedule their repetitions.
@@ -298,20 +341,28 @@ class Publishers:
             shown_at: monotonic time at which the frame was due [s].
             now: monotonic time [s].
         """
+        self._num_shown += 1
         for publisher in self._periodic:
             topic = publisher.topic
             if topic is None or not topic.subscriptions:  # as above
                 continue
-            num = publisher.num_due(frame)
+            num = publisher.num_due_in_real_time(frame)
             if not num or not topic.has_listener:
                 continue
+            if not self._factor:
+                if now < publisher.free_at:
+                    continue
+                num, publisher.free_at = 1, now + 1.0 / MAX_WALL_RATE
             value = publisher.make()
             if value is None:
                 continue
             message = Message(topic.type, value)
+            publisher.last = self._num_shown, message
             self._bus.announce(self._owner, topic, message, now)
             for i in range(1, num):
-                heapq.heappush(self._repeats, (shown_at + i * DT / num, next(self._ticket), publisher, message))
+                heapq.heappush(
+                    self._repeats, (shown_at + i * DT / (self._factor * num), next(self._ticket), publisher, message)
+                )
 
     def show_now(self, publisher: PeriodicPublisher, now: float) -> None:
         """Publish one topic between frames, because its value has changed.
@@ -332,6 +383,36 @@ class Publishers:
         for publisher in self._periodic:
             if publisher.is_latched:
                 self.show_now(publisher, now)
+
+    @property
+    def names(self) -> list[str]:
+        """Return the names of all topics that are there."""
+        publishers: tuple[_Publisher, ...] = (*self._periodic, *self._latched)
+        return [publisher.topic.name for publisher in publishers if publisher.topic is not None]
+
+    def find(self, name: str) -> PeriodicPublisher | LatchedPublisher | None:
+        """Return what publishes the topic of that absolute name; None where it is not one of these, or not there."""
+        publishers: tuple[PeriodicPublisher | LatchedPublisher, ...] = (*self._periodic, *self._latched)
+        for publisher in publishers:
+            if publisher.topic is not None and publisher.topic.name == name:
+                return publisher
+        return None
+
+    def sample(self, publisher: PeriodicPublisher | LatchedPublisher) -> Message | None:
+        """Return what a topic says of the last frame, or was kept there for those who come late; nothing is published.
+
+        A message that went out with the frame is not made again. None where the topic has nothing to say.
+        """
+        topic, last = publisher.topic, publisher.last
+        if topic is None:
+            return None
+        if isinstance(publisher, LatchedPublisher):
+            value = publisher.value
+        elif last is not None and last[0] == self._num_shown:
+            return last[1]
+        else:
+            value = publisher.make()
+        return None if value is None else Message(topic.type, value)
 
     def current(self) -> Iterator[tuple[Topic, Message]]:
         """Yield the message that each topic would publish now; nothing is published.
@@ -425,6 +506,11 @@ class Publishers:
     def forget_repeats(self) -> None:
         """Cancel all repetitions, because real time has stopped."""
         self._repeats.clear()
+
+
+def _max_rate(factor: float) -> Fraction | None:
+    """Return how often a topic may go out in a second of simulated time; None where wall time alone says it."""
+    return MAX_WALL_RATE / Fraction(factor).limit_denominator(10_000) if factor else None
 
 
 def _listeners_in_pause(publisher: PeriodicPublisher) -> list[Subscription]:
