@@ -7,6 +7,7 @@ subscriptions. So pings are answered while the program does something else, and 
 from __future__ import annotations
 
 import asyncio
+import base64
 import itertools
 import logging
 import math
@@ -14,15 +15,23 @@ import ssl
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import TracebackType
-from typing import Any, ClassVar, Final, Literal, Self
+from typing import Any, ClassVar, Final, Literal, Self, Unpack
 
 import orjson
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus, InvalidURI, WebSocketException
 
 from rosbridge_sim.client.frames import MAX_SIZE, Frame, FrameReader, Inbox, absolute
+from rosbridge_sim.client.objects import (
+    ObjectChange,
+    ObjectOptions,
+    RoadPoint,
+    change_request,
+    place_request,
+    spawn_request,
+)
 from rosbridge_sim.errors import (
     AnswerTimeoutError,
     ClientError,
@@ -43,6 +52,7 @@ __all__ = [
     "AsyncSubscription",
     "Command",
     "RealTimeFactor",
+    "Snapshot",
     "Status",
     "Steps",
     "StopCondition",
@@ -160,6 +170,25 @@ class RealTimeFactor:
 
     factor: float
     measured: float
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """A saved state of the simulator.
+
+    Attributes:
+        name: under which the server keeps it.
+        frame: of the state that was saved.
+        size: memory that it takes in the server [bytes].
+        state_hash: of that state.
+        data: all of it, for another process; empty if it was not asked for.
+    """
+
+    name: str
+    frame: int
+    size: int
+    state_hash: str
+    data: bytes = field(default=b"", repr=False)
 
 
 @dataclass(slots=True)
@@ -677,6 +706,119 @@ class AsyncClient:
             why = "; in synchronous mode the world moves only by tick()"
         raise AnswerTimeoutError(f"{subscription.topic}: no message within {self._limit(timeout):g} s{why}")
 
+    # Objects and roads
+
+    async def spawn(self, model: str = "", *, timeout: float | None = None, **options: Unpack[ObjectOptions]) -> int:
+        """Place one object into the world, between two frames; return its number.
+
+        Args:
+            model: name, as `catalogue` has it; empty for an ego like the first one, or with `data_id`.
+            timeout: longest wait [s].
+            options: place (`x`, `y`, `heading_deg`, or `link`, `distance`), `speed`, `behaviour`, `route`, `path`,
+                `is_ego` and the other fields of `rosbridge_sim_msgs/SpawnObject`. Points of a path are `(x, y)` or
+                `(x, y, z)` [m].
+
+        Raises:
+            TypeError: an argument that there is not, or no place.
+            ServiceRefusedError: it cannot be placed; the error has the reason.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        (unique_id,) = await self.spawn_all([spawn_request(model, **options)], timeout=timeout)
+        return unique_id
+
+    async def spawn_all(self, objects: Sequence[Mapping[str, object]], *, timeout: float | None = None) -> list[int]:
+        """Place several objects, all or none; return their numbers. Errors as for `spawn`.
+
+        Args:
+            objects: the fields of a `rosbridge_sim_msgs/SpawnObject` each.
+            timeout: longest wait [s].
+        """
+        values = await self._call_sim("/sim/spawn", {"objects": list(objects)}, timeout)
+        return [int(number) for number in values["unique_ids"]]
+
+    async def remove(self, *unique_ids: int, timeout: float | None = None) -> None:
+        """Take objects or further egos out of the world, all or none, between two frames. Errors as for `spawn`."""
+        await self._call_sim("/sim/remove", {"unique_ids": list(unique_ids)}, timeout)
+
+    async def set_object(
+        self, unique_id: int, *, timeout: float | None = None, **options: Unpack[ObjectChange]
+    ) -> None:
+        """Change one object or ego, between two frames. What is not given stays. Errors as for `spawn`.
+
+        Args:
+            unique_id: its number; 0 is the first ego.
+            timeout: longest wait [s].
+            options: place, `speed`, `behaviour`, `route`, `path`, and of an ego `gear`, `ctrl_mode`, `turn_signal`,
+                `emergency_signal`: the fields of `rosbridge_sim_msgs/ObjectState`, without its flags.
+        """
+        await self.set_objects([change_request(unique_id, **options)], timeout=timeout)
+
+    async def set_objects(self, objects: Sequence[Mapping[str, object]], *, timeout: float | None = None) -> None:
+        """Change several objects, all or none. Errors as for `spawn`.
+
+        Args:
+            objects: the fields of a `rosbridge_sim_msgs/ObjectState` each, with its flags.
+            timeout: longest wait [s].
+        """
+        await self._call_sim("/sim/set", {"objects": list(objects)}, timeout)
+
+    async def catalogue(self, *, timeout: float | None = None) -> list[Frame]:
+        """Return the models that can be placed, a `rosbridge_sim_msgs/ModelInfo` each. Errors as for `call`."""
+        models = (await self.call("/sim/catalogue", timeout=timeout)).get("models")
+        return list(models) if isinstance(models, list) else []
+
+    async def map(self, *, timeout: float | None = None) -> Frame:
+        """Return all that a drawing of the map needs: what `/map.json` has. Errors as for `spawn`.
+
+        Args:
+            timeout: longest wait for each page [s].
+        """
+        whole = await self._call_sim("/sim/map", {"page": 0}, timeout)
+        while (number := int(whole["page"]) + 1) < int(whole["num_pages"]):
+            page = await self._call_sim("/sim/map", {"page": number}, timeout)
+            if page["digest"] != whole["digest"]:
+                raise ServiceRefusedError("/sim/map", "the map has changed while it was read; ask again", page)
+            whole = {key: value + page[key] if isinstance(value, list) else page[key] for key, value in whole.items()}
+        return {**whole, "page": 0, "num_pages": 1}
+
+    async def route(self, start: RoadPoint, goal: RoadPoint, *, timeout: float | None = None) -> Frame:
+        """Return the shortest way along the links: `links`, `points` and `length_m`. Errors as for `spawn`.
+
+        Args:
+            start: a link, `(link, distance)`, `(x, y)` or `(x, y, heading_deg)` [m, deg].
+            goal: the same.
+            timeout: longest wait [s].
+        """
+        return await self._call_sim("/sim/route", {"start": place_request(start), "goal": place_request(goal)}, timeout)
+
+    async def nearest_lane(
+        self, x: float, y: float, heading_deg: float | None = None, *, timeout: float | None = None
+    ) -> Frame:
+        """Return the lane nearest to a point: `link`, `distance`, `lateral`, `is_on_road` and more. Errors as above.
+
+        Args:
+            x: in the map's frame, east [m].
+            y: in the map's frame, north [m].
+            heading_deg: lanes of another direction count as farther away [deg]; None compares distances alone.
+            timeout: longest wait [s].
+        """
+        request: Frame = {"x": x, "y": y}
+        if heading_deg is not None:
+            request |= {"use_heading": True, "heading_deg": heading_deg}
+        return await self._call_sim("/sim/nearest_lane", request, timeout)
+
+    async def _call_sim(self, service: str, args: Mapping[str, object], timeout: float | None) -> Frame:
+        """Return the response of a service of ours, which begins with `result` and `message`.
+
+        Raises:
+            ServiceRefusedError: its result is false.
+        """
+        values = await self.call(service, args, timeout=timeout)
+        if values.get("result") is not True:
+            raise ServiceRefusedError(service, str(values.get("message", "")), values)
+        return values
+
     # Synchronous mode
 
     async def start_sync(self, *, user_id: str = DEFAULT_USER_ID, step_ms: int = FRAME_MS) -> int:
@@ -816,6 +958,91 @@ class AsyncClient:
             raise ServiceRefusedError("/sim/real_time_factor", str(values.get("message", "")), values)
         return RealTimeFactor(values["factor"], values["measured"])
 
+    # Snapshots
+
+    async def snapshot(self, name: str = "", *, with_data: bool = False, timeout: float | None = None) -> Snapshot:
+        """Save the state of the whole simulator; return what was saved.
+
+        Args:
+            name: of the snapshot; a name that is taken gets the new one; empty lets the server choose.
+            with_data: return its bytes, too, which another process can restore.
+            timeout: longest wait [s].
+
+        Raises:
+            ServiceRefusedError: there is no room, or it cannot be saved now; the error has the reason.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        answer = await self._ask_sim("/sim/snapshot", {"id": name, "with_data": with_data}, timeout)
+        return _snapshot_of(answer, base64.b64decode(str(answer.get("data", ""))))
+
+    async def restore(self, saved: str | bytes | Snapshot, *, timeout: float | None = None) -> int:
+        """Return the simulator to a snapshot; return the frame that the world stands at.
+
+        In synchronous mode only its master may do so: the client that has called `start_sync`.
+
+        Args:
+            saved: what `snapshot` returned, or its name or bytes. A snapshot with bytes is sent as these.
+            timeout: longest wait [s].
+
+        Raises:
+            ServiceRefusedError: there is no such snapshot, or it cannot be restored; the error has the reason, and
+                nothing has changed.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        if isinstance(saved, Snapshot):
+            saved = saved.data or saved.name
+        sync = self._sync
+        request: dict[str, object] = {"user_id": DEFAULT_USER_ID if sync is None else sync.user_id}
+        if isinstance(saved, bytes):
+            request["data"] = base64.b64encode(saved).decode()
+        else:
+            request["id"] = saved
+        frame = int((await self._ask_sim("/sim/restore", request, timeout)).get("frame", 0))
+        if sync is not None:
+            sync.frame = frame
+        return frame
+
+    async def snapshots(self, *, remove: Sequence[str] = (), timeout: float | None = None) -> list[Snapshot]:
+        """Return the snapshots that the server keeps, oldest first, without their bytes.
+
+        Args:
+            remove: names of snapshots that it shall keep no longer.
+            timeout: longest wait [s].
+
+        Raises:
+            ServiceRefusedError: one of these names is not there; none was removed.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        answer = await self._ask_sim("/sim/snapshots", {"remove": list(remove)}, timeout)
+        return [_snapshot_of(one) for one in answer.get("snapshots", ())]
+
+    async def state_hash(self, *, timeout: float | None = None) -> str:
+        """Return a hash of all that decides what the simulator will do: equal states have equal hashes.
+
+        Args:
+            timeout: longest wait [s].
+
+        Raises:
+            ServiceRefusedError: there is no such service.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        return str((await self.call("/sim/state_hash", timeout=timeout)).get("hash", ""))
+
+    async def _ask_sim(self, service: str, request: Mapping[str, object], timeout: float | None) -> Frame:
+        """Return the values of a service of ours that can refuse.
+
+        Raises:
+            ServiceRefusedError: it does.
+        """
+        answer = await self.call(service, request, timeout=timeout)
+        if answer.get("result") is not True:
+            raise ServiceRefusedError(service, str(answer.get("message", "")), answer)
+        return answer
+
     @property
     def next_frame(self) -> int:
         """Number of the frame that the next tick leads to, for requests that name a frame; 0 without `start_sync`."""
@@ -855,6 +1082,16 @@ class AsyncClient:
         """
         values = await self.call("/sim/score", {"reset": reset}, timeout=timeout)
         return list(values.get("scores", ()))
+
+
+def _snapshot_of(values: Frame, data: bytes = b"") -> Snapshot:
+    return Snapshot(
+        str(values.get("id", "")),
+        int(values.get("frame", 0)),
+        int(values.get("size", 0)),
+        str(values.get("state_hash", "")),
+        data,
+    )
 
 
 def _sync_command(user_id: str, step_ms: int, *, is_on: bool = False) -> Frame:

@@ -24,6 +24,7 @@ from rosbridge_sim.morai.ego import CtrlMode, Ego
 from rosbridge_sim.morai.ghosts import Ghosts
 from rosbridge_sim.morai.interfaces.network_settings import InterfaceKind
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
+from rosbridge_sim.morai.plain_bytes import PlainData
 from rosbridge_sim.morai.scene import MAX_EGOS, MAX_ENTITIES
 from rosbridge_sim.morai.scene_commands import moves
 
@@ -42,6 +43,15 @@ class CommandTopics(Component):
         self._context = context
         self._ghosts = Ghosts(context.world, context.scene, lambda unique_id: context.egos.find(unique_id) is not None)
         context.hooks.on_reset.append(self._ghosts.forget)
+
+    def save_state(self) -> PlainData:
+        """Return what is known of ghosts."""
+        return self._ghosts.save_state()
+
+    def load_state(self, data: PlainData, now: float) -> None:
+        """See `Component`."""
+        del now
+        self._ghosts.load_state(data)
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Subscribe to the topics for all egos and vehicles."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 from rosbridge_sim.morai.ego import Ego
 from rosbridge_sim.morai.interfaces.publishers import Publishers
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
+from rosbridge_sim.morai.plain_bytes import PlainData
 
 __all__ = ["Component"]
 
@@ -47,3 +48,23 @@ class Component:
             ego: the ego.
             bindings: take the services and input topics; the prefix of their names is the ego's.
         """
+
+    def save_state(self) -> PlainData:
+        """Return what the component knows that decides future messages, as plain data; None for nothing.
+
+        What follows from the world, the egos or the scene is not in it: they are saved by themselves.
+        """
+        return None
+
+    def load_state(self, data: PlainData, now: float) -> None:  # noqa: ARG002 - those that publish use it
+        """Become what `save_state` has returned; the world, the scene and the egos have been restored before.
+
+        Args:
+            data: from `save_state`, perhaps of another process, or made up: it must be checked.
+            now: monotonic time [s].
+
+        Raises:
+            ValueError: it is no such data. Everything will be restored to what it was.
+        """
+        if data is not None:
+            raise ValueError("expected nothing")

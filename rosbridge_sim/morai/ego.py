@@ -7,7 +7,9 @@ own names.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final
 
@@ -21,7 +23,7 @@ from rosbridge_sim.world.self_driving import start_self_driving
 from rosbridge_sim.world.sensors import Mounting
 from rosbridge_sim.world.state import Gear, Mode, World
 
-__all__ = ["GPS", "IMU", "SENSORS", "CtrlMode", "Ego"]
+__all__ = ["GPS", "IMU", "SENSORS", "CtrlMode", "Ego", "EgoState"]
 
 GPS: Final = "gps_link"
 IMU: Final = "imu_link"
@@ -39,6 +41,23 @@ class CtrlMode(IntEnum):
     GAME_PAD = 2
     EXTERNAL = 3  # /ctrl_cmd
     AUTONOMOUS = 6  # self-driving: it follows the lanes as other vehicles do
+
+
+@dataclass(frozen=True, slots=True)
+class EgoState:
+    """State of an ego beside its row in the world.
+
+    Attributes:
+        index, uid, ctrl_mode, lamps, mountings: as in `Ego`.
+        refused_gear: the gear that it was last refused, so that the log names each refusal once.
+    """
+
+    index: int
+    uid: int
+    ctrl_mode: CtrlMode
+    lamps: tuple[int, int]
+    refused_gear: Gear | None
+    mountings: tuple[tuple[str, Mounting], ...]
 
 
 class Ego:
@@ -129,6 +148,20 @@ class Ego:
             self.shift(Gear.DRIVE)
         self.forget_status()
 
+    def save_state(self) -> EgoState:
+        """Return what decides what it will do, beside its row in the world."""
+        mountings = tuple(self.mountings.items())
+        return EgoState(self.index, self.uid, self.ctrl_mode, self.lamps, self._refused_gear, mountings)
+
+    def load_state(self, state: EgoState) -> None:
+        """Become what was saved; the world has been restored. A recording does not move it."""
+        self.uid, self.ctrl_mode = state.uid, state.ctrl_mode
+        self.turn_signal, self.emergency_signal = state.lamps
+        self._refused_gear = state.refused_gear
+        self.mountings = dict(state.mountings)
+        self.is_replayed = False
+        self.forget_status()
+
     def control(self, control: Control) -> None:
         """Apply a control from the next frame on. Ends self-driving. Ignored if the ego was removed or is replayed.
 
@@ -215,17 +248,37 @@ class Ego:
             return f"ctrl_mode {ctrl_mode.name} refused: a recording moves ego {self.index}"
         row = self.row
         if ctrl_mode is CtrlMode.AUTONOMOUS:
-            why = self.shift(Gear.DRIVE)
-            if why is None and not start_self_driving(self._world, row):
-                why = f"ctrl_mode {ctrl_mode.name} refused: ego {self.index} stands on no lane, or across it"
-            if why is not None:
-                return why
-        else:
-            leave_lane(self._world, row)
-            is_foreign = self.ctrl_mode in {CtrlMode.EXTERNAL, CtrlMode.AUTONOMOUS}
-            if is_foreign and self.ctrl_mode is not ctrl_mode:
-                commands.command(self._world, row, mode=Mode.PEDALS, steer=0.0)
+            return self.drive_itself()
+        leave_lane(self._world, row)
+        is_foreign = self.ctrl_mode in {CtrlMode.EXTERNAL, CtrlMode.AUTONOMOUS}
+        if is_foreign and self.ctrl_mode is not ctrl_mode:
+            commands.command(self._world, row, mode=Mode.PEDALS, steer=0.0)
         self.ctrl_mode = ctrl_mode
+        return None
+
+    def drive_itself(
+        self, *, route: Sequence[int] = (), is_loop: bool = False, desired_speed: float = math.inf
+    ) -> str | None:
+        """Drive along the lanes from where it stands; `ctrl_mode` is AUTONOMOUS then.
+
+        Args:
+            route: rows of lanes, see `start_self_driving`; empty for a drive by chance.
+            is_loop: the route begins again.
+            desired_speed: speed that the driver wants [m/s].
+
+        Returns:
+            None when it does so, else why not, for a person to read.
+        """
+        mode = CtrlMode.AUTONOMOUS
+        if self.is_replayed:
+            return f"ctrl_mode {mode.name} refused: a recording moves ego {self.index}"
+        why = self.shift(Gear.DRIVE)
+        if why is not None:
+            return why
+        has_lane = start_self_driving(self._world, self.row, route=route, is_loop=is_loop, desired_speed=desired_speed)
+        if not has_lane:
+            return f"ctrl_mode {mode.name} refused: ego {self.index} stands on no lane, or across it"
+        self.ctrl_mode = mode
         return None
 
     def resume(self) -> None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
+from itertools import islice, pairwise
 from typing import Final
 
 import numpy as np
@@ -20,9 +21,10 @@ import numpy as np
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.morai.catalogue import Model
 from rosbridge_sim.morai.command_parsing import Ghost, GhostPose
+from rosbridge_sim.morai.plain_bytes import PlainData
 from rosbridge_sim.morai.scene import FIRST_UID, MAX_ENTITIES, MAX_FILE_UID, Scene
 from rosbridge_sim.world import placement
-from rosbridge_sim.world.state import DT, Kind, World
+from rosbridge_sim.world.state import DT, MAX_COORDINATE, Kind, World
 
 __all__ = ["Ghosts"]
 
@@ -93,6 +95,39 @@ class Ghosts:
     def forget(self) -> None:
         """Forget all positions, because the world has been reset."""
         self._trails.clear()
+
+    def save_state(self) -> PlainData:
+        """Return where they have been of late: ids, how many places each has, the places' frames, and x and y."""
+        places = [place for trail in self._trails.values() for place in trail]
+        return (
+            np.array(list(self._trails), dtype=np.int64),
+            np.array([len(trail) for trail in self._trails.values()], dtype=np.int64),
+            np.array([frame for frame, _, _ in places], dtype=np.int64),
+            np.array([(x, y) for _, x, y in places], dtype=np.float64).reshape(-1, 2),
+        )
+
+    def load_state(self, data: PlainData) -> None:
+        """Become what was saved.
+
+        Raises:
+            ValueError: it is no such data. Nothing has changed.
+        """
+        uids, counts, frames, places = data
+        kinds = [(array.dtype.kind, array.ndim) for array in (uids, counts, frames, places)]
+        if kinds != [("i", 1)] * 3 + [("f", 2)] or not len(uids) == len(counts) <= MAX_ENTITIES:
+            raise ValueError("ghosts: expected ids, counts, frames and places")
+        is_good = len(places) == len(frames) and places.shape[1] == 2 and bool((counts >= 0).all())  # noqa: PLR2004 - x and y
+        is_good = is_good and bool((counts <= len(frames)).all()) and int(counts.sum()) == len(frames)
+        if not (is_good and bool((np.abs(places) <= MAX_COORDINATE).all())):
+            raise ValueError("ghosts: expected a frame and a place for each count")
+        rest = iter(zip(frames.tolist(), places.tolist(), strict=True))
+        trails = {
+            uid: deque([(frame, x, y) for frame, (x, y) in islice(rest, count)])
+            for uid, count in zip(uids.tolist(), counts.tolist(), strict=True)
+        }
+        if any(later[0] <= earlier[0] for trail in trails.values() for earlier, later in pairwise(trail)):
+            raise ValueError("ghosts: expected rising frames")  # a speed is a way divided by their difference
+        self._trails = trails
 
     def _find_model(self, ghost: Ghost) -> Model:
         if not FIRST_UID <= ghost.unique_id <= MAX_FILE_UID:

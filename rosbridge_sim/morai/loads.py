@@ -38,7 +38,7 @@ from rosbridge_sim.world.lane_conflicts import LaneConflicts
 
 __all__ = ["Loads"]
 
-_WAS_RESET = "the simulation was reset before the scenario was read; load it again"
+_WAS_RESET = "the simulation was reset or restored before the scenario was read; load it again"
 _FAILED = "the server failed to load the scenario; see the server's log"
 
 _log = logging.getLogger("rosbridge_sim.morai")
@@ -74,8 +74,9 @@ class Loads(Component):
         self._reader = reader
         self._networks = networks
         self._opening_network = context.interfaces.settings
-        self._epoch = 0  # number of resets
-        context.hooks.on_reset.append(self._reset)
+        self._epoch = 0  # number of resets and restores
+        context.hooks.on_reset.append(self._drop_reading)
+        context.hooks.on_restore.append(self._drop_reading)
         store = context.bus.store
         self._make_result = maker(store, "morai_msgs/SyncModeResultResponse", "result")
         self._make_load_result = maker(store, "morai_msgs/MoraiSrvResponse", "result")
@@ -86,8 +87,8 @@ class Loads(Component):
         bindings.provide("Service_MoraiSL", "MoraiScenarioLoadSrv", self._load_now)
         bindings.listen("ScenarioLoad", "ScenarioLoad", partial(self._hear_load, bindings))
 
-    def _reset(self) -> None:
-        """Make earlier loads fail, because they must not change the world after a reset."""
+    def _drop_reading(self) -> None:
+        """Make earlier loads fail, because they must not change the world after a reset or a restore."""
         self._epoch += 1
 
     # At a frame

@@ -13,8 +13,10 @@ same file gets new ids. The first ego always has the id 0, also when it is a new
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import count
 from typing import Final, Protocol
 
 from rosbridge_sim.errors import DocumentError, FieldError
@@ -24,11 +26,12 @@ from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.releases import SpeedLimits
 from rosbridge_sim.morai.scenarios.reader import PhaseStart, Scenario, Spawn, place_on_roads, sort_phases
 from rosbridge_sim.world.lane_position import keep_lane
-from rosbridge_sim.world.state import DT, Body, Gear, Kind, World
+from rosbridge_sim.world.state import DT, Body, Gear, Kind, Snapshot, World
 
 __all__ = [
     "DEFAULT_MAP",
     "FIRST_EGO",
+    "FIRST_FREE_EGO",
     "FIRST_UID",
     "MAX_EGOS",
     "MAX_ENTITIES",
@@ -53,6 +56,9 @@ FIRST_UID: Final = 1
 
 MAX_FILE_UID: Final = 2**30
 """Largest id in a document that is kept, so that one document cannot use up all ids."""
+
+FIRST_FREE_EGO: Final = 2
+"""The first number of a further ego: MORAI's egos are 0, 2, 3, ..., and no program has seen a 1."""
 
 MAX_EGOS: Final = 32
 """Largest number of egos, because each has a dozen topics and services."""
@@ -218,6 +224,7 @@ class Scene:
         egos = tuple([replace(ego, gear=ego_gear) for ego in opening.egos or (_AT_ORIGIN,)])
         self._opening = self.loaded = replace(opening, egos=egos)
         self.carry_out(self._opening)
+        self._note_begin()
 
     def reset(self, seed: int | None) -> None:
         """Load the opening scene again, on its own map, at frame 0, with ids from the first one on.
@@ -225,9 +232,39 @@ class Scene:
         Args:
             seed: random seed; None keeps the current one.
         """
-        self.world.reset(seed)
+        world, begin = self.world, self._begin
+        if (world.seed if seed is None else seed) == begin.seed:
+            # Spawning costs ten times as much, and programs reset thousands of times.
+            self.restore(begin, loaded=self._opening, found=self._begin_map, next_uid=self._begin_uid)
+            return
+        world.reset(seed)
         self._next_uid = FIRST_UID
         self.carry_out(self._opening)
+        self._note_begin()
+
+    def restore(self, world: Snapshot, *, loaded: Load, found: FoundMap, next_uid: int) -> None:
+        """Become what was saved.
+
+        Args:
+            world: on the roads of `found`.
+            loaded: the attribute.
+            found: the map.
+            next_uid: see `next_uid`.
+        """
+        self.world.restore(world)
+        self.loaded = loaded
+        self.road_map, self._map_name = found.road_map, found.name
+        self._next_uid = next_uid
+        self.is_replaying = False
+
+    def _note_begin(self) -> None:
+        """Keep the scene as the one that a reset leads to."""
+        self._begin, self._begin_map, self._begin_uid = self.world.snapshot(), self.found_map, self._next_uid
+
+    @property
+    def next_uid(self) -> int:
+        """The next id that is given to an object."""
+        return self._next_uid
 
     @property
     def found_map(self) -> FoundMap:
@@ -364,23 +401,67 @@ class Scene:
         self._next_uid = max(self._next_uid, uid + 1)
         return uid
 
-    def add_ego(self, like: int, pose: GhostPose, gear: Gear) -> int:
+    @contextmanager
+    def all_or_none(self) -> Iterator[None]:
+        """Return a context whose changes of the world are undone if it ends by an exception."""
+        before, next_uid = self.world.snapshot(), self._next_uid
+        try:
+            yield
+        except BaseException:
+            self.world.restore(before)
+            self._next_uid = next_uid
+            raise
+
+    def add_agent(self, spawn: Spawn) -> int:
+        """Put an agent into the world that may move by itself; return its id.
+
+        Args:
+            spawn: placed; its own `uid` is not read.
+
+        Raises:
+            ValueError: the world refuses it. It may be there by half: see `all_or_none`.
+        """
+        uid = self._next_uid
+        _spawn(self.world, spawn, uid, spawn.gear)
+        self._next_uid += 1
+        return uid
+
+    def choose_ego_index(self, taken: Collection[int]) -> int:
+        """Return the first number from 2 on that neither an ego nor an object has, and keep objects from getting it.
+
+        Args:
+            taken: numbers of egos.
+        """
+        index = next(number for number in count(FIRST_FREE_EGO) if number not in taken and number not in self.world)
+        self.keep_free(index)
+        return index
+
+    def keep_free(self, number: int) -> None:
+        """Have no later object get this number, which an ego has; `number` is up to `MAX_FILE_UID`."""
+        if number >= self._next_uid:
+            self._next_uid = number + 1
+
+    def add_ego(self, like: int, pose: GhostPose, gear: Gear, model: Model | None = None) -> int:
         """Add a further ego to the world.
 
         Args:
             like: id of the ego that has the same model.
             pose: its pose.
             gear: its gear.
+            model: another model, with an engine; None for that of `like`.
 
         Returns:
             Its id in the world.
         """
         world = self.world
         row = world.row(like)
+        body, name = world.bodies[row], world.names[row]
+        if model is not None:
+            body, name = _limit_speed_mode(model.body, self._speed_limits), model.name
         uid = world.spawn(
             Kind.EGO,
-            world.bodies[row],
-            name=world.names[row],
+            body,
+            name=name,
             x=pose.x,
             y=pose.y,
             z=pose.z,
@@ -480,11 +561,15 @@ def _set_phase(world: World, start: PhaseStart) -> None:
 
 def _hold_back(ego: Spawn, limits: SpeedLimits | None) -> Spawn:
     """Return the ego with these limits of its speed mode."""
+    return replace(ego, model=replace(ego.model, body=_limit_speed_mode(ego.model.body, limits)))
+
+
+def _limit_speed_mode(body: Body, limits: SpeedLimits | None) -> Body:
+    """Return a body with these limits of its speed mode; None leaves its own."""
     if limits is None:
-        return ego
+        return body
     up, down = limits
-    body = replace(ego.model.body, speed_mode_accel=up, speed_mode_decel=down)
-    return replace(ego, model=replace(ego.model, body=body))
+    return replace(body, speed_mode_accel=up, speed_mode_decel=down)
 
 
 def _choose_uids(spawns: Sequence[Spawn], first: int) -> tuple[list[int], int]:

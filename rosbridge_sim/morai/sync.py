@@ -35,7 +35,7 @@ from __future__ import annotations
 
 import heapq
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Final, Generic, Literal, NamedTuple, TypeVar
 
@@ -326,7 +326,7 @@ class Sync(Generic[C]):
             num_ticks: how many; there must be as many.
             now: monotonic time [s].
         """
-        self._settle(sum(self._ticks.popleft() for _ in range(num_ticks)), is_given_up=True)
+        self._give_up_frames(sum(self._ticks.popleft() for _ in range(num_ticks)))
         if not self._ticks:
             self._follow(_Happening(SyncEvent.GIVEN_UP, now))
 
@@ -338,21 +338,28 @@ class Sync(Generic[C]):
         """
         return bool(self._ticks) and not self._is_early(frame + self._ticks[0])
 
-    def take_turn(self, frame: int, now: float) -> int:
+    def take_turn(self, frame: int, now: float, *, prepare: Callable[[], object] | None = None) -> int:
         """Let the first tick that waits have its turn, if all commands of its frames are ready.
 
         Args:
             frame: the world's.
             now: monotonic time [s].
+            prepare: called before the frames are computed; see `enter`.
 
         Returns:
             How many frames have been computed; 0 if no tick can be carried out now.
         """
-        if not self.has_turn(frame):
+        ticks = self._ticks
+        if not ticks or (self._unready and self._is_early(frame + ticks[0])):
             return 0
-        num_frames = self._ticks.popleft()
-        self._settle(num_frames)
-        self._follow(_Happening(SyncEvent.TURN if self._ticks else SyncEvent.LAST_TURN, now, num_frames))
+        num_frames = ticks.popleft()
+        if prepare is not None:
+            prepare()
+        self._num_settled += num_frames
+        self._num_owed -= num_frames
+        if not ticks:
+            self._forget_delays()
+        self._follow(_Happening(SyncEvent.TURN if ticks else SyncEvent.LAST_TURN, now, num_frames))
         return num_frames
 
     def submit(
@@ -450,6 +457,31 @@ class Sync(Generic[C]):
             due.append(heapq.heappop(self._waiting)[2])
         return due
 
+    def waiting(self) -> list[tuple[int, C]]:
+        """Return the commands that wait with their frames, in the order in which they will be carried out."""
+        return [(frame, command) for frame, _, command in sorted(self._waiting, key=lambda entry: entry[:2])]
+
+    def replace_waiting(self, commands: Iterable[tuple[int, C]]) -> None:
+        """Have other commands wait, all of them ready; the mode stays as it is. No tick may wait.
+
+        Args:
+            commands: with their frames, in their order.
+        """
+        assert not self._ticks, "ticks wait for commands that are not ready"
+        self._unready.clear()
+        self._waiting = [(frame, i, command) for i, (frame, command) in enumerate(commands, 1)]
+        self._num_arrived = len(self._waiting)
+        heapq.heapify(self._waiting)
+
+    @property
+    def has_unready(self) -> bool:
+        """Return whether a command that waits cannot be carried out yet."""
+        return bool(self._unready)
+
+    def is_master(self, user_id: str) -> bool:
+        """Return whether this id may tick."""
+        return self._is_master(user_id)
+
     def forget(self, now: float) -> SyncOutcome:
         """Drop everything that waits, because the world was reset. The mode stays as it is."""
         outcome = self._follow(_Happening(SyncEvent.RESET, now))
@@ -546,7 +578,7 @@ class Sync(Generic[C]):
 
     def _refuse(self, happening: _Happening[C]) -> None:
         self._ticks.clear()
-        self._settle(self._num_owed, is_given_up=True)
+        self._give_up_frames(self._num_owed)
         for refuse in self.hooks.refuse:
             refuse(_WHY_REFUSED.get(happening.event, _HAS_ENDED), happening.now)
 
@@ -558,13 +590,13 @@ class Sync(Generic[C]):
         for announce in self.hooks.announce:
             announce(happening.now)
 
-    def _settle(self, num_frames: int, *, is_given_up: bool = False) -> None:
-        """Take note that the first frames of the ticks that wait are being computed, or never will be.
+    def _give_up_frames(self, num_frames: int) -> None:
+        """Take note that the first frames of the ticks that wait will never be computed.
 
-        A command that came behind frames that are given up goes before the frame that it would have had without them.
+        A command that came behind them goes before the frame that it would have had without them.
         """
         start, end = self._num_settled, self._num_settled + num_frames
-        if is_given_up and self._delayed:
+        if self._delayed:
             for i, (due, arrival, command) in enumerate(self._waiting):
                 named, num_before = self._delayed.get(arrival, (due, start))
                 moved = max(named, due - max(0, min(end, num_before) - start))
@@ -574,8 +606,12 @@ class Sync(Generic[C]):
             heapq.heapify(self._waiting)
         self._num_settled, self._num_owed = end, self._num_owed - num_frames
         if not self._num_owed:
-            self._num_settled = 0
-            self._delayed.clear()
+            self._forget_delays()
+
+    def _forget_delays(self) -> None:
+        """No tick waits: commands have the frames that they will keep."""
+        self._num_settled = 0
+        self._delayed.clear()
 
     def _is_early(self, end: int) -> bool:
         """Return whether a command of a frame up to this one is not ready."""

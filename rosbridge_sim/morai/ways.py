@@ -40,8 +40,11 @@ def _calling(*names: str) -> tuple[Way, ...]:
 _LOADS: Final = (*_publishing("/ScenarioLoad"), *_calling("/Service_MoraiSL", "/SyncModeScenarioLoad"))
 _REPLAYS: Final = (*_publishing("/ReplayInfo_topic"), *_calling("/Morai_SimProc"))
 _RESET: Final = _calling("/sim/reset")
+_RESTORE: Final = _calling("/sim/restore")
 _EVENT: Final = _calling("/Service_MoraiEventCmd")
 _PLACE: Final = _publishing("/ego_setting")
+_SET: Final = _calling("/sim/set")
+_COME_AND_GO: Final = _calling("/sim/spawn", "/sim/remove")
 _TICK: Final = _calling("/SyncModeWaitForTick")
 _STEP: Final = _calling("/sim/step")
 
@@ -59,33 +62,43 @@ _SAME_AS: Final = {way: row for row in _SAME for way in row}
 _EFFECTS: Final = (
     PolicyEffect(
         "move an ego",
-        (*_publishing("/ctrl_cmd", "/ctrl_cmd_0", "/ghost_ctrl_cmd"), *_PLACE, *_calling("/SyncModeCtrlCmd"), *_STEP),
-        (*_EVENT, *_REPLAYS, *_LOADS, *_RESET),  # the event service can make an ego drive itself
+        (
+            *_publishing("/ctrl_cmd", "/ctrl_cmd_0", "/ghost_ctrl_cmd"),
+            *_PLACE,
+            *_calling("/SyncModeCtrlCmd"),
+            *_STEP,
+            *_SET,
+        ),
+        (*_EVENT, *_REPLAYS, *_LOADS, *_RESET, *_RESTORE),  # the event service can make an ego drive itself
     ),
-    PolicyEffect("shift an ego's gear", (*_calling("/SyncModeSetGear"), *_EVENT), _PLACE),
-    PolicyEffect("choose who drives an ego", _EVENT, _PLACE),
-    PolicyEffect("switch an ego's lamps", (*_publishing("/lamps"), *_EVENT), _PLACE),
+    PolicyEffect("shift an ego's gear", (*_calling("/SyncModeSetGear"), *_EVENT), (*_PLACE, *_SET)),
+    PolicyEffect("choose who drives an ego", _EVENT, (*_PLACE, *_SET)),
+    PolicyEffect("switch an ego's lamps", (*_publishing("/lamps"), *_EVENT), (*_PLACE, *_SET)),
     PolicyEffect(
         "add, move or remove others",
         (
             *_publishing("/NpcGhost_Topic", "/SyncModeAddObj", "/SyncModeRemoveObj"),
             *_calling("/SyncModeAddObject", "/SyncModeRemoveObject"),
+            *_COME_AND_GO,
+            *_SET,
         ),
-        (*_PLACE, *_REPLAYS, *_LOADS, *_RESET),
+        (*_PLACE, *_REPLAYS, *_LOADS, *_RESET, *_RESTORE),
     ),
-    PolicyEffect("put another scene in place", (*_LOADS, *_RESET), _REPLAYS),
-    PolicyEffect("replay a recording", _REPLAYS),
-    PolicyEffect("set traffic lights", _publishing("/SetTrafficLight", "/InsnControl"), (*_LOADS, *_RESET)),
+    PolicyEffect("put another scene in place", (*_LOADS, *_RESET, *_RESTORE), _REPLAYS),
+    PolicyEffect("replay a recording", _REPLAYS, _RESTORE),
+    PolicyEffect("set traffic lights", _publishing("/SetTrafficLight", "/InsnControl"), (*_LOADS, *_RESET, *_RESTORE)),
     PolicyEffect(
         "stop time or let it go on",
         (*_EVENT, *_calling("/SyncModeCmd"), *_TICK, *_STEP, *_calling("/sim/real_time_factor")),
         (*_LOADS, *_calling("/Morai_SimProc")),
     ),
+    PolicyEffect("keep or remove snapshots", _calling("/sim/snapshot", "/sim/snapshots")),
     PolicyEffect("save sensor data", _publishing("/SaveSensorData"), _calling("/SyncModeCtrlCmd")),
     PolicyEffect(
         "learn where an ego is",
         _hearing("/Ego_topic", "/tf", "/gps", "/imu"),
         (
+            *_calling("/sim/snapshot"),
             *_hearing("/Object_topic", "/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"),
             *_TICK,
             *_STEP,
@@ -105,7 +118,7 @@ _EFFECTS: Final = (
     PolicyEffect(
         "learn the simulated time",
         (*_hearing("/clock"), *_calling("/rosapi/get_time")),
-        (*_hearing("/SyncModeInfo"), *_calling("/SyncModeCmd"), *_TICK, *_STEP),
+        (*_hearing("/SyncModeInfo", "/sim/state_hash"), *_calling("/SyncModeCmd", "/sim/state_hash"), *_TICK, *_STEP),
     ),
 )
 """Effects, and knowledge, that several topics or services give; by default names."""

@@ -90,6 +90,17 @@ class NetworkReplay:
         if owner is self._ignored:
             self._ignored = None
 
+    def resume(self) -> None:
+        """Follow the client that publishes now, because a snapshot was taken while one was followed.
+
+        The same one as before, where that is still there. With none the replay ends behind the next frame.
+        """
+        if self._publishes(self._source):
+            return
+        topic = self._context.bus.find_topic(self._bindings.topic("ReplayInfo_topic"))
+        others = [] if topic is None else [one for one in topic.publishers if one is not self._context.participant]
+        self._source = next(iter(others), None)
+
     def forget(self) -> None:
         """Ignore no client any longer, because the world has been reset."""
         self._ignored = None
@@ -133,8 +144,8 @@ class NetworkReplay:
         return topic is not None and owner in topic.publishers
 
     def _lose(self, now: float) -> None:
-        assert self._source is not None
-        _log.info("%s publishes no ReplayInfo any longer: the replay has ended", self._source.name)
+        name = "a client of the snapshot" if self._source is None else self._source.name
+        _log.info("%s publishes no ReplayInfo any longer: the replay has ended", name)
         self._source = None
         self._process.happen(ReplayEvent.LOST, now)
 

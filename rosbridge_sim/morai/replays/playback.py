@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from rosbridge_sim.morai.egos import EgoRegistry
+from rosbridge_sim.morai.plain_bytes import PlainData
 from rosbridge_sim.morai.replays.playback_actors import ALL_TARGETS, EGO, PlaybackActors
-from rosbridge_sim.morai.replays.recording import RecordedMoment, Recording
+from rosbridge_sim.morai.replays.recording import MAX_STAMP, RecordedMoment, Recording
 from rosbridge_sim.morai.scene import Scene
 from rosbridge_sim.world.state import STEP_NS, World
 
@@ -91,6 +92,43 @@ class Playback:
 
     def _moment(self) -> RecordedMoment:
         return self.recording.moment(min(self._position_ns, self.recording.duration_ns))
+
+    # Snapshots
+
+    @property
+    def is_entered(self) -> bool:
+        """Return whether a recording moves the world."""
+        return self._actors.is_entered
+
+    def save_state(self) -> PlainData:
+        """Return the position and what is moved, without the recording."""
+        return (
+            *(self.targets, self.speed, self._start_ns, self._position_ns, self.is_over),
+            self._actors.save_state(),
+        )
+
+    def load_state(self, data: PlainData, recording: Recording) -> None:
+        """Become what was saved; the world and the egos have been restored.
+
+        Args:
+            data: from `save_state`.
+            recording: the one that moved the world; an empty one for none.
+
+        Raises:
+            ValueError: it is no such data.
+            DocumentError: the same.
+        """
+        targets, speed, start_ns, position_ns, is_over, actors = data
+        numbers = (targets, speed, start_ns, position_ns)
+        if not all(type(number) is int and 0 <= number < MAX_STAMP for number in numbers) or type(is_over) is not bool:
+            raise ValueError("replay: expected targets, a speed and positions")
+        if not recording.is_empty and start_ns > recording.duration_ns:
+            raise ValueError("replay: expected a start within the recording")
+        self._actors.load_state(actors)
+        if not self._actors.indices <= set(recording.egos):
+            raise ValueError("replay: expected egos of the recording")
+        self.recording, self.targets, self.speed = recording, targets, speed
+        self._start_ns, self._position_ns, self.is_over = start_ns, position_ns, is_over
 
     # Questions before a recording is chosen
 

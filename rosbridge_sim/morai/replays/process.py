@@ -9,6 +9,7 @@ import logging
 from collections.abc import Callable
 
 from rosbridge_sim.morai.context import SimulatorContext
+from rosbridge_sim.morai.plain_bytes import PlainData
 from rosbridge_sim.morai.replays.playback import Playback
 from rosbridge_sim.morai.replays.recording import Recording
 from rosbridge_sim.morai.replays.state_machine import (
@@ -107,6 +108,21 @@ class ReplayProcess:
         # A client that has pressed play since then wants the new scene to run.
         self._was_paused &= self._sync.is_paused
         self.happen(ReplayEvent.EVICT, now)
+
+    def save_state(self) -> PlainData:
+        """Return the state, and whether the simulator was paused before a recording moved it."""
+        return (int(self.state), self._was_paused)
+
+    def load_state(self, data: PlainData) -> None:
+        """Become what was saved, without any effect: the playback is restored by itself.
+
+        Raises:
+            ValueError: it is no such data.
+        """
+        state, was_paused = data
+        if type(state) is not int or type(was_paused) is not bool:
+            raise ValueError("replay: expected a state")
+        self.state, self._was_paused = ReplayState(state), was_paused
 
     def _enter(self, now: float) -> None:
         del now

@@ -61,11 +61,11 @@ class ProcessService:
         """
         bindings.provide("Morai_SimProc", "MoraiSimProcSrv", self._command)
 
-    def forget(self) -> None:
-        """Refuse the command whose recording is being read, because the world has been reset."""
+    def forget(self, why: str = "The simulation was reset") -> None:
+        """Refuse the command whose recording is being read, because the world has been reset or restored."""
         if self._loading is not None:
             loading, self._loading = self._loading, None
-            loading.refuse("The simulation was reset")
+            loading.refuse(why)
 
     def _command(self, call: Call, now: float) -> None:
         if self._context.stepper.is_moving:

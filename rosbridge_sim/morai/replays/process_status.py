@@ -8,8 +8,10 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.context import SimulatorContext
 from rosbridge_sim.morai.convert import maker
 from rosbridge_sim.morai.interfaces.publishers import Publishers
+from rosbridge_sim.morai.plain_bytes import PlainData
 from rosbridge_sim.morai.replays.command import ReplayResult
 from rosbridge_sim.morai.replays.process import ReplayProcess
+from rosbridge_sim.morai.replays.recording import MAX_STAMP
 from rosbridge_sim.morai.replays.state_machine import ReplayState
 
 __all__ = ["ProcessStatus"]
@@ -77,6 +79,25 @@ class ProcessStatus:
         self._result, self._commanded_ns = ReplayResult.NONE, 0
         self._published = ()
         self._sync_state = None
+
+    def save_state(self) -> PlainData:
+        """Return the end of the last command, its time, and whether the next frame publishes in any case."""
+        return (self._result.value, self._commanded_ns, not self._published)
+
+    def load_state(self, data: PlainData, now: float) -> None:
+        """Become what was saved, and publish it.
+
+        Raises:
+            ValueError: it is no such data.
+        """
+        result, commanded_ns, is_due = data
+        if type(commanded_ns) is not int or not 0 <= commanded_ns < MAX_STAMP or type(is_due) is not bool:
+            raise ValueError("replay: expected the time of a command")
+        self._result, self._commanded_ns = ReplayResult(result), commanded_ns
+        self._published, self._sync_state = (), self._sync.state
+        self.announce(now)
+        if is_due:
+            self._published, self._sync_state = (), None
 
     def settle(self, now: float) -> None:
         """Publish a pause or its end; called after each frame. All other changes are announced where they happen.

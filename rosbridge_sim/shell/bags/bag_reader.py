@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 from rosbridge_sim.errors import DocumentError, PeerError
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.replays.object_list_decoder import LAYOUT, decode_object_lists
-from rosbridge_sim.morai.replays.recording import Recording
+from rosbridge_sim.morai.replays.recording import Recording, digest_of
 from rosbridge_sim.morai.replays.recording_builder import RecordingBuilder
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import Texts
@@ -64,7 +64,9 @@ def read_recording(path: Path, reading: RecordingBuilder, texts: Texts, breathe:
                 except Exception as error:  # noqa: BLE001 - bytes from outside, by a definition from outside
                     what = f"{connection.topic}: {_first_line(error)}"
                     raise DocumentError(f"{path.name}: a message does not fit its type: {what}") from None
-    return reading.finish()
+    recording = reading.finish()
+    digest_of(recording)  # kept with it: later it would keep the event loop waiting
+    return recording
 
 
 def _taker(
