@@ -6,13 +6,24 @@
         client.start_sync()
         print(client.tick(50).ego["position"])
 
-Both have the same methods. The blocking form runs the other one in a thread of its own, so that a method is written
-once: a test holds the two to the same signatures. The `websockets` library carries the frames.
+Both have the same methods. The blocking form runs the asyncio form in its own thread, so each method is written only
+once; a test checks that their signatures are equal. The `websockets` library sends and receives the frames.
 """
 
 from __future__ import annotations
 
-from rosbridge_sim.client.asynchronous import DEFAULT_URL, AsyncClient, AsyncSubscription, Status, Tick
+from rosbridge_sim.client.asynchronous import (
+    DEFAULT_URL,
+    AsyncClient,
+    AsyncSubscription,
+    Command,
+    RealTimeFactor,
+    Snapshot,
+    Status,
+    Steps,
+    StopCondition,
+    Tick,
+)
 from rosbridge_sim.client.blocking import Client, Subscription
 from rosbridge_sim.client.frames import Frame
 from rosbridge_sim.errors import (
@@ -31,12 +42,17 @@ __all__ = [
     "AsyncSubscription",
     "Client",
     "ClientError",
+    "Command",
     "ConnectError",
     "ConnectionLostError",
     "Frame",
     "OpRefusedError",
+    "RealTimeFactor",
     "ServiceRefusedError",
+    "Snapshot",
     "Status",
+    "Steps",
+    "StopCondition",
     "Subscription",
     "Tick",
 ]

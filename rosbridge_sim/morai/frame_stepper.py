@@ -1,19 +1,21 @@
-"""One frame: the only place that moves the world.
+"""One frame: the only code that moves the world.
 
-In this order: commands that waited for the frame, one step, the stamp, the topics, `/SyncModeInfo`, and what components
-do behind a frame. Real time and synchronous mode differ in which topics go out, and in nothing else.
+The order is: commands that waited for the frame, one step, the stamp, the topics, `/SyncModeInfo`, and the components'
+functions after a frame. Real time and synchronous mode differ only in the topics that are published.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 from rosbridge_sim.morai.egos import EgoRegistry
 from rosbridge_sim.morai.hooks import Hooks
 from rosbridge_sim.morai.interfaces.publishers import Publishers
-from rosbridge_sim.morai.real_time_pacer import RealTimePacer
+from rosbridge_sim.morai.real_time_pacer import RealTimePacer, ShowLimit
+from rosbridge_sim.morai.scene_commands import SceneCommand
 from rosbridge_sim.morai.simulation_time import SimulationTime
-from rosbridge_sim.morai.sync import SceneCommand, Sync
+from rosbridge_sim.morai.sync import Sync
 from rosbridge_sim.morai.sync_info import SyncInfo
 from rosbridge_sim.world.state import World
 from rosbridge_sim.world.step import step
@@ -22,22 +24,23 @@ __all__ = ["FrameMeter", "FrameStepper"]
 
 
 class FrameMeter(Protocol):
-    """Measures each frame: its step, and all that is published with it."""
+    """Measures each frame: its step, and everything that is published with it."""
 
     def begin(self) -> None:
-        """Note that a frame begins."""
+        """Start the measurement of a frame."""
 
     def end(self) -> None:
-        """Note that it has ended."""
+        """End the measurement of a frame."""
 
 
 class FrameStepper:
     """Computes frames and publishes them.
 
     Attributes:
-        is_moving: frames are being computed right now; set by those who compute several.
-        num_frames: frames computed; unlike the world's frame it never goes back.
-        meter: measures what each frame costs; None for none.
+        is_moving: frames are being computed now; set by the caller that computes several.
+        num_frames: frames computed since the start; a reset of the world does not set it back.
+        meter: measures each frame; None for no measurement.
+        carry_out: `(command, now)`: carries out a command that has waited for the frame.
     """
 
     def __init__(
@@ -52,21 +55,22 @@ class FrameStepper:
         publishers: Publishers,
         sync_info: SyncInfo,
     ) -> None:
-        """Nothing is moving.
+        """Compute nothing yet.
 
         Args:
             world: moved.
             sync: has the commands that wait for a frame.
-            egos: their messages are made anew.
+            egos: their status messages are made anew after each step.
             hooks: `place`, `once_after_frame` and `after_frame` are called.
             time: follows the frames.
             pacer: counts the frames of real time.
             publishers: publish the frame.
-            sync_info: comes behind all other topics.
+            sync_info: is published after all other topics.
         """
         self.is_moving = False
         self.num_frames = 0
         self.meter: FrameMeter | None = None
+        self.carry_out: Callable[[SceneCommand, float], object] = _no_executor
         self._world = world
         self._sync = sync
         self._egos = egos
@@ -75,29 +79,32 @@ class FrameStepper:
         self._pacer = pacer
         self._publishers = publishers
         self._sync_info = sync_info
+        self._info_limit = ShowLimit(pacer)
 
     def compute(self, now: float, *, is_tick: bool, is_last: bool) -> None:
         """Move the world by one frame and publish it.
 
         Args:
             now: monotonic time [s].
-            is_tick: a tick has asked for it: every topic goes out. Otherwise real time has, and rates count.
+            is_tick: a tick asked for the frame, so every topic is published. Otherwise real time did, and rates apply.
             is_last: no other frame of the same tick follows.
         """
         world, hooks, meter = self._world, self._hooks, self.meter
         if meter is not None:
             meter.begin()
         for command in self._sync.due(world.frame + 1):
-            command(now)
+            self.carry_out(command, now)
         step(world, self._place)
         self._egos.forget_statuses()
         self._time.follow()
         if is_tick:
             self._publishers.show_every(world.frame, now)
+            self._sync_info.announce(now, may_tick=is_last)
         else:
             self._pacer.count()
             self._publishers.show_due(world.frame, self._pacer.shown_at, now)
-        self._sync_info.announce(now, may_tick=is_last)
+            if self._info_limit.is_open(world.frame, now):
+                self._sync_info.announce(now, may_tick=is_last)
         while hooks.once_after_frame:
             hooks.once_after_frame.pop(0)(now)
         for act in hooks.after_frame:
@@ -107,6 +114,11 @@ class FrameStepper:
             meter.end()
 
     def _place(self) -> None:
-        """Within a step: have components put entities where they are to stand."""
+        """Let the components place entities within a step."""
         for place in self._hooks.place:
             place()
+
+
+def _no_executor(command: SceneCommand, _now: float) -> None:
+    """Stand for the executor that the node factory puts in place."""
+    raise AssertionError(f"nothing carries out {command.action!r}")

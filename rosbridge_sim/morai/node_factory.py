@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.morai.command_executor import CommandExecutor
 from rosbridge_sim.morai.command_topics import CommandTopics
+from rosbridge_sim.morai.component import Component
 from rosbridge_sim.morai.context import SimulatorContext
 from rosbridge_sim.morai.convert import Converter
 from rosbridge_sim.morai.ego import CtrlMode
@@ -17,21 +19,27 @@ from rosbridge_sim.morai.interfaces.registry import InterfaceRegistry
 from rosbridge_sim.morai.loads import Loads
 from rosbridge_sim.morai.participant import SimulatorParticipant
 from rosbridge_sim.morai.reading import AtOnce, Reader
+from rosbridge_sim.morai.real_time import set_real_time_factor
 from rosbridge_sim.morai.real_time_pacer import RealTimePacer
 from rosbridge_sim.morai.replays.recording_builder import Recordings
 from rosbridge_sim.morai.replays.replay import Replay
 from rosbridge_sim.morai.scenarios.reader import Scenario
 from rosbridge_sim.morai.scene import Library, Scene
 from rosbridge_sim.morai.scene_changes import SceneChanges
+from rosbridge_sim.morai.scene_commands import SceneCommand
 from rosbridge_sim.morai.sensor_files import SensorDataStore
 from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.services import Services
 from rosbridge_sim.morai.sim_services.population import Population
+from rosbridge_sim.morai.sim_services.real_time_factor import RealTimeFactor
 from rosbridge_sim.morai.sim_services.road_services import RoadServices
+from rosbridge_sim.morai.sim_services.score import Scores
+from rosbridge_sim.morai.sim_services.snapshots import Snapshots
+from rosbridge_sim.morai.sim_services.step import StepService
 from rosbridge_sim.morai.simulation_time import SimulationTime
 from rosbridge_sim.morai.simulator_node import NodeSettings, SimulatorNode
 from rosbridge_sim.morai.state_publishers import StatePublishers
-from rosbridge_sim.morai.sync import SceneCommand, Sync
+from rosbridge_sim.morai.sync import Sync
 from rosbridge_sim.morai.sync_driver import SyncDriver
 from rosbridge_sim.morai.sync_info import SyncInfo
 from rosbridge_sim.morai.tf_publisher import TF, StaticTf, TfPublisher
@@ -74,18 +82,26 @@ def make_node(
     chosen = settings or NodeSettings()
     context = _make_context(bus, world, library, scenario, chosen)
     sensors = Sensors(context, archive)
-    used_reader = reader or AtOnce()
-    components = [
+    CommandExecutor(context, sensors)
+    reader = reader or AtOnce()
+    replay = Replay(context, recordings, is_showing_drives=chosen.replay_info)
+    components: list[Component] = [
         StatePublishers(context),
         TrafficLightTopics(context),
         sensors,
-        Loads(context, used_reader, networks),
-        Services(context, sensors),
+        Loads(context, reader, networks),
+        Services(context),
         CommandTopics(context),
-        Replay(context, recordings, is_showing_drives=chosen.replay_info),
+        replay,
+        StepService(context),
+        RealTimeFactor(context),
+        Scores(context, is_always=chosen.score),
         Population(context),
-        RoadServices(context, used_reader),
+        RoadServices(context, reader),
     ]
+    # The last one: its hash covers what all others do behind a frame.
+    components.append(Snapshots(context, components, replay, reader, recordings))
+    set_real_time_factor(context, chosen.real_time_factor, 0.0)
     return SimulatorNode(context, components)
 
 

@@ -1,6 +1,7 @@
-"""Changes of the whole scene: a scenario is loaded, the world is reset, further egos come.
+"""Changes of the whole scene: load a scenario, reset the world, add egos.
 
-Each is wholly done or not at all, and happens between two frames or, as a command of synchronous mode, before one.
+Each change is done completely or not at all. It happens between two frames or, as a command of synchronous mode,
+before a frame.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from functools import partial
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError
 from rosbridge_sim.morai.command_parsing import EgoSetting
-from rosbridge_sim.morai.ego import Ego, moves
+from rosbridge_sim.morai.ego import Ego
 from rosbridge_sim.morai.ego_interfaces import EgoInterfaces
 from rosbridge_sim.morai.egos import EgoRegistry
 from rosbridge_sim.morai.frame_stepper import FrameStepper
@@ -19,8 +20,9 @@ from rosbridge_sim.morai.interfaces.network_settings import NetworkSettings
 from rosbridge_sim.morai.interfaces.publishers import Publishers
 from rosbridge_sim.morai.interfaces.registry import InterfaceRegistry
 from rosbridge_sim.morai.scene import FIRST_EGO, FIRST_FREE_EGO, MAX_EGOS, MAX_ENTITIES, Load, Scene
+from rosbridge_sim.morai.scene_commands import SceneCommand, moves
 from rosbridge_sim.morai.simulation_time import SimulationTime
-from rosbridge_sim.morai.sync import SceneCommand, Sync
+from rosbridge_sim.morai.sync import Sync
 from rosbridge_sim.morai.sync_driver import SyncDriver
 from rosbridge_sim.morai.sync_info import SyncInfo
 from rosbridge_sim.morai.tf_publisher import StaticTf
@@ -29,7 +31,7 @@ __all__ = ["SceneChanges"]
 
 
 class SceneChanges:
-    """Carries out loads and resets, and brings egos. It holds no state: that is the scene's and the egos'."""
+    """Loads scenarios, resets the world and adds egos. It holds no state of its own; the scene and the egos do."""
 
     def __init__(
         self,
@@ -51,17 +53,17 @@ class SceneChanges:
 
         Args:
             scene: has the world, and changes it.
-            egos: come and go with the scene.
+            egos: are added and removed together with the scene.
             ego_interfaces: have the egos' names.
             interfaces: get other network settings with a scenario.
-            publishers: forget what real time was to repeat.
+            publishers: forget the messages that real time was to repeat.
             hooks: `on_scene_change` and `on_reset` are called.
             sync: forgets what waits for frames.
             sync_driver: pauses the world.
             sync_info: announces the new frame.
-            stepper: tells whether the world is moving.
+            stepper: tells whether frames are being computed.
             time: follows the new frame.
-            static_tf: announces what stands on the egos.
+            static_tf: announces the frames that are fixed to the egos.
         """
         self._scene = scene
         self._egos = egos
@@ -81,13 +83,14 @@ class SceneChanges:
 
         Args:
             load: from `Scene.prepare`.
-            is_pausing: time stands still from then on.
+            is_pausing: pause the world afterwards.
             now: monotonic time [s].
-            network: other network settings from then on; None for those in force.
+            network: network settings from then on; None keeps the current ones.
 
         Raises:
-            DocumentError: the world is too full, and nothing has changed but that a replay has ended; or a name of the
-                network cannot be had, and nothing has changed at all.
+            DocumentError: the world would be too full; then nothing has changed, except that a replay has ended. Or a
+                name in
+                the network settings cannot be used; then nothing has changed.
         """
         if network is not None:
             self._interfaces.check(network)
@@ -111,14 +114,15 @@ class SceneChanges:
             self._sync_driver.pause(now)
 
     def reset(self, seed: int | None, now: float) -> None:
-        """Begin anew: the same calls from here on give the same bytes as after the start. The mode stays as it is.
+        """Reset the world to its start: the same calls give the same bytes again. Synchronous mode stays as it is.
 
         Args:
-            seed: of all chance; None for the one in use.
+            seed: random seed; None keeps the current one.
             now: monotonic time [s].
 
         Raises:
-            GraphError: frames are being computed; somebody who hears of one asks from within.
+            GraphError: frames are being computed, for example because a subscriber asks for a reset when it gets a
+                message.
         """
         if self._stepper.is_moving:
             raise GraphError("the world is moving")
@@ -135,14 +139,18 @@ class SceneChanges:
         self._time.follow()
         egos.forget_statuses()
         self._sync_info.announce(now)
-        self._static_tf.announce_again(now)  # what waits for those who come late is of frame 0 again
-        self._sync.forget(now)  # last, for the ticks that waited are answered with the new frame
+        self._static_tf.announce_again(now)  # the latched message is of frame 0 again
+        self._sync.forget(now)  # last, because the ticks that waited are answered with the new frame
 
     def add_egos(self, settings: Sequence[EgoSetting], now: float) -> None:
-        """Bring further egos into the world, each with topics and services of its own; all of them or none.
+        """Add further egos to the world, each with its own topics and services; all of them or none.
+
+        Args:
+            settings: number, pose and gear of each ego.
+            now: monotonic time [s].
 
         Raises:
-            FieldError: a number that no ego can have, or too many of them.
+            FieldError: a number that no ego can have, or too many egos.
             GraphError: a client has given one of the topics another type.
         """
         egos, world = self._egos, self._scene.world
@@ -180,6 +188,6 @@ class SceneChanges:
             self._ego_interfaces.drop(ego, now)
             if ego.is_there:
                 self._scene.world.remove(ego.uid)
-            self._sync.drop(partial(moves, ego))
+            self._sync.drop(partial(moves, uid=ego.uid))
         self._egos.drop(gone)
         self._static_tf.announce(now)

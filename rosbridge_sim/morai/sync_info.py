@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from rosbridge_sim.morai.convert import maker
 from rosbridge_sim.morai.interfaces.publishers import Publishers
-from rosbridge_sim.morai.sync import SceneCommand, Sync
+from rosbridge_sim.morai.scene_commands import SceneCommand
+from rosbridge_sim.morai.sync import Sync
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.world.state import World
 
@@ -12,31 +13,38 @@ __all__ = ["SyncInfo"]
 
 
 class SyncInfo:
-    """The publisher of `/SyncModeInfo`; latched, so it is kept up to date whether anybody listens or not."""
+    """Publisher of `/SyncModeInfo`, latched: it is updated even without subscribers."""
 
     def __init__(self, store: Store, world: World, sync: Sync[SceneCommand], publishers: Publishers) -> None:
-        """Have the topic; it says nothing before the first `announce`.
+        """Create the topic; nothing is published before the first `announce`.
 
         Args:
             store: has the type.
             world: has the frame.
             sync: the mode.
-            publishers: get the topic.
+            publishers: take the topic.
         """
         self._world = world
         self._sync = sync
         self._publishers = publishers
         self._topic = publishers.keep("/SyncModeInfo", "morai_msgs/SyncModeInfo")
         self._make = maker(store, "morai_msgs/SyncModeInfo", "master_id", "status", "frame", "can_send_tick")
+        self._told_frame = -1
         sync.hooks.announce.append(self.announce)
 
+    def announce_frame(self, now: float) -> None:
+        """Publish the state if that of this frame was left out, because the frames were too many for wall time."""
+        if self._told_frame != self._world.frame:
+            self.announce(now)
+
     def announce(self, now: float, *, may_tick: bool = True) -> None:
-        """Publish the state as it is.
+        """Publish the current state of the mode.
 
         Args:
             now: monotonic time [s].
-            may_tick: false within a tick: the next one cannot be sent before its last frame.
+            may_tick: false within a tick, because the next tick cannot be sent before the last frame of this one.
         """
         sync = self._sync
         info = self._make(sync.master_id, sync.is_on, self._world.frame, sync.can_send_tick and may_tick)
+        self._told_frame = self._world.frame
         self._publishers.update(self._topic, info, now)

@@ -211,8 +211,8 @@ LINES: tuple[tuple[Mapping[str, Any], dict[str, str], str], ...] = (
         {"publish": "/ctrl_cmd"},
         (
             "--deny-publish /ctrl_cmd leaves these ways open to move an ego: publishing /ghost_ctrl_cmd, /ego_setting,"
-            " calling /SyncModeCtrlCmd, /sim/set, /Service_MoraiEventCmd, publishing /ReplayInfo_topic,"
-            " calling /Morai_SimProc, publishing /ScenarioLoad, and 3 more"
+            " calling /SyncModeCtrlCmd, /sim/step, /sim/set, /Service_MoraiEventCmd, publishing /ReplayInfo_topic,"
+            " calling /Morai_SimProc, and 6 more"
         ),
     ),
     (
@@ -220,7 +220,7 @@ LINES: tuple[tuple[Mapping[str, Any], dict[str, str], str], ...] = (
         {"publish": "/SetTrafficLight"},
         (
             "--deny-publish /SetTrafficLight leaves these ways open to set traffic lights: publishing /phase,"
-            " /ScenarioLoad, calling /Service_MoraiSL, /SyncModeScenarioLoad, /sim/reset"
+            " /ScenarioLoad, calling /Service_MoraiSL, /SyncModeScenarioLoad, /sim/reset, /sim/restore"
         ),
     ),
     (
@@ -228,7 +228,7 @@ LINES: tuple[tuple[Mapping[str, Any], dict[str, str], str], ...] = (
         {"service": "/Morai_TLSrv"},
         (
             "--deny-service /Morai_TLSrv leaves these ways open to learn what traffic lights show:"
-            " listening to /GetTrafficLightStatus, /InsnStatus"
+            " listening to /GetTrafficLightStatus, /InsnStatus, calling /sim/step"
         ),
     ),
 )
@@ -236,7 +236,7 @@ LINES: tuple[tuple[Mapping[str, Any], dict[str, str], str], ...] = (
 
 def test_start_log_names_loads_among_the_ways_to_pause(harness: SimHarness) -> None:
     (line,) = denying(harness, service="/SyncModeCmd").left_open()
-    assert "to stop time or let it go on: calling /Service_MoraiEventCmd, /SyncModeWaitForTick, publishing" in line
+    assert "to stop time or let it go on: calling /Service_MoraiEventCmd, /SyncModeWaitForTick, /sim/step, " in line
     assert "publishing /ScenarioLoad" in line
 
 

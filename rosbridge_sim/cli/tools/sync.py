@@ -1,7 +1,9 @@
-"""`tick`: drive synchronous mode from a shell; and the reason why a topic is silent, which is often that mode."""
+"""`tick` and `step`: use synchronous mode from a shell; and the reason for a silent topic, which is often this mode."""
 
 from __future__ import annotations
 
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
 from rosbridge_sim.cli.tools.client import Bridge, Frame, absolute, words
@@ -9,24 +11,24 @@ from rosbridge_sim.cli.tools.text import put, put_json
 from rosbridge_sim.shell.terminal_text import safe
 from rosbridge_sim.shell.websocket.bridge_errors import BridgeError, RefusedError
 
-__all__ = ["SyncInfo", "read_sync_info", "tick", "why_silent", "why_standing"]
+__all__ = ["SyncInfo", "read_sync_info", "step", "tick", "why_silent", "why_standing"]
 
 SYNC_INFO = "/SyncModeInfo"
 
 PROCESS = "/sim/process/state/msg/MoraiSimProcStatus"
-"""Latched state of the simulation: running or paused, which `/SyncModeInfo` does not tell."""
+"""Latched state of the simulation, running or paused, which `/SyncModeInfo` does not contain."""
 
 _REPLAY, _PAUSED, _ENDED = 16, 16, 32
-"""Values of its `current_mode` and `current_status`."""
+"""Values of its fields `current_mode` and `current_status`."""
 
 RESUME = "rosbridge-sim service call /Service_MoraiEventCmd '{request: {option: 8}}' resumes it"
-"""Effect on a pause; bit 8 is that of `set_pause`, which is false where it is left out."""
+"""Advice for a paused simulation; option 8 is the bit of `set_pause`, which is false if it is left out."""
 
 INFO_PATIENCE = 1.0
-"""Longest wait for the latched state of synchronous mode [s]; a server that keeps it sends it at once."""
+"""Longest wait for a latched state [s]; a server that has it sends it at once."""
 
 FRAME_MS = 20
-"""One frame of MORAI SIM [ms]; ticks move by multiples of it."""
+"""Simulated time of one frame of MORAI SIM [ms]; a tick is a multiple of it."""
 
 
 # The state of synchronous mode
@@ -34,13 +36,13 @@ FRAME_MS = 20
 
 @dataclass(frozen=True, slots=True)
 class SyncInfo:
-    """State of synchronous mode, as `/SyncModeInfo` has it.
+    """State of synchronous mode, from `/SyncModeInfo`.
 
     Attributes:
-        master_id: who may tick; empty while nobody may.
-        is_on: whether synchronous mode is on.
-        frame: of the simulation.
-        can_send_tick: whether a tick of the master would be carried out.
+        master_id: user id of the master; empty if there is none.
+        is_on: synchronous mode is on.
+        frame: frame number of the simulation.
+        can_send_tick: a tick of the master would be done now.
     """
 
     master_id: str
@@ -50,9 +52,10 @@ class SyncInfo:
 
 
 async def read_sync_info(bridge: Bridge) -> SyncInfo | None:
-    """Return the state of synchronous mode; None where no simulator tells it.
+    """Return the state of synchronous mode; None without a simulator. Other frames that come meanwhile are ignored.
 
-    Frames that come meanwhile are passed over.
+    Args:
+        bridge: the rosbridge.
     """
     msg = await _read_latched(bridge, SYNC_INFO)
     if msg is None:
@@ -66,7 +69,7 @@ async def read_sync_info(bridge: Bridge) -> SyncInfo | None:
 
 
 async def _read_latched(bridge: Bridge, topic: str) -> Frame | None:
-    """Return the latched message of a topic; None where there is none. Other frames that come are passed over."""
+    """Return the latched message of a topic; None if there is none. Other frames that come meanwhile are ignored."""
     try:
         kind = str((await bridge.ask("topic_type", topic=topic)).get("type", ""))
     except (BridgeError, RefusedError):
@@ -90,12 +93,12 @@ def _whole(value: object) -> int:
 
 
 async def why_silent(bridge: Bridge, topic: str, patience: float) -> RefusedError:
-    """Return the error that no message came in time, with the cause where the server tells it.
+    """Return the error that no message came in time, with the cause if the server tells it.
 
     Args:
-        bridge: where the topic is.
-        topic: its absolute name.
-        patience: how long was waited [s].
+        bridge: the rosbridge.
+        topic: absolute name of the topic.
+        patience: time that was waited [s].
     """
     text = f"no message on {safe(topic)} within {patience:g} s"
     try:
@@ -103,12 +106,16 @@ async def why_silent(bridge: Bridge, topic: str, patience: float) -> RefusedErro
     except (BridgeError, RefusedError):
         return RefusedError(f"{text}; --timeout waits longer")
     if not publishers:
-        return RefusedError(f"{text}: nobody publishes it")
+        return RefusedError(f"{text}: it has no publisher")
     return RefusedError(f"{text}{await why_standing(bridge) or '; --timeout waits longer'}")
 
 
 async def why_standing(bridge: Bridge) -> str:
-    """Return why the world does not move, for the end of an error; nothing where that is not known."""
+    """Return why the world does not move, for the end of an error; empty if that is not known.
+
+    Args:
+        bridge: the rosbridge.
+    """
     info = await read_sync_info(bridge)
     if info is None:
         return ""
@@ -123,7 +130,7 @@ async def why_standing(bridge: Bridge) -> str:
     if status == _PAUSED or (leader and not info.can_send_tick):
         return f": the world is paused, in synchronous mode with {leader or 'no master'}; {RESUME}"
     if not leader:
-        return ": the world stands until a master ticks, and nobody is master; rosbridge-sim tick N --start moves it"
+        return ": the world stands until a master ticks, and there is no master; rosbridge-sim tick N --start moves it"
     return f": the world stands until a master ticks; the master is {safe(info.master_id)!r}"
 
 
@@ -131,33 +138,28 @@ async def why_standing(bridge: Bridge) -> str:
 
 
 async def tick(bridge: Bridge, count: int, user_id: str, step_ms: int, *, is_starting: bool, is_json: bool) -> int:
-    """Move the world by so many ticks, and show the frame and the ego after each.
+    """Move the world by some ticks, and print the frame and the ego after each.
 
-    With `is_starting`, synchronous mode is started first, and ended again if it was off before. Where it was on
-    without a master, the connection alone is closed, and `--sync-on-loss` of the server says what follows.
+    With `is_starting`, synchronous mode is started first, and ended afterwards if it was off before. If it was on
+    without a master, only the connection is closed, and the server's `--sync-on-loss` applies.
 
     Args:
-        bridge: to the simulator.
-        count: of ticks.
-        user_id: the master that the ticks name.
-        step_ms: length of a tick, where it is started [ms].
+        bridge: the rosbridge of the simulator.
+        count: number of ticks.
+        user_id: user id of the master.
+        step_ms: simulated time of a tick, if the mode is started here [ms].
         is_starting: start the mode.
-        is_json: show answers as they are, one a line.
+        is_json: print each answer as a line of JSON.
+
+    Returns:
+        The exit code.
 
     Raises:
-        RefusedError: the simulator says no, or there is none.
+        RefusedError: the simulator refuses, or there is none.
         BridgeError: there is no answer.
     """
-    before = await read_sync_info(bridge)
-    await bridge.send("set_level", level="warning")  # why a simulator says no is one
-    frame, has_started = (0, False) if before is None else (before.frame, False)
-    try:
-        if is_starting:
-            response = await _command(bridge, user_id, step_ms, is_on=True)
-            if response.get("result") is not True:
-                raise await _refusal(bridge, "synchronous mode cannot be started", user_id)
-            has_started = before is None or not before.is_on
-            frame = _whole(response.get("frame"))
+    async with _leading(bridge, user_id, step_ms if is_starting else None) as first:
+        frame = first
         for _ in range(count):
             request = {"user_id": user_id, "frame": frame + step_ms // FRAME_MS}
             response = await _ask(bridge, "/SyncModeWaitForTick", request)
@@ -168,10 +170,88 @@ async def tick(bridge: Bridge, count: int, user_id: str, step_ms: int, *, is_sta
                 put_json(response)
             else:
                 put(_describe(response))
+    return 0
+
+
+@asynccontextmanager
+async def _leading(bridge: Bridge, user_id: str, step_ms: int | None) -> AsyncIterator[int]:
+    """Have the server tell why it refuses and, if that is wanted, be master of synchronous mode meanwhile.
+
+    Args:
+        bridge: to the simulator.
+        user_id: of the master.
+        step_ms: start the mode with this time step [ms]; None for the mode as it is.
+
+    Yields:
+        The frame that the world stands at.
+
+    Raises:
+        RefusedError: the mode cannot be started.
+        BridgeError: there is no answer.
+    """
+    before = await read_sync_info(bridge)
+    await bridge.send("set_level", level="warning")  # why a simulator says no is one
+    frame, has_started = (0, False) if before is None else (before.frame, False)
+    try:
+        if step_ms is not None:
+            response = await _command(bridge, user_id, step_ms, is_on=True)
+            if response.get("result") is not True:
+                raise await _refusal(bridge, "synchronous mode cannot be started", user_id)
+            has_started = before is None or not before.is_on
+            frame = _whole(response.get("frame"))
+        yield frame
     finally:
         if has_started:
-            await _command(bridge, user_id, step_ms, is_on=False)
+            await _command(bridge, user_id, step_ms or FRAME_MS, is_on=False)
+
+
+# step
+
+
+async def step(bridge: Bridge, request: Frame, step_ms: int | None, *, is_json: bool) -> int:
+    """Move the world by one call of `/sim/step`, and show frame, steps, ego and topics.
+
+    Args:
+        bridge: to the simulator.
+        request: of the service.
+        step_ms: start synchronous mode with this time step [ms]; None for the mode as it is.
+        is_json: show the answer as it is.
+
+    Raises:
+        RefusedError: the simulator says no, there is none, or the call was interrupted.
+        BridgeError: there is no answer.
+    """
+    user_id = str(request["user_id"])
+    async with _leading(bridge, user_id, step_ms):
+        response = await _ask(bridge, "/sim/step", request)
+        num = _whole(response.get("steps"))
+        if is_json and num:
+            put_json(response)
+        elif num:
+            _show_steps(response)
+        if response.get("result") is not True:
+            what = f"interrupted after {num} steps" if num else "the step is refused"
+            reason = str(response.get("message") or "")
+            raise await _refusal(bridge, what, user_id, reason)
     return 0
+
+
+def _show_steps(response: Frame) -> None:
+    """Show what a call of `/sim/step` has answered."""
+    why = str(response.get("stopped_by") or "")
+    put(
+        f"frame {_whole(response.get('frame'))}  steps {_whole(response.get('steps'))}"
+        f"{f'  stopped by {safe(why)}' if why else ''}"
+    )
+    for ego in _list_of_frames(response.get("egos")):
+        put(f"ego {_whole(ego.get('unique_id'))}  {_describe_ego(ego)}")
+    for sample in _list_of_frames(response.get("topics")):
+        text = str(sample.get("message") or "(no message)")
+        put(f"{safe(str(sample.get('topic')))}  {safe(text)}")
+
+
+def _list_of_frames(value: object) -> list[Frame]:
+    return [one for one in value if isinstance(one, dict)] if isinstance(value, list) else []
 
 
 async def _command(bridge: Bridge, user_id: str, step_ms: int, *, is_on: bool) -> Frame:
@@ -180,33 +260,42 @@ async def _command(bridge: Bridge, user_id: str, step_ms: int, *, is_on: bool) -
 
 
 async def _ask(bridge: Bridge, service: str, request: Frame) -> Frame:
-    """Return the response of a MORAI service.
+    """Return the response of a service; the services of MORAI wrap request and response.
 
     Raises:
-        RefusedError: it refuses, or is not there.
+        RefusedError: it refuses, or does not exist.
         BridgeError: there is no answer.
     """
-    answer = await bridge.call(service, {"request": request}, bridge.patience)
+    is_ours = service.startswith("/sim/")
+    answer = await bridge.call(service, request if is_ours else {"request": request}, bridge.patience)
     if answer is None:
         raise BridgeError(f"{service}: no answer within {bridge.patience:g} s; --timeout waits longer")
     if not answer.is_ok or not isinstance(answer.values, dict):
         text = safe(str(answer.values))
-        hint = "; is a simulator there?" if "not exist" in text else ""
+        hint = "; does the rosbridge have a simulator?" if "not exist" in text else ""
         raise RefusedError(f"{text}{hint}")
-    response = answer.values.get("response")
+    response = answer.values if is_ours else answer.values.get("response")
     return response if isinstance(response, dict) else {}
 
 
-async def _refusal(bridge: Bridge, what: str, user_id: str) -> RefusedError:
-    """Return the error of a refused start or tick: the server's reason, who is master, and what to do."""
+async def _refusal(bridge: Bridge, what: str, user_id: str, reason: str = "") -> RefusedError:
+    """Return the error of a refused start or tick: the server's reason, who is master, and what to do.
+
+    Args:
+        bridge: to the simulator.
+        what: was refused.
+        user_id: that it was asked with.
+        reason: where the answer has it; else it is in a status frame.
+    """
     statuses = [frame for frame in bridge.take_inbox() if frame.get("op") == "status"]
     reasons = [str(frame.get("msg")) for frame in statuses if frame.get("level") in {"warning", "error"}]
-    text = what + (f": {safe(reasons[-1])}" if reasons else "")
+    reason = reason or (reasons[-1] if reasons else "")
+    text = what + (f": {safe(reason)}" if reason else "")
     info = await read_sync_info(bridge)
     if info is None:
         return RefusedError(text)
     if not info.is_on or not info.master_id:
-        return RefusedError(f"{text}; --start starts it")
+        return RefusedError(f"{text}; --start starts the mode")
     if info.master_id == user_id:
         return RefusedError(text if info.can_send_tick else f"{text}; {RESUME}")
     master = safe(info.master_id)
@@ -215,15 +304,17 @@ async def _refusal(bridge: Bridge, what: str, user_id: str) -> RefusedError:
 
 
 def _describe(response: Frame) -> str:
-    """Return a line about the frame and the ego."""
+    """Return a line about frame and ego."""
     status = response.get("vehicle_status")
     ego: Frame = status if isinstance(status, dict) else {}
+    return f"frame {_whole(response.get('frame'))}  time {safe(str(response.get('time', '?')))} s  {_describe_ego(ego)}"
+
+
+def _describe_ego(ego: Frame) -> str:
+    """Return an ego's place, heading and speed as text."""
     x, y, z = (_number(ego.get("position"), axis) for axis in "xyz")
     heading, speed = _number(ego, "heading"), _number(ego.get("velocity"), "x")
-    return (
-        f"frame {_whole(response.get('frame'))}  time {safe(str(response.get('time', '?')))} s"
-        f"  x {x:.3f}  y {y:.3f}  z {z:.3f} m  heading {heading:.2f} deg  speed {speed:.3f} m/s"
-    )
+    return f"x {x:.3f}  y {y:.3f}  z {z:.3f} m  heading {heading:.2f} deg  speed {speed:.3f} m/s"
 
 
 def _number(value: object, key: str) -> float:

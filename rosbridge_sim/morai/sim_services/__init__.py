@@ -1,1 +1,1 @@
-"""Services of our own under `/sim/`, which MORAI SIM does not have."""
+"""Services under `/sim`, which MORAI SIM does not have: time as a tool, the population, the road."""

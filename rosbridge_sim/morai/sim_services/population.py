@@ -3,7 +3,7 @@
 Each call is wholly done or not at all, at once: between two frames, in synchronous mode and in real time. So a program
 that ticks knows at which frame it acts, and the same calls between the same ticks give the same bytes. A call that
 comes within a frame is refused, since a listener of the frame's topics could make it; so is one that comes while a tick
-waits for a scenario that is being read, and one during a replay. The component holds no state.
+waits for a scenario that is being read, or a `/sim/step` is under way, and one during a replay. The component holds no state.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ from rosbridge_sim.morai.command_parsing import EgoSetting, GhostPose
 from rosbridge_sim.morai.component import Component
 from rosbridge_sim.morai.context import SimulatorContext
 from rosbridge_sim.morai.convert import maker
-from rosbridge_sim.morai.ego import CtrlMode, Ego, moves
+from rosbridge_sim.morai.ego import CtrlMode, Ego
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
 from rosbridge_sim.morai.scenarios.reader import Spawn
 from rosbridge_sim.morai.scene import MAX_ENTITIES
+from rosbridge_sim.morai.scene_commands import moves
 from rosbridge_sim.morai.sim_services.object_parsing import (
     Behaviour,
     Change,
@@ -116,7 +117,7 @@ class Population(Component):
         if context.stepper.is_moving:
             raise GraphError("a frame is being computed; call between two ticks", reason=Reason.NOT_NOW)
         if context.sync.state is SyncState.WAITING:
-            text = "a tick waits for a scenario that is being read; call after its answer"
+            text = "a tick or a /sim/step is under way; call after its answer"
             raise GraphError(text, reason=Reason.NOT_NOW)
         if context.scene.is_replaying:
             raise GraphError("a recording is replayed; stop it by /Morai_SimProc first", reason=Reason.NOT_NOW)
@@ -317,7 +318,7 @@ class Population(Component):
                 context.egos.forget_statuses()
         for each, change in zip(found, changes, strict=True):
             if isinstance(each, Ego) and change.spot is not None:  # as /ego_setting does
-                context.sync.drop(partial(moves, each))
+                context.sync.drop(partial(moves, uid=each.uid))
         _log.debug("%d objects were changed by %s", len(found), call.caller.name)
         return ()
 

@@ -23,6 +23,7 @@ OTHER: dict[str, object] = {
     "client_memory": 32 * 2**20,
     "memory_budget": 2**30,
     "ros": 2,
+    "real_time_factor": 2.5,
     "certfile": "a.pem",
     "keyfile": "b c.pem",
     "token": "s3cret+/=",
@@ -63,6 +64,7 @@ OTHER: dict[str, object] = {
     "start_mode": "keyboard",
     "stamps": "wall",
     "replay_info": True,
+    "score": True,
     "sync_frames": "strict",
     "sync_lease": 2.5,
     "sync_on_loss": "wait",
@@ -200,6 +202,11 @@ def test_empty_token_variable_is_refused(text: str) -> None:
     with pytest.raises(SettingError, match="ROSBRIDGE_SIM_TOKEN: expected a token, or none; got an empty text"):
         read_settings([], {"ROSBRIDGE_SIM_TOKEN": text})
     assert read_settings([], {"ROSBRIDGE_SIM_TOKEN": "none"}).token is None
+
+
+def test_empty_token_flag_is_refused_as_an_empty_text() -> None:
+    with pytest.raises(SettingError, match=r"--token: expected .*, or none; got an empty text"):
+        read_settings(["--token", ""], {})
 
 
 def test_empty_variable_counts_as_absent() -> None:
