@@ -56,7 +56,7 @@ class EgoSetting:
         gear: None keeps the current one.
         ctrl_mode: the number on the wire.
         lamps: turn and emergency signal; None keeps the current ones.
-        model: of a new ego; None for that of the first one.
+        model: of an ego that is new; None for that of the first one.
     """
 
     index: int

@@ -212,7 +212,7 @@ LINES: tuple[tuple[Mapping[str, Any], dict[str, str], str], ...] = (
         (
             "--deny-publish /ctrl_cmd leaves these ways open to move an ego: publishing /ghost_ctrl_cmd, /ego_setting,"
             " calling /SyncModeCtrlCmd, /sim/step, /sim/set, /Service_MoraiEventCmd, publishing /ReplayInfo_topic,"
-            " calling /Morai_SimProc, and 6 more"
+            " calling /Morai_SimProc, and 5 more"
         ),
     ),
     (

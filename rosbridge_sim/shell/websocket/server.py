@@ -84,8 +84,8 @@ class Server:
         describe: called for `/healthz`; returns values about the simulator, by name.
         render_metrics: called for `/metrics` with the `Accept` header; returns the body and its content type. None if
             there is no such page.
-        ask_map: called for `/map.json` with the `If-None-Match` header; returns the text, once it is written, or None if
-            the settings have it off. None if there is no such page.
+        ask_map: called for `/map.json` with the `If-None-Match` header; returns the text once it is written, or None if
+            the settings switch it off. None if there is no such page.
         num_bugs: number of frames and requests that failed by an internal error; each is in the log with its traceback.
             Errors counted by the bus's guard are not included.
         port: the real port, after the start.
