@@ -2,8 +2,9 @@
 
 Each call is wholly done or not at all, at once: between two frames, in synchronous mode and in real time. So a program
 that ticks knows at which frame it acts, and the same calls between the same ticks give the same bytes. A call that
-comes within a frame is refused, since a listener of the frame's topics could make it; so is one that comes while a tick
-waits for a scenario that is being read, or a `/sim/step` is under way, and one during a replay. The component holds no state.
+comes within a frame is refused, since a listener of the frame's topics could make it. So is one that comes while a tick
+waits for a scenario that is being read, between the frames of a `/sim/step`, or during a replay. The component holds no
+state.
 """
 
 from __future__ import annotations
