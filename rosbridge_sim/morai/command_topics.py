@@ -21,12 +21,12 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.command_parsing import EgoSetting, ego_settings, ghost_pose, lamps_of, npc_ghosts
 from rosbridge_sim.morai.component import Component
 from rosbridge_sim.morai.context import SimulatorContext
-from rosbridge_sim.morai.ego import CtrlMode, Ego, EgoCommand
+from rosbridge_sim.morai.ego import CtrlMode, Ego
 from rosbridge_sim.morai.ghosts import Ghosts
 from rosbridge_sim.morai.interfaces.network_settings import InterfaceKind
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
 from rosbridge_sim.morai.scene import MAX_EGOS, MAX_ENTITIES
-from rosbridge_sim.morai.sync import SceneCommand
+from rosbridge_sim.morai.scene_commands import moves
 
 __all__ = ["CommandTopics"]
 
@@ -125,7 +125,7 @@ class CommandTopics(Component):
             if ctrl_mode is not None and not is_itself:
                 ego.set_ctrl_mode(ctrl_mode)
             ego.teleport(setting.pose, setting.gear)
-            num_dropped = context.sync.drop(partial(_moves, ego))
+            num_dropped = context.sync.drop(partial(moves, uid=ego.uid))
             if num_dropped:
                 topic = bindings.topic("ego_setting")
                 _log.info("%s: ego %d is reset, %d waiting commands dropped", topic, ego.index, num_dropped)
@@ -136,11 +136,6 @@ class CommandTopics(Component):
             if setting.lamps is not None:
                 ego.turn_signal, ego.emergency_signal = setting.lamps
         context.egos.forget_statuses()
-
-
-def _moves(ego: Ego, command: SceneCommand) -> bool:
-    """Tell whether a waiting command is about this ego."""
-    return isinstance(command, EgoCommand) and command.ego is ego
 
 
 def _ctrl_mode(setting: EgoSetting) -> CtrlMode | None:

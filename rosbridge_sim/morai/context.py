@@ -21,8 +21,9 @@ from rosbridge_sim.morai.participant import SimulatorParticipant
 from rosbridge_sim.morai.real_time_pacer import RealTimePacer
 from rosbridge_sim.morai.scene import Library, Scene
 from rosbridge_sim.morai.scene_changes import SceneChanges
+from rosbridge_sim.morai.scene_commands import SceneCommand
 from rosbridge_sim.morai.simulation_time import SimulationTime
-from rosbridge_sim.morai.sync import SceneCommand, Sync
+from rosbridge_sim.morai.sync import Sync
 from rosbridge_sim.morai.sync_driver import SyncDriver
 from rosbridge_sim.morai.sync_info import SyncInfo
 from rosbridge_sim.morai.tf_publisher import StaticTf

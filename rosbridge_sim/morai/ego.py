@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final
 
@@ -22,7 +21,7 @@ from rosbridge_sim.world.self_driving import start_self_driving
 from rosbridge_sim.world.sensors import Mounting
 from rosbridge_sim.world.state import Gear, Mode, World
 
-__all__ = ["GPS", "IMU", "SENSORS", "CtrlMode", "Ego", "EgoCommand"]
+__all__ = ["GPS", "IMU", "SENSORS", "CtrlMode", "Ego"]
 
 GPS: Final = "gps_link"
 IMU: Final = "imu_link"
@@ -241,20 +240,3 @@ class Ego:
             self._refused_gear = gear
             _log.info("%s", why)
         return why
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class EgoCommand:
-    """A command that waits for its frame and moves one ego.
-
-    Attributes:
-        ego: the ego.
-        carry_out: does it; the argument is monotonic time [s].
-    """
-
-    ego: Ego
-    carry_out: Callable[[float], None]
-
-    def __call__(self, now: float) -> None:
-        """Do it."""
-        self.carry_out(now)

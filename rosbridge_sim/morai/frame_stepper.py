@@ -6,14 +6,16 @@ do behind a frame. Real time and synchronous mode differ in which topics go out,
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 from rosbridge_sim.morai.egos import EgoRegistry
 from rosbridge_sim.morai.hooks import Hooks
 from rosbridge_sim.morai.interfaces.publishers import Publishers
 from rosbridge_sim.morai.real_time_pacer import RealTimePacer
+from rosbridge_sim.morai.scene_commands import SceneCommand
 from rosbridge_sim.morai.simulation_time import SimulationTime
-from rosbridge_sim.morai.sync import SceneCommand, Sync
+from rosbridge_sim.morai.sync import Sync
 from rosbridge_sim.morai.sync_info import SyncInfo
 from rosbridge_sim.world.state import World
 from rosbridge_sim.world.step import step
@@ -38,6 +40,7 @@ class FrameStepper:
         is_moving: frames are being computed right now; set by those who compute several.
         num_frames: frames computed; unlike the world's frame it never goes back.
         meter: measures what each frame costs; None for none.
+        carry_out: `(command, now)`: carries out a command that has waited for the frame.
     """
 
     def __init__(
@@ -67,6 +70,7 @@ class FrameStepper:
         self.is_moving = False
         self.num_frames = 0
         self.meter: FrameMeter | None = None
+        self.carry_out: Callable[[SceneCommand, float], object] = _no_executor
         self._world = world
         self._sync = sync
         self._egos = egos
@@ -88,7 +92,7 @@ class FrameStepper:
         if meter is not None:
             meter.begin()
         for command in self._sync.due(world.frame + 1):
-            command(now)
+            self.carry_out(command, now)
         step(world, self._place)
         self._egos.forget_statuses()
         self._time.follow()
@@ -110,3 +114,8 @@ class FrameStepper:
         """Within a step: have components put entities where they are to stand."""
         for place in self._hooks.place:
             place()
+
+
+def _no_executor(command: SceneCommand, _now: float) -> None:
+    """Stand for the executor that the node factory puts in place."""
+    raise AssertionError(f"nothing carries out {command.action!r}")

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from rosbridge_sim.errors import DocumentError, GraphError, PeerError
-from rosbridge_sim.graph.participant import Notify, Participant, explain, notifier
+from rosbridge_sim.graph.participant import Participant, explain, notifier
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.answers import complain, request_of, respond
@@ -32,6 +32,7 @@ from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServi
 from rosbridge_sim.morai.reading import Reader
 from rosbridge_sim.morai.scenarios.reader import Scenario
 from rosbridge_sim.morai.scene import FoundMap, Library, Load, LoadOptions, find_map
+from rosbridge_sim.morai.scene_commands import LoadScenario, SceneCommand
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 
 __all__ = ["Loads"]
@@ -55,21 +56,6 @@ class _Documents:
     scenario: Scenario
     own_map: FoundMap | None
     network: NetworkSettings | None
-
-
-class _AtFrame:
-    """A load that waits for its frame, as a command of synchronous mode.
-
-    Attributes:
-        carry_out: does it; None until it has been read.
-    """
-
-    def __init__(self) -> None:
-        self.carry_out: Callable[[float], None] | None = None
-
-    def __call__(self, now: float) -> None:
-        assert self.carry_out is not None, "no tick moves past a command that is not ready"
-        self.carry_out(now)
 
 
 class Loads(Component):
@@ -108,7 +94,8 @@ class Loads(Component):
     def _load_at_frame(self, call: Call, now: float) -> None:
         request, context = request_of(call), self._context
         sync, base = context.sync, context.scene.found_map
-        command, notify = _AtFrame(), notifier(call.caller)
+        notify = notifier(call.caller)
+        command = SceneCommand(None, call.service.name, notify)
         outcome = sync.submit(command, request.frame, context.world.frame, call.caller, now, is_ready=False)
         if not outcome.is_accepted:
             explain(call.caller, "warning", f"{call.service.name}: {outcome.why}", outcome.reason)
@@ -119,7 +106,7 @@ class Loads(Component):
             is_usable = False
             try:
                 load, network = self._prepare(request, documents, call.caller, base)
-                command.carry_out = partial(self._carry_out, call, notify, load, network, is_pausing=request.set_pause)
+                command.action = LoadScenario(load, network, is_pausing=request.set_pause)
                 is_usable = True
             except (PeerError, DocumentError) as error:
                 complain(notify, f"{call.service.name}: {error}")
@@ -129,15 +116,6 @@ class Loads(Component):
                 context.sync_driver.take_turns(now)
 
         self._read(request, call.caller, base, finish, now)
-
-    def _carry_out(
-        self, call: Call, notify: Notify, load: Load, network: NetworkSettings | None, now: float, *, is_pausing: bool
-    ) -> None:
-        """A load's frame has come."""
-        try:
-            self._context.scene_changes.carry_out(load, is_pausing=is_pausing, now=now, network=network)
-        except DocumentError as error:
-            complain(notify, f"{call.service.name}: {error}")
 
     # Now
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.morai.command_executor import CommandExecutor
 from rosbridge_sim.morai.command_topics import CommandTopics
 from rosbridge_sim.morai.context import SimulatorContext
 from rosbridge_sim.morai.convert import Converter
@@ -23,13 +24,15 @@ from rosbridge_sim.morai.replays.replay import Replay
 from rosbridge_sim.morai.scenarios.reader import Scenario
 from rosbridge_sim.morai.scene import Library, Scene
 from rosbridge_sim.morai.scene_changes import SceneChanges
+from rosbridge_sim.morai.scene_commands import SceneCommand
 from rosbridge_sim.morai.sensor_files import SensorDataStore
 from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.services import Services
+from rosbridge_sim.morai.sim_services.step import StepService
 from rosbridge_sim.morai.simulation_time import SimulationTime
 from rosbridge_sim.morai.simulator_node import NodeSettings, SimulatorNode
 from rosbridge_sim.morai.state_publishers import StatePublishers
-from rosbridge_sim.morai.sync import SceneCommand, Sync
+from rosbridge_sim.morai.sync import Sync
 from rosbridge_sim.morai.sync_driver import SyncDriver
 from rosbridge_sim.morai.sync_info import SyncInfo
 from rosbridge_sim.morai.tf_publisher import TF, StaticTf, TfPublisher
@@ -72,14 +75,16 @@ def make_node(
     chosen = settings or NodeSettings()
     context = _make_context(bus, world, library, scenario, chosen)
     sensors = Sensors(context, archive)
+    CommandExecutor(context, sensors)
     components = [
         StatePublishers(context),
         TrafficLightTopics(context),
         sensors,
         Loads(context, reader or AtOnce(), networks),
-        Services(context, sensors),
+        Services(context),
         CommandTopics(context),
         Replay(context, recordings, is_showing_drives=chosen.replay_info),
+        StepService(context),
     ]
     return SimulatorNode(context, components)
 

@@ -56,7 +56,7 @@ class RealTime:
         )
         if failure.why is not None:
             return None if failure.is_serving_on else now
-        dues = [sync.lease_due, publishers.pause_due(now)]
+        dues = [sync.lease_due, publishers.pause_due(now), now if self._context.sync_driver.has_turn else None]
         if sync.is_free:
             dues += [pacer.due_at if pacer.is_started else now, publishers.repeat_due]
         return min((due for due in dues if due is not None), default=None)
@@ -65,6 +65,7 @@ class RealTime:
         context = self._context
         sync, publishers, pacer, stepper = context.sync, context.publishers, context.pacer, context.stepper
         context.sync_driver.expire(now)
+        context.sync_driver.take_turns(now)
         publishers.show_in_pause(now)
         if not sync.is_free:
             return

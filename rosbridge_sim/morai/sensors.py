@@ -25,7 +25,7 @@ from functools import partial
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError, FieldError
-from rosbridge_sim.graph.participant import Participant
+from rosbridge_sim.graph.participant import Notify, Participant
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.component import Component
 from rosbridge_sim.morai.context import SimulatorContext
@@ -99,12 +99,12 @@ class Sensors(Component):
         for ego in self._context.egos:
             ego.mountings = dict.fromkeys(SENSORS, Mounting())
 
-    def capture(self, ego: Ego, caller: Participant, service: str) -> None:
+    def capture(self, ego: Ego, notify: Notify, service: str) -> None:
         """Save what an ego's sensors see in this frame under the frame's number; the caller hears of a mishap.
 
         Args:
             ego: whose sensors.
-            caller: of the service.
+            notify: tells the caller of the service.
             service: its name.
         """
         if not ego.is_there:
@@ -112,7 +112,7 @@ class Sensors(Component):
         try:
             self._save(ego, "", "", f"sensor_capture of {service}")
         except DocumentError as error:
-            caller.notify("error", f"sensor_capture: {error}")
+            notify("error", f"sensor_capture: {error}")
 
     # Out
 

@@ -7,8 +7,8 @@ Each handler reads a request, lets `sync` or `scene` decide, and answers. Two ki
 - the request is fine but not now (mode off, paused, no room): the response says false, and the reason is told as a
   warning, which a client hears if it asks for that level.
 
-Commands of synchronous mode are checked when they come and wait as functions; what can only be known at their frame
-(does the object still exist, does the car stand) is told then.
+Commands of synchronous mode are checked when they come and wait as data (`scene_commands`); `command_executor` carries
+them out.
 """
 
 from __future__ import annotations
@@ -23,15 +23,14 @@ from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerErro
 from rosbridge_sim.graph.participant import Participant, explain, notifier
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.answers import complain, request_of, respond
+from rosbridge_sim.morai.answers import request_of, respond
 from rosbridge_sim.morai.command_parsing import lamps_of
 from rosbridge_sim.morai.component import Component
 from rosbridge_sim.morai.context import SimulatorContext
 from rosbridge_sim.morai.convert import gear_of, maker, time_text
-from rosbridge_sim.morai.ego import CtrlMode, Ego, EgoCommand
+from rosbridge_sim.morai.ego import CtrlMode, Ego
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
-from rosbridge_sim.morai.sensors import Sensors
-from rosbridge_sim.morai.sync import SceneCommand
+from rosbridge_sim.morai.scene_commands import AddObject, ControlEgo, RemoveObject, SceneCommand, ShiftEgo
 from rosbridge_sim.morai.sync_driver import TickResult
 from rosbridge_sim.morai.sync_table import SyncOutcome
 from rosbridge_sim.world.state import MAX_COORDINATE, Gear
@@ -51,15 +50,9 @@ _log = logging.getLogger("rosbridge_sim.morai")
 class Services(Component):
     """The component of services, and of the topics of synchronous mode. It holds no state."""
 
-    def __init__(self, context: SimulatorContext, sensors: Sensors) -> None:
-        """Offer nothing yet.
-
-        Args:
-            context: of the simulator.
-            sensors: save what they see with a command.
-        """
+    def __init__(self, context: SimulatorContext) -> None:
+        """Offer nothing yet; `context` is the simulator's."""
         self._context = context
-        self._sensors = sensors
         store = context.bus.store
         self._make_cmd = maker(store, "morai_msgs/SyncModeCmdResponse", "user_id", "frame", "result", "time_step")
         self._make_tick = maker(
@@ -137,14 +130,8 @@ class Services(Component):
 
         def read() -> SceneCommand:
             control = self._context.convert.control(request.command)
-
-            def carry_out(_now: float) -> None:
-                ego.control(control)
-                if request.sensor_capture:
-                    after_this = self._context.hooks.once_after_frame
-                    after_this.append(lambda _now: self._sensors.capture(ego, call.caller, name))
-
-            return EgoCommand(ego, carry_out)
+            action = ControlEgo(ego.index, ego.uid, control, has_capture=request.sensor_capture)
+            return SceneCommand(action, name, call.caller.notify)
 
         self._queue(call, read, request.frame, now)
         if ego.is_replayed:
@@ -155,14 +142,7 @@ class Services(Component):
         notify = notifier(call.caller)
 
         def read() -> SceneCommand:
-            gear = gear_of(request.gear)
-
-            def shift(_now: float) -> None:
-                why = None if gear is None else ego.shift(gear)
-                if why is not None:
-                    notify("warning", f"{call.service.name}: {why}")
-
-            return EgoCommand(ego, shift)
+            return SceneCommand(ShiftEgo(ego.index, ego.uid, gear_of(request.gear)), call.service.name, notify)
 
         self._queue(call, read, request.frame, now)
 
@@ -182,7 +162,7 @@ class Services(Component):
 
     def _submit(self, read: Callable[[], SceneCommand], frame: int, caller: Participant, now: float) -> SyncOutcome:
         sync = self._context.sync
-        command = read() if sync.is_on else _nothing
+        command = read() if sync.is_on else SceneCommand(None, "", caller.notify)  # it will be refused
         return sync.submit(command, frame, self._context.world.frame, caller, now)
 
     def _add_object(self, call: Call, now: float) -> None:
@@ -216,31 +196,10 @@ class Services(Component):
         if not -MAX_COORDINATE <= heading_deg <= MAX_COORDINATE:
             raise FieldError(f"heading: expected a number within +-{MAX_COORDINATE:g}, got {heading_deg}")
         x, y, z = place
-        notify = notifier(sender)
-
-        def add(_now: float) -> None:
-            try:
-                uid = self._context.scene.add(model, x=x, y=y, z=z, yaw=math.radians(heading_deg))
-            except PeerError as error:
-                complain(notify, f"{where}: {error}")
-            else:
-                _log.info("added %s with unique_id %d", model.name, uid)
-
-        return add
+        return SceneCommand(AddObject(model, x, y, z, math.radians(heading_deg)), where, notifier(sender))
 
     def _read_remove(self, request: Struct, sender: Participant, where: str) -> SceneCommand:
-        notify = notifier(sender)
-
-        def remove(_now: float) -> None:
-            context, unique_id = self._context, request.unique_id
-            try:
-                if unique_id not in context.world and context.egos.find(unique_id) is not None:
-                    raise FieldError(f"unique_id {unique_id}: the ego cannot be removed")
-                context.scene.remove(unique_id)
-            except PeerError as error:
-                complain(notify, f"{where}: {error}")
-
-        return remove
+        return SceneCommand(RemoveObject(request.unique_id), where, notifier(sender))
 
     def _queue_silently(self, topic: str, command: SceneCommand, frame: int, sender: Participant, now: float) -> None:
         """Have a command that came over a topic wait for its frame; nobody is answered.
@@ -309,10 +268,6 @@ class Services(Component):
 
     def _map_spec(self, call: Call, _now: float) -> None:
         respond(call, self._context.convert.map_spec(self._context.scene.road_map))
-
-
-def _nothing(_now: float) -> None:
-    """The command that stands for one that was not read, since it will be refused."""
 
 
 def _ctrl_mode(number: int) -> CtrlMode | None:

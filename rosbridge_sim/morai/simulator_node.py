@@ -29,7 +29,8 @@ from rosbridge_sim.morai.participant import SimulatorParticipant
 from rosbridge_sim.morai.real_time import RealTime
 from rosbridge_sim.morai.releases import MANUAL, Profile, SpeedLimits
 from rosbridge_sim.morai.scene import Scene
-from rosbridge_sim.morai.sync import SceneCommand, Sync
+from rosbridge_sim.morai.scene_commands import SceneCommand
+from rosbridge_sim.morai.sync import Sync
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.world.state import World
 

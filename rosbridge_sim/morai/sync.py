@@ -20,6 +20,9 @@ The decisions, and why:
   ready, so no client ever sees the world in the middle of a tick. Ticks that come meanwhile wait behind it, each with
   the time step that was in force when it came. Commands that come meanwhile are placed as if the ticks that wait had
   been carried out: a slow disk changes nothing but the time that it takes.
+- A call for many steps is as many ticks, all of which wait: they are carried out in several turns, so that others are
+  served in between. If it ends early (a stop condition, a caller that has left), commands that came meanwhile move
+  forward by the frames that are not computed.
 - A pause, the end of the mode and a reset refuse the ticks that wait: the world never moves against a later word.
 - Anybody may send commands while the mode is on: the wire gives them no user id.
 - The master is an id, not a connection: several clients may use it. They are its *holders*. The lease is theirs:
@@ -55,20 +58,17 @@ from rosbridge_sim.morai.sync_table import (
     SyncState,
 )
 
-__all__ = ["SceneCommand", "Sync", "SyncHooks"]
+__all__ = ["Sync", "SyncHooks"]
 
 _LOSS: Final = {"run": SyncEvent.LOSS_TO_RUN, "pause": SyncEvent.LOSS_TO_PAUSE, "wait": SyncEvent.LOSS_TO_WAIT}
 
-_WHILE_IT_WAITED: Final = "while the tick waited for a scenario that is being read"
+_WHILE_IT_WAITED: Final = "while the tick waited for its turn"
 _WAS_PAUSED: Final = f"the simulation was paused {_WHILE_IT_WAITED}"
 _WAS_RESET: Final = f"the simulation was reset {_WHILE_IT_WAITED}"
 _HAS_ENDED: Final = f"synchronous mode has ended, or its master was lost, {_WHILE_IT_WAITED}"
 
 _WHY_REFUSED: Final = {SyncEvent.PAUSE: _WAS_PAUSED, SyncEvent.RESET: _WAS_RESET}
 """The events that refuse the ticks that wait, and the text for their callers; for all others it is `_HAS_ENDED`."""
-
-SceneCommand = Callable[[float], None]
-"""A command of the simulator, which waits for its frame in synchronous mode; called with monotonic time [s]."""
 
 C = TypeVar("C")
 """What a command is; the caller's business."""
@@ -101,21 +101,25 @@ class _Happening(NamedTuple, Generic[C]):
         now: monotonic time [s].
         user_id, step_ms, holder: of the master, for LEAD.
         num_frames: of the tick, for MOVE and WAIT.
+        num_ticks: how many of these, for WAIT.
         on_wait: called by WAIT.
         command: for QUEUE; one at most.
         due: the frame that the command waits for.
+        named: the frame that it names, which may be past.
         is_ready: whether the command can be carried out.
     """
 
     event: SyncEvent
     now: float
     num_frames: int = 0
+    num_ticks: int = 1
     on_wait: Callable[[], object] | None = None
     user_id: str = ""
     step_ms: int = FRAME_MS
     holder: object = None
     command: tuple[C, ...] = ()
     due: int = 0
+    named: int = 0
     is_ready: bool = True
 
 
@@ -164,6 +168,10 @@ class Sync(Generic[C]):
         self._num_arrived = 0
         self._unready: dict[C, int] = {}  # commands that wait and are not ready, with their frames
         self._ticks: deque[int] = deque()  # how many frames each tick that waits is to move
+        # Frames of these ticks: still owed, and computed or given up since a tick last waited for none.
+        self._num_owed = self._num_settled = 0
+        # Commands that came while ticks waited, by the order of arrival: (the frame named, frames settled before it).
+        self._delayed: dict[int, tuple[int, int]] = {}
         self._mute: Counter[object] = Counter()  # peers whose input is held back, and how often
         self._carry_out: Final[Mapping[SyncEffect, Callable[[_Happening[C]], None]]] = {
             SyncEffect.LEAD: self._lead,
@@ -281,11 +289,47 @@ class Sync(Generic[C]):
             return self._follow(_Happening(SyncEvent.TICK_BY_OTHER, now))
         self._hear(holder, now)
         num_frames = self.num_frames
-        end = frame + sum(self._ticks) + num_frames
+        end = frame + self._num_owed + num_frames
         if self._is_strict and named != end:
             return self._follow(_Happening(SyncEvent.TICK_MISFIT, now))
         event = SyncEvent.TICK_EARLY if self._is_early(end) else SyncEvent.TICK_BY_MASTER
-        return self._follow(_Happening(event, now, num_frames, on_wait))
+        return self._follow(_Happening(event, now, num_frames, on_wait=on_wait))
+
+    def step(
+        self, user_id: str, num_ticks: int, holder: object, now: float, *, on_wait: Callable[[], object]
+    ) -> SyncOutcome:
+        """Somebody wants the world to move by several time steps: as many ticks, all of which wait for `take_turn`.
+
+        Args:
+            user_id: the master, as the peer believes.
+            num_ticks: time steps.
+            holder: the peer who asks.
+            now: monotonic time [s].
+            on_wait: called once if the ticks wait.
+        """
+        if not self._is_master(user_id):
+            return self._follow(_Happening(SyncEvent.TICK_BY_OTHER, now))
+        self._hear(holder, now)
+        return self._follow(_Happening(SyncEvent.TICK_EARLY, now, self.num_frames, num_ticks, on_wait))
+
+    def give_up(self, num_ticks: int, now: float) -> None:
+        """Forget the first ticks that wait, at least one.
+
+        Args:
+            num_ticks: how many; there must be as many.
+            now: monotonic time [s].
+        """
+        self._settle(sum(self._ticks.popleft() for _ in range(num_ticks)), is_given_up=True)
+        if not self._ticks:
+            self._follow(_Happening(SyncEvent.GIVEN_UP, now))
+
+    def has_turn(self, frame: int) -> bool:
+        """Return whether `take_turn` would carry out a tick.
+
+        Args:
+            frame: the world's.
+        """
+        return bool(self._ticks) and not self._is_early(frame + self._ticks[0])
 
     def take_turn(self, frame: int, now: float) -> int:
         """Let the first tick that waits have its turn, if all commands of its frames are ready.
@@ -297,9 +341,10 @@ class Sync(Generic[C]):
         Returns:
             How many frames have been computed; 0 if no tick can be carried out now.
         """
-        if not self._ticks or self._is_early(frame + self._ticks[0]):
+        if not self.has_turn(frame):
             return 0
         num_frames = self._ticks.popleft()
+        self._settle(num_frames)
         self._follow(_Happening(SyncEvent.TURN if self._ticks else SyncEvent.LAST_TURN, now, num_frames))
         return num_frames
 
@@ -317,13 +362,27 @@ class Sync(Generic[C]):
             is_ready: it can be carried out. Else no tick computes its frame before `ready` or `withdraw`.
         """
         self._note_life(holder, now)
-        frame += sum(self._ticks)
+        frame += self._num_owed
         if named > frame + MAX_AHEAD:
             return self._follow(_Happening(SyncEvent.COMMAND_TOO_FAR, now))
         if len(self._waiting) >= MAX_WAITING_COMMANDS:
             return self._follow(_Happening(SyncEvent.COMMAND_TOO_MANY, now))
         due = max(named, frame + 1)
-        return self._follow(_Happening(SyncEvent.COMMAND, now, command=(command,), due=due, is_ready=is_ready))
+        return self._follow(
+            _Happening(SyncEvent.COMMAND, now, command=(command,), due=due, named=named, is_ready=is_ready)
+        )
+
+    def enter(self, command: C, frame: int) -> None:
+        """Have a command carried out before the next frame, behind those that wait for it already.
+
+        Call it just before `take_turn` carries out a tick to which the command belongs.
+
+        Args:
+            command: what `due` gives back.
+            frame: the world's.
+        """
+        self._num_arrived += 1
+        heapq.heappush(self._waiting, (frame + 1, self._num_arrived, command))
 
     def ready(self, command: C) -> None:
         """Take note that a command that was not ready can be carried out; one that was dropped is no error."""
@@ -441,6 +500,8 @@ class Sync(Generic[C]):
         for command in happening.command:
             self._num_arrived += 1
             heapq.heappush(self._waiting, (happening.due, self._num_arrived, command))
+            if self._num_owed:
+                self._delayed[self._num_arrived] = (happening.named, self._num_settled + self._num_owed)
             if not happening.is_ready:
                 self._unready[command] = happening.due
 
@@ -449,12 +510,14 @@ class Sync(Generic[C]):
             move(happening.num_frames, happening.now)
 
     def _wait(self, happening: _Happening[C]) -> None:
-        self._ticks.append(happening.num_frames)
+        self._ticks.extend([happening.num_frames] * happening.num_ticks)
+        self._num_owed += happening.num_frames * happening.num_ticks
         if happening.on_wait is not None:
             happening.on_wait()
 
     def _refuse(self, happening: _Happening[C]) -> None:
         self._ticks.clear()
+        self._settle(self._num_owed, is_given_up=True)
         for refuse in self.hooks.refuse:
             refuse(_WHY_REFUSED.get(happening.event, _HAS_ENDED), happening.now)
 
@@ -465,6 +528,25 @@ class Sync(Generic[C]):
     def _announce(self, happening: _Happening[C]) -> None:
         for announce in self.hooks.announce:
             announce(happening.now)
+
+    def _settle(self, num_frames: int, *, is_given_up: bool = False) -> None:
+        """Take note that the first frames of the ticks that wait are being computed, or never will be.
+
+        A command that came behind frames that are given up goes before the frame that it would have had without them.
+        """
+        start, end = self._num_settled, self._num_settled + num_frames
+        if is_given_up and self._delayed:
+            for i, (due, arrival, command) in enumerate(self._waiting):
+                named, num_before = self._delayed.get(arrival, (due, start))
+                moved = max(named, due - max(0, min(end, num_before) - start))
+                self._waiting[i] = (moved, arrival, command)
+                if command in self._unready:
+                    self._unready[command] = moved
+            heapq.heapify(self._waiting)
+        self._num_settled, self._num_owed = end, self._num_owed - num_frames
+        if not self._num_owed:
+            self._num_settled = 0
+            self._delayed.clear()
 
     def _is_early(self, end: int) -> bool:
         """Whether a command of a frame up to this one is not ready."""

@@ -1,8 +1,9 @@
 """Synchronous mode on the simulator: ticks are carried out, and what the mode says is done to the world.
 
 A service call moves the frames of one time step within the call, and everything that those frames publish is in the
-listeners' hands before the answer is given. Only a tick whose frames need a scenario that is still being read waits;
-its caller is held meanwhile, and `take_turns` carries it out.
+listeners' hands before the answer is given. Two kinds of ticks wait, and `take_turns` carries them out; their caller is
+held meanwhile. One is a tick whose frames need a scenario that is still being read. The other are the ticks of a call
+for many steps: they are done in turns of a few milliseconds, so that all others are served in between.
 
 `Sync` decides, and calls what is registered here; all that changes the mode goes through this file.
 """
@@ -13,7 +14,7 @@ import logging
 from collections import deque
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 from rosbridge_sim.errors import GraphError, Reason
 from rosbridge_sim.graph.participant import Participant, hold
@@ -21,12 +22,17 @@ from rosbridge_sim.morai.frame_stepper import FrameStepper
 from rosbridge_sim.morai.hooks import Hooks
 from rosbridge_sim.morai.interfaces.publishers import Publishers
 from rosbridge_sim.morai.real_time_pacer import RealTimePacer
-from rosbridge_sim.morai.sync import SceneCommand, Sync
+from rosbridge_sim.morai.scene_commands import SceneCommand
+from rosbridge_sim.morai.sync import Sync
 from rosbridge_sim.morai.sync_table import SyncOutcome, SyncState
 from rosbridge_sim.morai.world_failure import WorldFailure
 from rosbridge_sim.world.state import World
 
-__all__ = ["OnTick", "SyncDriver", "TickResult"]
+__all__ = ["OnTick", "Steps", "SyncDriver", "TickResult"]
+
+TURN_TIME: Final = 0.003
+"""Longest turn of the ticks that wait, before clients have theirs [s]; a tick that has begun is finished. With a round
+of clients (`ROUND_TIME` of the server, 4 ms) that is less than the 10 ms that a client may have to wait."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
@@ -50,11 +56,82 @@ class TickResult(NamedTuple):
 OnTick = Callable[[TickResult], None]
 
 
+class Steps(Protocol):
+    """A call for ticks that may wait.
+
+    Attributes:
+        num_left: ticks that are still to be carried out; counted by the driver.
+        is_wanted: false if the caller has left or waits no longer; then the ticks that are left are given up.
+    """
+
+    num_left: int
+
+    @property
+    def is_wanted(self) -> bool:
+        """See above."""
+
+    def before_tick(self) -> None:
+        """Prepare the tick that follows, such as by commands that go before its first frame."""
+
+    def after_tick(self) -> bool:
+        """Return whether the ticks that are left are to be given up, since a condition to stop is met."""
+
+    def end(self, result: TickResult) -> None:
+        """Answer the caller; called once. It is not accepted if another event has ended the call."""
+
+
+class _OneTick:
+    """One tick, which is carried out even if its caller has left: other clients count on it."""
+
+    is_wanted = True
+
+    def __init__(self, on_end: OnTick) -> None:
+        self.num_left = 1
+        self.end = on_end
+
+    def before_tick(self) -> None:
+        """Do nothing."""
+
+    def after_tick(self) -> bool:
+        """Return that nothing is left to give up."""
+        return False
+
+
+class _Waiting:
+    """A call that waits for its turns.
+
+    Attributes:
+        steps: what is to be done.
+        release: lets its caller's next op be handled; None while it is not held. It takes monotonic time [s].
+        why: why the ticks that are left are refused, where that has happened within a tick of this call.
+        is_over: it has been answered.
+    """
+
+    __slots__ = ("is_over", "release", "steps", "why")
+
+    def __init__(self, steps: Steps) -> None:
+        self.steps = steps
+        self.release: Callable[[float], None] | None = None
+        self.why: str | None = None
+        self.is_over = False
+
+    def end(self, result: TickResult, now: float) -> None:
+        """Answer the caller, and let it go on."""
+        self.is_over = True
+        try:
+            self.steps.end(result)
+        finally:
+            if self.release is not None:
+                self.release(now)
+
+
 class SyncDriver:
     """Carries out ticks, and starts, stops, pauses and resumes the world.
 
     Attributes:
         num_ticks: ticks carried out.
+        read_clock: the time that ends a turn [s]; None has a turn end with the last tick that can be carried out. What
+            is computed does not depend on it.
     """
 
     def __init__(
@@ -80,14 +157,16 @@ class SyncDriver:
             failure: refuses ticks, and is told of a step that fails.
         """
         self.num_ticks = 0
+        self.read_clock: Callable[[], float] | None = None
         self._world = world
         self._sync = sync
         self._stepper = stepper
         self._publishers = publishers
         self._hooks = hooks
         self._failure = failure
-        # Those that wait, each with what releases its caller; `sync` has as many.
-        self._ticks: deque[tuple[OnTick, Callable[[float], None]]] = deque()
+        # The calls that wait, oldest first; `sync` has the ticks that they have left.
+        self._calls: deque[_Waiting] = deque()
+        self._call_in_hand: _Waiting | None = None
         sync.hooks.move.append(self._move)
         sync.hooks.refuse.append(self._refuse_ticks)
         sync.hooks.flow.append(pacer.start)
@@ -154,28 +233,91 @@ class SyncDriver:
         """
         sync = self._sync
         is_paused = sync.is_paused  # before the frames of this tick, which may bring a pause
-        outcome = sync.tick(user_id, named, self._world.frame, caller, now, on_wait=partial(self._wait, caller, on_end))
+        outcome = sync.tick(
+            user_id, named, self._world.frame, caller, now, on_wait=partial(self._wait, _OneTick(on_end), caller)
+        )
         if not outcome.is_accepted:
             on_end(TickResult(is_accepted=False, is_paused=is_paused, why=sync.why(outcome), reason=outcome.reason))
         elif outcome.state is not SyncState.WAITING:
             on_end(TickResult(is_accepted=True, is_paused=is_paused))
 
+    def ask_steps(self, user_id: str, steps: Steps, caller: Participant, now: float) -> None:
+        """Move the world by several time steps: now as far as one turn goes, the others in later turns.
+
+        Args:
+            user_id: the master that the caller takes itself for.
+            steps: what is to be done, at least one tick. Its `end` is called once, perhaps before this returns.
+            caller: held until then.
+            now: monotonic time [s].
+        """
+        sync = self._sync
+        call = _Waiting(steps)
+        outcome = sync.step(user_id, steps.num_left, caller, now, on_wait=partial(self._calls.append, call))
+        if not outcome.is_accepted:
+            why = sync.why(outcome)
+            call.end(TickResult(is_accepted=False, is_paused=sync.is_paused, why=why, reason=outcome.reason), now)
+            return
+        self.take_turns(now)
+        if not call.is_over:
+            call.release = self.hold(caller)
+
+    @property
+    def has_turn(self) -> bool:
+        """Return whether `take_turns` has something to do now."""
+        calls = self._calls
+        return bool(calls) and (self._sync.has_turn(self._world.frame) or not calls[0].steps.is_wanted)
+
     def take_turns(self, now: float) -> None:
-        """Carry out the ticks that wait, as far as what they wait for has been read."""
-        while self._ticks and not self._stepper.is_moving:
-            on_end, release = first = self._ticks.popleft()
-            try:
-                if not self._sync.take_turn(self._world.frame, now):
-                    self._ticks.appendleft(first)
-                    return
-            except GraphError as error:
-                self._ticks.appendleft(first)
-                self._refuse_ticks(str(error), now)
+        """Carry out the ticks that wait, as far as what they wait for has been read, and until the turn is over.
+
+        Call it again while `has_turn`, when all others have been served.
+        """
+        read_clock = self.read_clock
+        until = None if read_clock is None else read_clock() + TURN_TIME
+        while self._calls and not self._stepper.is_moving:
+            call = self._calls[0]
+            if not call.steps.is_wanted:
+                self._calls.popleft()
+                self._finish(call, now)
+            elif not self._sync.has_turn(self._world.frame):
                 return
-            try:
-                on_end(TickResult(is_accepted=True, is_paused=False))
-            finally:
-                release(now)
+            else:
+                self._calls.popleft()
+                if not self._carry_out(call, now):
+                    return
+            if until is not None and read_clock is not None and read_clock() >= until:
+                return
+
+    def _carry_out(self, call: _Waiting, now: float) -> bool:
+        """Carry out the next tick of a call that was taken from those that wait; return whether the world still can."""
+        steps = call.steps
+        self._call_in_hand = call
+        try:
+            steps.before_tick()
+            steps.num_left -= 1
+            self._sync.take_turn(self._world.frame, now)
+        except GraphError as error:
+            steps.num_left += 1
+            self._calls.appendleft(call)
+            self._refuse_ticks(str(error), now)
+            return False
+        finally:
+            self._call_in_hand = None
+        is_enough = steps.after_tick()
+        if call.why is not None:  # the tick has brought it about
+            call.end(TickResult(is_accepted=False, is_paused=self._sync.is_paused, why=call.why), now)
+        elif is_enough or not steps.num_left:
+            self._finish(call, now)
+        else:
+            self._calls.appendleft(call)
+        return True
+
+    def _finish(self, call: _Waiting, now: float) -> None:
+        """Answer a call; the ticks that it has left are not wanted."""
+        num_left, call.steps.num_left = call.steps.num_left, 0
+        if num_left:
+            self._sync.give_up(num_left, now)
+        call.end(TickResult(is_accepted=True, is_paused=False), now)
 
     def hold(self, participant: Participant) -> Callable[[float], None]:
         """Hold a peer's input while something takes its time; a master does not lose its lease by that.
@@ -192,8 +334,10 @@ class SyncDriver:
 
         return let_go
 
-    def _wait(self, caller: Participant, on_end: OnTick) -> None:
-        self._ticks.append((on_end, self.hold(caller)))
+    def _wait(self, steps: Steps, caller: Participant) -> None:
+        call = _Waiting(steps)
+        call.release = self.hold(caller)
+        self._calls.append(call)
 
     def _move(self, num_frames: int, now: float) -> None:
         """Compute the frames of a tick.
@@ -218,8 +362,9 @@ class SyncDriver:
 
     def _refuse_ticks(self, why: str, now: float) -> None:
         """Answer the ticks that wait: they will not be carried out."""
-        refused = list(self._ticks)
-        self._ticks.clear()
-        for on_end, release in refused:
-            on_end(TickResult(is_accepted=False, is_paused=self._sync.is_paused, why=why))
-            release(now)
+        if self._call_in_hand is not None:  # its tick goes on to its end, and then it is answered
+            self._call_in_hand.why = why if self._call_in_hand.steps.num_left else None
+        refused = list(self._calls)
+        self._calls.clear()
+        for call in refused:
+            call.end(TickResult(is_accepted=False, is_paused=self._sync.is_paused, why=why), now)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from rosbridge_sim.morai.convert import maker
 from rosbridge_sim.morai.interfaces.publishers import Publishers
-from rosbridge_sim.morai.sync import SceneCommand, Sync
+from rosbridge_sim.morai.scene_commands import SceneCommand
+from rosbridge_sim.morai.sync import Sync
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.world.state import World
 

@@ -12,7 +12,8 @@ scenario that asks for it) and must survive a change of master:
     OPEN     synchronous, nobody is master: the world stands until somebody starts (`--start sync`,
              `--sync-on-loss wait`)
     LED      synchronous, one user id is master: the world moves by that id's ticks alone
-    WAITING  as LED, and ticks of the master wait for a command of their frames that is still being read
+    WAITING  as LED, and ticks of the master wait: for a command of their frames that is still being read, or, those of
+             a call for many steps, for their turn
 
 An event is what was said together with *who* said it: `TICK_BY_OTHER` rather than a tick and an `if`. `Sync` finds out
 which event it is, and carries out the effects of its row.
@@ -98,10 +99,11 @@ class SyncEvent(IntEnum):
     LOSS_TO_RUN = 13  # the lease has ended; the world is to run, pause, or wait for the next master
     LOSS_TO_PAUSE = 14
     LOSS_TO_WAIT = 15
-    TICK_EARLY = 16  # the master's, and a command of one of its frames is not ready
+    TICK_EARLY = 16  # the master's, and it has to wait: a command of its frames is not ready, or it is one of many
     TURN = 17  # the first tick that waits can be carried out; others wait behind it
     LAST_TURN = 18  # the same, and it is the only one
     RESET = 19  # the world has begun anew
+    GIVEN_UP = 20  # the ticks that wait are not wanted any more
 
 
 OF_A_MASTER: Final = frozenset(
@@ -118,7 +120,7 @@ OF_A_MASTER: Final = frozenset(
 )
 """Events that take a master to happen: the table has no row for them in the states of `NO_MASTER`."""
 
-OF_WAITING: Final = frozenset({SyncEvent.TURN, SyncEvent.LAST_TURN})
+OF_WAITING: Final = frozenset({SyncEvent.TURN, SyncEvent.LAST_TURN, SyncEvent.GIVEN_UP})
 """Events that take a tick that waits: the table has rows for them in WAITING alone."""
 
 
@@ -303,6 +305,7 @@ SYNC_TABLE: Final[Mapping[SyncState, Mapping[SyncEvent, SyncOutcome]]] = {
         SyncEvent.TICK_EARLY: _yes(SyncState.WAITING, SyncEffect.WAIT),
         SyncEvent.TURN: _yes(SyncState.WAITING, SyncEffect.MOVE),
         SyncEvent.LAST_TURN: _yes(SyncState.LED, SyncEffect.MOVE),
+        SyncEvent.GIVEN_UP: _yes(SyncState.LED),
         SyncEvent.COMMAND: _yes(SyncState.WAITING, SyncEffect.QUEUE),
         SyncEvent.COMMAND_TOO_FAR: _no(SyncState.WAITING, _TOO_FAR),
         SyncEvent.COMMAND_TOO_MANY: _no(SyncState.WAITING, _TOO_MANY),

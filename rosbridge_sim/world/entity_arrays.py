@@ -15,7 +15,7 @@ import numpy.typing as npt
 from rosbridge_sim.world.entity_types import Body
 from rosbridge_sim.world.geometry import FloatArray, IntArray
 
-__all__ = ["BOOLS", "FLOATS", "INTS", "LEG_COLUMNS", "BoolArray", "EntityArrays"]
+__all__ = ["BOOLS", "FLOATS", "INTS", "LEG_COLUMNS", "NUM_CORE", "BoolArray", "EntityArrays"]
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -57,6 +57,10 @@ FLOATS: Final = (
     *("lateral_speed", "climb", "climb_accel"),
     # read by collisions
     *("half_length", "half_width", "height", "centre"),
+    # written by score
+    *("score_distance", "time_to_collision", "min_time_to_collision"),
+    *("lane_offset", "lane_offset_sum", "max_lane_offset"),
+    *("jerk", "max_jerk", "jerk_square_sum", "max_lateral_accel", "lateral_accel_square_sum"),
 )
 LEG_COLUMNS: Final = (
     *("leg_start", "leg_end", "leg_x", "leg_y", "leg_z", "leg_dx", "leg_dy", "leg_dz"),
@@ -67,8 +71,20 @@ INTS: Final = (
     # of lane_following; `behind`, `lane` and the lanes ahead are one run
     *("turns", "claim", "held", "exit_lane", "point", "behind"),
     *("lane", "ahead_1", "ahead_2", "ahead_3", "ahead_4", "ahead_5"),
+    # of score; the contacts are one run
+    *("score_since", "score_frames", "road_frames", "off_road_frames"),
+    *("num_collisions", "num_red_lights", "num_stop_lines", "num_lane_invasions"),
+    *("near_lane", "open_line", "open_reds"),
+    *("contact_1", "contact_2", "contact_3", "contact_4", "contact_5", "contact_6", "contact_7", "contact_8"),
 )
-BOOLS: Final = ("alive", "has_path", "is_loop", "has_lane", "is_ghost")
+BOOLS: Final = (
+    *("alive", "has_path", "is_loop", "has_lane", "is_ghost"),
+    # of score
+    *("has_collided", "has_passed_red", "is_off_road", "is_over_left", "is_over_right"),
+)
+
+NUM_CORE: Final = (FLOATS.index("score_distance"), INTS.index("score_since"), BOOLS.index("has_collided"))
+"""Columns of each block without those of `score`, which are zeros while nobody has asked for scores."""
 
 
 class EntityArrays:
@@ -116,6 +132,25 @@ class EntityArrays:
         is_ghost: bool, steps leave the row where it is, whatever its speed; see `placement.place_ghost`.
 
         half_length, half_width, height, centre: of the body's box; see `Body` [m].
+
+        score_distance ..: of an EGO, while `World.is_scoring`; zeros before that and for all others. What they mean
+            exactly is in `score`.
+        score_distance: driven since `score_since` [m].
+        time_to_collision, min_time_to_collision: at this frame, and the least so far; inf for none [s].
+        lane_offset, lane_offset_sum, max_lane_offset: of the middle of the box from the line of its lane, left
+            positive, at this frame; sum and greatest of its amounts over the `road_frames` [m].
+        jerk, max_jerk, jerk_square_sum: change of `accel`, at this frame; greatest amount [m/s^3]; sum of its squares.
+        max_lateral_accel, lateral_accel_square_sum: greatest amount of `lateral_accel` [m/s^2], sum of its squares.
+        score_since: int64, the frame from which on all this counts.
+        score_frames, road_frames, off_road_frames: int64, frames since then; those on a lane, those off the road.
+        num_collisions, num_red_lights, num_stop_lines, num_lane_invasions: int64, counts since then.
+        near_lane: int64, row of the nearest lane plus 1; 0 if none is known.
+        open_line, open_reds: int64, the lane plus 1 whose stop line was passed where the lights differ for the lanes
+            behind it, and which of these showed red (bit i for the i-th of `Roads.successors`); 0 for none.
+        contact_1 ..: int64, ids of the latest new contacts plus 1, the latest first; 0 for none.
+        has_collided, has_passed_red: bool, within the last frame.
+        is_off_road: bool, at this frame.
+        is_over_left, is_over_right: bool, the box reaches over that edge of its lane.
 
         The other columns follow from these: `control_columns` explains target, sense, drive, holding and the like,
         `path_following` explains leg_*.
@@ -175,6 +210,17 @@ class EntityArrays:
     half_width: FloatArray
     height: FloatArray
     centre: FloatArray
+    score_distance: FloatArray
+    time_to_collision: FloatArray
+    min_time_to_collision: FloatArray
+    lane_offset: FloatArray
+    lane_offset_sum: FloatArray
+    max_lane_offset: FloatArray
+    jerk: FloatArray
+    max_jerk: FloatArray
+    jerk_square_sum: FloatArray
+    max_lateral_accel: FloatArray
+    lateral_accel_square_sum: FloatArray
     uid: IntArray
     kind: IntArray
     gear: IntArray
@@ -193,11 +239,35 @@ class EntityArrays:
     ahead_3: IntArray
     ahead_4: IntArray
     ahead_5: IntArray
+    score_since: IntArray
+    score_frames: IntArray
+    road_frames: IntArray
+    off_road_frames: IntArray
+    num_collisions: IntArray
+    num_red_lights: IntArray
+    num_stop_lines: IntArray
+    num_lane_invasions: IntArray
+    near_lane: IntArray
+    open_line: IntArray
+    open_reds: IntArray
+    contact_1: IntArray
+    contact_2: IntArray
+    contact_3: IntArray
+    contact_4: IntArray
+    contact_5: IntArray
+    contact_6: IntArray
+    contact_7: IntArray
+    contact_8: IntArray
     alive: BoolArray
     has_path: BoolArray
     is_loop: BoolArray
     has_lane: BoolArray
     is_ghost: BoolArray
+    has_collided: BoolArray
+    has_passed_red: BoolArray
+    is_off_road: BoolArray
+    is_over_left: BoolArray
+    is_over_right: BoolArray
 
     def __init__(self) -> None:
         self.names: list[str] = []

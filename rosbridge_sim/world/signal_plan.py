@@ -161,6 +161,7 @@ class SignalPlan:
         light_of_lane: (lanes,) int64, row of the light that controls whether one may enter; -1 for none.
         pass_of_lane: (lanes,) int64, a sum of lamps, any of which allows to enter.
         controller_of_lane: (lanes,) int64, row of the intersection that the lane lies in; -1 for none.
+        is_before_light: (lanes,) bool, a light controls a lane that begins where this one ends.
 
         cycle: (controllers,) int64, frames of a whole cycle; 1 for a controller without phases.
         num_phases: (controllers,) int64.
@@ -188,6 +189,7 @@ class SignalPlan:
         "interval_end",
         "interval_phase",
         "interval_start",
+        "is_before_light",
         "is_warning",
         "light_of_lane",
         "lights",
@@ -314,6 +316,9 @@ class SignalPlan:
         for lane in np.flatnonzero(self.light_of_lane >= 0).tolist():
             if not ever[self.light_of_lane[lane]] & int(self.pass_of_lane[lane]):
                 self.pass_of_lane[lane] |= _GREEN
+        num_successors = np.diff(roads.first_successor)
+        owner = np.arange(num, dtype=np.int64).repeat(num_successors)
+        self.is_before_light = np.bincount(owner, self.light_of_lane[roads.successor] >= 0, num) > 0.0
         # Turns without a light, beside others that have one, lie in the same intersection.
         lit = np.flatnonzero(self.controller_of_lane >= 0).tolist()
         inside = {lane: int(self.controller_of_lane[lane]) for lane in lit}

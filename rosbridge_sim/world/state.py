@@ -21,7 +21,7 @@ from typing import Any, Final, TypeVar, cast
 import numpy as np
 
 from rosbridge_sim.world.control_columns import update_control_columns
-from rosbridge_sim.world.entity_arrays import INTS, LEG_COLUMNS, NO_BODY, BoolArray, EntityArrays
+from rosbridge_sim.world.entity_arrays import INTS, LEG_COLUMNS, NO_BODY, NUM_CORE, BoolArray, EntityArrays
 from rosbridge_sim.world.entity_types import MAX_COORDINATE, MAX_SPEED, Body, Gear, Kind, Mode
 from rosbridge_sim.world.geometry import FloatArray, IntArray, nearest_on_polyline, wrap_angle
 from rosbridge_sim.world.paths import (
@@ -100,7 +100,12 @@ _BODY_COLUMNS: Final = {
     "speed_decel": "speed_mode_decel",
 }
 _BOX_COLUMNS: Final = ("half_length", "half_width", "height", "centre")
-_LANE_COLUMNS: Final = ("desired_speed", *INTS[INTS.index("turns") :], "has_lane", "is_loop")
+_LANE_COLUMNS: Final = (
+    "desired_speed",
+    *INTS[INTS.index("turns") : INTS.index("ahead_5") + 1],
+    "has_lane",
+    "is_loop",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +127,7 @@ class Snapshot:
     signals: SignalsSnapshot
     routes: dict[int, IntArray]
     rng_state: dict[str, Any]  # numpy's own, whose shape depends on the generator
+    is_scoring: bool
 
 
 class World(EntityArrays):
@@ -139,6 +145,7 @@ class World(EntityArrays):
         roads: the lanes; see `lay_roads`.
         signals: the traffic lights at this frame.
         contacts: (m, 2) int64, ids of the pairs that touched during the last step; see `collisions`.
+        is_scoring: steps keep the scores of all egos; see `start_scoring`.
 
     Args:
         seed: not negative.
@@ -235,9 +242,7 @@ class World(EntityArrays):
         if is_waiting:
             self.start_within[row], self.start_speed[row] = start_within, speed
         if kind == Kind.EGO:
-            for column in _BODY_COLUMNS:
-                getattr(self, column)[row] = getattr(body, _BODY_COLUMNS[column])
-            update_control_columns(self, row)
+            self._equip(row, body)
         if segments is not None:
             self.has_path[row], self.is_loop[row] = True, is_loop
             self.path_base[row], self.path_length[row] = base, segments[-1, END]
@@ -299,6 +304,7 @@ class World(EntityArrays):
         self.clear()
         self.seed, self.rng = seed, rng
         self.frame = 0
+        self.is_scoring = False
         self.signals = Signals(self.signals.plan)
         self._next_uid = FIRST_UID
 
@@ -318,7 +324,15 @@ class World(EntityArrays):
         for row in np.flatnonzero(self.has_lane).tolist():  # rare: the map changes while vehicles drive on it
             self.place(row, x=self.x[row], y=self.y[row], z=self.z[row], yaw=self.yaw[row], speed=0.0)
         self.roads, self.signals = roads, Signals(plan, self.frame)
+        self.int_block("near_lane", "open_reds")[:] = 0  # rows of the former lanes
         self.touch()
+
+    def start_scoring(self) -> None:
+        """Keep the scores of all egos from this frame on, until the next `reset`; twice is no error. See `score`."""
+        if not self.is_scoring:
+            self.is_scoring = True
+            for row in self.rows(Kind.EGO).tolist():
+                self._begin_score(row)
 
     def row(self, uid: int) -> int:
         """Return the row of an entity.
@@ -362,6 +376,7 @@ class World(EntityArrays):
             signals=self.signals.snapshot(),
             routes=dict(self.routes),
             rng_state=dict(self.rng.bit_generator.state),
+            is_scoring=self.is_scoring,
         )
 
     def restore(self, saved: Snapshot) -> None:
@@ -379,6 +394,7 @@ class World(EntityArrays):
         self.frame, self.seed, self._next_uid = saved.frame, saved.seed, saved.next_uid
         self.rng = np.random.Generator(np.random.PCG64(saved.seed))
         self.rng.bit_generator.state = saved.rng_state
+        self.is_scoring = saved.is_scoring
         self.touch()
 
     def restore_driven(self, uid: int, saved: Snapshot) -> None:
@@ -398,8 +414,8 @@ class World(EntityArrays):
         state = blake2b(digest_size=16)
         counts = (self.frame, self.seed, self._next_uid, self.n)
         state.update(repr((counts, list(self._rows.items()), self.rng.bit_generator.state)).encode())
-        for block in (self._floats, self._ints, self._bools):
-            state.update(block[:, : self.n].tobytes())
+        for block, num_core in zip((self._floats, self._ints, self._bools), NUM_CORE, strict=True):
+            state.update(block[: None if self.is_scoring else num_core, : self.n].tobytes())
         state.update(self.contacts.tobytes())
         state.update(self.paths.digest())
         state.update(self.roads.digest)
@@ -445,6 +461,8 @@ class World(EntityArrays):
         self.lateral_speed[row] = self.climb[row] = self.climb_accel[row] = 0.0
         if self.kind[row] != Kind.EGO:
             self.touch()  # it may move now, or no longer
+        elif self.is_scoring:  # it has driven over no line on its way here
+            self.near_lane[row] = self.open_line[row] = 0
 
     def place_all(
         self, rows: IntArray, *, x: FloatArray, y: FloatArray, z: FloatArray, yaw: FloatArray, speed: FloatArray
@@ -462,6 +480,7 @@ class World(EntityArrays):
         self.leg_dz[rows] = 0.0
         self.leg_yaw[rows], self.leg_turn[rows] = self.yaw[rows], 0.0
         self.lateral_speed[rows] = self.climb[rows] = self.climb_accel[rows] = 0.0
+        self.near_lane[rows] = self.open_line[rows] = 0
         self.touch()
 
     # -- internals
@@ -478,6 +497,13 @@ class World(EntityArrays):
             raise ValueError(f"uid: {uid} is in use")
         return int(uid), max(self._next_uid, int(uid) + 1)
 
+    def _begin_score(self, row: int) -> None:
+        """Begin the score of an ego anew at this frame."""
+        for block, num_core in zip((self._floats, self._ints, self._bools), NUM_CORE, strict=True):
+            block[num_core:, row] = 0
+        self.score_since[row] = self.frame
+        self.time_to_collision[row] = self.min_time_to_collision[row] = math.inf
+
     def _trim(self) -> None:
         """Drop the free rows at the end."""
         alive = np.flatnonzero(self.alive)
@@ -492,6 +518,14 @@ class World(EntityArrays):
             self._grow(row + 1)
         self._bind(row + 1)
         return row
+
+    def _equip(self, row: int, body: Body) -> None:
+        """Write what a new EGO has of its own: the limits of its body, its controls, and its score."""
+        for column in _BODY_COLUMNS:
+            getattr(self, column)[row] = getattr(body, _BODY_COLUMNS[column])
+        update_control_columns(self, row)
+        if self.is_scoring:
+            self._begin_score(row)
 
     def _enter_path(self, row: int, segments: Segments) -> None:
         """Place a row on its path, at the point nearest to it."""

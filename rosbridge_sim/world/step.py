@@ -14,7 +14,8 @@ each module sees the same half-finished world at the same point. So the order st
 5. *Placed rows*: a caller with recorded or foreign motion places its rows where they are at the end of this step. They
    are placed before collision detection, so swept contacts are found.
 6. *Contacts* (`collisions.find`): all pairs that have touched within the step. It moves nothing.
-7. *Frame counter*: it comes last, so that a reader that finds frame f finds the world of frame f.
+7. *Scores* (`score.judge`) of the egos, while they are kept: they look at all of the above. They move nothing.
+8. *Frame counter*: it comes last, so that a reader that finds frame f finds the world of frame f.
 
 A step draws no random number, reads no clock and allocates no memory that stays.
 """
@@ -23,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from rosbridge_sim.world import collisions
+from rosbridge_sim.world import collisions, score
 from rosbridge_sim.world.dynamics import drive
 from rosbridge_sim.world.lane_following import drive_lanes
 from rosbridge_sim.world.path_following import follow_paths
@@ -41,6 +42,7 @@ def step(world: World, place: Callable[[], None] | None = None) -> None:
         place: called within the step to place rows; see the head of this file.
     """
     before = collisions.remember(world)
+    unscored = score.remember(world) if world.is_scoring else None
     world.signals.advance(world.frame + 1)
     start(world)
     drive_lanes(world, DT)
@@ -49,4 +51,6 @@ def step(world: World, place: Callable[[], None] | None = None) -> None:
     if place is not None:
         place()
     collisions.find(world, before)
+    if unscored is not None:
+        score.judge(world, unscored)
     world.frame += 1

@@ -47,6 +47,7 @@ class _Publisher(Interface):
 
     Attributes:
         topic: on the bus; None while it is not there.
+        last: the last message that went out with a frame, and how many frames were published by then; for `Publishers`.
     """
 
     kind = InterfaceKind.PUBLISHER
@@ -55,6 +56,7 @@ class _Publisher(Interface):
         prefix, default = split_prefix(name)
         super().__init__(default, prefix, type_name, rate)
         self.topic: Topic | None = None
+        self.last: tuple[int, Message] | None = None
         self._is_exclusive = is_exclusive
         self._depth = depth
 
@@ -163,6 +165,8 @@ class Publishers:
         self._bus = bus
         self._items = items
         self._periodic: list[PeriodicPublisher] = []
+        self._latched: list[LatchedPublisher] = []
+        self._num_shown = 0  # frames published; unlike the world's frame it never goes back
         self._repeats: list[tuple[float, int, PeriodicPublisher, Message]] = []
         self._ticket = count()
         # In a pause: when to show the world next, who has been shown it, and whether somebody has come since.
@@ -231,6 +235,7 @@ class Publishers:
         """
         publisher = LatchedPublisher(name, type_name, is_exclusive=is_exclusive)
         self._items.add(publisher)
+        self._latched.append(publisher)
         return publisher
 
     def update(self, publisher: LatchedPublisher, value: Struct, now: float) -> None:
@@ -254,6 +259,7 @@ class Publishers:
             frame: the world's.
             now: monotonic time [s].
         """
+        self._num_shown += 1
         for publisher in self._periodic:
             topic = publisher.topic
             if topic is None or not topic.subscriptions:  # most topics at each frame: no call for those
@@ -262,7 +268,9 @@ class Publishers:
                 continue
             value = publisher.make()
             if value is not None:
-                self._bus.announce(self._owner, topic, Message(topic.type, value), now)
+                message = Message(topic.type, value)
+                publisher.last = self._num_shown, message
+                self._bus.announce(self._owner, topic, message, now)
 
     def show_due(self, frame: int, shown_at: float, now: float) -> None:
         """Publish the world as it stands on the topics whose turn it is, and put what is to be repeated on the list.
@@ -272,6 +280,7 @@ class Publishers:
             shown_at: when it was due [s].
             now: monotonic time [s].
         """
+        self._num_shown += 1
         for publisher in self._periodic:
             topic = publisher.topic
             if topic is None or not topic.subscriptions:  # as above
@@ -283,6 +292,7 @@ class Publishers:
             if value is None:
                 continue
             message = Message(topic.type, value)
+            publisher.last = self._num_shown, message
             self._bus.announce(self._owner, topic, message, now)
             for i in range(1, num):
                 heapq.heappush(self._repeats, (shown_at + i * DT / num, next(self._ticket), publisher, message))
@@ -297,6 +307,36 @@ class Publishers:
         for publisher in self._periodic:
             if publisher.is_latched:
                 self.show_now(publisher, now)
+
+    @property
+    def names(self) -> list[str]:
+        """Return the names of all topics that are there."""
+        publishers: tuple[_Publisher, ...] = (*self._periodic, *self._latched)
+        return [publisher.topic.name for publisher in publishers if publisher.topic is not None]
+
+    def find(self, name: str) -> PeriodicPublisher | LatchedPublisher | None:
+        """Return what publishes the topic of that absolute name; None where it is not one of these, or not there."""
+        publishers: tuple[PeriodicPublisher | LatchedPublisher, ...] = (*self._periodic, *self._latched)
+        for publisher in publishers:
+            if publisher.topic is not None and publisher.topic.name == name:
+                return publisher
+        return None
+
+    def sample(self, publisher: PeriodicPublisher | LatchedPublisher) -> Message | None:
+        """Return what a topic says of the last frame, or was kept there for those who come late; nothing is published.
+
+        A message that went out with the frame is not made again. None where the topic has nothing to say.
+        """
+        topic, last = publisher.topic, publisher.last
+        if topic is None:
+            return None
+        if isinstance(publisher, LatchedPublisher):
+            value = publisher.value
+        elif last is not None and last[0] == self._num_shown:
+            return last[1]
+        else:
+            value = publisher.make()
+        return None if value is None else Message(topic.type, value)
 
     def current(self) -> Iterator[tuple[Topic, Message]]:
         """Yield each topic that has something to say, with the message that would go out now; nothing is published."""

@@ -122,6 +122,8 @@ class PlaybackActors:
         now = self._world.snapshot()
         next_uid = max(now.next_uid, self._before.next_uid)
         self._world.restore(replace(self._before, frame=now.frame, signals=now.signals, next_uid=next_uid))
+        if now.is_scoring:  # begun meanwhile
+            self._world.start_scoring()
         for ego in self._egos.values():
             ego.is_replayed = False
         self._scene.is_replaying = False
