@@ -255,7 +255,7 @@ class Barrier:
         """Return the barrier as others see it."""
         members = list(self._members.values())
         is_gathering = self.state is BarrierState.GATHERING
-        moving = {member for member, _ in self._moving}
+        moving = {member for member, _ in self._moving} if self.state is BarrierState.MOVING else set()
         return BarrierStatus(
             [member.user_id for member in members],
             [member.user_id for member in members if member.ticks or member in moving],
@@ -356,7 +356,8 @@ class Barrier:
         """Somebody wants synchronous mode to end while the barrier has members: a member leaves by that."""
         if user_id in self._members:
             return self.leave(user_id, now)
-        event = BarrierEvent.STOP_BY_ANYONE if self._may_anyone_stop else BarrierEvent.STOP_BY_OTHER
+        is_allowed = self._may_anyone_stop and self.is_on
+        event = BarrierEvent.STOP_BY_ANYONE if is_allowed else BarrierEvent.STOP_BY_OTHER
         return self._happen(_Happening(event, now, user_id))
 
     def drop(self, holder: object, now: float) -> None:

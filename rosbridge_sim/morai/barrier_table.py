@@ -234,8 +234,13 @@ _EMPTY_REFUSED: Final[Mapping[BarrierEvent, str]] = {
     BarrierEvent.JOIN_MISFIT: _MISFIT,
     BarrierEvent.JOIN_TAKEN: _TAKEN,
     BarrierEvent.LEAVE_BY_OTHER: _NO_BARRIER,
+    BarrierEvent.START_BY_OTHER: _NO_BARRIER,
+    BarrierEvent.STOP_BY_OTHER: _NO_BARRIER,
+    BarrierEvent.TICK_BY_OTHER: _NO_BARRIER,
+    BarrierEvent.STEP_BY_OTHER: _NO_BARRIER,
+    BarrierEvent.RESTORE_BY_OTHER: _NO_BARRIER,
 }
-"""Events that are refused where there is no barrier; all else is then a matter of `SYNC_TABLE`."""
+"""Events that are refused where there is no barrier; `SyncDriver` asks `SYNC_TABLE` then, except for the first two."""
 
 
 def _refusing(state: BarrierState, texts: Mapping[BarrierEvent, str]) -> dict[BarrierEvent, BarrierOutcome]:

@@ -2,7 +2,7 @@
 
 The members are listed from the ground up: each is built from those above it, so nothing ever sees a part of the
 simulator that is not there yet. State that lasts from one frame to the next is in `world`, `scene`, `egos`, `sync`,
-`publishers`, `pacer` and the components; the other members only act on it.
+`barrier`, `publishers`, `pacer` and the components; the other members only act on it.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.morai.barrier import Barrier
 from rosbridge_sim.morai.convert import Converter
 from rosbridge_sim.morai.ego_interfaces import EgoInterfaces
 from rosbridge_sim.morai.egos import EgoRegistry
@@ -47,6 +48,7 @@ class SimulatorContext:
         scene: the population and the map.
         egos: who drives, by number.
         sync: synchronous mode, to be read, and to have commands wait for their frame.
+        barrier: clients that tick together; its members lead synchronous mode while there are any.
         hooks: moments that components act on.
         warnings: for what a client may do many times.
         interfaces: all that the simulator has on the bus, by its names.
@@ -70,6 +72,7 @@ class SimulatorContext:
     scene: Scene
     egos: EgoRegistry
     sync: Sync[SceneCommand]
+    barrier: Barrier
     hooks: Hooks
     warnings: WarnOnce
     interfaces: InterfaceRegistry

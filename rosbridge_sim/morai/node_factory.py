@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.morai.barrier import Barrier
 from rosbridge_sim.morai.command_executor import CommandExecutor
 from rosbridge_sim.morai.command_topics import CommandTopics
 from rosbridge_sim.morai.context import SimulatorContext
@@ -28,6 +29,7 @@ from rosbridge_sim.morai.scene_commands import SceneCommand
 from rosbridge_sim.morai.sensor_files import SensorDataStore
 from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.services import Services
+from rosbridge_sim.morai.sim_services.barrier import BarrierServices
 from rosbridge_sim.morai.sim_services.step import StepService
 from rosbridge_sim.morai.simulation_time import SimulationTime
 from rosbridge_sim.morai.simulator_node import NodeSettings, SimulatorNode
@@ -85,6 +87,7 @@ def make_node(
         CommandTopics(context),
         Replay(context, recordings, is_showing_drives=chosen.replay_info),
         StepService(context),
+        BarrierServices(context),
     ]
     return SimulatorNode(context, components)
 
@@ -117,6 +120,12 @@ def _make_context(
         is_strict=settings.sync_frames == "strict",
         may_anyone_stop=settings.anyone_may_stop,
     )
+    barrier = Barrier(
+        sync,
+        lease=settings.sync_lease,
+        is_strict=settings.sync_frames == "strict",
+        may_anyone_stop=settings.anyone_may_stop,
+    )
     hooks = Hooks()
     interfaces = InterfaceRegistry(participant, bus, settings.network)
     publishers = Publishers(participant, bus, interfaces)
@@ -139,7 +148,14 @@ def _make_context(
         sync_info=sync_info,
     )
     sync_driver = SyncDriver(
-        world=world, sync=sync, stepper=stepper, pacer=pacer, publishers=publishers, hooks=hooks, failure=failure
+        world=world,
+        sync=sync,
+        barrier=barrier,
+        stepper=stepper,
+        pacer=pacer,
+        publishers=publishers,
+        hooks=hooks,
+        failure=failure,
     )
     ego_interfaces = EgoInterfaces(interfaces, publishers, hooks)
     scene_changes = SceneChanges(
@@ -149,7 +165,6 @@ def _make_context(
         interfaces=interfaces,
         publishers=publishers,
         hooks=hooks,
-        sync=sync,
         sync_driver=sync_driver,
         sync_info=sync_info,
         stepper=stepper,
@@ -165,6 +180,7 @@ def _make_context(
         scene=scene,
         egos=egos,
         sync=sync,
+        barrier=barrier,
         hooks=hooks,
         warnings=WarnOnce(),
         interfaces=interfaces,

@@ -19,9 +19,7 @@ from rosbridge_sim.morai.interfaces.network_settings import NetworkSettings
 from rosbridge_sim.morai.interfaces.publishers import Publishers
 from rosbridge_sim.morai.interfaces.registry import InterfaceRegistry
 from rosbridge_sim.morai.scene import FIRST_EGO, MAX_EGOS, MAX_ENTITIES, Load, Scene
-from rosbridge_sim.morai.scene_commands import SceneCommand
 from rosbridge_sim.morai.simulation_time import SimulationTime
-from rosbridge_sim.morai.sync import Sync
 from rosbridge_sim.morai.sync_driver import SyncDriver
 from rosbridge_sim.morai.sync_info import SyncInfo
 from rosbridge_sim.morai.tf_publisher import StaticTf
@@ -44,7 +42,6 @@ class SceneChanges:
         interfaces: InterfaceRegistry,
         publishers: Publishers,
         hooks: Hooks,
-        sync: Sync[SceneCommand],
         sync_driver: SyncDriver,
         sync_info: SyncInfo,
         stepper: FrameStepper,
@@ -60,8 +57,7 @@ class SceneChanges:
             interfaces: get other network settings with a scenario.
             publishers: forget what real time was to repeat.
             hooks: `on_scene_change` and `on_reset` are called.
-            sync: forgets what waits for frames.
-            sync_driver: pauses the world.
+            sync_driver: pauses the world, and forgets what waits for frames.
             sync_info: announces the new frame.
             stepper: tells whether the world is moving.
             time: follows the new frame.
@@ -73,7 +69,6 @@ class SceneChanges:
         self._interfaces = interfaces
         self._publishers = publishers
         self._hooks = hooks
-        self._sync = sync
         self._sync_driver = sync_driver
         self._sync_info = sync_info
         self._stepper = stepper
@@ -140,7 +135,7 @@ class SceneChanges:
         egos.forget_statuses()
         self._sync_info.announce(now)
         self._static_tf.announce_again(now)  # what waits for those who come late is of frame 0 again
-        self._sync.forget(now)  # last, for the ticks that waited are answered with the new frame
+        self._sync_driver.forget(now)  # last, for the ticks that waited are answered with the new frame
 
     def add_egos(self, settings: Sequence[EgoSetting], now: float) -> None:
         """Bring further egos into the world, each with topics and services of its own; all of them or none.

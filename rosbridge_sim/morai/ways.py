@@ -42,6 +42,7 @@ _REPLAYS: Final = (*_publishing("/ReplayInfo_topic"), *_calling("/Morai_SimProc"
 _RESET: Final = _calling("/sim/reset")
 _EVENT: Final = _calling("/Service_MoraiEventCmd")
 _PLACE: Final = _publishing("/ego_setting")
+_BARRIER: Final = _calling("/sim/barrier/join", "/sim/barrier/leave")
 _TICK: Final = _calling("/SyncModeWaitForTick")
 
 _SAME: Final = (
@@ -77,7 +78,7 @@ _EFFECTS: Final = (
     PolicyEffect("set traffic lights", _publishing("/SetTrafficLight", "/InsnControl"), (*_LOADS, *_RESET)),
     PolicyEffect(
         "stop time or let it go on",
-        (*_EVENT, *_calling("/SyncModeCmd"), *_TICK),
+        (*_EVENT, *_calling("/SyncModeCmd"), *_BARRIER, *_TICK),
         (*_LOADS, *_calling("/Morai_SimProc")),
     ),
     PolicyEffect("save sensor data", _publishing("/SaveSensorData"), _calling("/SyncModeCtrlCmd")),
@@ -102,7 +103,7 @@ _EFFECTS: Final = (
     PolicyEffect(
         "learn the simulated time",
         (*_hearing("/clock"), *_calling("/rosapi/get_time")),
-        (*_hearing("/SyncModeInfo"), *_calling("/SyncModeCmd"), *_TICK),
+        (*_hearing("/SyncModeInfo", "/sim/barrier"), *_calling("/SyncModeCmd"), *_BARRIER, *_TICK),
     ),
 )
 """By default names: what can be brought about, or learned, in several ways."""
