@@ -186,7 +186,20 @@ _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
     "attach": _attach,
     **{
         name: _tool(name)
-        for name in ("topic", "service", "tick", "wait", "schema", "bag", "scenario", "map", "record", "docs")
+        for name in (
+            "topic",
+            "service",
+            "tick",
+            "step",
+            "score",
+            "wait",
+            "schema",
+            "bag",
+            "scenario",
+            "map",
+            "record",
+            "docs",
+        )
     },
 }
 

@@ -44,10 +44,16 @@ PACKAGE = "rosbridge_sim"
 TESTS = {
     "protocol/outbox.py": ("protocol/test_outbox.py", "protocol"),
     "protocol/session.py": ("protocol/test_session.py graph/test_vectors.py", "protocol graph"),
+    "protocol/subscription.py": ("protocol/test_subscription.py", "protocol graph/test_peer.py"),
     "morai/sync.py": (
         "morai/test_sync.py",
         "morai/test_simulator_node.py morai/test_egos.py morai/interfaces/test_publishers.py",
     ),
+    "morai/sync_driver.py": (
+        "morai/test_simulator_node.py",
+        "morai/test_egos.py morai/test_loads.py morai/interfaces/test_publishers.py",
+    ),
+    "morai/frame_stepper.py": ("morai/test_simulator_node.py morai/test_component.py", "morai/test_egos.py"),
     "world/step.py": (
         "world/test_step.py world/test_waiting.py world/test_collisions.py",
         "world/test_dynamics.py world/test_commands.py world/test_placement.py world/test_lane_following.py",

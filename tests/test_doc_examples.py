@@ -1,82 +1,225 @@
-"""Code on the pages about the client and about tests runs as it stands there."""
+"""Examples of README and documentation: each one runs as it stands there, and prints what the page says.
+
+A mark above the code block, `<!-- run: NAME -->`, gives an example its name. A line that ends with a colon and a block
+`text` below it say what it prints. A program without a mark fails a test here, and so does a mark without a test.
+"""
 
 from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
 from rosbridge_sim.client import Client
-from tests.conftest import Serve
-from tests.support import PATIENCE, ROOT
+from rosbridge_sim.shell.files.catalogue_file import read_catalogue
+from rosbridge_sim.world.state import Kind
+from tests.cli.tool_fixture import run as run_tool
+from tests.conftest import Connect, Serve
+from tests.support import PATIENCE, ROOT, ServerProcess, require_node_modules, require_tool
 
-pytestmark = pytest.mark.slow
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
-CLIENT, TESTING, README = (ROOT / name for name in ("docs/client.md", "docs/testing.md", "README.md"))
+MARKED = re.compile(r"<!-- run: ([\w-]+) -->\n```(\w+)\n(.*?)```\n(?:\n[^\n#`]+:\n\n```text\n(.*?)```\n)?", re.DOTALL)
+"""Mark, language and text of an example, and of the block that says what it prints, where there is one."""
+
+PROGRAM = re.compile(r"^```(?:python|js|toml|csv)$", re.MULTILINE)
+"""Start of a block that must have a mark."""
+
+NUMBER = re.compile(r"-?\d+\.\d+")
+
+EXACT = ("python", "tutorial", "drive", "messages")
+"""Programs in Python that print the same on every machine, since the world waits for them or no figure is printed."""
+
+TESTS = ("first-test", "fixtures", "unittest", "brakes")
+"""Files of tests for pytest."""
+
+OTHERS = ("node", "roslibpy-drive", "status-python", "status-node", "simulator", "network", "tools", "catalogue")
+"""Examples that have a test of their own here."""
 
 
-def example(page: Path, mark: str) -> str:
-    """The one block of a page under `<!-- run: mark -->`."""
-    (script,) = re.findall(rf"<!-- run: {mark} -->\n```python\n(.*?)```\n", page.read_text("utf-8"), re.DOTALL)
-    assert isinstance(script, str)
-    return script
+class Example(NamedTuple):
+    """An example, as a page shows it."""
+
+    language: str
+    script: str
+    printed: str
 
 
-def run(words: list[str], folder: Path) -> str:
-    done = subprocess.run(
-        [sys.executable, "-W", "error", *words],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
-        capture_output=True,
-        text=True,
-        timeout=3 * PATIENCE,
-        check=False,
-    )
+def read_examples() -> dict[str, list[Example]]:
+    """Examples of all pages by their mark."""
+    examples: dict[str, list[Example]] = {}
+    for path in PAGES:
+        for mark, *parts in MARKED.findall(path.read_text("utf-8")):
+            examples.setdefault(mark, []).append(Example(*parts))
+    return examples
+
+
+def example(mark: str) -> str:
+    """The script of the one example with this mark."""
+    (found,) = read_examples()[mark]
+    return found.script
+
+
+def shown(mark: str) -> str:
+    """What the page says that this example prints."""
+    (found,) = read_examples()[mark]
+    assert found.printed, mark
+    return found.printed
+
+
+def figures_masked(text: str) -> str:
+    """The text with each figure replaced by its number of decimals, for runs in real time."""
+    return NUMBER.sub(lambda match: "#" * len(match[0].partition(".")[2]), text)
+
+
+def at_port(script: str, port: int) -> str:
+    """The script, talking to another port than the one it shows."""
+    assert script.count("9090") == 1
+    return script.replace("9090", str(port))
+
+
+def run(command: list[str], cwd: Path, **variables: str) -> str:
+    env = {**os.environ, "PYTHONPATH": str(ROOT), **variables}
+    done = subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, timeout=3 * PATIENCE, check=False)
     assert (done.returncode, done.stderr) == (0, ""), done.stdout + done.stderr
     return done.stdout
 
 
-@pytest.mark.parametrize(
-    ("mark", "out"), [("drive", "after 5 s: 30 km/h\n"), ("messages", "moved, and told to stop\n")]
-)
-def test_programs_with_the_client_print_what_is_said(mark: str, out: str, serve: Serve, tmp_path: Path) -> None:
-    program = tmp_path / "program.py"
-    program.write_text(example(CLIENT, mark).replace("ws://127.0.0.1:9090", serve().url))
-    assert run([str(program)], tmp_path) == out
+def run_python(mark: str, port: int, folder: Path) -> str:
+    """What a marked Python program prints when it talks to this port."""
+    script = folder / f"{mark}.py"
+    script.write_text(at_port(example(mark), port))
+    return run([sys.executable, str(script)], folder)
 
 
+def run_node(mark: str, port: int, folder: Path) -> str:
+    """What a marked JavaScript program prints when it talks to this port."""
+    script = folder / f"{mark}.mjs"
+    script.write_text(at_port(example(mark), port))
+    (folder / "node_modules").symlink_to(require_node_modules())
+    return run([require_tool("node"), "--preserve-symlinks", str(script)], folder)
+
+
+# Drives
+
+
+@pytest.mark.client
+@pytest.mark.slow
+@pytest.mark.parametrize("mark", EXACT)
+def test_program_prints_what_the_page_says_to_the_last_digit(serve: Serve, tmp_path: Path, mark: str) -> None:
+    assert run_python(mark, serve().port, tmp_path) == shown(mark)
+
+
+@pytest.mark.client
+@pytest.mark.slow
+def test_roslibpy_drive_in_real_time_prints_lines_as_the_page_says(serve: Serve, tmp_path: Path) -> None:
+    printed = run_python("roslibpy-drive", serve().port, tmp_path)
+    assert figures_masked(printed) == figures_masked(shown("roslibpy-drive"))
+    assert printed.splitlines()[-1].startswith("0.0 m/s")
+
+
+@pytest.mark.client
+@pytest.mark.slow
+def test_javascript_drive_brakes_and_prints_lines_as_the_page_says(serve: Serve, tmp_path: Path) -> None:
+    printed = run_node("node", serve().port, tmp_path)
+    assert figures_masked(printed) == figures_masked(shown("node"))
+    driving, standing = (float(NUMBER.findall(line)[-1]) for line in printed.splitlines())
+    assert (driving > 10.0, standing) == (True, 0.0)
+
+
+SHOWN = "error: Message type morai_msgs/CtrlCmd does not have a field acel (did you mean accel?); it has longlCmdType, "
+
+
+@pytest.mark.client
+@pytest.mark.slow
+def test_roslibpy_lines_show_a_status(server: ServerProcess, tmp_path: Path) -> None:
+    assert run_python("status-python", server.port, tmp_path).startswith(SHOWN)
+
+
+@pytest.mark.client
+@pytest.mark.slow
+def test_roslib_lines_show_a_status(server: ServerProcess, tmp_path: Path) -> None:
+    assert run_node("status-node", server.port, tmp_path).startswith(SHOWN)
+
+
+# In a process of the user's
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mark", TESTS)
+def test_tests_on_the_pages_pass(mark: str, tmp_path: Path) -> None:
+    (tmp_path / "test_page.py").write_text(example(mark))
+    words = ["-q", "--strict-markers", "-p", "rosbridge_sim.pytest_plugin", "-p", "pytest_asyncio.plugin"]
+    words += ["-o", "asyncio_mode=auto", "-o", "asyncio_default_fixture_loop_scope=function", "."]
+    printed = run([sys.executable, "-W", "error", "-m", "pytest", *words], tmp_path, PYTEST_DISABLE_PLUGIN_AUTOLOAD="1")
+    assert re.search(r"^\d passed in", printed, re.MULTILINE), printed
+
+
+@pytest.mark.slow
 def test_simulator_without_pytest_runs(tmp_path: Path) -> None:
-    program = tmp_path / "program.py"
-    program.write_text(example(TESTING, "simulator"))
-    assert re.fullmatch(
-        r"<Simulator ws://\S+ scenario='demo' seed=0 running> has \d+ topics\n", run([str(program)], tmp_path)
-    )
+    script = tmp_path / "simulator.py"
+    script.write_text(example("simulator"))
+    printed = run([sys.executable, "-W", "error", str(script)], tmp_path)
+    assert re.fullmatch(r"<Simulator ws://\S+ scenario='demo' seed=0 running> has \d+ topics\n", printed)
 
 
-@pytest.mark.parametrize("page", [TESTING, README], ids=lambda page: page.stem)
-def test_tests_on_the_pages_pass(page: Path, tmp_path: Path) -> None:
-    (tmp_path / "test_page.py").write_text(example(page, "pytest"))
-    asyncio_options = ("asyncio_mode=auto", "asyncio_default_fixture_loop_scope=function")
-    words = [
-        "-m",
-        "pytest",
-        "-q",
-        "--strict-markers",
-        "-p",
-        "rosbridge_sim.pytest_plugin",
-        "-p",
-        "pytest_asyncio.plugin",
-    ]
-    out = run([*words, *(word for option in asyncio_options for word in ("-o", option)), "."], tmp_path)
-    assert re.search(r"^\d passed in", out, re.MULTILINE), out
+# Files and commands
 
 
-def test_table_of_methods_is_complete() -> None:
-    text = CLIENT.read_text("utf-8")
+@pytest.mark.slow
+async def test_network_settings_work(serve: Serve, connect: Connect, tmp_path: Path) -> None:
+    file = tmp_path / "car.toml"
+    file.write_text(example("network"))
+    client = await connect(serve("--config", str(file)).url)
+    await client.send("subscribe", topic="/car/state")
+    await client.send("publish", topic="/car/drive", msg={"longlCmdType": 2, "velocity": 30.0})
+    moving = await client.message_where("/car/state", lambda status: status["velocity"]["x"] > 0.5)
+    following = await client.message("/car/state")
+    assert following["header"]["seq"] - moving["header"]["seq"] == 5, "every fifth frame is 10 Hz"
+    node = await client.values("/rosapi/node_details", {"node": "/morai_sim"})
+    for gone in ("/Ego_topic", "/CollisionData", "/ctrl_cmd", "/sim/reset"):
+        assert gone not in node["publishing"] + node["subscribing"] + node["services"]
+    answer = await client.call("/sim/reset", {"seed": 1})
+    assert (answer["result"], answer["values"]) == (False, "Service /sim/reset does not exist")
+
+
+@pytest.mark.slow
+def test_tool_commands_work(serve: Serve, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("ROSBRIDGE_SIM_URL", serve().url)
+    monkeypatch.chdir(tmp_path)  # what they write lies there
+    for line in example("tools").splitlines():
+        program, *words = shlex.split(line)
+        done = run_tool(*words)
+        is_pub = "pub" in words  # it has nothing to show, but something to say
+        assert (program, done.code, bool(done.out), bool(done.err)) == ("rosbridge-sim", 0, not is_pub, is_pub), done
+
+
+def test_model_table_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "models.csv"
+    file.write_text(example("catalogue"))
+    car, fridge = read_catalogue(file).own
+    assert (car.name, car.body.wheelbase, fridge.name, fridge.kind) == ("Sonata", 2.84, "Fridge", Kind.OBSTACLE)
+
+
+def test_each_program_has_a_mark_and_each_mark_a_test() -> None:
+    examples = read_examples()
+    assert sorted(examples) == sorted([*EXACT, *TESTS, *OTHERS])
+    assert [mark for mark, found in examples.items() if len(found) > 1] == []
+    programs = sum(len(PROGRAM.findall(path.read_text("utf-8"))) for path in PAGES)
+    assert programs == len(examples) - 1, "all but the commands of `tools`, which are sh"
+
+
+# Promises of the page about the client
+
+
+def test_table_of_client_methods_is_complete() -> None:
+    text = (ROOT / "docs/client.md").read_text("utf-8")
     named = set(re.findall(r"^\| `(\w+)", text[text.index("## Methods") :], re.MULTILINE))
     methods = {name for name in vars(Client) if not name.startswith("_")}
     assert named >= methods - {"close", "run", "url", "timeout", "is_connected"}

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import ast
+import io
 import re
-from dataclasses import fields
+from collections.abc import Callable
+from contextlib import redirect_stdout
 from functools import cache
 from pathlib import Path
 
 import pytest
 
+from rosbridge_sim.cli.bridge_commands import TOOLS
 from rosbridge_sim.morai.sync_table import SYNC_TABLE
-from rosbridge_sim.shell.config.settings import Settings
+from rosbridge_sim.shell.config.loading import read_settings
 from rosbridge_sim.shell.server_topics import TOPICS
 from scripts.check_site import find_loads, find_loads_in_css, find_loads_in_html
 from scripts.docs_pages.fields import SERVER_TOPICS, FieldRow, read_fields
@@ -36,15 +39,11 @@ FLAG = re.compile(r"(?<![\w-])--[a-z][a-z-]*[a-z](?!-)")
 HELD_BY_TESTS = {"differences.md": "The table", "security.md": "What is promised"}
 """Pages of which a section holds nothing without a test, and that section."""
 
-OTHER_FLAGS = frozenset(
-    [
-        *("--field", "--full", "--help", "--id", "--json", "--latch", "--once", "--open", "--output", "--picture"),
-        *("--print-config", "--rate", "--start", "--step", "--strict", "--timeout", "--topics", "--types", "--url"),
-        *("--version", "--check", "--decoders", "--from-car", "--path", "--quick", "--replay", "--rounds", "--sizes"),
-        *("--directory", "--name", "--rm"),  # of http.server and docker
-    ]
-)
-"""Flags of other commands than `serve`; `test_readme.py` asks the programs for their own."""
+DEFINED_FLAG = re.compile(r"""add(?:_argument|option)\(\s*(?:"-\w", )?"(--[a-z-]+)\"""")
+"""Definition of a flag in a script or in the pytest plugin."""
+
+OTHER_FLAGS = frozenset(["--directory", "--name", "--rm", "--build"])
+"""Flags of `http.server` and docker."""
 
 of_each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 
@@ -103,11 +102,30 @@ def test_each_link_of_a_page_has_a_target(page: Path) -> None:
         assert not anchor or anchor[1:] in anchors_of(linked), anchor
 
 
+def help_of(words: list[str], command: Callable[[list[str]], object]) -> str:
+    """Help of a command, and of the commands below it."""
+    out = io.StringIO()
+    with redirect_stdout(out), pytest.raises(SystemExit):
+        command([*words, "--help"])
+    text = out.getvalue()
+    below = re.findall(r"^    ([a-z]+) ", text.partition("\ncommands:\n")[2], re.MULTILINE)
+    return text + "".join(help_of([*words, name], command) for name in below)
+
+
+@cache
+def known_flags() -> frozenset[str]:
+    """Flags in the help of all commands, and those that scripts and the pytest plugin define."""
+    helped = help_of([], lambda words: read_settings(words, {}))
+    helped += "".join(help_of([], run) for run in TOOLS.values())
+    sources = [*(ROOT / "scripts").rglob("*.py"), ROOT / "rosbridge_sim/pytest_plugin.py"]
+    defined = {flag for path in sources for flag in DEFINED_FLAG.findall(path.read_text("utf-8"))}
+    return frozenset(FLAG.findall(helped)) | defined
+
+
 @of_each_page
 def test_flags_named_by_a_page_exist(page: Path) -> None:
-    settings = {f"--{field.name.replace('_', '-')}" for field in fields(Settings)}
-    named = set(FLAG.findall(page.read_text("utf-8")))
-    assert {flag for flag in named if f"--{flag.removeprefix('--no-')}" not in settings} - settings <= OTHER_FLAGS
+    named = {flag.replace("--no-", "--", 1) for flag in FLAG.findall(page.read_text("utf-8"))}
+    assert sorted(named - known_flags() - OTHER_FLAGS) == []
 
 
 # The site

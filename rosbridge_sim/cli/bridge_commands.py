@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import os
 from collections.abc import Awaitable, Callable, Sequence
 from typing import TYPE_CHECKING
@@ -100,7 +101,13 @@ _seconds = make_number(0.001, 1e6, "seconds", float)
 _seconds_or_none = make_number(0, 1e6, "seconds, or 0", float)
 _hertz = make_number(0.001, 1e4, "times a second, at most 10,000", float)
 _count = make_number(1, 1e9, "a number from 1 on", int)
-_step = make_number(20, 1_000, "milliseconds, from 20 to 1,000", int)
+_step_ms = make_number(20, 1_000, "milliseconds, from 20 to 1,000", int)
+_steps = make_number(1, 1_000, "a number from 1 to 1,000", int)
+_ego = make_number(0, 2**31 - 1, "the number of an ego", int)
+_pedal = make_number(0, 1, "a number from 0 to 1", float)
+_angle = make_number(-2, 2, "an angle in radians, within +-2", float)
+_kmh = make_number(-1_000, 1_000, "a speed in km/h, within +-1,000", float)
+_metres = make_number(0, 1e9, "a number of metres", float)
 _window = make_number(2, 1e6, "a number from 2 to 1,000,000", int)
 
 
@@ -318,7 +325,7 @@ def _run_record(options: Options) -> int:
     )
 
 
-# tick, wait
+# tick, step, score, wait
 
 
 def _tick(argv: Sequence[str]) -> int:
@@ -333,7 +340,9 @@ def _tick(argv: Sequence[str]) -> int:
     parser.add_argument("count", metavar="N", nargs="?", type=_count, default=1, help="ticks [1]")
     parser.add_argument("--start", action="store_true", help="become the master first, and end the mode at the end")
     parser.add_argument("--id", default=TICK_ID, metavar="ID", help=f"user id of the master [{TICK_ID}]")
-    parser.add_argument("--step", type=_step, default=20, metavar="MS", help="length of a tick, a multiple of 20 [20]")
+    parser.add_argument(
+        "--step", type=_step_ms, default=20, metavar="MS", help="length of a tick, a multiple of 20 [20]"
+    )
     _add_bridge(parser, CALL_PATIENCE)
     parser.set_defaults(run=_run_tick)
     return run_command(parser, argv)
@@ -350,6 +359,123 @@ def _run_tick(options: Options) -> int:
             bridge, options.count, options.id, options.step, is_starting=options.start, is_json=options.json
         ),
     )
+
+
+def _step(argv: Sequence[str]) -> int:
+    parser = Parser(
+        prog="rosbridge-sim step",
+        description="Move a simulator in synchronous mode by so many ticks in one call, and show what came of it.",
+        epilog="Each step is a tick of the master's time step. With --start the mode is ended again, unless it was on"
+        " before; see rosbridge-sim tick --help.",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    parser.add_argument("-n", "--n", type=_steps, default=1, metavar="N", help="steps, 1 to 1,000 [1]")
+    parser.add_argument("--start", action="store_true", help="become the master first, and end the mode at the end")
+    parser.add_argument("--user", default=TICK_ID, metavar="ID", help=f"user id of the master [{TICK_ID}]")
+    parser.add_argument("--step", type=_step_ms, default=20, metavar="MS", help="length of a step with --start [20]")
+    parser.add_argument("--ego", type=_ego, default=0, metavar="N", help="number of the ego that is driven [0]")
+    parser.add_argument("--throttle", type=_pedal, metavar="0..1", help="drive by pedals in all steps")
+    parser.add_argument("--brake", type=_pedal, metavar="0..1", help="the same")
+    parser.add_argument("--steering", type=_angle, metavar="RAD", help="angle of the front wheels, left positive")
+    parser.add_argument("--velocity", type=_kmh, metavar="KM/H", help="drive at a speed, in place of the pedals")
+    parser.add_argument(
+        "--topic", action="append", default=[], metavar="TOPIC", help="show its last message, too; repeatable"
+    )
+    parser.add_argument(
+        "--stop-on",
+        action="append",
+        default=[],
+        choices=("collision", "red-light", "off-road"),
+        help="end with the step in which this happens to an ego; repeatable",
+    )
+    parser.add_argument(
+        "--stop-after", type=_metres, default=0.0, metavar="M", help="end when an ego has driven so far"
+    )
+    parser.add_argument("--stop-at", metavar="X,Y,RADIUS", help="end when an ego is so near to a place [m]")
+    _add_bridge(parser, CALL_PATIENCE)
+    parser.set_defaults(run=_run_step)
+    return run_command(parser, argv)
+
+
+def _run_step(options: Options) -> int:
+    from rosbridge_sim.cli.tools.sync import step  # noqa: PLC0415
+
+    if options.step % 20:
+        raise SettingError(f"--step: expected a multiple of 20 milliseconds; got {options.step:g}")
+    if options.velocity is not None and (options.throttle is not None or options.brake is not None):
+        raise SettingError("--velocity: expected it alone, or --throttle and --brake; got both")
+    figures = {
+        "longlCmdType": 1 if options.velocity is None else 2,
+        "accel": options.throttle,
+        "brake": options.brake,
+        "steering": options.steering,
+        "velocity": options.velocity,
+    }
+    command = {name: figure for name, figure in figures.items() if figure is not None}
+    x, y, radius = _read_place(options.stop_at)
+    request: dict[str, object] = {
+        "user_id": options.user,
+        "n": options.n,
+        "commands": [{"ego": options.ego, "commands": [command]}] if len(command) > 1 else [],
+        "topics": options.topic,
+        "stop_on_collision": "collision" in options.stop_on,
+        "stop_on_red_light": "red-light" in options.stop_on,
+        "stop_off_road": "off-road" in options.stop_on,
+        "stop_after_m": options.stop_after,
+        "stop_at_x": x,
+        "stop_at_y": y,
+        "stop_within_m": radius,
+    }
+    return _with_bridge(
+        options,
+        lambda bridge: step(bridge, request, options.step if options.start else None, is_json=options.json),
+    )
+
+
+def _read_place(text: str | None) -> tuple[float, float, float]:
+    """Return x, y and radius of a place; zeros for none.
+
+    Raises:
+        SettingError: the text has another form.
+    """
+    if text is None:
+        return 0.0, 0.0, 0.0
+    try:
+        x, y, radius = (float(part) for part in text.split(","))
+    except ValueError:
+        x = y = radius = 0.0
+    if not (math.isfinite(x) and math.isfinite(y) and 0.0 < radius < math.inf):
+        raise SettingError(f"--stop-at: expected X,Y,RADIUS in metres, such as 120.5,3,2; got {text!r}")
+    return x, y, radius
+
+
+def _score(argv: Sequence[str]) -> int:
+    parser = Parser(
+        prog="rosbridge-sim score",
+        description="Show what the driver of each ego is judged by: distance, collisions, red lights, lanes, comfort.",
+        epilog="A simulator keeps scores from the first question on, or from its start with serve --score.",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    parser.add_argument("--follow", action="store_true", help="go on, with a line for each ego once a second")
+    parser.add_argument("-n", "--count", type=_count, help="end after so many messages; with --follow")
+    parser.add_argument("--reset", action="store_true", help="begin all counts anew, after showing them")
+    _add_bridge(parser)
+    parser.set_defaults(run=_run_score, end=0)
+    return run_command(parser, argv)
+
+
+def _run_score(options: Options) -> int:
+    from rosbridge_sim.cli.tools import score  # noqa: PLC0415
+
+    if options.follow and options.reset:
+        raise SettingError("--reset: expected alone; --follow shows the scores as they come")
+    if options.follow:
+        return _with_bridge(options, lambda bridge: score.follow(bridge, options.count, is_json=options.json))
+    if options.count is not None:
+        raise SettingError("--count: expected with --follow")
+    return _with_bridge(options, lambda bridge: score.show(bridge, is_reset=options.reset, is_json=options.json))
 
 
 def _wait(argv: Sequence[str]) -> int:
@@ -387,6 +513,8 @@ TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "docs": run_docs,
     "record": _record,
     "tick": _tick,
+    "step": _step,
+    "score": _score,
     "wait": _wait,
 }
 """Name -> what runs it with the words behind the name."""

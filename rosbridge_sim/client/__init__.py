@@ -12,7 +12,17 @@ once: a test holds the two to the same signatures. The `websockets` library carr
 
 from __future__ import annotations
 
-from rosbridge_sim.client.asynchronous import DEFAULT_URL, AsyncClient, AsyncSubscription, Status, Tick
+from rosbridge_sim.client.asynchronous import (
+    DEFAULT_URL,
+    AsyncClient,
+    AsyncSubscription,
+    Command,
+    RealTimeFactor,
+    Status,
+    Steps,
+    StopCondition,
+    Tick,
+)
 from rosbridge_sim.client.blocking import Client, Subscription
 from rosbridge_sim.client.frames import Frame
 from rosbridge_sim.errors import (
@@ -31,12 +41,16 @@ __all__ = [
     "AsyncSubscription",
     "Client",
     "ClientError",
+    "Command",
     "ConnectError",
     "ConnectionLostError",
     "Frame",
     "OpRefusedError",
+    "RealTimeFactor",
     "ServiceRefusedError",
     "Status",
+    "Steps",
+    "StopCondition",
     "Subscription",
     "Tick",
 ]

@@ -12,11 +12,11 @@ import logging
 import math
 import ssl
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Final, Literal, Self
 
 import orjson
 from websockets.asyncio.client import ClientConnection, connect
@@ -37,7 +37,17 @@ from rosbridge_sim.shell.websocket.client_connection import why_gone, why_not
 from rosbridge_sim.shell.websocket.library_log import quiet
 from rosbridge_sim.shell.websocket.urls import DEFAULT_PORT, full_url, shown_url
 
-__all__ = ["DEFAULT_URL", "AsyncClient", "AsyncSubscription", "Status", "Tick"]
+__all__ = [
+    "DEFAULT_URL",
+    "AsyncClient",
+    "AsyncSubscription",
+    "Command",
+    "RealTimeFactor",
+    "Status",
+    "Steps",
+    "StopCondition",
+    "Tick",
+]
 
 DEFAULT_URL = f"ws://127.0.0.1:{DEFAULT_PORT}"
 """A server on this machine that was started without flags."""
@@ -67,6 +77,18 @@ _log = logging.getLogger("rosbridge_sim.client")
 
 Predicate = Callable[[Frame], object]
 """Takes a message; a true value says that it is the one that is waited for."""
+
+Command = Mapping[str, object]
+"""The fields of a `morai_msgs/CtrlCmd` by name; those that are left out are 0."""
+
+StopCondition = Literal["collision", "red_light", "off_road"]
+"""An event of an ego that ends a call of `step`."""
+
+_STOP_FIELDS: Final[Mapping[StopCondition, str]] = {
+    "collision": "stop_on_collision",
+    "red_light": "stop_on_red_light",
+    "off_road": "stop_off_road",
+}
 
 StatusLevel = Literal["info", "warning", "error", "none"]
 """The least level of the remarks that the server sends."""
@@ -100,6 +122,44 @@ class Tick:
     frame: int
     time: float
     ego: Frame
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """The simulation after a call of `step`.
+
+    Attributes:
+        frame: number of the frame.
+        steps: ticks that were carried out.
+        stopped_by: the condition that ended the call: `collision`, `red_light`, `off_road`, `distance` or `place`;
+            empty if all ticks were carried out.
+        egos: a `morai_msgs/EgoVehicleStatus` of each ego, in the order of their numbers.
+        topics: last message of each topic that was asked for; None where there was none.
+    """
+
+    frame: int
+    steps: int
+    stopped_by: str
+    egos: list[Frame]
+    topics: dict[str, Frame | None]
+
+    @property
+    def ego(self) -> Frame:
+        """The first ego."""
+        return self.egos[0] if self.egos else {}
+
+
+@dataclass(frozen=True, slots=True)
+class RealTimeFactor:
+    """How fast the world runs while real time moves it.
+
+    Attributes:
+        factor: simulated seconds in a second; 0 for as fast as possible.
+        measured: the same, as reached over the last seconds; 0 while real time does not move the world.
+    """
+
+    factor: float
+    measured: float
 
 
 @dataclass(slots=True)
@@ -627,6 +687,83 @@ class AsyncClient:
                 sync.frame = int(response.get("frame", 0))
         return Tick(sync.frame, float(response.get("time") or "nan"), response.get("vehicle_status", {}))
 
+    async def step(
+        self,
+        n: int = 1,
+        *,
+        commands: Mapping[int, Command | Sequence[Command]] | None = None,
+        topics: Sequence[str] = (),
+        stop_on: Sequence[StopCondition] = (),
+        stop_after_m: float = 0.0,
+        stop_at: tuple[float, float, float] | None = None,
+        timeout: float | None = None,
+    ) -> Steps:
+        """Move the world by several ticks in one call of `/sim/step`, which a server of this project has.
+
+        Args:
+            n: number of ticks, 1 to 1,000.
+            commands: number of an ego -> its command for all ticks, or a list with one for each tick.
+            topics: topics of the simulator whose last message is wanted.
+            stop_on: events that end the call.
+            stop_after_m: end the call when an ego has driven so far in it [m]; 0 for no limit.
+            stop_at: (x, y, radius), map frame [m]: end the call when an ego is within the radius; None for no place.
+            timeout: longest wait [s].
+
+        Raises:
+            ClientError: synchronous mode was not started.
+            ServiceRefusedError: the call is refused, or was interrupted by another client; the error has the reason.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        x, y, radius = stop_at or (0.0, 0.0, 0.0)
+        request: Frame = {
+            "n": n,
+            "commands": [
+                {"ego": ego, "commands": [given] if isinstance(given, Mapping) else list(given)}
+                for ego, given in (commands or {}).items()
+            ],
+            "topics": list(topics),
+            **{_STOP_FIELDS[condition]: True for condition in stop_on},
+            "stop_after_m": stop_after_m,
+            "stop_at_x": x,
+            "stop_at_y": y,
+            "stop_within_m": radius,
+        }
+        async with self._ticking:
+            sync = self._sync
+            if sync is None:
+                raise ClientError("step: expected synchronous mode; call start_sync() first")
+            values = await self.call("/sim/step", {"user_id": sync.user_id, **request}, timeout=timeout)
+            sync.frame = int(values.get("frame", sync.frame))
+        if values.get("result") is not True:
+            raise ServiceRefusedError("/sim/step", str(values.get("message", "")), values)
+        samples = {sample["topic"]: sample["message"] for sample in values["topics"]}
+        return Steps(
+            values["frame"],
+            values["steps"],
+            values["stopped_by"],
+            values["egos"],
+            {topic: orjson.loads(text) if text else None for topic, text in samples.items()},
+        )
+
+    async def real_time_factor(self, factor: float | None = None, *, timeout: float | None = None) -> RealTimeFactor:
+        """Set how fast the world runs while real time moves it, or ask for it.
+
+        Args:
+            factor: simulated seconds in a second, 0.1 to 20; 0 for as fast as possible; None only asks.
+            timeout: longest wait [s].
+
+        Raises:
+            ServiceRefusedError: the factor cannot be had; the error has the reason.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        request = {"factor": -1.0 if factor is None else factor}
+        values = await self.call("/sim/real_time_factor", request, timeout=timeout)
+        if values.get("result") is not True:
+            raise ServiceRefusedError("/sim/real_time_factor", str(values.get("message", "")), values)
+        return RealTimeFactor(values["factor"], values["measured"])
+
     @property
     def next_frame(self) -> int:
         """The frame that the next tick leads to, for requests that name one; 0 without `start_sync`."""
@@ -648,6 +785,23 @@ class AsyncClient:
             reasons = [status.text for status in list(self.statuses)[len(self.statuses) - num_new :]]
             raise ServiceRefusedError(service, reasons[-1] if reasons else "", response)
         return response
+
+    # Time as a tool
+
+    async def score(self, *, reset: bool = False, timeout: float | None = None) -> list[Frame]:
+        """Return the scores of all egos, each a `rosbridge_sim_msgs/EgoScore`; the first call begins to keep them.
+
+        Args:
+            reset: all counts begin anew now; what is returned was counted until now.
+            timeout: longest wait [s].
+
+        Raises:
+            ServiceRefusedError: the simulator says no; the error has the reason.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        values = await self.call("/sim/score", {"reset": reset}, timeout=timeout)
+        return list(values.get("scores", ()))
 
 
 def _sync_command(user_id: str, step_ms: int, *, is_on: bool = False) -> Frame:

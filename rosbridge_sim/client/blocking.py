@@ -7,7 +7,7 @@ reading when a few messages wait, so a second one would be needed; and each meth
 from __future__ import annotations
 
 import ssl
-from collections.abc import Coroutine, Mapping
+from collections.abc import Coroutine, Mapping, Sequence
 from contextlib import suppress
 from types import TracebackType
 from typing import Any, Self, TypeVar
@@ -20,9 +20,13 @@ from rosbridge_sim.client.asynchronous import (
     FRAME_MS,
     AsyncClient,
     AsyncSubscription,
+    Command,
     Predicate,
+    RealTimeFactor,
     Status,
     StatusLevel,
+    Steps,
+    StopCondition,
     Tick,
 )
 from rosbridge_sim.client.frames import Frame
@@ -183,10 +187,44 @@ class Client:
         """See `AsyncClient.tick`."""
         return self.run(self._client.tick(n, timeout=timeout))
 
+    def step(
+        self,
+        n: int = 1,
+        *,
+        commands: Mapping[int, Command | Sequence[Command]] | None = None,
+        topics: Sequence[str] = (),
+        stop_on: Sequence[StopCondition] = (),
+        stop_after_m: float = 0.0,
+        stop_at: tuple[float, float, float] | None = None,
+        timeout: float | None = None,
+    ) -> Steps:
+        """See `AsyncClient.step`."""
+        return self.run(
+            self._client.step(
+                n,
+                commands=commands,
+                topics=topics,
+                stop_on=stop_on,
+                stop_after_m=stop_after_m,
+                stop_at=stop_at,
+                timeout=timeout,
+            )
+        )
+
+    def real_time_factor(self, factor: float | None = None, *, timeout: float | None = None) -> RealTimeFactor:
+        """See `AsyncClient.real_time_factor`."""
+        return self.run(self._client.real_time_factor(factor, timeout=timeout))
+
     @property
     def next_frame(self) -> int:
         """See `AsyncClient.next_frame`."""
         return self._client.next_frame
+
+    # Time as a tool
+
+    def score(self, *, reset: bool = False, timeout: float | None = None) -> list[Frame]:
+        """See `AsyncClient.score`."""
+        return self.run(self._client.score(reset=reset, timeout=timeout))
 
 
 class Subscription:

@@ -12,7 +12,7 @@ from typing import Protocol
 from rosbridge_sim.morai.egos import EgoRegistry
 from rosbridge_sim.morai.hooks import Hooks
 from rosbridge_sim.morai.interfaces.publishers import Publishers
-from rosbridge_sim.morai.real_time_pacer import RealTimePacer
+from rosbridge_sim.morai.real_time_pacer import RealTimePacer, ShowLimit
 from rosbridge_sim.morai.scene_commands import SceneCommand
 from rosbridge_sim.morai.simulation_time import SimulationTime
 from rosbridge_sim.morai.sync import Sync
@@ -79,6 +79,7 @@ class FrameStepper:
         self._pacer = pacer
         self._publishers = publishers
         self._sync_info = sync_info
+        self._info_limit = ShowLimit(pacer)
 
     def compute(self, now: float, *, is_tick: bool, is_last: bool) -> None:
         """Move the world by one frame and publish it.
@@ -98,10 +99,12 @@ class FrameStepper:
         self._time.follow()
         if is_tick:
             self._publishers.show_every(world.frame, now)
+            self._sync_info.announce(now, may_tick=is_last)
         else:
             self._pacer.count()
             self._publishers.show_due(world.frame, self._pacer.shown_at, now)
-        self._sync_info.announce(now, may_tick=is_last)
+            if self._info_limit.is_open(world.frame, now):
+                self._sync_info.announce(now, may_tick=is_last)
         while hooks.once_after_frame:
             hooks.once_after_frame.pop(0)(now)
         for act in hooks.after_frame:

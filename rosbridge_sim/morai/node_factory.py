@@ -19,6 +19,7 @@ from rosbridge_sim.morai.interfaces.registry import InterfaceRegistry
 from rosbridge_sim.morai.loads import Loads
 from rosbridge_sim.morai.participant import SimulatorParticipant
 from rosbridge_sim.morai.reading import AtOnce, Reader
+from rosbridge_sim.morai.real_time import set_real_time_factor
 from rosbridge_sim.morai.real_time_pacer import RealTimePacer
 from rosbridge_sim.morai.replays.recording_builder import Recordings
 from rosbridge_sim.morai.replays.replay import Replay
@@ -30,6 +31,8 @@ from rosbridge_sim.morai.sensor_files import SensorDataStore
 from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.services import Services
 from rosbridge_sim.morai.sim_services.barrier import BarrierServices
+from rosbridge_sim.morai.sim_services.real_time_factor import RealTimeFactor
+from rosbridge_sim.morai.sim_services.score import Scores
 from rosbridge_sim.morai.sim_services.step import StepService
 from rosbridge_sim.morai.simulation_time import SimulationTime
 from rosbridge_sim.morai.simulator_node import NodeSettings, SimulatorNode
@@ -88,7 +91,10 @@ def make_node(
         Replay(context, recordings, is_showing_drives=chosen.replay_info),
         StepService(context),
         BarrierServices(context),
+        RealTimeFactor(context),
+        Scores(context, is_always=chosen.score),
     ]
+    set_real_time_factor(context, chosen.real_time_factor, 0.0)
     return SimulatorNode(context, components)
 
 

@@ -7,11 +7,18 @@ owed. So a drive over ticks alone gives the same bytes on every run.
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from typing import Final
 
 from rosbridge_sim.morai.context import SimulatorContext
 
-__all__ = ["MAX_FRAMES_AT_ONCE", "RealTime"]
+__all__ = ["MAX_FRAMES_AT_ONCE", "RealTime", "set_real_time_factor"]
+
+TURN_TIME: Final = 0.003
+"""Longest time for which one `advance` computes frames, before clients have their turns [s]; a frame is finished."""
+
+MAX_FAST_FRAMES: Final = 100
+"""The same in frames, where the world runs as fast as possible: what the smallest scene does in `TURN_TIME`."""
 
 MAX_FRAMES_AT_ONCE: Final = 5
 """Frames that one `advance` computes at most, so that catching up does not keep everybody else waiting."""
@@ -19,12 +26,30 @@ MAX_FRAMES_AT_ONCE: Final = 5
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
+def set_real_time_factor(context: SimulatorContext, factor: float, now: float) -> None:
+    """Have another real-time factor from now on.
+
+    Args:
+        context: of the simulator.
+        factor: one of which `why_no_factor` says nothing.
+        now: monotonic time [s].
+    """
+    context.pacer.set_factor(factor, now)
+    context.publishers.set_factor(factor)
+
+
 class RealTime:
-    """Moves the world while no master and no pause holds it. It holds no state: that is the pacer's."""
+    """Moves the world while no master and no pause holds it. It holds no state: that is the pacer's.
+
+    Attributes:
+        read_clock: the time that ends a turn [s]; None for turns of `MAX_FRAMES_AT_ONCE`.
+    """
 
     def __init__(self, context: SimulatorContext) -> None:
         """Nothing is owed before the first `advance`."""
+        self.read_clock: Callable[[], float] | None = None
         self._context = context
+        context.hooks.on_mode_change.append(context.sync_info.announce_frame)
 
     def advance(self, now: float) -> None:
         """Compute what real time owes by now, a few frames at most; end a lease that has run out.
@@ -78,14 +103,20 @@ class RealTime:
             level = logging.WARNING if pacer.num_stalls == 1 else logging.DEBUG
             _log.log(level, "stalled for %.2f s: the simulated clock stood meanwhile", given_up)
         stepper.is_moving = True
+        read_clock = self.read_clock
+        until = None if read_clock is None else read_clock() + TURN_TIME
+        most = MAX_FRAMES_AT_ONCE if pacer.factor or until is None else MAX_FAST_FRAMES
         try:
-            for _ in range(MAX_FRAMES_AT_ONCE):
+            for _ in range(most):
                 if now < pacer.due_at or not sync.is_free:
                     break
                 publishers.repeat(pacer.due_at)
                 stepper.compute(now, is_tick=False, is_last=True)
+                if until is not None and read_clock is not None and read_clock() >= until:
+                    break
         finally:
             stepper.is_moving = False
         for act in context.hooks.after_move:
             act(now)
         publishers.repeat(now)
+        pacer.measure(now)

@@ -35,6 +35,11 @@ class SimulationTime:
         self._read_wall_ns: Callable[[], int] | None = None
         publishers.add("/clock", "rosgraph_msgs/Clock", self._clock)
 
+    @property
+    def is_wall(self) -> bool:
+        """Return whether the time of day is stamped."""
+        return self._read_wall_ns is not None
+
     def use_wall_time(self, read_ns: Callable[[], int]) -> None:
         """Stamp with the time of day from now on.
 

@@ -9,6 +9,7 @@ ways, and both end in `FrameStepper.compute`:
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -26,7 +27,7 @@ from rosbridge_sim.morai.interfaces.registry import InterfaceRegistry
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
 from rosbridge_sim.morai.missing_sensors import advise
 from rosbridge_sim.morai.participant import SimulatorParticipant
-from rosbridge_sim.morai.real_time import RealTime
+from rosbridge_sim.morai.real_time import RealTime, set_real_time_factor
 from rosbridge_sim.morai.releases import MANUAL, Profile, SpeedLimits
 from rosbridge_sim.morai.scene import Scene
 from rosbridge_sim.morai.scene_commands import SceneCommand
@@ -35,6 +36,8 @@ from rosbridge_sim.schema.message import Message
 from rosbridge_sim.world.state import World
 
 __all__ = ["NodeSettings", "SimulatorNode"]
+
+_log = logging.getLogger("rosbridge_sim.morai")
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +55,9 @@ class NodeSettings:
         sync_on_loss: what becomes of the world when the master is lost.
         anyone_may_stop: let others than the master stop synchronous mode.
         catalogue: the models that clients name.
+        real_time_factor: how fast the world runs while real time moves it; see `RealTimePacer`.
         replay_info: publish ReplayInfo of any drive for everybody, and not only for who listens to it in particular.
+        score: keep scores of the egos from frame 0 on, whether anybody asks or not.
         on_world_failure: raise an exception of a step to the caller of `advance`, or stand still and refuse everything.
     """
 
@@ -66,7 +71,9 @@ class NodeSettings:
     sync_on_loss: Literal["run", "pause", "wait"] = "run"
     anyone_may_stop: bool = False
     catalogue: Catalogue = BUILT_IN
+    real_time_factor: float = 1.0
     replay_info: bool = False
+    score: bool = False
     on_world_failure: Literal["exit", "serve"] = "exit"
 
 
@@ -125,6 +132,11 @@ class SimulatorNode:
             now: monotonic time [s].
         """
         context = self.context
+        if context.pacer.factor != 1.0:
+            _log.warning(
+                "stamps are the time of day from now on: the real-time factor is 1, not %g", context.pacer.factor
+            )
+            set_real_time_factor(context, 1.0, now)
         context.time.use_wall_time(read_ns)
         context.egos.forget_statuses()
         context.publishers.show_latched(now)
@@ -194,11 +206,15 @@ class SimulatorNode:
         context = self.context
         if not (context.sync.is_free and context.pacer.is_started) or self.failure is not None:
             return 0.0
-        return max(0.0, now - context.pacer.due_at)
+        return max(0.0, now - context.pacer.due_at) if context.pacer.factor else 0.0
 
     def measure_frames(self, meter: FrameMeter) -> None:
         """Have a meter called at the begin and at the end of each frame."""
         self.context.stepper.meter = meter
+
+    def limit_turns(self, read_clock: Callable[[], float]) -> None:
+        """End each turn of work that is owed after a few milliseconds of this clock [s], so that others have theirs."""
+        self.context.sync_driver.read_clock = self._real_time.read_clock = read_clock
 
     def current_messages(self) -> list[tuple[Topic, Message]]:
         """Return the message that each topic of the simulator would publish now, with and without subscribers."""

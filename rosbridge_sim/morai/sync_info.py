@@ -29,7 +29,13 @@ class SyncInfo:
         self._publishers = publishers
         self._topic = publishers.keep("/SyncModeInfo", "morai_msgs/SyncModeInfo")
         self._make = maker(store, "morai_msgs/SyncModeInfo", "master_id", "status", "frame", "can_send_tick")
+        self._told_frame = -1
         sync.hooks.announce.append(self.announce)
+
+    def announce_frame(self, now: float) -> None:
+        """Publish the state if that of this frame was left out, because the frames were too many for wall time."""
+        if self._told_frame != self._world.frame:
+            self.announce(now)
 
     def announce(self, now: float, *, may_tick: bool = True) -> None:
         """Publish the state as it is.
@@ -40,4 +46,5 @@ class SyncInfo:
         """
         sync = self._sync
         info = self._make(sync.master_id, sync.is_on, self._world.frame, sync.can_send_tick and may_tick)
+        self._told_frame = self._world.frame
         self._publishers.update(self._topic, info, now)

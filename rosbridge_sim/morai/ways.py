@@ -44,6 +44,7 @@ _EVENT: Final = _calling("/Service_MoraiEventCmd")
 _PLACE: Final = _publishing("/ego_setting")
 _BARRIER: Final = _calling("/sim/barrier/join", "/sim/barrier/leave")
 _TICK: Final = _calling("/SyncModeWaitForTick")
+_STEP: Final = _calling("/sim/step")
 
 _SAME: Final = (
     _publishing("/ctrl_cmd", "/ctrl_cmd_0"),
@@ -59,7 +60,7 @@ _SAME_AS: Final = {way: row for row in _SAME for way in row}
 _EFFECTS: Final = (
     PolicyEffect(
         "move an ego",
-        (*_publishing("/ctrl_cmd", "/ctrl_cmd_0", "/ghost_ctrl_cmd"), *_PLACE, *_calling("/SyncModeCtrlCmd")),
+        (*_publishing("/ctrl_cmd", "/ctrl_cmd_0", "/ghost_ctrl_cmd"), *_PLACE, *_calling("/SyncModeCtrlCmd"), *_STEP),
         (*_EVENT, *_REPLAYS, *_LOADS, *_RESET),  # by the event service an ego is told to drive itself
     ),
     PolicyEffect("shift an ego's gear", (*_calling("/SyncModeSetGear"), *_EVENT), _PLACE),
@@ -78,7 +79,7 @@ _EFFECTS: Final = (
     PolicyEffect("set traffic lights", _publishing("/SetTrafficLight", "/InsnControl"), (*_LOADS, *_RESET)),
     PolicyEffect(
         "stop time or let it go on",
-        (*_EVENT, *_calling("/SyncModeCmd"), *_BARRIER, *_TICK),
+        (*_EVENT, *_calling("/SyncModeCmd"), *_TICK, *_STEP, *_calling("/sim/real_time_factor"), *_BARRIER),
         (*_LOADS, *_calling("/Morai_SimProc")),
     ),
     PolicyEffect("save sensor data", _publishing("/SaveSensorData"), _calling("/SyncModeCtrlCmd")),
@@ -88,22 +89,24 @@ _EFFECTS: Final = (
         (
             *_hearing("/Object_topic", "/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"),
             *_TICK,
+            *_STEP,
         ),
     ),
     PolicyEffect(
         "learn where others are",
         _hearing("/Object_topic"),
-        _hearing("/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"),
+        (*_hearing("/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"), *_STEP),
     ),
-    PolicyEffect("learn of collisions", _hearing("/CollisionData", "/VehicleCollisionData")),
+    PolicyEffect("learn of collisions", _hearing("/CollisionData", "/VehicleCollisionData"), _STEP),
     PolicyEffect(
         "learn what traffic lights show",
         (*_hearing("/GetTrafficLightStatus", "/InsnStatus", "/IntscnTL_topic"), *_calling("/Morai_TLSrv")),
+        _STEP,
     ),
     PolicyEffect(
         "learn the simulated time",
         (*_hearing("/clock"), *_calling("/rosapi/get_time")),
-        (*_hearing("/SyncModeInfo", "/sim/barrier"), *_calling("/SyncModeCmd"), *_BARRIER, *_TICK),
+        (*_hearing("/SyncModeInfo", "/sim/barrier"), *_calling("/SyncModeCmd"), *_BARRIER, *_TICK, *_STEP),
     ),
 )
 """By default names: what can be brought about, or learned, in several ways."""

@@ -449,7 +449,9 @@ def _make_node(
         sync_on_loss=settings.sync_on_loss,
         anyone_may_stop=settings.anyone_may_stop,
         catalogue=library.catalogue,
+        real_time_factor=settings.real_time_factor,
         replay_info=settings.replay_info,
+        score=settings.score,
         on_world_failure=settings.on_world_failure,
     )
     scenario = library.opening_scenario(settings.scenario)
@@ -472,6 +474,7 @@ def _make_node(
         raise DocumentError("\n".join([*mistakes, str(error)])) from None
     if mistakes:
         raise DocumentError("\n".join(mistakes))
+    node.limit_turns(time.perf_counter)
     return node
 
 
@@ -582,6 +585,11 @@ def _check_sense(settings: Settings) -> None:
     """
     if settings.attach and not settings.world:
         raise DocumentError("attach: expected a world; without one there is nothing to advertise at a bridge")
+    if settings.stamps == "wall" and settings.real_time_factor != 1.0:
+        raise DocumentError(
+            f"real-time-factor: expected 1 with --stamps wall; got {settings.real_time_factor:g};"
+            " --stamps sim allows any factor"
+        )
     if settings.port_file is not None and not settings.listen:
         raise DocumentError("port-file: expected a server that listens; one that only attaches has no port")
     if not settings.attach and not settings.listen:

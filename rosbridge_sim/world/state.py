@@ -331,6 +331,11 @@ class World(EntityArrays):
         """Keep the scores of all egos from this frame on, until the next `reset`; twice is no error. See `score`."""
         if not self.is_scoring:
             self.is_scoring = True
+            self.reset_scores()
+
+    def reset_scores(self) -> None:
+        """Begin the scores of all egos anew at this frame; nothing while none are kept."""
+        if self.is_scoring:
             for row in self.rows(Kind.EGO).tolist():
                 self._begin_score(row)
 

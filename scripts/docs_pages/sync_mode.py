@@ -42,7 +42,7 @@ MEANINGS: Final = {
     SyncState.FREE: "real time",
     SyncState.OPEN: "waits for a master",
     SyncState.LED: "moves by ticks",
-    SyncState.WAITING: "ticks wait for a load",
+    SyncState.WAITING: "ticks wait",
     SyncState.FREE_PAUSED: "real time, paused",
     SyncState.OPEN_PAUSED: "no master, paused",
     SyncState.LED_PAUSED: "master, paused",
@@ -65,9 +65,10 @@ EVENTS: Final = {
     SyncEvent.LOSS_TO_RUN: "master lost (on loss: run)",
     SyncEvent.LOSS_TO_PAUSE: "master lost (on loss: pause)",
     SyncEvent.LOSS_TO_WAIT: "master lost (on loss: wait)",
-    SyncEvent.TICK_EARLY: "tick that needs a load that is still read",
-    SyncEvent.TURN: "load is read, more ticks wait",
-    SyncEvent.LAST_TURN: "load is read, last tick that waits",
+    SyncEvent.TICK_EARLY: "tick that needs a load that is still read; steps",
+    SyncEvent.TURN: "turn of a tick, more ticks wait",
+    SyncEvent.LAST_TURN: "turn of the last tick that waits",
+    SyncEvent.GIVEN_UP: "ticks that wait are given up",
     SyncEvent.RESET: "reset",
 }
 """Each event in words. Where there is no master, every id is another id."""

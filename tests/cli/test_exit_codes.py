@@ -1,4 +1,4 @@
-"""Exit codes: each one that the README's table has is what programs really end with, and there is no other."""
+"""Exit codes: each one in the table of `docs/operation.md` is what programs really end with, and there is no other."""
 
 from __future__ import annotations
 
@@ -116,6 +116,6 @@ def test_program_ends_with_the_code_of_the_table(name: str, tmp_path: Path) -> N
 
 
 def test_table_has_these_codes_and_no_other() -> None:
-    text = (ROOT / "README.md").read_text("utf-8").partition("\n### Exit codes\n")[2].partition("\n#")[0]
+    text = (ROOT / "docs/operation.md").read_text("utf-8").partition("\n### Exit codes\n")[2].partition("\n#")[0]
     codes = [int(code) for code in re.findall(r"^\| (\d+) \|", text, re.MULTILINE)]
     assert codes == sorted({code for code, _ in CASES.values()})

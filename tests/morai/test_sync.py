@@ -7,7 +7,7 @@ from collections.abc import Callable
 import hypothesis.strategies as st
 import pytest
 from hypothesis import HealthCheck, settings
-from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from rosbridge_sim.morai.sync import Sync
 from rosbridge_sim.morai.sync_table import (
@@ -246,7 +246,11 @@ class AnyOrder(RuleBasedStateMachine):
         self.waiting: list[tuple[int, str]] = []
         self.unready: dict[str, int] = {}
         self.ticks: list[int] = []
-        self.num_sent = 0
+        self.numbers: list[int] = []  # of the ticks that wait: the how many-th each is
+        self.behind: dict[
+            str, tuple[int, dict[int, int]]
+        ] = {}  # command: frame named, (number: frames) of ticks before
+        self.num_sent = self.num_ticks = 0
 
     @property
     def end(self) -> int:
@@ -257,6 +261,29 @@ class AnyOrder(RuleBasedStateMachine):
         self.waiting.clear()
         self.unready.clear()
         self.ticks.clear()
+        self.numbers.clear()
+
+    def queue(self, num_frames: int, num: int = 1) -> None:
+        """Have ticks wait."""
+        self.ticks += [num_frames] * num
+        self.numbers += range(self.num_ticks, self.num_ticks + num)
+        self.num_ticks += num
+
+    def take(self, num: int = 1) -> list[int]:
+        """Take the first ticks out; return their frames."""
+        taken, self.ticks = self.ticks[:num], self.ticks[num:]
+        self.numbers = self.numbers[num:]
+        return taken
+
+    def forgo(self, num: int) -> None:
+        """Have the first ticks given up: what came behind them moves forward, down to the frame it names."""
+        gone = dict(zip(self.numbers[:num], self.take(num), strict=True))
+        for i, (due, command) in enumerate(self.waiting):
+            named, before = self.behind[command]
+            moved = max(named, due - sum(frames for number, frames in gone.items() if number in before))
+            self.waiting[i] = (moved, command)
+            if command in self.unready:
+                self.unready[command] = moved
 
     def move(self, num_frames: int) -> None:
         for _ in range(num_frames):
@@ -295,15 +322,32 @@ class AnyOrder(RuleBasedStateMachine):
             waits = bool(self.ticks) or is_early
             assert outcome.effects == ((SyncEffect.WAIT,) if waits else (SyncEffect.MOVE,))
             if waits:
-                self.ticks.append(num_frames)
+                self.queue(num_frames)
             else:
                 self.move(num_frames)
+
+    @rule(user_id=IDS, num=st.sampled_from([1, 2, 3]), peer=PEERS)
+    def step(self, user_id: str, num: int, peer: str) -> None:
+        may = bool(user_id) and user_id == self.sync.master_id and not self.sync.is_paused
+        calls: list[int] = []
+        outcome = self.sync.step(user_id, num, peer, self.now, on_wait=lambda: calls.append(num))
+        assert (outcome.is_accepted, calls) == (may, [num] if may else [])
+        if may:
+            self.queue(self.sync.num_frames, num)
+
+    @precondition(lambda self: bool(self.ticks))
+    @rule(data=st.data())
+    def give_up(self, data: st.DataObject) -> None:
+        num = data.draw(st.integers(1, len(self.ticks)))
+        self.sync.give_up(num, self.now)
+        self.forgo(num)
+        assert (self.sync.state is SyncState.WAITING) == bool(self.ticks)
 
     @rule()
     def take_turn(self) -> None:
         num_frames = self.sync.take_turn(self.frame, 1.0)
         can_go = bool(self.ticks) and all(due > self.frame + self.ticks[0] for due in self.unready.values())
-        assert num_frames == (self.ticks.pop(0) if can_go else 0)
+        assert num_frames == (self.take()[0] if can_go else 0)
         self.move(num_frames)
 
     @rule(is_usable=st.booleans())
@@ -330,6 +374,7 @@ class AnyOrder(RuleBasedStateMachine):
         outcome = self.sync.submit(command, named, self.frame, peer, self.now, is_ready=is_ready)
         assert outcome.is_accepted == (self.sync.is_on and named <= self.end + MAX_AHEAD)
         if outcome.is_accepted:
+            self.behind[command] = named, dict(zip(self.numbers, self.ticks, strict=True))
             self.waiting.append((max(named, self.end + 1), command))
             if not is_ready:
                 self.unready[command] = self.waiting[-1][0]
@@ -338,7 +383,7 @@ class AnyOrder(RuleBasedStateMachine):
     def pause(self) -> None:
         is_on = self.sync.is_on
         self.sync.pause(1.0)
-        self.ticks.clear()
+        self.forgo(len(self.ticks))
         assert self.sync.is_paused
         assert self.sync.is_on == is_on
 

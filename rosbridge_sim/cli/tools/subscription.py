@@ -29,13 +29,14 @@ class Listener:
         self._num_messages = 0
 
     @classmethod
-    async def open(cls, bridge: Bridge, topic: str, type_name: str | None) -> Listener:
-        """Subscribe to a topic by its absolute name."""
+    async def open(cls, bridge: Bridge, topic: str, type_name: str | None, *, throttle_ms: int = 0) -> Listener:
+        """Subscribe to a topic by its absolute name; with at least `throttle_ms` between two messages."""
         listener = cls(bridge, topic)
+        rate = {"throttle_rate": throttle_ms} if throttle_ms else {}
         if type_name is not None:
-            await bridge.send("subscribe", topic=topic, type=type_name)
+            await bridge.send("subscribe", topic=topic, type=type_name, **rate)
             return listener
-        await bridge.send("subscribe", topic=topic)
+        await bridge.send("subscribe", topic=topic, **rate)
         listener._question = await bridge.send("call_service", service="/rosapi/topic_type", args={"topic": topic})
         listener._question_ends = bridge.now() + bridge.patience
         return listener

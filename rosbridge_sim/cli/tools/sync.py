@@ -1,7 +1,9 @@
-"""`tick`: drive synchronous mode from a shell; and the reason why a topic is silent, which is often that mode."""
+"""`tick` and `step`: drive synchronous mode from a shell; and why a topic is silent, which is often that mode."""
 
 from __future__ import annotations
 
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
 from rosbridge_sim.cli.tools.client import Bridge, Frame, absolute, words
@@ -9,7 +11,7 @@ from rosbridge_sim.cli.tools.text import put, put_json
 from rosbridge_sim.shell.terminal_text import safe
 from rosbridge_sim.shell.websocket.bridge_errors import BridgeError, RefusedError
 
-__all__ = ["SyncInfo", "read_sync_info", "tick", "why_silent", "why_standing"]
+__all__ = ["SyncInfo", "read_sync_info", "step", "tick", "why_silent", "why_standing"]
 
 SYNC_INFO = "/SyncModeInfo"
 
@@ -148,16 +150,8 @@ async def tick(bridge: Bridge, count: int, user_id: str, step_ms: int, *, is_sta
         RefusedError: the simulator says no, or there is none.
         BridgeError: there is no answer.
     """
-    before = await read_sync_info(bridge)
-    await bridge.send("set_level", level="warning")  # why a simulator says no is one
-    frame, has_started = (0, False) if before is None else (before.frame, False)
-    try:
-        if is_starting:
-            response = await _command(bridge, user_id, step_ms, is_on=True)
-            if response.get("result") is not True:
-                raise await _refusal(bridge, "synchronous mode cannot be started", user_id)
-            has_started = before is None or not before.is_on
-            frame = _whole(response.get("frame"))
+    async with _leading(bridge, user_id, step_ms if is_starting else None) as first:
+        frame = first
         for _ in range(count):
             request = {"user_id": user_id, "frame": frame + step_ms // FRAME_MS}
             response = await _ask(bridge, "/SyncModeWaitForTick", request)
@@ -168,10 +162,88 @@ async def tick(bridge: Bridge, count: int, user_id: str, step_ms: int, *, is_sta
                 put_json(response)
             else:
                 put(_describe(response))
+    return 0
+
+
+@asynccontextmanager
+async def _leading(bridge: Bridge, user_id: str, step_ms: int | None) -> AsyncIterator[int]:
+    """Have the server tell why it refuses and, if that is wanted, be master of synchronous mode meanwhile.
+
+    Args:
+        bridge: to the simulator.
+        user_id: of the master.
+        step_ms: start the mode with this time step [ms]; None for the mode as it is.
+
+    Yields:
+        The frame that the world stands at.
+
+    Raises:
+        RefusedError: the mode cannot be started.
+        BridgeError: there is no answer.
+    """
+    before = await read_sync_info(bridge)
+    await bridge.send("set_level", level="warning")  # why a simulator says no is one
+    frame, has_started = (0, False) if before is None else (before.frame, False)
+    try:
+        if step_ms is not None:
+            response = await _command(bridge, user_id, step_ms, is_on=True)
+            if response.get("result") is not True:
+                raise await _refusal(bridge, "synchronous mode cannot be started", user_id)
+            has_started = before is None or not before.is_on
+            frame = _whole(response.get("frame"))
+        yield frame
     finally:
         if has_started:
-            await _command(bridge, user_id, step_ms, is_on=False)
+            await _command(bridge, user_id, step_ms or FRAME_MS, is_on=False)
+
+
+# step
+
+
+async def step(bridge: Bridge, request: Frame, step_ms: int | None, *, is_json: bool) -> int:
+    """Move the world by one call of `/sim/step`, and show frame, steps, ego and topics.
+
+    Args:
+        bridge: to the simulator.
+        request: of the service.
+        step_ms: start synchronous mode with this time step [ms]; None for the mode as it is.
+        is_json: show the answer as it is.
+
+    Raises:
+        RefusedError: the simulator says no, there is none, or the call was interrupted.
+        BridgeError: there is no answer.
+    """
+    user_id = str(request["user_id"])
+    async with _leading(bridge, user_id, step_ms):
+        response = await _ask(bridge, "/sim/step", request)
+        num = _whole(response.get("steps"))
+        if is_json and num:
+            put_json(response)
+        elif num:
+            _show_steps(response)
+        if response.get("result") is not True:
+            what = f"interrupted after {num} steps" if num else "the step is refused"
+            reason = str(response.get("message") or "")
+            raise await _refusal(bridge, what, user_id, reason)
     return 0
+
+
+def _show_steps(response: Frame) -> None:
+    """Show what a call of `/sim/step` has answered."""
+    why = str(response.get("stopped_by") or "")
+    put(
+        f"frame {_whole(response.get('frame'))}  steps {_whole(response.get('steps'))}"
+        f"{f'  stopped by {safe(why)}' if why else ''}"
+    )
+    for ego in _list_of_frames(response.get("egos")):
+        put(f"ego {_whole(ego.get('unique_id'))}  {_describe_ego(ego)}")
+    for sample in _list_of_frames(response.get("topics")):
+        text = str(sample.get("message") or "(no message)")
+        put(f"{safe(str(sample.get('topic')))}  {safe(text)}")
+
+
+def _list_of_frames(value: object) -> list[Frame]:
+    return [one for one in value if isinstance(one, dict)] if isinstance(value, list) else []
 
 
 async def _command(bridge: Bridge, user_id: str, step_ms: int, *, is_on: bool) -> Frame:
@@ -180,28 +252,37 @@ async def _command(bridge: Bridge, user_id: str, step_ms: int, *, is_on: bool) -
 
 
 async def _ask(bridge: Bridge, service: str, request: Frame) -> Frame:
-    """Return the response of a MORAI service.
+    """Return the response of a service; the services of MORAI wrap request and response.
 
     Raises:
         RefusedError: it refuses, or is not there.
         BridgeError: there is no answer.
     """
-    answer = await bridge.call(service, {"request": request}, bridge.patience)
+    is_ours = service.startswith("/sim/")
+    answer = await bridge.call(service, request if is_ours else {"request": request}, bridge.patience)
     if answer is None:
         raise BridgeError(f"{service}: no answer within {bridge.patience:g} s; --timeout waits longer")
     if not answer.is_ok or not isinstance(answer.values, dict):
         text = safe(str(answer.values))
         hint = "; is a simulator there?" if "not exist" in text else ""
         raise RefusedError(f"{text}{hint}")
-    response = answer.values.get("response")
+    response = answer.values if is_ours else answer.values.get("response")
     return response if isinstance(response, dict) else {}
 
 
-async def _refusal(bridge: Bridge, what: str, user_id: str) -> RefusedError:
-    """Return the error of a refused start or tick: the server's reason, who is master, and what to do."""
+async def _refusal(bridge: Bridge, what: str, user_id: str, reason: str = "") -> RefusedError:
+    """Return the error of a refused start or tick: the server's reason, who is master, and what to do.
+
+    Args:
+        bridge: to the simulator.
+        what: was refused.
+        user_id: that it was asked with.
+        reason: where the answer has it; else it is in a status frame.
+    """
     statuses = [frame for frame in bridge.take_inbox() if frame.get("op") == "status"]
     reasons = [str(frame.get("msg")) for frame in statuses if frame.get("level") in {"warning", "error"}]
-    text = what + (f": {safe(reasons[-1])}" if reasons else "")
+    reason = reason or (reasons[-1] if reasons else "")
+    text = what + (f": {safe(reason)}" if reason else "")
     info = await read_sync_info(bridge)
     if info is None:
         return RefusedError(text)
@@ -218,12 +299,14 @@ def _describe(response: Frame) -> str:
     """Return a line about the frame and the ego."""
     status = response.get("vehicle_status")
     ego: Frame = status if isinstance(status, dict) else {}
+    return f"frame {_whole(response.get('frame'))}  time {safe(str(response.get('time', '?')))} s  {_describe_ego(ego)}"
+
+
+def _describe_ego(ego: Frame) -> str:
+    """Return an ego's place, heading and speed as text."""
     x, y, z = (_number(ego.get("position"), axis) for axis in "xyz")
     heading, speed = _number(ego, "heading"), _number(ego.get("velocity"), "x")
-    return (
-        f"frame {_whole(response.get('frame'))}  time {safe(str(response.get('time', '?')))} s"
-        f"  x {x:.3f}  y {y:.3f}  z {z:.3f} m  heading {heading:.2f} deg  speed {speed:.3f} m/s"
-    )
+    return f"x {x:.3f}  y {y:.3f}  z {z:.3f} m  heading {heading:.2f} deg  speed {speed:.3f} m/s"
 
 
 def _number(value: object, key: str) -> float:

@@ -9,6 +9,9 @@ Above, the first goes with the frame and the others are the same message again, 
 the 20 ms that the frame lasts. In synchronous mode the state of every frame goes out once, at any rate: that is what a
 tick is for. What is *sampled*, as a sensor is, keeps its rate there too, and comes once a frame at most.
 
+Where simulated time runs faster than the clock, a topic goes out at most 120 times in a second of wall time: rates are
+lowered to that, evenly over the frames; where the world runs as fast as possible, the clock chooses the frames.
+
 While a pause stops real time nothing moves, and a client that joins would see nothing. So some topics are *shown in a
 pause*: once a second, and at once to a new subscriber, as the world stands and with the number of its last frame.
 Where the world waits for ticks they are not: there each message belongs to a tick. Recordings do not get them.
@@ -20,6 +23,7 @@ go out, the network settings say.
 from __future__ import annotations
 
 import heapq
+import math
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from itertools import count
@@ -34,9 +38,12 @@ from rosbridge_sim.morai.interfaces.registry import Interface, InterfaceRegistry
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.world.state import DT
 
-__all__ = ["LatchedPublisher", "PeriodicPublisher", "Publishers"]
+__all__ = ["MAX_WALL_RATE", "LatchedPublisher", "PeriodicPublisher", "Publishers"]
 
 _FRAME_RATE: Final = 50
+
+MAX_WALL_RATE: Final = 120
+"""Messages of a topic in a second of wall time at most: more than a screen shows, and the highest rate in settings."""
 
 PAUSE_PERIOD: Final = 1.0
 """Between two showings in a pause [s]: soon enough for a person who looks on, and no load."""
@@ -107,7 +114,11 @@ class PeriodicPublisher(_Publisher):
         self.make = make
         self.is_sampled = is_sampled
         self.is_shown_in_pause = is_shown_in_pause
+        self.free_at = -math.inf  # where wall time limits the rate: when the next message may go out [s]
+        self._rate = Fraction(1)
+        self._most: Fraction | None = None
         self._up, self._down = 1, 1
+        self._real_up, self._real_down = 1, 1
 
     def bind(self, owner: Participant, bus: Bus, name: str, now: float) -> None:
         """Be on the bus under this name; what is kept there for others is there from the start."""
@@ -123,12 +134,23 @@ class PeriodicPublisher(_Publisher):
 
     def tune(self, rate: float) -> None:
         """Go out so often [Hz]."""
-        per_frame = Fraction(rate).limit_denominator(10_000) / _FRAME_RATE
-        self._up, self._down = per_frame.numerator, per_frame.denominator
+        self._rate = Fraction(rate).limit_denominator(10_000) / _FRAME_RATE
+        self._up, self._down = self._rate.numerator, self._rate.denominator
+        self.limit(self._most)
+
+    def limit(self, most: Fraction | None) -> None:
+        """Go out at most so often while real time moves the world, in simulated time [Hz]; None for no limit."""
+        self._most = most
+        rate = self._rate if most is None else min(self._rate, most / _FRAME_RATE)
+        self._real_up, self._real_down = rate.numerator, rate.denominator
 
     def num_due(self, frame: int) -> int:
         """How many publications this frame brings at its rate."""
         return frame * self._up // self._down - (frame - 1) * self._up // self._down
+
+    def num_due_in_real_time(self, frame: int) -> int:
+        """How many publications this frame brings while real time moves the world, which may set a limit."""
+        return frame * self._real_up // self._real_down - (frame - 1) * self._real_up // self._real_down
 
 
 class LatchedPublisher(_Publisher):
@@ -169,6 +191,7 @@ class Publishers:
         self._num_shown = 0  # frames published; unlike the world's frame it never goes back
         self._repeats: list[tuple[float, int, PeriodicPublisher, Message]] = []
         self._ticket = count()
+        self._factor = 1.0
         # In a pause: when to show the world next, who has been shown it, and whether somebody has come since.
         self._pause_at: float | None = None
         self._shown_to: set[Subscription] = set()
@@ -218,6 +241,7 @@ class Publishers:
             is_shown_in_pause=is_shown_in_pause,
             depth=depth,
         )
+        publisher.limit(_max_rate(self._factor))
         self._items.add(publisher, is_everywhere=is_everywhere)
         self._periodic.append(publisher)
         return publisher
@@ -252,6 +276,17 @@ class Publishers:
         heapq.heapify(self._repeats)
         self._items.remove(gone, now)
 
+    def set_factor(self, factor: float) -> None:
+        """Take note of the real-time factor, and forget what was to be repeated.
+
+        Args:
+            factor: see `RealTimePacer`.
+        """
+        self._factor = factor
+        self.forget_repeats()
+        for publisher in self._periodic:
+            publisher.limit(_max_rate(factor))
+
     def show_every(self, frame: int, now: float) -> None:
         """Publish the world as it stands on every topic that somebody listens to; what is sampled when its turn comes.
 
@@ -285,9 +320,13 @@ class Publishers:
             topic = publisher.topic
             if topic is None or not topic.subscriptions:  # as above
                 continue
-            num = publisher.num_due(frame)
+            num = publisher.num_due_in_real_time(frame)
             if not num or not topic.has_listener:
                 continue
+            if not self._factor:
+                if now < publisher.free_at:
+                    continue
+                num, publisher.free_at = 1, now + 1.0 / MAX_WALL_RATE
             value = publisher.make()
             if value is None:
                 continue
@@ -295,7 +334,9 @@ class Publishers:
             publisher.last = self._num_shown, message
             self._bus.announce(self._owner, topic, message, now)
             for i in range(1, num):
-                heapq.heappush(self._repeats, (shown_at + i * DT / num, next(self._ticket), publisher, message))
+                heapq.heappush(
+                    self._repeats, (shown_at + i * DT / (self._factor * num), next(self._ticket), publisher, message)
+                )
 
     def show_now(self, publisher: PeriodicPublisher, now: float) -> None:
         """Publish one topic between frames, since there is news; it must have something to say."""
@@ -411,6 +452,11 @@ class Publishers:
     def forget_repeats(self) -> None:
         """Real time has stopped: nothing is repeated."""
         self._repeats.clear()
+
+
+def _max_rate(factor: float) -> Fraction | None:
+    """Return how often a topic may go out in a second of simulated time; None where wall time alone says it."""
+    return MAX_WALL_RATE / Fraction(factor).limit_denominator(10_000) if factor else None
 
 
 def _listeners_in_pause(publisher: PeriodicPublisher) -> list[Subscription]:

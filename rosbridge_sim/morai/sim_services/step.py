@@ -83,34 +83,40 @@ class _Sample:
         return isinstance(self.publisher, PeriodicPublisher) and self.publisher.is_sampled
 
 
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """A request that was read and checked.
+
+    Attributes:
+        num: steps.
+        commands: for each ego that has any.
+        samples: the topics that are wanted.
+        watch: looks at the conditions to stop; None where there are none.
+    """
+
+    num: int
+    commands: Sequence[_Commands]
+    samples: Sequence[_Sample]
+    watch: StopWatch | None
+
+
 class _StepCall:
     """One call that is being carried out; see `Steps`.
 
     Attributes:
         num_left: steps that are still to be done.
         num_done: steps done.
-        watch: looks at the conditions to stop; None where there are none.
-        samples: the topics that are wanted.
+        plan: what was asked for.
     """
 
-    def __init__(
-        self,
-        service: StepService,
-        call: Call,
-        num: int,
-        commands: Sequence[_Commands],
-        samples: Sequence[_Sample],
-        watch: StopWatch | None,
-    ) -> None:
-        self.num_left = num
+    def __init__(self, service: StepService, call: Call, plan: _Plan) -> None:
+        self.num_left = plan.num
         self.num_done = 0
-        self.samples = samples
-        self.watch = watch
+        self.plan = plan
         self._service = service
         self._call = call
-        self._commands = commands
-        self._sampled = [sample for sample in samples if sample.is_sampled]
-        self._hook = self._after_frame if watch is not None or self._sampled else None
+        self._sampled = [sample for sample in plan.samples if sample.is_sampled]
+        self._hook = self._after_frame if plan.watch is not None or self._sampled else None
 
     @property
     def is_wanted(self) -> bool:
@@ -120,10 +126,10 @@ class _StepCall:
     def before_tick(self) -> None:
         """Have the commands of the step carried out before its first frame."""
         context = self._service.context
-        for commands in self._commands:
+        for commands in self.plan.commands:
             context.sync.enter(commands.at(self.num_done), context.world.frame)
-        if self.watch is not None:
-            self.watch.begin_tick()
+        if self.plan.watch is not None:
+            self.plan.watch.begin_tick()
         if self._hook is not None:
             context.hooks.after_frame.append(self._hook)
 
@@ -132,7 +138,7 @@ class _StepCall:
         if self._hook is not None:
             self._service.context.hooks.after_frame.remove(self._hook)
         self.num_done += 1
-        return self.watch is not None and bool(self.watch.met)
+        return self.plan.watch is not None and bool(self.plan.watch.met)
 
     def end(self, result: TickResult) -> None:
         """Answer the caller."""
@@ -143,8 +149,8 @@ class _StepCall:
     def _after_frame(self, _now: float) -> None:
         """Look at the frame that was just published."""
         context = self._service.context
-        if self.watch is not None:
-            self.watch.look()
+        if self.plan.watch is not None:
+            self.plan.watch.look()
         for sample in self._sampled:
             publisher = sample.publisher
             if isinstance(publisher, PeriodicPublisher) and publisher.num_due(context.world.frame):
@@ -186,7 +192,7 @@ class StepService(Component):
         if context.failure.why is not None:
             call.refuse(context.failure.why)
             return
-        stopped_by = steps.watch.met if steps.watch is not None else ""
+        stopped_by = steps.plan.watch.met if steps.plan.watch is not None else ""
         if not result.is_accepted:
             explain(call.caller, "warning", f"{call.service.name}: {result.why}", result.reason)
             stopped_by = stopped_by or (INTERRUPTED if steps.num_done else "")
@@ -196,7 +202,7 @@ class StepService(Component):
             message=result.why,
             steps=steps.num_done,
             stopped_by=stopped_by,
-            topics=[self._write(sample, num_done=steps.num_done) for sample in steps.samples],
+            topics=[self._write(sample, num_done=steps.num_done) for sample in steps.plan.samples],
         )
 
     def _respond(self, call: Call, **fields: object) -> None:
@@ -231,7 +237,7 @@ class StepService(Component):
         samples = self._find_topics(request.topics)
         conditions = read_conditions(request)
         watch = self._watch(conditions) if conditions.has_any else None
-        return _StepCall(self, call, request.n, commands, samples, watch)
+        return _StepCall(self, call, _Plan(request.n, commands, samples, watch))
 
     def _read_commands(self, request: Any, call: Call) -> list[_Commands]:  # noqa: ANN401 - as above
         egos: dict[Ego, _Commands] = {}

@@ -49,7 +49,9 @@ class SimulatorOptions(TypedDict, total=False):
     data_quota: int | str | None
     data_quota_files: int | None
     start: Literal["run", "sync"]
+    real_time_factor: float
     seed: int
+    score: bool
     on_world_failure: Literal["exit", "serve"]
     publishers: Mapping[str, object]
     subscribers: Mapping[str, object]

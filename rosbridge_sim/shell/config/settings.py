@@ -24,6 +24,7 @@ from rosbridge_sim.shell.config.value_types import (
     URLS,
     ValueType,
     choice_of,
+    factor,
     item_choices,
     or_none,
     period,
@@ -238,7 +239,19 @@ class Settings:
         choice_of("run", "sync"),
         "at the start, run in real time, or stand at frame 0 until a client starts synchronous mode",
     )
+    real_time_factor: float = _flag(
+        1.0,
+        _WORLD,
+        factor(0.1, 20.0),
+        "simulated seconds in a second while real time moves the world; 0 is as fast as possible",
+    )
     seed: int = _flag(0, _WORLD, whole_number(0, 2**32 - 1), "random seed of the simulation")
+    score: bool = _flag(
+        default=False,
+        group=_WORLD,
+        kind=SWITCH,
+        text="keep scores of the egos from frame 0 on, and not only once somebody asks for /sim/score",
+    )
     on_world_failure: Literal["exit", "serve"] = _flag(
         "exit",
         _WORLD,

@@ -31,6 +31,7 @@ __all__ = [
     "SettingError",
     "ValueType",
     "choice_of",
+    "factor",
     "item_choices",
     "or_none",
     "period",
@@ -156,6 +157,18 @@ def period(low: float, high: float) -> ValueType:
         return number
 
     return ValueType(f"seconds from {low:g} to {high:,g}", read, "SECONDS")
+
+
+def factor(low: float, high: float) -> ValueType:
+    """A factor within bounds, or 0."""
+
+    def read(value: object) -> float:
+        number = float(_number_of(value, float))
+        if number and not low <= number <= high:
+            raise ValueError
+        return number
+
+    return ValueType(f"a number from {low:g} to {high:g}, or 0", read, "FACTOR")
 
 
 def or_none(kind: ValueType, word: str) -> ValueType:
