@@ -33,7 +33,7 @@ PROGRAM = re.compile(r"^```(?:python|js|toml|csv)$", re.MULTILINE)
 
 NUMBER = re.compile(r"-?\d+\.\d+")
 
-EXACT = ("python", "tutorial", "drive", "messages")
+EXACT = ("python", "tutorial", "drive", "messages", "barrier")
 """Programs in Python that print the same on every machine, since the world waits for them or no figure is printed."""
 
 TESTS = ("first-test", "fixtures", "unittest", "brakes")
