@@ -33,13 +33,23 @@ PROGRAM = re.compile(r"^```(?:python|js|toml|csv)$", re.MULTILINE)
 
 NUMBER = re.compile(r"-?\d+\.\d+")
 
-EXACT = ("python", "tutorial", "drive", "messages", "barrier")
+EXACT = ("python", "tutorial", "drive", "messages", "step", "barrier")
 """Programs in Python that print the same on every machine, since the world waits for them or no figure is printed."""
 
 TESTS = ("first-test", "fixtures", "unittest", "brakes")
 """Files of tests for pytest."""
 
-OTHERS = ("node", "roslibpy-drive", "status-python", "status-node", "simulator", "network", "tools", "catalogue")
+OTHERS = (
+    "node",
+    "step-node",
+    "roslibpy-drive",
+    "status-python",
+    "status-node",
+    "simulator",
+    "network",
+    "tools",
+    "catalogue",
+)
 """Examples that have a test of their own here."""
 
 
@@ -131,6 +141,12 @@ def test_javascript_drive_brakes_and_prints_lines_as_the_page_says(serve: Serve,
     assert figures_masked(printed) == figures_masked(shown("node"))
     driving, standing = (float(NUMBER.findall(line)[-1]) for line in printed.splitlines())
     assert (driving > 10.0, standing) == (True, 0.0)
+
+
+@pytest.mark.client
+@pytest.mark.slow
+def test_steps_from_javascript_print_what_the_page_says(serve: Serve, tmp_path: Path) -> None:
+    assert run_node("step-node", serve().port, tmp_path) == shown("step-node")
 
 
 SHOWN = "error: Message type morai_msgs/CtrlCmd does not have a field acel (did you mean accel?); it has longlCmdType, "

@@ -372,7 +372,8 @@ def _step(argv: Sequence[str]) -> int:
     )
     parser.add_argument("-n", "--n", type=_steps, default=1, metavar="N", help="steps, 1 to 1,000 [1]")
     parser.add_argument("--start", action="store_true", help="become the master first, and end the mode at the end")
-    parser.add_argument("--user", default=TICK_ID, metavar="ID", help=f"user id of the master [{TICK_ID}]")
+    text = f"user id of the master [{TICK_ID}]"
+    parser.add_argument("--user", "--id", default=TICK_ID, metavar="ID", help=text)
     parser.add_argument("--step", type=_step_ms, default=20, metavar="MS", help="length of a step with --start [20]")
     parser.add_argument("--ego", type=_ego, default=0, metavar="N", help="number of the ego that is driven [0]")
     parser.add_argument("--throttle", type=_pedal, metavar="0..1", help="drive by pedals in all steps")

@@ -404,3 +404,59 @@ async def test_stop_of_a_member_leaves_the_barrier(client: AsyncClient) -> None:
     await client.join_barrier()
     await client.stop_sync()
     assert (await client.wait_for("/SyncModeInfo"))["status"] is False
+
+
+# Time
+
+
+async def test_step_drives_several_ticks_and_returns_egos_and_topics(client: AsyncClient) -> None:
+    with pytest.raises(ClientError, match=r"call start_sync\(\) first"):
+        await client.step()
+    start = await client.start_sync()
+    done = await client.step(100, commands={0: {"longlCmdType": 2, "velocity": 36.0}}, topics=["/clock", "/gps"])
+    assert (done.frame, done.steps, done.stopped_by) == (start + 100, 100, "")
+    assert done.ego["velocity"]["x"] > 3.0
+    assert done.topics["/clock"] is not None
+    each = [{"longlCmdType": 1, "brake": 1.0}, {"longlCmdType": 1, "accel": 1.0}]
+    assert (await client.step(2, commands={0: each})).ego["accel"] == 1.0
+    assert (await client.tick()).frame == start + 103
+    stopped = await client.step(100, stop_after_m=0.1, stop_on=["red_light", "off_road"])
+    assert stopped.stopped_by == "distance"
+    x, y = (done.ego["position"][axis] for axis in "xy")
+    assert (await client.step(2, stop_at=(x, y, 100.0))).stopped_by == "place"
+    with pytest.raises(ServiceRefusedError, match="n: expected 1 to 1,000 steps, got 0") as caught:
+        await client.step(0)
+    assert caught.value.reason == "n: expected 1 to 1,000 steps, got 0"
+
+
+async def test_others_are_served_while_many_steps_are_done() -> None:
+    async with Simulator(port=0, start="sync") as sim, AsyncClient(sim.url) as client, AsyncClient(sim.url) as other:
+        await client.start_sync(step_ms=200)
+        stepping = asyncio.create_task(client.step(1_000, timeout=math.inf))
+        clock = await other.wait_for("/clock", timeout=math.inf)
+        assert clock["clock"]["secs"] >= 0
+        refused = await other.call("/sim/step", {"user_id": "other", "n": 1})
+        assert refused["result"] is False
+        await other.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
+        with pytest.raises(ServiceRefusedError, match="paused") as caught:
+            await stepping
+        assert isinstance(caught.value.answer, dict)
+        assert 0 < caught.value.answer["steps"] < 1_000
+
+
+async def test_real_time_factor_is_set_and_asked() -> None:
+    async with Simulator(port=0) as sim, AsyncClient(sim.url) as client:
+        assert (await client.real_time_factor()).factor == 1.0
+        assert (await client.real_time_factor(2.5)).factor == 2.5
+        with pytest.raises(ServiceRefusedError, match=r"expected 0\.1 to 20"):
+            await client.real_time_factor(30.0)
+        assert (await client.real_time_factor()).factor == 2.5
+
+
+async def test_world_as_fast_as_possible_serves_clients_and_stops() -> None:
+    async with Simulator(port=0, real_time_factor=0.0) as sim, AsyncClient(sim.url) as client:
+        first = await client.wait_for("/clock", lambda clock: clock["clock"]["secs"] >= 2, timeout=PATIENCE)
+        for _ in range(20):
+            assert (await client.real_time_factor()).factor == 0.0
+        later = await client.wait_for("/clock", timeout=PATIENCE)
+        assert later["clock"]["secs"] >= first["clock"]["secs"]

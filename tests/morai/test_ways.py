@@ -210,8 +210,8 @@ LINES: tuple[tuple[Mapping[str, Any], dict[str, str], str], ...] = (
         {"publish": "/ctrl_cmd"},
         (
             "--deny-publish /ctrl_cmd leaves these ways open to move an ego: publishing /ghost_ctrl_cmd, /ego_setting,"
-            " calling /SyncModeCtrlCmd, /Service_MoraiEventCmd, publishing /ReplayInfo_topic, calling /Morai_SimProc,"
-            " publishing /ScenarioLoad, calling /Service_MoraiSL, and 2 more"
+            " calling /SyncModeCtrlCmd, /sim/step, /Service_MoraiEventCmd, publishing /ReplayInfo_topic,"
+            " calling /Morai_SimProc, publishing /ScenarioLoad, and 3 more"
         ),
     ),
     (
@@ -227,7 +227,7 @@ LINES: tuple[tuple[Mapping[str, Any], dict[str, str], str], ...] = (
         {"service": "/Morai_TLSrv"},
         (
             "--deny-service /Morai_TLSrv leaves these ways open to learn what traffic lights show:"
-            " listening to /GetTrafficLightStatus, /InsnStatus"
+            " listening to /GetTrafficLightStatus, /InsnStatus, calling /sim/step"
         ),
     ),
 )
@@ -235,7 +235,7 @@ LINES: tuple[tuple[Mapping[str, Any], dict[str, str], str], ...] = (
 
 def test_start_log_names_loads_among_the_ways_to_pause(harness: SimHarness) -> None:
     (line,) = denying(harness, service="/SyncModeCmd").left_open()
-    assert "to stop time or let it go on: calling /Service_MoraiEventCmd, /SyncModeWaitForTick, publishing" in line
+    assert "to stop time or let it go on: calling /Service_MoraiEventCmd, /SyncModeWaitForTick, /sim/step, " in line
     assert "publishing /ScenarioLoad" in line
 
 

@@ -761,3 +761,16 @@ async def test_replay_info_reaches_a_bridge_if_set_and_is_not_followed(connect: 
             assert not [f for f in client.inbox if f.get("topic") == "/ReplayInfo_topic"]
         assert sim.node is not None
         assert not sim.node.scene.is_replaying
+
+
+async def test_client_of_a_bridge_steps_the_world_behind_it(connect: Connect) -> None:
+    async with gateway() as bridge, attached(bridge.url) as sim:
+        client = await connect(bridge.url)
+        await lead(client)
+        request: dict[str, Any] = {"user_id": "me", "n": 300, "topics": ["/Ego_topic"], "stop_after_m": 1.0}
+        request["commands"] = [{"ego": 0, "commands": [{"longlCmdType": 2, "velocity": 36.0}]}]
+        done = await client.values("/sim/step", request)
+        assert (done["result"], done["stopped_by"]) == (True, "distance")
+        assert json.loads(done["topics"][0]["message"]) == done["egos"][0]
+        assert sim.node is not None
+        assert sim.node.world.frame == done["frame"]

@@ -292,3 +292,69 @@ async def test_sync_tells_that_there_is_no_simulator() -> None:
     async with Simulator(port=0, world=False) as bridge:
         done = await in_the_background("sync", url=bridge.url)
         assert (done.code, done.complaint) == (1, "no message on /SyncModeInfo; is a simulator there?")
+
+
+# step
+
+
+async def test_step_drives_and_shows_frame_ego_and_topics_and_leaves_the_mode() -> None:
+    async with Simulator(port=0) as sim:
+        assert sim.node is not None
+        words = ("step", "--start", "-n", "100", "--velocity", "36", "--topic", "/clock", "--topic", "/gps")
+        done = await in_the_background(*words, url=sim.url)
+        assert (done.code, done.err) == (0, "")
+        head, ego, clock, gps = done.lines
+        assert head.endswith("  steps 100")
+        assert ego.startswith("ego 0  x ")
+        assert float(ego.split()[-2]) > 3.0
+        assert json.loads(clock.removeprefix("/clock  "))["clock"]["secs"] >= 1
+        assert gps.startswith('/gps  {"header"')
+        assert sim.node.sync.state is SyncState.FREE
+
+
+async def test_step_says_why_it_stopped_and_json_output_is_the_answer(standing: Simulator) -> None:
+    words = ("step", "--start", "-n", "500", "--throttle", "1", "--stop-after", "5", "--stop-on", "red-light")
+    done = await in_the_background(*words, url=standing.url)
+    assert done.lines[0].endswith("  stopped by distance")
+    done = await in_the_background("step", "--start", "--json", "--stop-at", "0,0,1000", url=standing.url)
+    answer = json.loads(done.out)
+    assert (answer["steps"], answer["stopped_by"], answer["result"]) == (1, "place", True)
+
+
+async def test_refused_step_shows_the_reason_and_a_remedy() -> None:
+    async with Simulator(port=0) as sim, await Client.open(sim.url) as master:
+        done = await in_the_background("step", url=sim.url)
+        assert (done.code, done.complaint) == (1, "the step is refused: synchronous mode is off; --start starts it")
+        await lead(master)
+        done = await in_the_background("step", url=sim.url)
+        who = "another user id is the master: 'planner'; --id planner ticks in its name"
+        assert done.complaint == f"the step is refused: {who}"
+        done = await in_the_background("step", "--id", "planner", "--topic", "/no", url=sim.url)
+        assert done.complaint == "the step is refused: topics[0]: the simulator has no topic '/no'"
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (("-n", "0"), "-n/--n: expected a number from 1 to 1,000; got '0'"),
+        (("--throttle", "2"), "--throttle: expected a number from 0 to 1; got '2'"),
+        (("--velocity", "30", "--brake", "1"), "--velocity: expected it alone, or --throttle and --brake; got both"),
+        (("--stop-at", "1,2"), "--stop-at: expected X,Y,RADIUS in metres, such as 120.5,3,2; got '1,2'"),
+        (("--stop-at", "1,2,nan"), "--stop-at: expected X,Y,RADIUS in metres, such as 120.5,3,2; got '1,2,nan'"),
+        (("--step", "30"), "--step: expected a multiple of 20 milliseconds; got 30"),
+    ],
+)
+async def test_usage_error_of_step_gives_exit_code_2(words: tuple[str, ...], complaint: str) -> None:
+    done = await in_the_background("step", *words, url="ws://127.0.0.1:1")
+    assert (done.code, done.complaint) == (2, complaint)
+
+
+async def test_malformed_answer_to_a_step_gives_an_error_without_a_traceback() -> None:
+    def reply(frame: Frame) -> Iterable[str | bytes]:
+        response = {"result": True, "steps": 1, "frame": "x", "egos": [3, {}], "topics": {}, "stopped_by": 7}
+        if frame["op"] == "call_service":
+            yield json.dumps({"op": "service_response", "id": frame["id"], "values": response, "result": True})
+
+    async with other_server(reply) as url:
+        done = await in_the_background("step", url=url)
+    assert (done.code, done.lines[0]) == (0, "frame 0  steps 1  stopped by 7")
